@@ -33,10 +33,10 @@ from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import press_curved, texel_responses
 from fem_reference.linear_response.finite_cover import solid_influence
 from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Roller, Sphere, TexelArray
+from meshes.pose import Pose
 from meshes.solids import SweptCover, fingertip, flat_pad, phalanx, sweep
-from meshes.solids.base_surface import cylinder_surface
+from meshes.solids.swept import cylinder_surface
 from meshes.solids.tetrahedra import check_tetrahedra, fill_with_tetrahedra
-from meshes.spatial_pose import SpatialPose
 from tests.exact.spots import SpotLoad, touch_cylinder
 from validation.derivation.curved import derive_curved_cover
 
@@ -215,7 +215,7 @@ def check_balance() -> None:
         mesh = cover.mesh()
         for place, (at, direction) in places.items():
             start = np.array([*at, 0]) * 1e-3 - 30e-3 * np.array(direction)
-            pose = SpatialPose.facing(start, direction)
+            pose = Pose.facing(start, direction)
             found = press_curved(mesh, cover.texels, rubber(), Sphere(radius=5e-3), pose, depth=DEPTH)
             size = float(np.linalg.norm(found.force))
             force = np.linalg.norm(found.base_force - found.force) / size
@@ -263,7 +263,7 @@ def compare_estimates() -> None:
     print("|---|---|---|---|---|---|")
     for name, indenter, load, (x, y), yaw, tilts in FLAT + NARROW:
         turn = Rotation.from_euler("z", yaw, degrees=True) * Rotation.from_rotvec([*tilts, 0.0], degrees=True)
-        pose = SpatialPose(position=np.array([1e-3 * x, 1e-3 * y, 5e-3]), rotation=turn.as_matrix())
+        pose = Pose(position=np.array([1e-3 * x, 1e-3 * y, 5e-3]), rotation=turn.as_matrix())
         down = [0.0, 0.0, -1.0]
         found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load, direction=down)
         about_x, about_y = np.radians(tilts).tolist()
@@ -298,7 +298,7 @@ def compare_no_slip() -> None:
     for ratio, indenter in STICKING:
         material = rubber(ratio)
         planar = Cover(layers=(Layer(thickness=2e-3, material=material),), size=(10e-3, 10e-3))
-        pose, load = SpatialPose.facing([0.4e-3, 0.3e-3, 5e-3], [0.0, 0.0, -1.0]), 0.3
+        pose, load = Pose.facing([0.4e-3, 0.3e-3, 5e-3], [0.0, 0.0, -1.0]), 0.3
         times = [time.process_time()]
         found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load, friction=np.inf)
         times.append(time.process_time())
@@ -315,13 +315,13 @@ def compare_no_slip() -> None:
         print(f"| {type(indenter).__name__.lower()} | {ratio:g} | {cells} | {seconds} |", flush=True)
 
 
-def list_presses() -> Iterator[tuple[str, str, Indenter, SpatialPose, list[float], float]]:
+def list_presses() -> Iterator[tuple[str, str, Indenter, Pose, list[float], float]]:
     """Shape, place, indenter, pose, direction and load of the 40 presses."""
     for shape, (indenter, tilt, load) in SHAPES.items():
         turn = Rotation.from_euler("y", tilt).as_matrix()
         for place, (at, direction) in PLACES.items():
-            pose = SpatialPose.facing(1e-3 * np.array(at) - 20e-3 * np.array(direction), direction)
-            turned = SpatialPose(position=pose.position, rotation=pose.rotation @ turn)
+            pose = Pose.facing(1e-3 * np.array(at) - 20e-3 * np.array(direction), direction)
+            turned = Pose(position=pose.position, rotation=pose.rotation @ turn)
             yield shape, place, indenter, turned, list(direction), load
 
 

@@ -45,7 +45,7 @@ from meshes import (
     Sphere,
     TexelArray,
 )
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 #: Processor time after which a truth or a press is given up and counted as failed [s].
 LIMIT = 240
@@ -90,7 +90,7 @@ class Case:
     indenter: Indenter
     depth: float
     by_load: bool
-    pose: PlanarPose
+    pose: Pose
     tilt: tuple[float, float]
     friction: float
     kind: str
@@ -202,7 +202,7 @@ def draw_case(seed: int, number: int) -> Case:
         indenter=indenter,
         depth=depth,
         by_load=by_load,
-        pose=PlanarPose(at=at, yaw=yaw),
+        pose=Pose.planar(at=at, yaw=yaw),
         tilt=tilt,
         friction=friction,
         kind=kind,

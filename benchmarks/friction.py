@@ -22,9 +22,9 @@ import numpy as np
 
 from fem_reference import press
 from fem_reference.closed_form.contact import LayerContact
-from fem_reference.small_strain_contact.no_slip_face import FaceGrid, press_face
+from fem_reference.small_strain_contact.no_slip import FaceGrid, press_face
 from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Sphere, TexelArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.exact.no_slip import stuck_punch, stuck_shape
 
 #: Thickness of the covers, and edges of those of limited size [m].
@@ -114,7 +114,7 @@ def solve_cubic(case: Case) -> Truth:
     """Return the frictionless force times the ratio of the forces with and without slip on elements of order 3."""
     assert isinstance(case.indenter, Box)
     free = press(case.cover, ARRAY, case.indenter, depth=case.depth)
-    slides, sticks = press_face(case.cover, case.indenter, PlanarPose(), CUBIC)
+    slides, sticks = press_face(case.cover, case.indenter, Pose.planar(), CUBIC)
     return Truth(source="cubic elements", force=free.total_force * sticks.force / slides.force, peak=None)
 
 

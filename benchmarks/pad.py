@@ -102,8 +102,7 @@ def worker(task: Task) -> None:
     """Our side of one run: solve, evaluate, write."""
     import pypardiso  # noqa: F401 -- imports are not measured on either side
 
-    from fem_reference.linear_response.finite_cover import solve_adjoint
-    from fem_reference.linear_response.mirror_symmetry import Resolution, mesh_quarter
+    from fem_reference.linear_response.finite_cover import Resolution, mesh_quarter, solve_adjoint
     from fem_reference.linear_response.point_spread import point_spread  # noqa: F401
     from meshes import Cover, Layer, Material, TexelArray
 

@@ -24,7 +24,7 @@ from coverage_truth import find_root
 from fem_reference import press
 from fem_reference.errors import IncompletePathError
 from meshes import Box, Cover, Indenter, Layer, Material, Nut, Prism, Roller, Sphere, TexelArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.exact.boundary import PressedCells, pressed_shape
 from tests.exact.outline import press_face
 
@@ -89,7 +89,7 @@ class Exact:
 
 def refine(solve: Callable[[int], PressedCells], cells: tuple[int, ...], centre: tuple[float, float]) -> Exact:
     """Extrapolate with order 2 the force and the force on the texel at a centre; the area is that of the last grid."""
-    pose = PlanarPose(at=(-centre[0], -centre[1]))
+    pose = Pose.planar(at=(-centre[0], -centre[1]))
     solved = [solve(count) for count in cells]
     table = np.array([[each.total_force, each.texel_forces(TEXEL, pose)[0]] for each in solved])
     ratio = np.array(cells[1:]) / np.array(cells[:-1])

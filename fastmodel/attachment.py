@@ -14,7 +14,7 @@ from fastmodel.contact.methods import DEFAULT, choose_method
 from fastmodel.errors import FastModelError, check_type, name_unknown
 from fastmodel.overlap import refuse_overlaps
 from fastmodel.parameters import Parameters
-from fastmodel.pose import Pose
+from fastmodel.pose import Mount
 from fastmodel.sensor import Sensor
 
 #: Attributes of an explicit pair that its copies share.
@@ -81,7 +81,7 @@ def attach(
         refuse_overlaps(parameters.array)
     carrier, origin = _find_carrier(spec, body)
     replaced = _find_replaced(spec, carrier, replaces)
-    method.attach(carrier, parameters.array, origin.transform(Pose.of(position, quaternion)), name)
+    method.attach(carrier, parameters.array, origin.transform(Mount.of(position, quaternion)), name)
     _switch_off(spec, replaced, [geom.name for geom in carrier.geoms if geom.name.startswith(f"{name}/")])
     return Sensor(name=name, parameters=parameters, contact=method, every=every)
 
@@ -125,7 +125,7 @@ def _check_every(every: int | None) -> None:
             raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
 
 
-def _find_carrier(spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.MjsSite) -> tuple[mujoco.MjsBody, Pose]:
+def _find_carrier(spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.MjsSite) -> tuple[mujoco.MjsBody, Mount]:
     """Find the body that carries an array, and the pose in this body to which the array's pose is relative.
 
     Args:
@@ -144,11 +144,11 @@ def _find_carrier(spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.Mjs
         kind = "body" if isinstance(wanted, mujoco.MjsBody) else "site"
         raise FastModelError(f"{kind} {wanted.name!r} belongs to another spec than the one to attach to")
     if isinstance(wanted, mujoco.MjsBody):
-        return wanted, Pose.of((0, 0, 0), (1, 0, 0, 0))
+        return wanted, Mount.of((0, 0, 0), (1, 0, 0, 0))
     return wanted.parent, _find_pose(wanted)
 
 
-def _find_pose(site: mujoco.MjsSite) -> Pose:
+def _find_pose(site: mujoco.MjsSite) -> Mount:
     """Compute the pose of a site in the frame of its body.
 
     MuJoCo's compiler does the same, but a spec that arrays are being attached to may not be ready to compile.
@@ -156,15 +156,15 @@ def _find_pose(site: mujoco.MjsSite) -> Pose:
     Args:
         site: The site.  It may be within `<frame>` elements, and given by `fromto`.
     """
-    pose = Pose.of(site.pos, _find_orientation(site))
+    pose = Mount.of(site.pos, _find_orientation(site))
     if np.isfinite(site.fromto).all():
         start, end = site.fromto[:3], site.fromto[3:]
         along = np.zeros(4)
         mujoco.mju_quatZ2Vec(along, start - end)
-        pose = Pose.of((start + end) / 2, along)
+        pose = Mount.of((start + end) / 2, along)
     frame = site.frame
     while frame is not None:
-        pose = Pose.of(frame.pos, _find_orientation(frame)).transform(pose)
+        pose = Mount.of(frame.pos, _find_orientation(frame)).transform(pose)
         frame = frame.frame
     return pose
 

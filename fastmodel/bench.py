@@ -25,13 +25,14 @@ from fastmodel.contact.methods import DEFAULT, choose_method
 from fastmodel.contact.points import press_points
 from fastmodel.errors import FastModelError, MissedArrayError, check_type
 from fastmodel.parameters import Parameters
-from fastmodel.pose import Pose, make_z_rotation
+from fastmodel.pose import Mount, make_z_rotation
 from fastmodel.surface import CoverPoints
 from fastmodel.validity import describe_limits
 from meshes import Indenter
 from meshes.array_types import FloatArray
 from meshes.constants import STANDARD_GRAVITY
-from meshes.spatial_pose import SpatialPose
+from meshes.pose import Pose
+from meshes.tilt import tilt_indenter
 
 #: Timestep of the simulated bench tests [s].
 TIMESTEP = 1e-3
@@ -119,14 +120,14 @@ def indent(
     load: float,
     at: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
-    pose: SpatialPose | None = None,
+    pose: Pose | None = None,
     direction: npt.ArrayLike | None = None,
     method: str | TexelContact = DEFAULT,
 ) -> FastIndentation:
     """Press one guided indenter on the array until it rests under a load.
 
-    With `at` and `yaw` the indenter is lowered along the array's normal in a simulation, and its weight is the load.
-    With `pose` or `direction` it moves along any direction, without a simulation; this needs a cover with points.
+    With a direction, and where the cover has points, the indenter moves without a simulation.  Otherwise it is lowered
+    along the normal of the array in a simulation, and its weight is the load; the pose must then lie over the array.
 
     Args:
         parameters: The array and its cover.
@@ -142,20 +143,17 @@ def indent(
     Raises:
         FastModelError: If an argument has a wrong type, the load is not positive, a number is not finite, no contact
             method has this name, the method needs cover data that the parameters lack, no texel is under the indenter,
-            the texels do not carry the load, or a pose or direction is given for a cover without points.
+            the texels do not carry the load, or a direction is given for a cover without points.
     """
-    if pose is None and direction is None:
-        placement = Placement(indenter=indenter, load=load, at=at, yaw=yaw)
-        return indent_together(parameters, [placement], method=method)
     check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
-    if pose is None:
-        pose = SpatialPose.facing([*at, 0.0], [0.0, 0.0, -1.0], spin=yaw)
     name, chosen = choose_method(method, parameters)
-    if not isinstance(chosen, MeshContact) or chosen.surface is None:
-        raise FastModelError(
-            f"the contact method {name!r} presses along the array's normal only; give at and "
-            "yaw instead of pose and direction"
-        )
+    if not isinstance(chosen, MeshContact) or chosen.surface is None or (pose is None and direction is None):
+        if direction is not None:
+            raise FastModelError(f"the contact method {name!r} presses along the array's normal; give no direction")
+        if pose is not None:
+            at, yaw, indenter = pose.at, pose.yaw, tilt_indenter(indenter, pose.tilt) if any(pose.tilt) else indenter
+        return indent_together(parameters, [Placement(indenter=indenter, load=load, at=at, yaw=yaw)], method=method)
+    pose = pose or Pose.planar(at, yaw)
     started, array, surface = time.perf_counter(), parameters.array, chosen.surface
     found = press_points(surface, indenter, pose, load=load, direction=direction)
     contact_forces = np.bincount(surface.find_texels(array), found.forces, array.count).astype(np.float64)
@@ -282,7 +280,7 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
     spec.option.timestep = TIMESTEP
     spec.option.gravity[:] = [0, 0, -STANDARD_GRAVITY]
     spec.option.tolerance = SOLVER_TOLERANCE
-    method.attach(spec.worldbody, parameters.array, Pose.of((0, 0, 0), (1, 0, 0, 0)), _ARRAY)
+    method.attach(spec.worldbody, parameters.array, Mount.of((0, 0, 0), (1, 0, 0, 0)), _ARRAY)
     for number, placement in enumerate(placements):
         height = _choose_height(parameters, placement)
         name = f"indenter{number}"

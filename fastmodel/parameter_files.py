@@ -12,8 +12,7 @@ import numpy as np
 from fastmodel.errors import ParametersError
 from meshes import atomic_file
 from meshes.array_types import FloatArray
-from meshes.bounded_file import FileLimitError, parse_toml, read_bytes
-from meshes.npz import unpack_npz
+from meshes.bounded_file import FileLimitError, parse_toml, read_bytes, unpack_npz
 
 #: Names of the two files in a parameters folder.
 TOML_NAME = "parameters.toml"

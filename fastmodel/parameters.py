@@ -31,7 +31,7 @@ from fastmodel.validity import Validity
 from meshes import TexelArray
 from meshes.array import MOST_TEXELS, check_texel_count
 from meshes.array_types import FloatArray
-from meshes.npz import pack_npz
+from meshes.bounded_file import pack_npz
 
 _LOG = logging.getLogger(__name__)
 

@@ -13,7 +13,7 @@ from meshes.array_types import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Pose:
+class Mount:
     """Position and orientation of one frame in another frame.
 
     Attributes:
@@ -25,7 +25,7 @@ class Pose:
     quaternion: FloatArray
 
     @classmethod
-    def of(cls, position: npt.ArrayLike, quaternion: npt.ArrayLike) -> Pose:
+    def of(cls, position: npt.ArrayLike, quaternion: npt.ArrayLike) -> Mount:
         """Make a pose from numbers, and normalise the quaternion.
 
         Args:
@@ -51,13 +51,13 @@ class Pose:
             )
         return cls(position=origin, quaternion=rotation / length)
 
-    def transform(self, inner: Pose) -> Pose:
+    def transform(self, inner: Mount) -> Mount:
         """Return the pose, in the other frame, of a frame whose pose in the first frame is given.
 
         Args:
-            inner: Pose in the first frame.
+            inner: Mount in the first frame.
         """
-        return Pose(
+        return Mount(
             position=self.position + rotate(self.quaternion, inner.position[None])[0],
             quaternion=multiply(self.quaternion, inner.quaternion),
         )

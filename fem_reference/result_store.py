@@ -32,8 +32,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes.atomic_file import replace, sweep, temporary_files
-from meshes.bounded_file import FileLimitError, open_regular, parse_json, read_bytes
-from meshes.npz import pack_npz, unpack_npz
+from meshes.bounded_file import FileLimitError, open_regular, pack_npz, parse_json, read_bytes, unpack_npz
 
 _LOG = logging.getLogger(__name__)
 

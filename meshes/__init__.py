@@ -11,19 +11,13 @@ from __future__ import annotations
 
 from meshes.array import TexelArray
 from meshes.cover import Cover, Layer
-from meshes.indenters.box import Box
-from meshes.indenters.cone import Cone
-from meshes.indenters.cylinder import Cylinder
 from meshes.indenters.indenter import FlatPunch, Indenter, Primitive
-from meshes.indenters.letter_h import LetterH
-from meshes.indenters.nut import Nut
-from meshes.indenters.prism import Prism
-from meshes.indenters.roller import Roller
-from meshes.indenters.rounded_tip import RoundedTip
-from meshes.indenters.sphere import Sphere
+from meshes.indenters.punches import LetterH, Nut, Prism
+from meshes.indenters.shapes import Box, Cone, Cylinder, Roller, RoundedTip, Sphere
 from meshes.indenters.triangle_mesh import TriangleMesh
 from meshes.material import Material
-from meshes.surfaces.stl import read_stl
+from meshes.pose import Pose
+from meshes.surfaces.files import read_stl
 from meshes.tilt import TiltedIndenter, tilt_indenter
 
 __all__ = [
@@ -37,6 +31,7 @@ __all__ = [
     "LetterH",
     "Material",
     "Nut",
+    "Pose",
     "Primitive",
     "Prism",
     "Roller",

@@ -1,29 +1,53 @@
-"""Reading of files from strangers: regular files only, at most a given number of bytes, as data that is never run.
+"""Reading of files from strangers: regular files of limited size, texts, TOML, JSON, npz and npy, as data never run.
 
-The other readers of this project take their bytes, TOML tables and JSON values from here, so that the limits on size
-and depth hold everywhere.
+The other readers of this project take their bytes, tables and arrays from here, so that the limits on size and depth
+hold everywhere.
 """
 
 from __future__ import annotations
 
 import errno
+import io
 import json
+import math
 import os
 import re
 import stat
 import tomllib
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-#: Largest accepted depth of tables and lists in each other in a TOML or JSON text [-].
-MOST_DEPTH = 32
-#: Largest accepted size of a whole number in a TOML or JSON text; TOML itself asks for 64 bits [bits].
-_MOST_BITS = 64
-#: Largest accepted number of dots in one line of a TOML text, without those in numbers [-].  The time to read a key of
-#: n parts, `a.b.c = 1`, grows with the square of n.
-_MOST_DOTS = 100
+import numpy as np
+import numpy.typing as npt
+
 #: A decimal number in a line of TOML, between blanks, brackets or commas.
 _DECIMAL = re.compile(r"(?<![^\s,\[=])[+-]?[0-9][0-9_]{0,30}\.[0-9_]{1,40}(?:[eE][+-]?[0-9]{1,5})?(?![^\s,\]}#])")
+#: Kinds of numpy types that are accepted: truth values, numbers and texts.
+_KINDS = "biufcUS"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContentLimits:
+    """Limits on the content of a file."""
+
+    #: Largest depth of tables and lists in each other in a TOML or JSON text [-]; files of this project have 6.
+    depth: int = 32
+    #: Largest size of a whole number in a TOML or JSON text [bits]; TOML itself asks for 64.
+    bits: int = 64
+    #: Most dots in one line of TOML without those in numbers [-]; reading a key of n parts takes a time of order n^2.
+    dots: int = 100
+    #: Most arrays in an npz file, unless a caller accepts more [-]; files of this project have 20.
+    arrays: int = 64
+    #: Size that a number of a smaller type counts as [bytes]; callers may convert it to 64 bits.
+    number_bytes: int = 8
+    #: Largest head of an array, which holds its type and shape [bytes]; the heads of plain arrays have 128.
+    head_bytes: int = 4096
+
+
+LIMITS = ContentLimits()
 
 
 class FileLimitError(ValueError):
@@ -89,11 +113,11 @@ def parse_toml(text: str) -> dict[str, Any]:
     """Parse a TOML text.
 
     Raises:
-        FileLimitError: If it is no TOML, or deeper than `MOST_DEPTH`, or holds numbers that are too long.
+        FileLimitError: If it is no TOML, or deeper than `LIMITS.depth`, or holds numbers that are too long.
     """
     for number, line in enumerate(text.split("\n"), start=1):
-        if line.count(".") > _MOST_DOTS and line.count(".") - len(_DECIMAL.findall(line)) > _MOST_DOTS:
-            raise FileLimitError(f"line {number} has more than {_MOST_DOTS} dots besides those in numbers")
+        if line.count(".") > LIMITS.dots and line.count(".") - len(_DECIMAL.findall(line)) > LIMITS.dots:
+            raise FileLimitError(f"line {number} has more than {LIMITS.dots} dots besides those in numbers")
     try:
         tables = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
@@ -106,7 +130,7 @@ def parse_json(text: str | bytes) -> Any:  # noqa: ANN401 -- JSON
     """Parse a JSON text.
 
     Raises:
-        FileLimitError: If it is no JSON, or deeper than `MOST_DEPTH`, or holds numbers that are too long.
+        FileLimitError: If it is no JSON, or deeper than `LIMITS.depth`, or holds numbers that are too long.
     """
     try:
         values = json.loads(text)
@@ -120,22 +144,22 @@ def check_values(values: Any) -> None:  # noqa: ANN401 -- TOML or JSON
     """Check the depth of parsed values, and the length of whole numbers in them.
 
     Raises:
-        FileLimitError: If tables and lists are deeper than `MOST_DEPTH`, or a whole number has more than 64 bits.
+        FileLimitError: If tables and lists are deeper than `LIMITS.depth`, or a whole number has more than 64 bits.
     """
     level = [values]
-    for _ in range(MOST_DEPTH):
+    for _ in range(LIMITS.depth):
         inner: list[Any] = []
         for value in level:
             if isinstance(value, dict):
                 inner.extend(value.values())
             elif isinstance(value, list):
                 inner.extend(value)
-            elif isinstance(value, int) and value.bit_length() > _MOST_BITS:
-                raise FileLimitError(f"holds a whole number of more than {_MOST_BITS} bits")
+            elif isinstance(value, int) and value.bit_length() > LIMITS.bits:
+                raise FileLimitError(f"holds a whole number of more than {LIMITS.bits} bits")
         level = inner
         if not level:
             return
-    raise FileLimitError(f"has tables or lists more than {MOST_DEPTH} deep")
+    raise FileLimitError(f"has tables or lists more than {LIMITS.depth} deep")
 
 
 def format_size(count: int) -> str:
@@ -144,4 +168,100 @@ def format_size(count: int) -> str:
 
 
 def _reason(error: Exception) -> str:
-    return f"tables or lists more than {MOST_DEPTH} deep" if isinstance(error, RecursionError) else str(error)
+    return f"tables or lists more than {LIMITS.depth} deep" if isinstance(error, RecursionError) else str(error)
+
+
+def pack_npz(arrays: Mapping[str, npt.ArrayLike]) -> bytes:
+    """Return the bytes of an npz file of arrays; they depend on names and values only, not on order or time of day.
+
+    Args:
+        arrays: Arrays by name, of any shape.
+
+    Raises:
+        ValueError: If an array holds Python objects.
+    """
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name, values in sorted(arrays.items()):
+            content = io.BytesIO()
+            np.lib.format.write_array(content, np.asarray(values, order="C"), allow_pickle=False)
+            # A ZipInfo made here has a fixed date; given a name, `ZipFile.writestr` would store the present time.
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), content.getbuffer(), zipfile.ZIP_DEFLATED)
+    return packed.getvalue()
+
+
+def unpack_npz(content: bytes, *, most: int, most_arrays: int = LIMITS.arrays) -> dict[str, npt.NDArray[np.generic]]:
+    """Return the arrays in the bytes of an npz file, by name.
+
+    Sizes, types and shapes are checked before any memory is claimed for an array.
+
+    Args:
+        content: The bytes.
+        most: Largest accepted size of all arrays together; numbers of less than 8 bytes count as 8 [bytes].
+        most_arrays: Largest accepted number of arrays [-].
+
+    Raises:
+        FileLimitError: If the bytes are no npz file, or are damaged, encrypted, packed by a method other than deflate,
+            or hold more bytes than accepted or Python objects.
+    """
+    arrays: dict[str, npt.NDArray[np.generic]] = {}
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            entries = archive.infolist()
+            if len(entries) > most_arrays:
+                raise FileLimitError(f"holds {len(entries)} arrays; at most {most_arrays} are accepted")  # noqa: TRY301
+            for entry in entries:
+                array = _unpack_array(archive, entry, most)
+                most -= array.size * max(array.itemsize, LIMITS.number_bytes)
+                arrays[entry.filename.removesuffix(".npy")] = array
+    except FileLimitError:
+        raise
+    except Exception as error:  # noqa: BLE001 -- zipfile and numpy raise many kinds of errors on damaged files
+        raise FileLimitError(f"not a readable npz file: {error}") from None
+    return arrays
+
+
+def _unpack_array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, most: int) -> npt.NDArray[np.generic]:
+    """Unpack one array of an npz file, of at most `most` bytes; errors are of many types."""
+    if entry.flag_bits & 1 or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise FileLimitError("is encrypted or packed by another method than deflate")
+    if not entry.filename.endswith(".npy"):
+        raise FileLimitError("holds something else than arrays")
+    with archive.open(entry) as packed:
+        return _read_array(packed, entry.file_size, most)
+
+
+def unpack_npy(content: bytes, *, most: int) -> npt.NDArray[np.generic]:
+    """Return the array in the bytes of an npy file; its size, type and shape are checked before memory is claimed.
+
+    Args:
+        content: The bytes.
+        most: Largest accepted size of the array; numbers of less than 8 bytes count as 8 [bytes].
+
+    Raises:
+        FileLimitError: If the bytes are no npy file, are damaged, or hold more bytes than accepted or Python objects.
+    """
+    try:
+        return _read_array(io.BytesIO(content), len(content), most)
+    except FileLimitError:
+        raise
+    except Exception as error:  # noqa: BLE001 -- numpy raises many kinds of errors on damaged files
+        raise FileLimitError(f"not a readable npy file: {str(error)[:80]}") from None
+
+
+def _read_array(packed: IO[bytes], total: int, most: int) -> npt.NDArray[np.generic]:
+    """Read one array of at most `most` bytes from a file of `total` bytes; errors are of many types."""
+    head = io.BytesIO(packed.read(LIMITS.head_bytes))
+    if np.lib.format.read_magic(head) != (1, 0):
+        raise FileLimitError("holds an array of another version of the format; accepted: 1.0")
+    shape, by_columns, kind = np.lib.format.read_array_header_1_0(head, max_header_size=LIMITS.head_bytes)
+    count = math.prod(shape)
+    if kind.kind not in _KINDS or kind.hasobject or min(shape, default=0) < 0:
+        raise FileLimitError(f"holds an array of type {str(kind)[:40]}; accepted: numbers and texts")
+    if count * max(kind.itemsize, LIMITS.number_bytes) > most:
+        raise FileLimitError(f"unpacks to more than the {format_size(most)} that are accepted here")
+    begun, size = head.read(), count * kind.itemsize
+    if total != head.tell() - len(begun) + size:
+        raise FileLimitError("holds an array whose size is not that of its shape")
+    values = np.frombuffer(begun + packed.read(size), dtype=kind, count=count)
+    return values.reshape(shape, order="F" if by_columns else "C").copy(order="K")

@@ -14,33 +14,45 @@ hardnesses that makers' charts equate (70 Shore 00 and 20 Shore A).  The castabl
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-#: Least and greatest hardness for which the two relations were fitted [Shore A].
-RANGE = (20.0, 80.0)
-#: Least and greatest reading that ASTM D2240 counts as reliable [Shore 00].
-RANGE_00 = (20.0, 90.0)
-#: Scales by the name that is written in a sensor file, with the names for readers.
-SCALES = {"a": "Shore A", "00": "Shore 00"}
-#: Half-width of the band about the estimated Young's modulus, over that modulus; coverage factor 2.  The band contains
-#: the two relations and the measured moduli of natural rubber [-].
-SPREAD = 0.5
-#: The same for Shore 00; the band contains the castable silicones of the catalogue [-].
-SPREAD_00 = 0.8
-#: Durometer of type 00 in ASTM D2240: radius of the tip [m], depth at a reading of 0 [m], and force at a reading of 0
-#: and its increase per unit of the reading [N].
-_TIP_00, _DEPTH_00, _FORCE_00 = 1.19e-3, 2.5e-3, (0.203, 0.00908)
 
-SOURCE = (
-    "from hardness: geometric mean of Gent 1958 and log10 E = 0.0235 S - 0.6403 (Qi, Joyce and Boyce 2003), "
-    "+-50 % (k = 2); soft castable silicones are 1.5..2.5 times softer"
-)
-SOURCE_00 = (
-    "from hardness: ball of a Shore 00 durometer (ASTM D2240) on an incompressible half space, +-80 % (k = 2); "
-    "castable silicones are 2.5..4 times softer"
-)
+@dataclass(frozen=True, kw_only=True)
+class HardnessScale:
+    """A scale of hardness and the estimate of Young's modulus from it.
+
+    Attributes:
+        name: Name for readers.
+        range: Least and greatest hardness for which the estimate holds.
+        spread: Half-width of the band about the estimated modulus, over that modulus; coverage factor 2 [-].
+        relations: Young's modulus by each published relation [Pa].
+        source: Origin of the relations, for reports.
+    """
+
+    name: str
+    range: tuple[float, float]
+    spread: float
+    relations: Mapping[str, Callable[[float], float]]
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Durometer:
+    """Durometer of type 00 in ASTM D2240."""
+
+    #: Radius of the tip [m].
+    radius: float = 1.19e-3
+    #: Depth of the tip at a reading of 0 [m].
+    depth: float = 2.5e-3
+    #: Force at a reading of 0 [N].
+    force: float = 0.203
+    #: Increase of the force per unit of the reading [N].
+    force_per_unit: float = 0.00908
+
+
+_DUROMETER = _Durometer()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +77,7 @@ class HardnessModulus:
 
     def __str__(self) -> str:
         """Return hardness and scale."""
-        return f"{self.hardness:g} {SCALES[self.scale]}"
+        return f"{self.hardness:g} {SCALES[self.scale].name}"
 
     @property
     def low(self) -> float:
@@ -82,7 +94,7 @@ def modulus_from_hardness(hardness: float, scale: str = "a") -> HardnessModulus:
     """Estimate Young's modulus of a rubber, with a band, from its hardness.
 
     Args:
-        hardness: Hardness, within `RANGE` or `RANGE_00`.
+        hardness: Hardness, within the range of its scale.
         scale: Scale of the hardness: `a` or `00`.
 
     Raises:
@@ -90,21 +102,18 @@ def modulus_from_hardness(hardness: float, scale: str = "a") -> HardnessModulus:
     """
     if scale not in SCALES:
         raise ValueError(f"the scale must be one of {', '.join(SCALES)}, not {scale!r}")
-    low, high = RANGE if scale == "a" else RANGE_00
+    known = SCALES[scale]
+    low, high = known.range
     if not low <= hardness <= high:
-        raise ValueError(f"the relations hold for {low:g}..{high:g} {SCALES[scale]}, not for {hardness:g}")
-    moduli = (
-        {"gent-1958": modulus_by_gent(hardness), "logarithmic": modulus_by_qi(hardness)}
-        if scale == "a"
-        else {"durometer-ball": modulus_by_ball(hardness)}
-    )
+        raise ValueError(f"the relations hold for {low:g}..{high:g} {known.name}, not for {hardness:g}")
+    moduli = {name: relation(hardness) for name, relation in known.relations.items()}
     return HardnessModulus(
         hardness=hardness,
         scale=scale,
         youngs_modulus=math.exp(sum(math.log(modulus) for modulus in moduli.values()) / len(moduli)),
-        spread=SPREAD if scale == "a" else SPREAD_00,
+        spread=known.spread,
         by_relation=MappingProxyType(moduli),
-        source=SOURCE if scale == "a" else SOURCE_00,
+        source=known.source,
     )
 
 
@@ -119,13 +128,13 @@ def modulus_by_ball(shore_00: float) -> float:
     Args:
         shore_00: Hardness [Shore 00].
     """
-    depth = _DEPTH_00 * (1 - shore_00 / 100) / _TIP_00
+    depth = _DUROMETER.depth * (1 - shore_00 / 100) / _DUROMETER.radius
     low, high = 0.0, 1.0
     for _ in range(60):  # bisection on a / R: the depth increases with it
         ratio = (low + high) / 2
         low, high = (ratio, high) if ratio * math.atanh(ratio) < depth else (low, ratio)
     force = (1 + ratio**2) * math.atanh(ratio) - ratio
-    return (_FORCE_00[0] + _FORCE_00[1] * shore_00) / (4 / 3 * force * _TIP_00**2)
+    return (_DUROMETER.force + _DUROMETER.force_per_unit * shore_00) / (4 / 3 * force * _DUROMETER.radius**2)
 
 
 def modulus_by_gent(shore_a: float) -> float:
@@ -146,3 +155,26 @@ def modulus_by_qi(shore_a: float) -> float:
         shore_a: Hardness S [Shore A].
     """
     return float(1e6 * 10 ** (0.0235 * shore_a - 0.6403))
+
+
+#: Scales by the name that is written in a sensor file.  The relations of Shore A were fitted for 20..80; ASTM D2240
+#: counts readings of 20..90 as reliable.  The band of Shore A contains both relations and the measured moduli of
+#: natural rubber, that of Shore 00 the castable silicones of the catalogue.
+SCALES = {
+    "a": HardnessScale(
+        name="Shore A",
+        range=(20.0, 80.0),
+        spread=0.5,
+        relations={"gent-1958": modulus_by_gent, "logarithmic": modulus_by_qi},
+        source="from hardness: geometric mean of Gent 1958 and log10 E = 0.0235 S - 0.6403 (Qi, Joyce and Boyce 2003), "
+        "+-50 % (k = 2); soft castable silicones are 1.5..2.5 times softer",
+    ),
+    "00": HardnessScale(
+        name="Shore 00",
+        range=(20.0, 90.0),
+        spread=0.8,
+        relations={"durometer-ball": modulus_by_ball},
+        source="from hardness: ball of a Shore 00 durometer (ASTM D2240) on an incompressible half space, +-80 % "
+        "(k = 2); castable silicones are 2.5..4 times softer",
+    ),
+}

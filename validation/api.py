@@ -5,20 +5,36 @@ Quantities are texts with a unit, such as "5 N" or "0.3 mm", as on the command l
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import fastmodel
 from fastmodel import Parameters
-from validation.errors import InputError
-from validation.parameters import holds_parameters
+from validation.errors import InputError, nearest
+from validation.extras import REPORT_MODULES, require
+from validation.output_folder import make_file_name, new_folder, write_text
+from validation.parameters import find_parameters, holds_parameters
 from validation.sensor_file import BUILT_IN, SensorDescription
 from validation.sensor_file import load as load_description
 
 if TYPE_CHECKING:
     from validation.calibration.calibrate import Calibration
     from validation.calibration.point_load import PointLoadCalibration
+    from validation.campaign.comparison import Comparison
+    from validation.campaign.evaluation import Evaluation
+    from validation.curved.derive import CurvedDerivation
+    from validation.curved.press import CurvedPress
+    from validation.data_sheet import DataSheet
+    from validation.derivation.derive import Derivation
+    from validation.recordings.capture import Captured
+    from validation.recordings.recording import Recording
+    from validation.regression.baseline import Change
+    from validation.results.report import Report
+    from validation.simulator_models import Exported
+    from validation.weiss.continuity import Gap
+    from validation.weiss.frames import Reading
 
 Progress = Callable[[str], None]
 #: What a verb takes as a sensor: what `load` returns, a path, or the name of a built-in sensor.
@@ -58,16 +74,256 @@ def load(
     return fastmodel.load(Path(sensor))
 
 
+def load_any(sensor: Sensor) -> SensorDescription | Parameters:
+    """Return what `load` reads; a sensor that is already read as it is."""
+    return load(sensor) if isinstance(sensor, str | Path) else sensor
+
+
+class _Stages:
+    """Passes the name of each stage to a function."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._progress = progress or (lambda _: None)
+
+    def __call__(self, stage: str) -> None:
+        self._progress(stage)
+
+    def step(self, done: int, total: int, name: str) -> None:
+        self._progress(f"{done}/{total} {name}")
+
+
+def list_unused(sensor: SensorDescription | Parameters) -> tuple[str, ...]:
+    """Say what a sensor file states and the fast model does not use."""
+    from validation.text.friction import describe_friction
+
+    if not isinstance(sensor, SensorDescription) or not sensor.friction:
+        return ()
+    friction = describe_friction(sensor.friction)
+    return (f"friction {friction} from {sensor.source} is not used; the fast model has none",)
+
+
 def _describe(sensor: Sensor) -> SensorDescription:
     """Return the description of a sensor.
 
     Raises:
         InputError: If only the parameters of its fast model are known.
     """
-    found = load(sensor) if isinstance(sensor, str | Path) else sensor
+    found = load_any(sensor)
     if isinstance(found, Parameters):
         raise InputError(f"{sensor}: parameters of the fast model do not describe the cover; name the sensor file")
     return found
+
+
+def derive(
+    sensor: SensorDescription | str | Path, *, out: str | Path | None = None, progress: Progress | None = None
+) -> Derivation | CurvedDerivation:
+    """Compute the response of a sensor's cover by finite elements, and fit the parameters of its fast model to it.
+
+    Args:
+        sensor: The sensor; its file or the name of a built-in one.
+        out: Folder for the parameters and pictures, which replace an earlier result; None to write nothing.
+        progress: Called with the name of each stage.
+
+    Returns:
+        The responses with their error estimate; `parameters` is the fast model.
+
+    Raises:
+        InputError: If the sensor cannot be read or meshed.
+        MissingExtraError: If finite elements are not installed.
+        ConvergenceError: If the finite elements did not converge.
+    """
+    description = _describe(sensor)
+    require("skfem")
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(new_folder(Path(out))) if out else None
+        if description.body is not None:
+            from validation.curved.derive import derive_curved
+            from validation.curved.files import write_derivation as write_curved
+
+            curved = derive_curved(description, progress=progress)
+            if folder:
+                write_curved(curved, folder)
+            return curved
+        from validation.derivation.derive import derive as derive_flat
+        from validation.report.derivation import write_derivation
+
+        flat = derive_flat(description, progress=progress)
+        if folder:
+            write_derivation(flat, folder)
+        return flat
+
+
+def press(
+    sensor: Sensor,
+    indenter: str,
+    *,
+    load: str | None = None,
+    depth: str | None = None,
+    at: str | None = None,
+    direction: str | None = None,
+    yaw: str | None = None,
+    tilt: str | None = None,
+    friction: str | None = None,
+    strain: Literal["small", "finite"] = "small",
+    accuracy: float | None = None,
+    models: Sequence[str] = ("fem", "fast"),
+    method: str = "default",
+    progress: Progress | None = None,
+) -> Comparison | CurvedPress:
+    """Press an indenter on a sensor by finite elements, by the fast model, or by both.
+
+    Args:
+        sensor: The sensor; parameters of the fast model suffice for `models=("fast",)`.
+        indenter: Shape of the indenter, such as `sphere:radius=5mm`.
+        load: Force on the indenter, such as `5 N`; give either load or depth.
+        depth: Distance from first touch, such as `0.3 mm`.
+        at: Place of the touch: `1mm,-2mm` in the array's frame; of a curved cover also a name or three coordinates.
+        direction: Direction of the motion on a curved cover: a name or a vector.
+        yaw: Rotation of the indenter about its axis, such as `45 deg`.
+        tilt: Rotations of the indenter about its x and y axes, such as `1deg,0deg`.
+        friction: Friction coefficient, or `no-slip`; that of the sensor when not given.
+        strain: Whether strains of a curved cover are small or finite; flat covers follow their materials.
+        accuracy: Wanted relative error of the finite elements; None for the usual grids [-].
+        models: Models to compute: `fem`, `fast`.
+        method: Contact method of the fast model, `default` or one of `fastmodel.METHODS`.
+        progress: Called with a line of text before each step.
+
+    Raises:
+        InputError: If an option cannot be read.
+        MissingExtraError: If finite elements are needed and not installed.
+        ConvergenceError: If the finite elements did not converge.
+    """
+    from validation.text import indenter as texts
+    from validation.text.friction import read_friction
+
+    found = load_any(sensor)
+    shape = texts.read_indenter(indenter)
+    newtons = None if load is None else texts.read_load(load)
+    metres = None if depth is None else texts.read_depth(depth)
+    if (newtons is None) == (metres is None):
+        raise InputError("--load, --depth: give one of them, for example --load 4.9N or --depth 0.3mm")
+    coefficient = None if friction is None else read_friction(friction, place="--friction", example="0.4")
+    if isinstance(found, SensorDescription) and found.body is not None:
+        from validation.curved.places import read_pose
+        from validation.curved.press import press_sensor
+
+        given = {"at": at, "direction": direction, "yaw": yaw, "tilt": tilt}
+        pose = {name: value for name, value in given.items() if value is not None}
+        return press_sensor(
+            found, shape, shape=indenter, load=newtons, depth=metres, friction=coefficient, finite=strain == "finite",
+            pose=read_pose(pose, "--", planar=found.array.planar), fast="fast" in models, progress=progress,
+        )  # fmt: skip
+    from validation.campaign.case import Case
+    from validation.campaign.comparison import compare_models
+
+    case = Case(
+        name="press", indenter=shape, shape=indenter, load=newtons or 0.0, at=texts.read_position(at or "0mm,0mm"),
+        yaw=texts.read_yaw(yaw or "0deg"), tilt=texts.read_tilt(tilt or "0deg,0deg"),
+    )  # fmt: skip
+    return compare_models(
+        found, case, depth=metres, accuracy=accuracy, models=models, method=method, progress=progress,
+        friction=coefficient if coefficient is not None else getattr(found, "friction", 0.0),
+        parameters=find_parameters(found, progress) if "fast" in models else None,
+    )  # fmt: skip
+
+
+def validate(
+    sensor: SensorDescription | str | Path,
+    *,
+    campaign: str | Path | None = None,
+    quick: bool = False,
+    recordings: str | Path | None = None,
+    data_set: str | Path | None = None,
+    out: str | Path | None = None,
+    progress: Progress | None = None,
+) -> Evaluation:
+    """Score the fast model of a sensor against finite elements, and against recordings if a folder is given.
+
+    Args:
+        sensor: The sensor.
+        campaign: Campaign file: cases and what is required of the fast model; None for the default one.
+        quick: Whether six cases suffice.
+        recordings: Folder with recordings under known loads, or a data-set file.
+        data_set: Data-set file; that in the folder when not given.
+        out: Folder for the report, which replaces an earlier one; None to write none.
+        progress: Called with the name of each stage.
+
+    Returns:
+        All scores; `verdict.accepted` says whether the fast model meets the acceptance criterion.
+
+    Raises:
+        InputError: If the sensor, the campaign or the recordings cannot be used.
+        MissingExtraError: If finite elements or packages of the report are not installed.
+        ConvergenceError: If the finite elements did not converge.
+    """
+    from validation.campaign.campaign_file import read_campaign
+    from validation.campaign.evaluation import evaluate
+    from validation.data_sets.locate import find_data_set
+
+    description, path = _describe(sensor), None if campaign is None else Path(campaign)
+    require("skfem", *(REPORT_MODULES if out else ()))
+    shown = _Stages(progress)
+    if description.body is not None:
+        from validation.curved.evaluate import evaluate_curved
+        from validation.curved.places import CurvedPlaces
+        from validation.curved.press import make_meshes
+
+        places = CurvedPlaces(mesh=make_meshes(description, progress)[-1], texels=description.array)
+        plan = read_campaign(path, description.array, cover=description.cover, curved=places)
+        found = evaluate_curved(description, plan.shorten() if quick else plan, progress=shown)
+    else:
+        plan = read_campaign(path, description.array)
+        data = None if recordings is None and data_set is None else find_data_set(recordings, data_set)
+        found = evaluate(description, campaign=plan.shorten() if quick else plan, recordings=data, progress=shown)
+    if out is not None:
+        from validation.report import write_report
+
+        with new_folder(Path(out)) as folder:
+            write_report(found, folder)
+    return found
+
+
+def regress(
+    sensor: Sensor, *, baseline: str | Path, update: bool = False, seed: int = 0, progress: Progress | None = None
+) -> tuple[Change, ...]:
+    """Compare what the fast model of a sensor measures with a stored baseline.
+
+    Args:
+        sensor: The sensor; of parameters what needs finite elements is left out.
+        baseline: The baseline file.
+        update: Whether the baseline is written instead of compared.
+        seed: Seed of the noise [-].
+        progress: Called with the name of each stage.
+
+    Returns:
+        Each quantity that left its tolerance; empty if nothing changed.
+
+    Raises:
+        InputError: If the sensor or the baseline cannot be read, or the cover is curved.
+        ConvergenceError: If the finite elements did not converge.
+    """
+    from validation.derivation.derive import Derivation
+    from validation.regression.baseline import compare, make_baseline, merge, read_baseline
+    from validation.regression.quantities import measure
+    from validation.regression.subject import Subject, describe_sensor
+
+    found, path, shown = load_any(sensor), Path(baseline), _Stages(progress)
+    if isinstance(found, Parameters):
+        subject = Subject(parameters=found, seed=seed)
+    else:
+        derivation = derive(found, progress=progress)
+        if not isinstance(derivation, Derivation):
+            raise InputError("the guarded quantities are those of flat arrays; `validate` scores a curved cover")
+        subject = Subject(parameters=derivation.parameters, derivation=derivation, seed=seed, progress=shown.step)
+    name = found.array.name if isinstance(found, Parameters) else found.name
+    described = describe_sensor(name, found.array, derived=not isinstance(found, Parameters))
+    stored = None if update and not path.exists() else read_baseline(path, described)
+    readings, failures = measure(subject, progress=shown)
+    now = make_baseline(described, readings)
+    changes = [] if stored is None else compare(stored, now, failures)
+    if update:
+        merge(stored, now, changes).write(path)
+    return tuple(changes)
 
 
 def calibrate(
@@ -144,3 +400,184 @@ def calibrate(
     if isinstance(found, Calibration):
         found.write_files(description, out=out, picture=picture, polynomial=polynomial)
     return found
+
+
+def record(
+    port: str,
+    out: str | Path,
+    *,
+    seconds: float | None = None,
+    indenter: str = "",
+    load: str | None = None,
+    note: str = "",
+    interval_ms: int = 0,
+    run_length: bool = False,
+    reconnect: float = 0.0,
+    baud_rate: int = 115_200,
+    on_event: Callable[[Reading | Gap], None] | None = None,
+) -> Captured:
+    """Record a real sensor in an MCAP file.
+
+    Args:
+        port: Port of the sensor, such as `/dev/ttyACM0`, or a pyserial URL.
+        out: New .mcap file.
+        seconds: Duration; None to record until Ctrl-C [s].
+        indenter: Tool that presses, such as `sphere:radius=5mm`; kept in the file.
+        load: Force or weight, such as `4.9N` or `500g`; kept in the file.
+        note: Any other text to keep in the file.
+        interval_ms: Time between frames; 0 for as fast as the sensor can [ms].
+        run_length: Whether frames are run-length encoded, for slow lines.
+        reconnect: How long to wait for a lost port to return [s].
+        baud_rate: Speed of a true UART; USB ports ignore it [1/s].
+        on_event: Called with each frame and each gap.
+
+    Raises:
+        InputError: If the file exists, or the indenter or the load cannot be read.
+        PortError: If the port cannot be opened or is lost.
+    """
+    from validation.recordings.capture import record as capture
+    from validation.recordings.recording import Setup
+    from validation.text.indenter import read_indenter, read_load
+    from validation.weiss.sensor import Sensor as Device
+
+    if indenter:
+        read_indenter(indenter)
+    if Path(out).exists():
+        raise InputError(f"--out: {out} exists; name a new file")
+    setup = Setup(indenter=indenter, load=None if load is None else read_load(load), note=note)
+    with Device(port, baud_rate=baud_rate) as device:
+        return capture(
+            device, Path(out), setup=setup, seconds=seconds, run_length=run_length, interval_ms=interval_ms,
+            reconnect=reconnect, on_event=on_event,
+        )  # fmt: skip
+
+
+def replay(
+    file: str | Path, *, topic: str | None = None, rows: int | None = None, columns: int | None = None
+) -> Recording:
+    """Read a recording of any known format.
+
+    Args:
+        file: A recording: .mcap, .dsa, .csv, .bag, or a folder of ROS 2.
+        topic: Topic that holds the frames, in bags of other programs.
+        rows: Number of rows of texels, for tables that state none.
+        columns: Number of columns of texels, for tables that state none.
+
+    Returns:
+        Frames, times, temperatures, forces and labels.
+
+    Raises:
+        RecordingError: If the file is damaged or of no known format.
+        OSError: If it cannot be read.
+    """
+    from validation.recordings.importing import open_recording
+
+    return open_recording(Path(file), topic=topic, rows=rows, columns=columns)
+
+
+def check_export(format: str, method: str, mass: str | None) -> None:  # noqa: A002 -- as on the command line
+    """Check the options of `export`.
+
+    Raises:
+        InputError: With one line per fault.
+    """
+    from validation.campaign.comparison import METHODS
+    from validation.simulator_models import FORMATS, read_mass
+
+    faults = []
+    if format not in FORMATS:
+        faults.append(f"--format: unknown format {format!r}; {nearest(format, FORMATS)}")
+    if method not in METHODS:
+        faults.append(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")
+    if not faults and format == "gazebo" and method != METHODS[0]:
+        faults.append("--method: the Gazebo plugin block has one method of its own; use --format mjcf with --method")
+    try:
+        read_mass(mass, format)
+    except InputError as error:
+        faults += error.faults
+    if faults:
+        raise InputError(*faults)
+
+
+def export(
+    sensor: Sensor,
+    out: str | Path,
+    *,
+    format: Literal["mjcf", "sdf", "urdf", "gazebo"] | str = "mjcf",  # noqa: A002, PYI051 -- as on the command line
+    method: str = "default",
+    mass: str | None = None,
+    progress: Progress | None = None,
+) -> Exported:
+    """Write a sensor for other simulators: a model of rigid boxes, and the fast model's parameters.
+
+    Args:
+        sensor: The sensor.
+        out: Folder for the files; an earlier result is replaced.
+        format: Format of the model; `gazebo` is the plugin block of 2015.
+        method: Contact method that the model is for, `default` or one of `fastmodel.METHODS`.
+        mass: Mass of the array for sdf and urdf, such as `20g`; without it sdf is static and urdf has no inertia.
+        progress: Called with the name of each stage.
+
+    Raises:
+        InputError: If an option is wrong, or the Gazebo plugin cannot describe the sensor.
+        MissingExtraError: If finite elements are needed and not installed.
+    """
+    from validation.simulator_models import FORMATS, Exported, check_gazebo, read_mass, write_model
+
+    check_export(format, method, mass)
+    found = load_any(sensor)
+    if format == "gazebo":
+        check_gazebo(found)
+    model = make_file_name(found.array.name, suffix=FORMATS[format])
+    with new_folder(Path(out)) as folder:
+        parameters = find_parameters(found, progress)
+        used = write_model(parameters, folder / model, form=format, method=method, mass=read_mass(mass, format))
+    return Exported(
+        sensor=found.array.name, format=format, method=used, out=str(out),
+        files=(model, "parameters.toml", "cover.npz"), warnings=list_unused(found),
+    )  # fmt: skip
+
+
+def datasheet(sensor: Sensor, *, out: str | Path | None = None, progress: Progress | None = None) -> DataSheet:
+    """Make the data sheet of a sensor: each quantity with its definition and where it comes from, or `not stated`.
+
+    Args:
+        sensor: The sensor.
+        out: File to write, .md or .html; None to write none.
+        progress: Called with the name of each stage.
+
+    Raises:
+        InputError: If `out` exists or ends otherwise, or the sensor cannot be read.
+        MissingExtraError: If finite elements are needed and not installed.
+    """
+    from validation.data_sheet import make_datasheet
+
+    target = None if out is None else Path(out)
+    if target is not None and target.suffix not in {".md", ".html"}:
+        raise InputError(f"--out: {target} is neither .md nor .html; write for example --out sensor.md")
+    if target is not None and target.exists():
+        raise InputError(f"--out: {target} exists; name a new file")
+    found = load_any(sensor)
+    description = None if isinstance(found, Parameters) else found
+    sheet = make_datasheet(find_parameters(found, progress), description)
+    if target is not None:
+        write_text(target, sheet.html() if target.suffix == ".html" else sheet.markdown())
+    return sheet
+
+
+def read_report(path: str | Path) -> Report:
+    """Read the results of `validate` from a report.
+
+    Args:
+        path: The report's `report.json`, or the folder that holds it.
+
+    Returns:
+        The report, equal to the one that wrote the file.
+
+    Raises:
+        InputError: If the file is no report; one line per fault, with its place.
+        OSError: If it cannot be read.
+    """
+    from validation.results import report
+
+    return report.read_report(Path(path) / "report.json" if Path(path).is_dir() else path)

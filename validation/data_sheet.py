@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from fastmodel import Parameters
 from fastmodel.signal.electronics import Electronics, describe_calibration
 from fastmodel.signal.point_spread import Gaussian
+from validation.results import JsonObject, Result, result_model
 from validation.sensor_file import BUILT_IN, SensorDescription
 
 NOT_STATED = "not stated"
@@ -26,8 +27,8 @@ _BUILT_IN_SOURCES = {
 }
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Entry:
+@result_model
+class Entry(Result):
     """One line of a data sheet.
 
     Attributes:
@@ -40,7 +41,7 @@ class Entry:
 
     name: str
     text: str
-    values: Mapping[str, Any]
+    values: JsonObject
     definition: str
     source: str
 
@@ -50,26 +51,95 @@ class Entry:
         return not self.text.startswith(NOT_STATED)
 
 
-def make_datasheet(parameters: Parameters, sensor: SensorDescription | None) -> tuple[Entry, ...]:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DataSheet:
+    """The data sheet of a sensor.
+
+    Attributes:
+        sensor: Name of the sensor.
+        entries: Its lines.
+    """
+
+    sensor: str
+    entries: tuple[Entry, ...]
+
+    @property
+    def title(self) -> str:
+        """Heading of the sheet."""
+        return f"Data sheet: {self.sensor}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the name of the sensor and the entries by name, each with its values, definition and source."""
+        entries = {
+            entry.name.replace(" ", "_"): {
+                **entry.values,
+                "text": entry.text,
+                "stated": entry.is_stated,
+                "definition": entry.definition,
+                "source": entry.source,
+            }
+            for entry in self.entries
+        }
+        return {"sensor": self.sensor, "entries": entries}
+
+    def markdown(self) -> str:
+        """Return the sheet as a Markdown document with one table."""
+        rows = [_HEADINGS, ("---",) * len(_HEADINGS), *self._rows()]
+        lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+        return "\n".join([f"# {self.title}", "", *lines, ""])
+
+    def html(self) -> str:
+        """Return the sheet as an HTML document with one table."""
+        rows = "\n".join(
+            f'<tr><th scope="row">{html.escape(name)}</th>'
+            + "".join(f"<td>{html.escape(each)}</td>" for each in rest)
+            + "</tr>"
+            for name, *rest in self._rows()
+        )
+        headings = "".join(f'<th scope="col">{each}</th>' for each in _HEADINGS)
+        return _PAGE.format(title=html.escape(self.title), headings=headings, rows=rows)
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        return [(entry.name, entry.text, entry.definition, entry.source) for entry in self.entries]
+
+
+_HEADINGS = ("quantity", "value", "definition", "source")
+_PAGE = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>{title}</title>
+<style>body{{font-family:sans-serif;margin:2em;max-width:70em}}td,th{{padding:.4em;text-align:left;vertical-align:top}}</style>
+<h1>{title}</h1>
+<table>
+<thead><tr>{headings}</tr></thead>
+<tbody>
+{rows}
+</tbody>
+</table>
+</html>
+"""
+
+
+def make_datasheet(parameters: Parameters, sensor: SensorDescription | None) -> DataSheet:
     """Make the data sheet of a sensor.
 
     Args:
         parameters: Parameters of the sensor's fast model.
         sensor: Description of the sensor; None if only the parameters are known.
     """
-    source = f"{sensor.source}, [electronics]" if sensor is not None else "the folder of parameters, [electronics]"
-    if sensor is not None and BUILT_IN.get(sensor.name) is not None and sensor.source.startswith("built-in"):
+    source = "the folder of parameters, [electronics]" if sensor is None else f"{sensor.source}, [electronics]"
+    if sensor is not None and sensor.name in BUILT_IN and sensor.source.startswith("built-in"):
         source = _BUILT_IN_SOURCES[sensor.name]
     assumed = parameters.provenance.get("electronics_assumed", ()) if sensor is None else sensor.assumed_electronics
     if assumed:
         source = f"partly assumed ({', '.join(assumed)}), else {source}"
-    return (
+    entries = (
         *_list_size(parameters, sensor),
         *_list_force(parameters, source),
         *_list_space(parameters),
         *_list_time(parameters, source),
         *_list_errors(parameters, source),
     )
+    return DataSheet(sensor=parameters.array.name if sensor is None else sensor.name, entries=entries)
 
 
 def _list_size(parameters: Parameters, sensor: SensorDescription | None) -> Iterator[Entry]:
@@ -83,21 +153,18 @@ def _list_size(parameters: Parameters, sensor: SensorDescription | None) -> Iter
         definition="edges of the rectangle around all texels, along x and y; columns x rows",
         source="the array",
     )
-    thickness = None if sensor is None else sensor.cover.thickness
+    text, thickness, assumed = NOT_STATED + ": parameters do not describe the cover", None, None
+    if sensor is not None:
+        thickness, assumed = sensor.cover.thickness, sensor.cover.assumed
+        layers = (f"{1e3 * layer.thickness:.4g} mm {layer.material.name}" for layer in sensor.cover.layers)
+        text = " + ".join(layers) + (" (assumed)" if assumed else "")
     yield Entry(
         name="cover",
-        text=NOT_STATED + ": parameters do not describe the cover" if sensor is None else _describe_cover(sensor),
-        values={"cover_thickness_m": thickness, "cover_assumed": None if sensor is None else sensor.cover.assumed},
+        text=text,
+        values={"cover_thickness_m": thickness, "cover_assumed": assumed},
         definition="elastic layers over the texels, bottom to top",
-        source="assumed: nobody published it"
-        if sensor is not None and sensor.cover.assumed
-        else "the sensor file, [cover], or the options",
+        source="assumed: nobody published it" if assumed else "the sensor file, [cover], or the options",
     )
-
-
-def _describe_cover(sensor: SensorDescription) -> str:
-    layers = " + ".join(f"{1e3 * layer.thickness:.4g} mm {layer.material.name}" for layer in sensor.cover.layers)
-    return f"{layers} (assumed)" if sensor.cover.assumed else layers
 
 
 def _list_force(parameters: Parameters, source: str) -> Iterator[Entry]:
@@ -282,46 +349,3 @@ def _separate_two_points(parameters: Parameters) -> float | str:
     )
     found = texel_separation(spread, parameters.array)
     return found if np.isfinite(found) else "no distance up to twelve pitches shows a dip"
-
-
-def as_json(entries: Sequence[Entry]) -> dict[str, Any]:
-    """Return a data sheet as JSON values: for each entry its values, definition, source, and whether it is stated."""
-    return {
-        entry.name.replace(" ", "_"): {
-            **entry.values,
-            "text": entry.text,
-            "stated": entry.is_stated,
-            "definition": entry.definition,
-            "source": entry.source,
-        }
-        for entry in entries
-    }
-
-
-def as_markdown(entries: Sequence[Entry], title: str) -> str:
-    """Return a data sheet as a Markdown document with one table."""
-    rows = [("quantity", "value", "definition", "source"), ("---",) * 4]
-    rows += [(entry.name, entry.text, entry.definition, entry.source) for entry in entries]
-    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
-    return "\n".join([f"# Data sheet: {title}", "", *lines, ""])
-
-
-def as_html(entries: Sequence[Entry], title: str) -> str:
-    """Return a data sheet as an HTML document with one table."""
-    heading = html.escape(f"Data sheet: {title}")
-    cells = [(entry.name, entry.text, entry.definition, entry.source) for entry in entries]
-    rows = "\n".join(
-        f'<tr><th scope="row">{html.escape(name)}</th>'
-        + "".join(f"<td>{html.escape(each)}</td>" for each in rest)
-        + "</tr>"
-        for name, *rest in cells
-    )
-    headings = "".join(f'<th scope="col">{each}</th>' for each in ("quantity", "value", "definition", "source"))
-    style = (
-        "body{font-family:sans-serif;margin:2em;max-width:70em}td,th{padding:.4em;text-align:left;vertical-align:top}"
-    )
-    return (
-        f'<!doctype html>\n<html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">\n'
-        f"<title>{heading}</title>\n<style>{style}</style>\n<h1>{heading}</h1>\n"
-        f"<table>\n<thead><tr>{headings}</tr></thead>\n<tbody>\n{rows}\n</tbody>\n</table>\n</html>\n"
-    )

@@ -20,13 +20,16 @@ Conventions:
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
 from fastmodel.signal.electronics import WHITE, WTS_0614_34, Electronics, grey_levels
-from meshes.array import FloatArray, TexelArray
+from meshes.array import TexelArray
+from meshes.array_types import FloatArray
+from validation.results import Column, Number, Result, columns, result_model
 
 #: Threshold of the areas that `active_area_iou` compares: force over the largest texel force of the reference [-].
 AREA_THRESHOLD = 0.1
@@ -47,8 +50,8 @@ class ImageScore:
     pixels_lit: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class Score:
+@result_model
+class Score(Result):
     """Differences between predicted and reference texel forces of one case, by every metric.
 
     Two grey scales are used.  On the first, white is the largest texel force of the reference.  On the second, the
@@ -72,24 +75,88 @@ class Score:
         width_error_y_m: Absolute difference of the root second central moments along y [m].
     """
 
-    total_force_error: float
-    misplaced_force: float
-    relative_l2: float
-    centre_of_pressure_m: float
-    image_changed_percent: float
-    pixels_changed: int
-    image_changed_line_percent: float
-    pixels_changed_line: int
-    pixels_lit_line: int
-    wasserstein_m: float
-    active_area_iou: float
-    peak_error: float
-    width_error_x_m: float
-    width_error_y_m: float
+    misplaced_force: Annotated[
+        Number,
+        Column(
+            heading="misplaced force", unit="%", factor=100, decimals=1, meaning="share of the load on the wrong texel"
+        ),
+    ]
+    relative_l2: Annotated[
+        Number,
+        Column(
+            heading="relative L2",
+            unit="%",
+            factor=100,
+            decimals=1,
+            meaning="norm of the difference over the norm of the reference",
+        ),
+    ]
+    total_force_error: Annotated[
+        Number,
+        Column(
+            heading="total force",
+            unit="%",
+            factor=100,
+            decimals=2,
+            meaning="difference of the total texel forces over the load",
+        ),
+    ]
+    peak_error: Annotated[
+        Number,
+        Column(
+            heading="peak",
+            unit="%",
+            factor=100,
+            decimals=1,
+            meaning="difference of the largest texels over the reference's largest",
+        ),
+    ]
+    centre_of_pressure_m: Annotated[
+        Number,
+        Column(
+            heading="centre of pressure",
+            unit="mm",
+            factor=1e3,
+            decimals=3,
+            meaning="distance between the centres of pressure",
+        ),
+    ]
+    wasserstein_m: Annotated[
+        Number,
+        Column(
+            heading="Wasserstein-1",
+            unit="mm",
+            factor=1e3,
+            decimals=3,
+            meaning="mean distance that force would have to move",
+        ),
+    ]
+    image_changed_percent: Annotated[
+        Number,
+        Column(
+            heading="image changed",
+            unit="%",
+            decimals=2,
+            meaning="mean grey difference over 255, white = the case's peak",
+        ),
+    ]
+    image_changed_line_percent: Annotated[
+        Number,
+        Column(heading="image changed, WTS line", unit="%", decimals=2, meaning="the same after the published line"),
+    ]
+    pixels_changed: Annotated[
+        int, Column(heading="pixels changed", decimals=0, meaning="texels whose grey level differs")
+    ]
+    pixels_changed_line: Annotated[int, Column(heading="pixels changed line", shown=False)]
+    pixels_lit_line: Annotated[int, Column(heading="pixels lit line", shown=False)]
+    active_area_iou: Annotated[Number, Column(heading="active area iou", shown=False)]
+    width_error_x_m: Annotated[Number, Column(heading="width error x", unit="mm", factor=1e3, shown=False)]
+    width_error_y_m: Annotated[Number, Column(heading="width error y", unit="mm", factor=1e3, shown=False)]
 
-    def as_json(self) -> dict[str, float | int | None]:
-        """Return the scores by the names of the metrics, with None for NaN, which JSON does not have."""
-        return {key: None if math.isnan(value) else value for key, value in asdict(self).items()}
+
+#: How every metric is printed, and the metrics whose means over cases are tabulated, by the name of the metric.
+METRICS = columns(Score)
+TABULATED = {name: column for name, column in METRICS.items() if column.shown}
 
 
 def score(

@@ -17,7 +17,7 @@ import numpy as np
 
 from fastmodel.contact.boxes import BoxReader, BoxTexels, find_boxes
 from fastmodel.contact.joints import Joints
-from fastmodel.pose import Pose
+from fastmodel.pose import Mount
 from fastmodel.surface import Surface
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
@@ -45,7 +45,7 @@ class AreaTexels:
     computes_spread: ClassVar[bool] = False
     takes_overlaps: ClassVar[bool] = False
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add one box geom per texel to a body of the spec; see `TexelContact.attach`."""
         self.boxes.attach(body, array, pose, name)
 

@@ -18,7 +18,7 @@ from fastmodel.contact.force_kernels import has_pyramids, imitate_contacts, pres
 from fastmodel.contact.geoms import EVERY, check_box, describe_box, find_geoms
 from fastmodel.contact.interface import Reading
 from fastmodel.contact.net_force import NetForceReader
-from fastmodel.pose import Pose, make_quaternions, multiply, rotate
+from fastmodel.pose import Mount, make_quaternions, multiply, rotate
 from fastmodel.signal.point_spread import find_tangents
 from fastmodel.state import State
 from fastmodel.surface import Surface
@@ -59,7 +59,7 @@ class BoxTexels:
         """
         check_box(self.height, self.contype, self.conaffinity)
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add one box geom per texel to a body of the spec; see `TexelContact.attach`."""
         axis_x, axis_y = find_tangents(array)
         turns = multiply(pose.quaternion, make_quaternions(np.stack([axis_x, axis_y, array.normals], axis=-1)))

@@ -20,7 +20,7 @@ from fastmodel.contact.panels import PanelReader, Wrench
 from fastmodel.contact.plate import Plate, PlateContact, PlateReader
 from fastmodel.contact.stretching import StretchingCover
 from fastmodel.errors import ParametersError
-from fastmodel.pose import Pose
+from fastmodel.pose import Mount
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 from fastmodel.pressure.conjugate_gradient import CoverSolver, Load, PressureSolution
 from fastmodel.pressure.gap import Solid
@@ -67,7 +67,7 @@ class _PlateMethod:
     computes_spread: ClassVar[bool] = False
     takes_overlaps: ClassVar[bool] = False
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add the plate to a body of the spec; see `TexelContact.attach`."""
         self.plate.attach(body, array, pose, name)
 

@@ -10,7 +10,7 @@ from typing import ClassVar, NamedTuple, Protocol
 
 import mujoco
 
-from fastmodel.pose import Pose
+from fastmodel.pose import Mount
 from fastmodel.state import State
 from fastmodel.surface import Surface
 from meshes import TexelArray
@@ -60,13 +60,13 @@ class TexelContact(Protocol):
     computes_spread: ClassVar[bool]
     takes_overlaps: ClassVar[bool]
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add the geoms of the contact method to a body of a spec.
 
         Args:
             body: The body of a `mujoco.MjSpec` that carries the array.
             array: The texels, in the array's frame.
-            pose: Pose of the array's frame in the frame of the body.
+            pose: Mount of the array's frame in the frame of the body.
             name: Name of the sensor, which is the prefix of the names of the geoms.
         """
 

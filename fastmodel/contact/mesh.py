@@ -25,7 +25,7 @@ from fastmodel.contact.joints import Joints
 from fastmodel.contact.panels import Wrench
 from fastmodel.contact.points import PointPressure, solve_pressure
 from fastmodel.errors import FastModelError, ParametersError
-from fastmodel.pose import Pose, rotate
+from fastmodel.pose import Mount, rotate
 from fastmodel.pressure.gap_sampling import PosedBody
 from fastmodel.state import State, pack, take_array, unpack
 from fastmodel.surface import CoverPoints, Surface
@@ -95,7 +95,7 @@ class MeshContact:
             )
         return replace(self, surface=surface)
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add the mesh geom to a body of the spec; see `TexelContact.attach`.
 
         Raises:

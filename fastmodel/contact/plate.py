@@ -22,7 +22,7 @@ from fastmodel.contact.joints import Joints
 from fastmodel.contact.net_force import NetForceReader
 from fastmodel.contact.panel_layout import Panel, divide_into_panels
 from fastmodel.errors import FastModelError
-from fastmodel.pose import Pose, make_quaternions, multiply, rotate
+from fastmodel.pose import Mount, make_quaternions, multiply, rotate
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.conjugate_gradient import Load
 from fastmodel.pressure.flexes import FlexSurfaces
@@ -72,13 +72,13 @@ class Plate:
         if (self.solref is None) != (self.solimp is None):
             raise ValueError("solref and solimp belong together; give both or neither")
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add the plate to a body of a spec: one box geom for each flat panel of the array.
 
         Args:
             body: The body of a `mujoco.MjSpec` that carries the array.
             array: The array, in its own frame.
-            pose: Pose of the array's frame in the frame of the body.
+            pose: Mount of the array's frame in the frame of the body.
             name: Name of the sensor, which is the prefix of the names of the geoms.
         """
         # with a higher priority, MuJoCo uses the softness of the plate alone and not that of the touching geom

@@ -27,7 +27,7 @@ from fastmodel.pressure.gap_sampling import BodyShape, PosedBody
 from fastmodel.surface import CoverPoints
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
-from meshes.spatial_pose import SpatialPose
+from meshes.pose import Pose
 
 #: Component of a unit direction below which a line counts as parallel to a plane [-].
 _PARALLEL = 1e-12
@@ -297,7 +297,7 @@ class PointPress:
 def press_points(
     cover: CoverPoints,
     indenter: Indenter,
-    pose: SpatialPose,
+    pose: Pose,
     *,
     load: float,
     direction: npt.ArrayLike | None = None,
@@ -339,7 +339,7 @@ def press_points(
 
 
 def find_first_contact(
-    cover: CoverPoints, indenter: Indenter, pose: SpatialPose, direction: npt.ArrayLike, *, within: float
+    cover: CoverPoints, indenter: Indenter, pose: Pose, direction: npt.ArrayLike, *, within: float
 ) -> IntArray:
     """Find the points of the undeformed cover that a rigid indenter reaches first: contact of two rigid bodies.
 
@@ -364,7 +364,7 @@ def find_first_contact(
     return np.asarray(facing[gap <= within])
 
 
-def pose_indenter(indenter: Indenter, pose: SpatialPose) -> PosedBody:
+def pose_indenter(indenter: Indenter, pose: Pose) -> PosedBody:
     """Describe the solids of an indenter at a pose, in the array's frame."""
     spec = mujoco.MjSpec()
     add_geoms(spec, spec.worldbody.add_body(), indenter)

@@ -37,10 +37,9 @@ from fem_reference.finite_strain.loading_path import Control, Units
 from fem_reference.indentation.rounding import choose_solid_fillet, state_rounding
 from meshes import Cover, Indenter, Layer, Material, TexelArray
 from meshes.array_types import FloatArray
+from meshes.pose import Pose
 from meshes.solids.facets import area_vectors, facet_shape
-from meshes.solids.quality import measure_thickness
-from meshes.solids.solid_mesh import SolidMesh
-from meshes.spatial_pose import SpatialPose
+from meshes.solids.solid_mesh import SolidMesh, measure_thickness
 
 #: Smallest cosine between the normal of the top and the axis of the indenter at points that can touch [-].
 _LEAST_COSINE = 0.05
@@ -81,7 +80,7 @@ def press_curved_finite(
     texels: TexelArray,
     material: Material,
     indenter: Indenter,
-    pose: SpatialPose,
+    pose: Pose,
     *,
     load: float | None = None,
     depth: float | None = None,
@@ -141,7 +140,7 @@ def _press_points(
     mesh: SolidMesh,
     texels: TexelArray,
     material: Material,
-    body: tuple[Indenter, SpatialPose],
+    body: tuple[Indenter, Pose],
     target: tuple[float, Control],
 ) -> _Small:
     """Solve at small strain with contact at the Gauss points at which finite strain states it."""
@@ -179,7 +178,7 @@ def _solve(  # noqa: PLR0917
     mesh: SolidMesh,
     texels: TexelArray,
     material: Material,
-    body: tuple[Indenter, SpatialPose],
+    body: tuple[Indenter, Pose],
     small: _Small,
     target: tuple[float, Control],
     progress: Callable[[str], None] | None,
@@ -237,7 +236,7 @@ class _Solved:
 
     mesh: SolidMesh
     own: DisplacementNodes
-    pose: SpatialPose
+    pose: Pose
     units: Units
     top: _Top
     reached: ContactEquilibrium

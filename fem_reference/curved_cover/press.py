@@ -19,9 +19,8 @@ from fem_reference.curved_cover.pressure_shapes import GapSampler
 from fem_reference.curved_cover.responses import build_solid, check_meshes, estimate_error, texel_responses
 from meshes import Indenter, Material, TexelArray
 from meshes.array_types import FloatArray
-from meshes.solids.quality import measure_thickness
-from meshes.solids.solid_mesh import SolidMesh
-from meshes.spatial_pose import SpatialPose
+from meshes.pose import Pose
+from meshes.solids.solid_mesh import SolidMesh, measure_thickness
 
 #: Largest depth over the thickness that is solved, and depth from which a warning states that strains are not small.
 LARGEST_DEPTH, _WARN_DEPTH = 0.8, 0.15
@@ -104,7 +103,7 @@ def press_curved(
     texels: TexelArray,
     material: Material,
     indenter: Indenter,
-    pose: SpatialPose,
+    pose: Pose,
     *,
     load: float | None = None,
     depth: float | None = None,
@@ -162,7 +161,7 @@ def press_curved(
 
 
 def _begin(
-    mesh: SolidMesh, material: Material, body: tuple[Indenter, SpatialPose], towards: FloatArray, *, sticks: bool
+    mesh: SolidMesh, material: Material, body: tuple[Indenter, Pose], towards: FloatArray, *, sticks: bool
 ) -> GridPress:
     """Prepare the contact of an indenter in a pose that moves in a direction on one mesh, with or without slip."""
     compliance = build_compliance(mesh, material)

@@ -20,8 +20,8 @@ from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.rays import measure_gaps
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.pose import Pose
 from meshes.solids.facets import QUADRILATERAL, area_vectors, facet_shape, split_facet
-from meshes.spatial_pose import SpatialPose
 
 #: Parts of a facet's side at whose middles gaps are measured; even, so that no part crosses a kink of a hat [-].
 _PARTS = 16
@@ -75,7 +75,7 @@ class GapSampler:
         self,
         top: FacetSurface,
         indenter: Indenter,
-        pose: SpatialPose,
+        pose: Pose,
         direction: FloatArray,
         farthest: float,
         deepest: float = 0.0,
@@ -168,7 +168,7 @@ class PointSampler(GapSampler):
         self,
         top: FacetSurface,
         indenter: Indenter,
-        pose: SpatialPose,
+        pose: Pose,
         direction: FloatArray,
         farthest: float,
         deepest: float,

@@ -29,8 +29,7 @@ from fem_reference.grid_convergence import field_convergence
 from meshes import Material, TexelArray
 from meshes.array_types import BoolArray, FloatArray
 from meshes.solids.facets import facet_shape, split_facet
-from meshes.solids.quality import check_quality, check_texels, measure_thickness
-from meshes.solids.solid_mesh import SolidMesh
+from meshes.solids.solid_mesh import SolidMesh, check_quality, check_texels, measure_thickness
 from meshes.solids.texels import covered_share
 
 #: Parts of a facet's side in which the border of a texel is located [-].

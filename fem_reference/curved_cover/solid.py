@@ -20,8 +20,7 @@ from fem_reference.elements.taylor_hood import MixedElements, prepare_elements
 from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Material
 from meshes.array_types import FloatArray, IntArray
-from meshes.solids.quality import compute_volume, measure_area
-from meshes.solids.solid_mesh import SolidMesh
+from meshes.solids.solid_mesh import SolidMesh, compute_volume, measure_area
 
 #: Number of right-hand sides that are solved at once, to limit the memory [-].
 _COLUMNS = 64

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
-from fem_reference.materials.invariants import EVERY_PLACE
+from fem_reference.materials import EVERY_PLACE
 from meshes.array_types import FloatArray, IntArray
 
 #: scikit-fem's elements for displacement and pressure on each kind of mesh.

@@ -13,13 +13,11 @@ import numpy as np
 from fem_reference.elements.grading import grade_around_edge, grade_outward
 from fem_reference.elements.taylor_hood import prepare_elements
 from fem_reference.fields.cover_fields import CoverFields, recover_fields
-from fem_reference.finite_strain.contact import SurfaceContact
-from fem_reference.finite_strain.contact_points import collect_points
-from fem_reference.finite_strain.contact_problem import ContactEquilibrium, ContactProblem
+from fem_reference.finite_strain.contact import SurfaceContact, collect_points
+from fem_reference.finite_strain.contact_problem import ContactEquilibrium, ContactProblem, SolvedPath
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.finite_strain.mesh_transfer import SolvedPath
 from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
 from meshes import FlatPunch, Indenter
 from meshes.array_types import FloatArray

@@ -28,7 +28,7 @@ from fem_reference.finite_strain.newton import (
 )
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.axisymmetric import mesh_cover
-from fem_reference.materials.stability import describe_instability
+from fem_reference.materials import describe_instability
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Layer, Material
 from meshes.array_types import FloatArray, IntArray

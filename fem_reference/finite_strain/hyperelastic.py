@@ -27,9 +27,7 @@ import scipy.sparse as sp
 from fem_reference.elements.taylor_hood import MixedElements, Pattern
 from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.loading_path import Units
-from fem_reference.materials import Energy, create_finite_strain_energy
-from fem_reference.materials.energy import Response, Scaled
-from fem_reference.materials.invariants import Invariant, volume_ratio
+from fem_reference.materials import Energy, Invariant, Response, Scaled, create_finite_strain_energy, volume_ratio
 from meshes import Cover
 from meshes.array_types import FloatArray
 

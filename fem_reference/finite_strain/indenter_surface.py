@@ -4,19 +4,26 @@ Sharp edges are rounded by a small fillet, because real edges have a fillet and 
 perfectly sharp edge does not converge as the mesh is refined.  Results state the radius of the fillet.  Curved shapes
 without an axis of revolution are smoothed over the same length, see `SmoothedHeightmap`.  A surface that becomes
 steeper than `STEEPEST` continues as a plane or cone of that slope, so that the height is finite everywhere.
+
+Smooth the lower surface of an indenter of any shape: facets and edges rounded, steep walls replaced by slopes.
+
+The heights at the nodes of a square grid are the coefficients of a cubic B-spline.  The spline approximates the heights
+and does not interpolate them; it rounds facets and edges over about one cell of the grid and cannot overshoot.  The
+spline preserves the curvature of a curved surface and raises the surface, in each direction, by one sixth of the
+curvature times the squared cell size; the lowest point is then moved back to height zero.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy import ndimage
 
-from fem_reference.finite_strain.smoothed_heightmap import SmoothedHeightmap
 from meshes import FlatPunch, Indenter
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 #: Largest slope of the indenter's surface, 60 degrees; the surface of a cover that separates at an edge is less
 #: steep [-].
@@ -60,7 +67,7 @@ class IndenterSurface:
     fillet: float
     unit: float = 1.0
     load_scale: float = 1.0
-    pose: PlanarPose = field(default_factory=PlanarPose)
+    pose: Pose = field(default_factory=Pose.planar)
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Compute the height of the surface above its lowest point.
@@ -93,7 +100,7 @@ class IndenterSurface:
             np.stack([(east - 2 * height + west) / h**2, mixed], axis=-1),
             np.stack([mixed, (north - 2 * height + south) / h**2], axis=-1),
         ]
-        c, s = self.pose.direction
+        c, s = self.pose.heading
         turn = np.array([[c, -s], [s, c]])
         curvature = np.einsum("ik,...kl,jl->...ij", turn, np.stack(rows, axis=-2), turn)
         return SurfacePoints(height=height, slope=slope @ turn.T, curvature=curvature)
@@ -101,7 +108,7 @@ class IndenterSurface:
     def _to_local(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Transform positions to the frame of the indenter, in units of length."""
         at_x, at_y = self.pose.at
-        return replace(self.pose, at=(at_x / self.unit, at_y / self.unit)).to_indenter(x, y)
+        return self.pose.moved((at_x / self.unit, at_y / self.unit)).plan_to_indenter(x, y)
 
     def _local_height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Compute the height of the surface at positions in the frame of the indenter, in units of length."""
@@ -149,3 +156,67 @@ def _round_edge(beyond: FloatArray, radius: float) -> FloatArray:
     arc = np.clip(beyond, ramp, steep) - ramp
     bend = np.minimum(beyond, ramp) ** 3 / (6 * radius * ramp)
     return np.asarray(bend + (ramp * arc + arc**2) / (2 * radius) + STEEPEST * np.maximum(beyond - steep, 0))
+
+
+#: Number of grid cells on each side outside the footprint of the indenter, and largest number of cells along the
+#: longer half of the footprint [-].
+_MARGIN, _MOST_CELLS = 5, 500
+#: Radius of the cone with which one erosion of the heightmap limits its slope [cells].
+_CONE_RADIUS = 3
+
+
+class SmoothedHeightmap:
+    """Twice continuously differentiable approximation of an indenter's lower surface, in units of length.
+
+    Args:
+        indenter: Indenter with its shape.
+        cell: Edge length of a grid cell; increased if the grid would have too many cells [units of length].
+        steepest: Slope that replaces steeper walls [-].
+        highest: Height at which the surface is clipped, and the height beside the indenter [units of length].
+        unit: Unit of length [m].
+    """
+
+    def __init__(self, indenter: Indenter, *, cell: float, steepest: float, highest: float, unit: float) -> None:
+        half = np.array(indenter.footprint) / unit
+        self._cell, self._steepest = max(cell, float(half.max()) / _MOST_CELLS), steepest
+        self._extent = np.ceil(half / self._cell).astype(int) + _MARGIN
+        x, y = np.meshgrid(*(np.arange(-n, n + 1) * self._cell for n in self._extent), indexing="ij")
+        heights = np.minimum(indenter.gap(x * unit, y * unit) / unit, highest)
+        self._heights = _limit_slope(heights, steepest * self._cell)
+        half_cells = np.meshgrid(*(np.arange(4 * n + 1) / 2 for n in self._extent), indexing="ij")
+        self._lowest = float(self._evaluate_spline(np.array(half_cells)).min())
+
+    def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Compute the height of the surface above its lowest point; outside the grid the surface extends as a cone.
+
+        Args:
+            x: x coordinates of the points, any shape [units of length].
+            y: y coordinates of the points, same shape [units of length].
+
+        Returns:
+            Heights, shape of `x` [units of length].
+        """
+        position = np.stack(np.broadcast_arrays(x, y))
+        end = (self._extent * self._cell).reshape(-1, *[1] * (position.ndim - 1))
+        within = np.clip(position, -end, end)
+        beyond = np.hypot(*(position - within))
+        spline = self._evaluate_spline((within + end) / self._cell)
+        return np.asarray(spline - self._lowest + self._steepest * beyond)
+
+    def _evaluate_spline(self, position: FloatArray) -> FloatArray:
+        """Evaluate the spline at positions in cells from the first node of the grid, shape (2, ...)."""
+        return np.asarray(ndimage.map_coordinates(self._heights, position, order=3, mode="nearest", prefilter=False))
+
+
+def _limit_slope(heights: FloatArray, step: float) -> FloatArray:
+    """Compute the largest heights, nowhere above the given heights, that change by at most about `step` per cell.
+
+    Each pass takes the minimum over all upward cones of this slope with their tips on the surface (a grey erosion).
+    """
+    offset = np.arange(-_CONE_RADIUS, _CONE_RADIUS + 1)
+    cone = step * np.hypot(*np.meshgrid(offset, offset))
+    while True:
+        lower = np.asarray(ndimage.grey_erosion(heights, structure=-cone, mode="nearest"))  # type: ignore[call-overload]
+        if np.array_equal(lower, heights):
+            return heights
+        heights = lower

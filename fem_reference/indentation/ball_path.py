@@ -17,8 +17,8 @@ from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation.rounding import choose_fillet
-from fem_reference.linear_response.mesh_reach import choose_reach
 from fem_reference.linear_response.point_spread import PointSpread
+from fem_reference.linear_response.surface_compliance import choose_reach
 from meshes import Cover, Sphere
 from meshes.array_types import FloatArray
 

@@ -16,9 +16,8 @@ import numpy as np
 
 from fem_reference import result_store
 from fem_reference.fields.cover_fields import CoverFields
-from fem_reference.finite_strain.block_path import BasePressure, Block, BlockState
+from fem_reference.finite_strain.block_path import BasePressure, Block, BlockState, press_paired
 from fem_reference.finite_strain.loading_path import LoadingPath, name_grid
-from fem_reference.finite_strain.paired_path import press_paired
 from fem_reference.indentation.grid_solution import (
     BaseForces,
     GridSolution,
@@ -28,7 +27,7 @@ from fem_reference.indentation.grid_solution import (
 )
 from fem_reference.indentation.rounding import SolidGrid, state_rounding
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 #: Solutions of a loading path on three grids: the baseline, then those with the requested strain and friction.  Both
 #: are lists with one list per target, which holds one solution per grid.
@@ -70,7 +69,7 @@ class BlockModel:
 
     kind: str
     inputs: Mapping[str, Any]
-    pose: PlanarPose
+    pose: Pose
     grids: Sequence[SolidGrid]
     lay_out: Callable[[SolidGrid], Block]
     recover_pressure: Callable[[BlockState], BasePressure]
@@ -217,17 +216,17 @@ def _read_solution(
     base = data[f"x_{key}"], data[f"y_{key}"], data[f"pressure_{key}"] / path.load_scale
     x, y, *forces = data[f"contact_{key}"].T
     normal, *shear = np.array(forces) / path.load_scale
-    turn = replace(model.pose, at=(0.0, 0.0))
+    turn = model.pose.moved((0.0, 0.0))
     return GridSolution(
         size=size,
         total_force=force,
         depth=depth / path.load_scale,
         area=area,
         overlap=overlap,
-        contact=np.column_stack([*model.pose.to_indenter(x, y), normal]),
+        contact=np.column_stack([*model.pose.plan_to_indenter(x, y), normal]),
         base_forces=model.integrate(base),
         energy=energy / path.load_scale**2,
-        shear=np.column_stack(turn.to_indenter(*shear)) if path.friction else None,
+        shear=np.column_stack(turn.plan_to_indenter(*shear)) if path.friction else None,
         fields=CoverFields.unpack(data, f"fields_{key}"),
     )
 

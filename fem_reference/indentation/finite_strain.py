@@ -20,7 +20,7 @@ from fem_reference import result_store
 from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.block_path import BasePressure, Block, lay_out_block, recover_gauss_pressure
-from fem_reference.finite_strain.contact_points import divide_rings
+from fem_reference.finite_strain.contact import divide_rings
 from fem_reference.finite_strain.contact_problem import OVERLAP
 from fem_reference.finite_strain.loading_path import LoadingPath, name_grid
 from fem_reference.indentation import small_strain
@@ -42,11 +42,11 @@ from fem_reference.indentation.rounding import (
     scale_fillet,
     state_rounding,
 )
-from fem_reference.linear_response.mesh_reach import choose_reach, choose_solid_reach, warn_of_boundary
 from fem_reference.linear_response.point_spread import PointSpread
+from fem_reference.linear_response.surface_compliance import choose_reach, choose_solid_reach, warn_of_boundary
 from meshes import TexelArray
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 #: Function that is called with a line of text about the progress of a solution, or None.
 Progress = Callable[[str], None] | None
@@ -97,7 +97,7 @@ def study_path(
         solutions = _solve_axisymmetric(path.at_model_strain, contact, progress, refinement)
     return GridStudy(
         solutions=solutions,
-        edge_safety=choose_edge_safety(path, PlanarPose()),
+        edge_safety=choose_edge_safety(path, Pose.planar()),
         least_order=2.0 if corrected and not path.has_friction_effect else 1.0,
         least_overlap=OVERLAP,
         least_error=_choose_least_error(path),
@@ -146,7 +146,7 @@ def _solve_pair(
     model = BlockModel(
         kind="finite-press",
         inputs={},
-        pose=PlanarPose(),
+        pose=Pose.planar(),
         grids=choose_solid_grids(cover.thickness, indenter, in_turn=path.refines_in_turn),
         lay_out=lay_out_grid,
         recover_pressure=recover_gauss_pressure,
@@ -155,13 +155,13 @@ def _solve_pair(
     return solve_block_pair(path, approaches, model, progress)
 
 
-def integrate_spline(base: BasePressure, array: TexelArray, pose: PlanarPose) -> FloatArray:
+def integrate_spline(base: BasePressure, array: TexelArray, pose: Pose) -> FloatArray:
     """Integrate a base pressure, given in the frame of the indenter, over n texels and the rest, shape (n + 1,) [N]."""
     nodes, weights = np.polynomial.legendre.leggauss(_TEXEL_POINTS)
     half = np.array(array.texel_size) / 2
     offset = np.stack(np.meshgrid(nodes * half[0], nodes * half[1]), axis=-1).reshape(-1, 2)
     position = array.centres[:, None, :2] + offset
-    x, y = pose.to_indenter(position[..., 0], position[..., 1])
+    x, y = pose.plan_to_indenter(position[..., 0], position[..., 1])
     grid_x, grid_y, pressure = base
     inside = (x > grid_x[0]) & (x < grid_x[-1]) & (y > grid_y[0]) & (y < grid_y[-1])
     spline = RectBivariateSpline(grid_x, grid_y, pressure)

@@ -23,12 +23,12 @@ from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from fem_reference.indentation.finite_cover import lay_out_cover
 from fem_reference.indentation.rounding import SolidGrid
 from fem_reference.linear_response import axisymmetric
-from fem_reference.linear_response.mesh_reach import choose_linear_reach, choose_solid_reach
+from fem_reference.linear_response.surface_compliance import choose_linear_reach, choose_solid_reach
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import FlatPunch
 from meshes.array_types import FloatArray, IntArray
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 
 #: Number of elements through the cover, axisymmetric and in three dimensions [-].
 _COUNT, _SOLID_COUNT = 16, 4
@@ -69,7 +69,7 @@ def solve_linear_fields(path: LoadingPath, contact: FloatArray, place: Place, de
     return _solve_wide_block(path, contact, depth).to_array(place.pose)
 
 
-def state_missing_fields(path: LoadingPath, pose: PlanarPose) -> str:
+def state_missing_fields(path: LoadingPath, pose: Pose) -> str:
     """Say in one line why an indentation has no fields; empty if it has.
 
     A cover of limited size that slides on its base is not held sideways, unless symmetry holds it.
@@ -122,11 +122,11 @@ def _solve_wide_block(path: LoadingPath, contact: FloatArray, depth: float) -> C
     return _solve_block(path, contact, block, depth)
 
 
-def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: PlanarPose, depth: float) -> CoverFields:
+def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: Pose, depth: float) -> CoverFields:
     """Solve for the fields in a whole cover of limited size, in the frame of the array."""
     size = min(path.cover.thickness, *np.ptp(contact[:, :2], axis=0)) / _SOLID_COUNT
     block = lay_out_cover(path, pose, contact[:, :2], SolidGrid(count=_SOLID_COUNT, fillet=size))
-    return _solve_block(path, np.column_stack([*pose.to_array(*contact[:, :2].T), contact[:, 2]]), block, depth)
+    return _solve_block(path, np.column_stack([*pose.plan_to_array(*contact[:, :2].T), contact[:, 2]]), block, depth)
 
 
 def _solve_block(path: LoadingPath, contact: FloatArray, block: Block, depth: float) -> CoverFields:
@@ -144,7 +144,7 @@ def _solve_block(path: LoadingPath, contact: FloatArray, block: Block, depth: fl
     load = np.zeros(elements.displacements + elements.pressures)
     load[3 * top + 2] = -forces[block.find_nodes(x[top], y[top])]
     constrained = find_constrained(block, elements, bonded=path.cover.base == "bonded")
-    face, place = path.indenter, block.surface.pose.to_indenter(x[top] * units.length, y[top] * units.length)
+    face, place = path.indenter, block.surface.pose.plan_to_indenter(x[top] * units.length, y[top] * units.length)
     inside = face.signed_distance(*place) / units.length if isinstance(face, FlatPunch) else np.zeros(len(top))
     sticking = _Sticking(nodes=top[inside > -_ON_BOUNDARY], depth=depth / units.length)
     return _solve(path, elements, load, constrained, sticking).unfold(block.symmetric)

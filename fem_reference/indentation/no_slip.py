@@ -8,7 +8,6 @@ other face is solved in three dimensions and corrects the accurate frictionless 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -21,7 +20,7 @@ from fem_reference.finite_strain.block_path import (
     recover_gauss_pressure,
     recover_nodal_pressure,
 )
-from fem_reference.finite_strain.contact_points import divide_rings, unfold_points
+from fem_reference.finite_strain.contact import divide_rings, unfold_points
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.finite_cover import integrate_nodal
@@ -34,10 +33,15 @@ from fem_reference.indentation.grid_solution import (
     scale_solution,
 )
 from fem_reference.linear_response.point_spread import PointSpread
-from fem_reference.small_strain_contact.no_slip_disk import press_stuck_disk
-from fem_reference.small_strain_contact.no_slip_face import FaceGrid, PressedFace, lies_on_lines, press_face
+from fem_reference.small_strain_contact.no_slip import (
+    FaceGrid,
+    PressedFace,
+    lies_on_lines,
+    press_face,
+    press_stuck_disk,
+)
 from meshes import FlatPunch
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 
 #: Function that is called with a line of text about the progress of a solution, or None.
 Progress = Callable[[str], None] | None
@@ -73,7 +77,7 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
     if wide and path.indenter.axisymmetric:
         return _study_disk(path, progress)
     assert isinstance(path.indenter, FlatPunch)  # noqa: S101 -- for the type checker
-    pose = PlanarPose() if wide else place.pose
+    pose = Pose.planar() if wide else place.pose
     accurate = small_strain.study_path(path, None if wide else place, progress)
     pairs = _solve_faces(path, pose, progress)
     if max(face.tension for pair in pairs for face in pair) > _SEPARATES:
@@ -115,7 +119,7 @@ def _correct(
     return correct_solution(accurate, baseline=baseline, full=full, control=control, area=accurate.area)
 
 
-def _build_solution(path: LoadingPath, face: PressedFace, pose: PlanarPose, size: float) -> GridSolution:
+def _build_solution(path: LoadingPath, face: PressedFace, pose: Pose, size: float) -> GridSolution:
     """Build the solution at a depth of 1 m, with a given element size; the contact area is set to zero."""
     state = BlockState(
         depth=1.0,
@@ -131,21 +135,21 @@ def _build_solution(path: LoadingPath, face: PressedFace, pose: PlanarPose, size
     wide = path.cover.size is None
     base: BasePressure = (recover_gauss_pressure if wide else recover_nodal_pressure)(state)
     x, y, normal, *shear = state.contact.T
-    turn = replace(pose, at=(0.0, 0.0))
+    turn = pose.moved((0.0, 0.0))
     return GridSolution(
         size=size,
         total_force=face.force,
         depth=1.0,
         area=0.0,
         overlap=0.0,
-        contact=np.column_stack([*pose.to_indenter(x, y), normal]),
-        shear=np.column_stack(turn.to_indenter(*shear)),
+        contact=np.column_stack([*pose.plan_to_indenter(x, y), normal]),
+        shear=np.column_stack(turn.plan_to_indenter(*shear)),
         energy=face.force / 2,
         base_forces=partial(integrate_spline if wide else integrate_nodal, base),
     )
 
 
-def _solve_faces(path: LoadingPath, pose: PlanarPose, progress: Progress) -> list[tuple[PressedFace, PressedFace]]:
+def _solve_faces(path: LoadingPath, pose: Pose, progress: Progress) -> list[tuple[PressedFace, PressedFace]]:
     """Solve a face on three grids without friction and without slip, or read both from the result store."""
     cover, face = path.cover, path.indenter
     assert isinstance(face, FlatPunch)  # noqa: S101 -- for the type checker

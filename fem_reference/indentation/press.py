@@ -22,7 +22,7 @@ from fem_reference.indentation.result import Indentation, combine_grids
 from fem_reference.indentation.stopped_path import solve_as_far
 from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 
 #: Depth over thickness that is stated as the largest where a load would pierce the cover [-].
 _LARGEST_DEPTH = 0.98
@@ -134,7 +134,7 @@ def press_path(
         IncompletePathError: As for `press`.
     """
     targets, control = _check_targets(cover, loads, depths)
-    place = Place(array=array, pose=PlanarPose(at=(float(at[0]), float(at[1])), yaw=float(yaw)))
+    place = Place(array=array, pose=Pose.planar(at=(float(at[0]), float(at[1])), yaw=float(yaw)))
     _check_axis(cover, place.pose)
     if not friction >= 0:
         raise ValueError(f"a friction coefficient is zero, positive or inf (no slip), not {friction}")
@@ -326,7 +326,7 @@ def _refuse_load(path: LoadingPath, place: Place, load: float, depth: float) -> 
     )
 
 
-def _check_axis(cover: Cover, pose: PlanarPose) -> None:
+def _check_axis(cover: Cover, pose: Pose) -> None:
     """Raise a ValueError if the indenter's axis is not over the cover."""
     if cover.size is None or all(abs(a) <= edge / 2 for a, edge in zip(pose.at, cover.size, strict=True)):
         return

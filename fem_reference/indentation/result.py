@@ -12,7 +12,7 @@ from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy, estimate_spread
 from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
-from fem_reference.materials.stability import warn_of_instability
+from fem_reference.materials import warn_of_instability
 from meshes.array_types import FloatArray
 from meshes.pose import Place
 
@@ -108,8 +108,8 @@ def combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place
     errors["total_force" if by_load else "depth"] = 0.0
     x, y, force = finest.contact.T
     scale = total / force.sum()
-    turn = replace(place.pose, at=(0.0, 0.0))
-    shear = None if finest.shear is None else np.column_stack(turn.to_array(*finest.shear.T)) * scale
+    turn = place.pose.moved((0.0, 0.0))
+    shear = None if finest.shear is None else np.column_stack(turn.plan_to_array(*finest.shear.T)) * scale
     missing = state_missing_fields(path, place.pose) if path.fields else ""
     fields = _find_fields(finest, path, place, scale) if path.fields and not missing else None
     return Indentation(
@@ -119,7 +119,7 @@ def combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place
         balance=balance,
         depth=float(study.combine(grids, lambda each: each.depth)),
         contact_area=finest.area,
-        contact=np.column_stack([*place.pose.to_array(x, y), force * scale]),
+        contact=np.column_stack([*place.pose.plan_to_array(x, y), force * scale]),
         shear=shear,
         energy=float(study.combine(grids, lambda each: each.energy)),
         fields=fields,

@@ -19,14 +19,13 @@ from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, scale_solution
 from fem_reference.linear_response.finite_cover import solid_influence
-from fem_reference.linear_response.point_spread import TexelInfluence, point_spread
-from fem_reference.linear_response.superposition import superpose
+from fem_reference.linear_response.point_spread import TexelInfluence, point_spread, superpose
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
 from meshes import Cover, Indenter
 from meshes.array_types import FloatArray
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 
 #: Function that is called with a line of text about the progress of a solution, or None.
 Progress = Callable[[str], None] | None
@@ -215,7 +214,7 @@ def _tabulate_surface(cover: Cover, reach: float) -> SurfaceCompliance:
 def _touch_near_sides(
     surface: SurfaceCompliance,
     path: LoadingPath,
-    pose: PlanarPose,
+    pose: Pose,
     *,
     cells: int,
     load: float | None,

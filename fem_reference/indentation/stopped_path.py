@@ -11,7 +11,7 @@ from fem_reference.errors import ConvergenceError, IncompletePathError, TooShall
 from fem_reference.finite_strain.loading_path import Control, LoadingPath
 from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation.result import Indentation
-from fem_reference.materials.stability import describe_instability
+from fem_reference.materials import describe_instability
 
 #: Load or depth that is solved again on all grids, over the largest one that the failed solution reached, in successive
 #: attempts: finer grids may stop earlier.  The load rises steeply at last, so less of it costs little of the depth, and

@@ -19,12 +19,12 @@ import numpy as np
 from fem_reference.elements.grading import fill_by_spacing, layer_heights
 from fem_reference.elements.line import Line
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.linear_response.mirror_symmetry import PARITIES, build_solid, constrain_parity
+from fem_reference.linear_response.finite_cover import PARITIES, build_solid, constrain_parity
 from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 #: Number of elements per cover thickness, and number of parts into which each element of a coarse pattern is divided
 #: along x and y; with 2, the additional compliance is wrong by up to a third, with 3, by at most 2 % [-].
@@ -71,7 +71,7 @@ class SideEdges:
 
     cover: Cover
     indenter: Indenter
-    pose: PlanarPose
+    pose: Pose
     half: FloatArray
 
     @cached_property
@@ -83,7 +83,7 @@ class SideEdges:
         middle, half = np.zeros(2), self.half
         if not (self.pose.is_aligned and self.indenter.is_flat):
             return middle, half
-        corners = self.pose.to_indenter(*self._box)
+        corners = self.pose.plan_to_indenter(*self._box)
         low, high = (np.array([pick(*axis) for axis in corners]) for pick in (min, max))
         return (low + high) / 2, (high - low) / 2
 
@@ -95,7 +95,7 @@ class SideEdges:
 
     def contain(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Return whether points in the frame of the indenter [m] lie on the cover."""
-        u, v = self.pose.to_array(x, y)
+        u, v = self.pose.plan_to_array(x, y)
         return np.asarray((np.abs(u) <= self._side[0]) & (np.abs(v) <= self._side[1]))
 
     def add_compliance(self, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
@@ -110,7 +110,7 @@ class SideEdges:
         """
         if not self.near:
             return np.zeros_like
-        places = np.stack(self.pose.to_array(x, y), axis=-1)
+        places = np.stack(self.pose.plan_to_array(x, y), axis=-1)
         lines, chosen, flexibilities = self._difference
         along = [line.at(np.abs(places[:, i]) / self.cover.thickness)[:, chosen[i]] for i, line in enumerate(lines)]
         side = np.where(places < 0, -1.0, 1.0)
@@ -130,8 +130,10 @@ class SideEdges:
 
     def clip_to_cover(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Move points in the frame of the indenter that lie outside the cover onto its side edges [m]."""
-        u, v = self.pose.to_array(x, y)
-        return self.pose.to_indenter(*(np.clip(c, -side, side) for c, side in zip((u, v), self._side, strict=True)))
+        u, v = self.pose.plan_to_array(x, y)
+        return self.pose.plan_to_indenter(
+            *(np.clip(c, -side, side) for c, side in zip((u, v), self._side, strict=True))
+        )
 
     @cached_property
     def _side(self) -> FloatArray:
@@ -142,7 +144,7 @@ class SideEdges:
     def _box(self) -> tuple[FloatArray, FloatArray]:
         """Bounds along x and y, in the frame of the array, of the part of the contact rectangle on the cover [m]."""
         signs = np.array([[1, 1, -1, -1], [1, -1, 1, -1]])
-        corners = np.stack(self.pose.to_array(*(signs * self.half[:, None])))
+        corners = np.stack(self.pose.plan_to_array(*(signs * self.half[:, None])))
         low, high = np.maximum(corners.min(axis=1), -self._side), np.minimum(corners.max(axis=1), self._side)
         return np.array([low[0], high[0]]), np.array([low[1], high[1]])
 
@@ -200,7 +202,7 @@ class SideEdges:
         return lines, chosen, [(a + a.T - b - b.T) / 2 for a, b in zip(alone, surrounded, strict=True)]
 
 
-def find_mirror_planes(indenter: Indenter, pose: PlanarPose) -> tuple[bool, bool]:
+def find_mirror_planes(indenter: Indenter, pose: Pose) -> tuple[bool, bool]:
     """Return whether an indenter in a pose is symmetric about the planes x = 0 and y = 0 of the array."""
     if not pose.is_aligned:
         return False, False

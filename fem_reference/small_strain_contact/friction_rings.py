@@ -26,7 +26,7 @@ from fem_reference.fields.cover_fields import CoverFields, recover_fields
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.loading_path import Control, Units
 from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
-from fem_reference.linear_response.mesh_reach import choose_friction_reach
+from fem_reference.linear_response.surface_compliance import choose_friction_reach
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Indenter
 from meshes.array_types import FloatArray, IntArray

@@ -1,4 +1,4 @@
-"""Outlines of flat faces, made of closed polygons: distances of points from an outline, and checks of a polygon.
+"""Outlines of flat faces, made of closed polygons: distances of points, checks, and splitting into convex parts.
 
 One polygon bounds a face; further polygons bound holes in the face, or other pieces of the face.  A point is inside the
 outline when it lies inside an odd number of polygons.
@@ -7,23 +7,38 @@ outline when it lies inside an odd number of polygons.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from meshes.array_types import BoolArray, FloatArray
+
 Corner = tuple[float, float]
 #: Corners (x, y) of a closed polygon, in order; a side joins the last corner to the first.
 Polygon = Sequence[Corner]
 
-#: Distance below which two points count as equal, over the longer edge of the polygon's bounding rectangle: rounding in
-#: double precision [-].
-_COINCIDENT = 1e-9
-#: Number of straight segments that replace a full circle in the arcs of an inset outline: their distance from the
-#: circle is at most 0.12 % of the radius [-].
-_ARC_SEGMENTS = 64
+
+@dataclass(frozen=True, kw_only=True)
+class _Numbers:
+    """Numbers of the computations with outlines; lengths are over the longer edge of the bounding rectangle."""
+
+    #: Distance below which two points are equal [-]; well above rounding in double precision.
+    coincident: float = 1e-9
+    #: Difference of y below which two corners are equally high [-]; single precision, as in STL files, has 6e-8.
+    level: float = 1e-6
+    #: Twice the area of three neighbouring corners below which they lie on a line, over the edge squared [-]; chosen
+    #: far below the corners of a circle of 10 000 sides.
+    straight: float = 1e-12
+    #: Number of the longest sides whose directions are tried for the lines that cut an outline [-]; chosen: more
+    #: directions rarely give fewer parts.
+    directions: int = 8
+    #: Straight segments of a full circle in the arcs of an inset outline [-]; they deviate by 0.12 % of the radius.
+    arc_segments: int = 64
+
+
+_NUMBERS = _Numbers()
 
 
 def make_hexagon(across: float) -> list[Corner]:
@@ -93,7 +108,7 @@ def _shrink(polygons: tuple[tuple[Corner, ...], ...], inset: float) -> list[Poly
     # manifold3d rounds coordinates to a grid of fixed spacing.  Coordinates are divided by the inset, so that they are
     # of order one or larger, far above this spacing.
     section = manifold3d.CrossSection([np.array(each) / inset for each in polygons], manifold3d.FillRule.EvenOdd)
-    section = section.offset(-1.0, manifold3d.JoinType.Round, circular_segments=_ARC_SEGMENTS)
+    section = section.offset(-1.0, manifold3d.JoinType.Round, circular_segments=_NUMBERS.arc_segments)
     if section.is_empty():
         raise ValueError(f"an inset of {inset:.3g} m leaves nothing of the outline")
     return [polygon * inset for polygon in section.to_polygons()]
@@ -144,10 +159,10 @@ def check_polygon(polygon: Polygon) -> None:
         raise ValueError("a polygon's corners must be numbers")
     size = float(np.ptp(corners, axis=0).max())
     for k, corner in enumerate(corners):
-        equal = np.flatnonzero(np.hypot(*(corners[k + 1 :] - corner).T) <= _COINCIDENT * size)
+        equal = np.flatnonzero(np.hypot(*(corners[k + 1 :] - corner).T) <= _NUMBERS.coincident * size)
         if len(equal):
             raise ValueError(f"corners {k + 1} and {k + 2 + equal[0]} of the polygon are the same")
-    if np.abs(cross(corners[1] - corners[0], corners - corners[0])).max() <= _COINCIDENT * size**2:
+    if np.abs(cross(corners[1] - corners[0], corners - corners[0])).max() <= _NUMBERS.coincident * size**2:
         raise ValueError("the polygon's corners lie on one line: it encloses no area")
     meeting = _find_meeting_sides(corners, size)
     if meeting is not None:
@@ -170,7 +185,7 @@ def _find_meeting_sides(corners: FloatArray, size: float) -> tuple[int, int] | N
     for k in range(n):
         a, b = start[k], end[k]
         ahead = end[(k + 1) % n] - b
-        if abs(cross(b - a, ahead)) <= _COINCIDENT * size**2 and (b - a) @ ahead < 0:
+        if abs(cross(b - a, ahead)) <= _NUMBERS.coincident * size**2 and (b - a) @ ahead < 0:
             return k, (k + 1) % n  # side k + 1 runs back along side k
         others = np.arange(k + 2, n if k else n - 1)
         c, d = start[others], end[others]
@@ -192,10 +207,126 @@ def _are_separated(distances: FloatArray, size: float) -> BoolArray:
         distances: Signed distances of the two points from the line, shape (2, n) [m].
         size: Length to which the tolerance of rounding is relative [m].
     """
-    on_line = np.abs(distances) <= _COINCIDENT * size
+    on_line = np.abs(distances) <= _NUMBERS.coincident * size
     return np.asarray((np.sign(distances[0]) != np.sign(distances[1])) | on_line.any(axis=0))
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Compute the cross product a_x b_y - a_y b_x of vectors in the plane, shapes (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def split_into_convex_parts(polygons: Sequence[Polygon]) -> list[FloatArray]:
+    """Split a flat face, the set of points inside an odd number of polygons, into convex polygons.
+
+    Parallel lines through all corners cut the face into slabs, which consist of trapezoids.  Trapezoids of neighbouring
+    slabs are merged if their union is convex.  Lines parallel to x and to each of the longest sides are tried; the
+    direction that gives the fewest parts is taken.
+
+    Args:
+        polygons: Simple polygons that do not cross one another [m].
+
+    Returns:
+        Corners of each convex part, counterclockwise, shape (k, 2) for k corners [m].
+    """
+    sides = list_sides(polygons)
+    along = sides[:, 1] - sides[:, 0]
+    longest = np.argsort(-np.hypot(*along.T), kind="stable")[: _NUMBERS.directions]
+    angles = {0.0, *(round(float(np.arctan2(y, x) % np.pi), 9) % round(np.pi, 9) for x, y in along[longest])}
+    fewest: list[FloatArray] = []
+    for angle in sorted(angles):
+        c, s = np.cos(angle), np.sin(angle)
+        parts = _split_along_x(sides @ np.array([[c, -s], [s, c]]))
+        if not fewest or len(parts) < len(fewest):
+            fewest = [part @ np.array([[c, s], [-s, c]]) for part in parts]
+    return fewest
+
+
+def _split_along_x(sides: FloatArray) -> list[FloatArray]:
+    """Split the face that n sides enclose into convex polygons, by lines parallel to x through all corners.
+
+    While a part is made, it is a list of rows (left x, right x, y), ordered by ascending y.
+
+    Args:
+        sides: First and last point (x, y) of each side, shape (n, 2, 2) [m].
+
+    Returns:
+        Corners of each convex part, counterclockwise, shape (k, 2) for k corners [m].
+    """
+    size = float(np.ptp(sides, axis=(0, 1)).max())
+    upward = np.take_along_axis(sides, np.argsort(sides[..., 1], axis=1)[..., None], axis=1)
+    open_parts: list[list[FloatArray]] = []
+    done: list[list[FloatArray]] = []
+    for low, high in pairwise(_list_levels(sides, size)):
+        crossing = upward[(upward[:, 0, 1] < (low + high) / 2) & (upward[:, 1, 1] > (low + high) / 2)]
+        ends = np.stack([_intersect(crossing, low), _intersect(crossing, high)])
+        ends = ends[:, np.argsort(ends.sum(axis=0))]
+        following: list[list[FloatArray]] = []
+        for k in range(0, ends.shape[1] - 1, 2):
+            bottom, top = np.array([*ends[0, k : k + 2], low]), np.array([*ends[1, k : k + 2], high])
+            below = next((part for part in open_parts if _extends(part, bottom, top, size)), None)
+            if below is not None:
+                open_parts = [part for part in open_parts if part is not below]
+            following.append([*(below or [bottom]), top])
+        done += open_parts
+        open_parts = following
+    return [_list_corners(part, size) for part in (*done, *open_parts)]
+
+
+def _list_levels(sides: FloatArray, size: float) -> list[float]:
+    """List the y coordinates of all corners, ascending; of corners that are equally high, only the lowest [m]."""
+    levels: list[float] = []
+    for y in np.unique(sides[..., 1]).tolist():
+        if not levels or y > levels[-1] + _NUMBERS.level * size:
+            levels.append(y)
+    return levels
+
+
+def _intersect(upward: FloatArray, y: float) -> FloatArray:
+    """Return the x at which sides that cross a slab meet its upper or lower border, a line of constant y [m].
+
+    Args:
+        upward: Lower and upper end (x, y) of each side, shape (n, 2, 2) [m].
+        y: The border's y [m].
+    """
+    (ax, ay), (bx, by) = upward[:, 0].T, upward[:, 1].T
+    share = np.clip((y - ay) / (by - ay), 0, 1)
+    return np.asarray(ax + share * (bx - ax))
+
+
+def _extends(part: list[FloatArray], bottom: FloatArray, top: FloatArray, size: float) -> bool:
+    """Return whether a trapezoid stands on the upper edge of a part, and the union of the two is convex.
+
+    Args:
+        part: Rows (left x, right x, y) of the part, by ascending y [m].
+        bottom: Lower row (left x, right x, y) of the trapezoid [m].
+        top: Upper row of the trapezoid [m].
+        size: Longer edge of the outline's bounding rectangle [m].
+    """
+    rows = np.array(part)
+    if np.abs(rows[-1] - bottom).max() > _NUMBERS.coincident * size:
+        return False
+    # The ends of the trapezoid's upper edge must not lie outside the straight continuation of any side of the part.
+    # Comparison with the uppermost side alone is not enough: where slabs are thin, the change of direction from one
+    # slab to the next is within rounding, but the sum of many changes is not.
+    rise = np.diff(rows, axis=0)
+    outside = top[:2] - rows[1:, :2] - rise[:, :2] / rise[:, 2:] * (top[2] - rows[1:, 2:])
+    slack = _NUMBERS.level * size
+    return bool((outside[:, 0] >= -slack).all() and (outside[:, 1] <= slack).all())
+
+
+def _list_corners(part: list[FloatArray], size: float) -> FloatArray:
+    """Return the corners of a part, counterclockwise, without duplicates and without corners on straight sides.
+
+    Args:
+        part: Rows (left x, right x, y) of the part, by ascending y [m].
+        size: Longer edge of the outline's bounding rectangle [m].
+
+    Returns:
+        Corners (x, y), shape (k, 2) [m].
+    """
+    rows = np.array(part)
+    ring = np.concatenate([rows[:, [1, 2]], rows[::-1, [0, 2]]])
+    ring = ring[np.hypot(*(ring - np.roll(ring, 1, axis=0)).T) > _NUMBERS.coincident * size]
+    before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
+    return np.asarray(ring[np.abs(cross(before, after)) > _NUMBERS.straight * size**2])

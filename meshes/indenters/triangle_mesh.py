@@ -7,24 +7,31 @@ from functools import cached_property
 
 import numpy as np
 
-from meshes.indenters.indenter import FloatArray, Indenter, Primitive
-from meshes.indenters.prism import require_axis_inside
-from meshes.surfaces.convex_hulls import split_into_hulls
-from meshes.surfaces.gap import TriangleGap, compute_volume, select_facing_down
+from meshes.array_types import FloatArray
+from meshes.indenters.indenter import Indenter, Primitive
+from meshes.indenters.punches import require_axis_inside
+from meshes.surfaces.underside import TriangleGap, compute_volume, select_facing_down, split_into_hulls
 
-#: Volume that counts as zero, over the cube of the largest edge of the body's bounding box, and height that counts as
-#: zero, over that edge: rounding in double precision [-].
-_ZERO = 1e-9
-#: Number of grid points along x and along y at which the gap is compared with its mirror image [-].
-_SYMMETRY_POINTS = 61
-#: Largest difference between the gap and its mirror image for the body to count as symmetric, the sum of two parts:
-#: rounding in STL files, which have single precision, over the larger half width of the body [-], and rounding in
-#: double precision [m].
-_RELATIVE_TOLERANCE, _TOLERANCE = 1e-6, 1e-9
-#: Distance between the middles of two edges, over the larger half width of the body, below which they are one edge [-].
-_SAME_PLACE = 1e-6
-#: Angle between two facets above which they form an edge of the body [rad].
-_EDGE_ANGLE = 0.5
+
+@dataclass(frozen=True, kw_only=True)
+class _Numbers:
+    """Numbers of the measures of a body; it is symmetric if its image deviates by less than the sum of tolerances."""
+
+    #: Volume over the cube of the body's size, and height over the size, that count as zero [-]; rounding.
+    zero: float = 1e-9
+    #: Grid points along x and along y at which the gap is compared with its mirror image [-]; chosen.
+    symmetry_points: int = 61
+    #: Tolerance over the larger half width of the body [-]; rounding in STL files of single precision.
+    relative_tolerance: float = 1e-6
+    #: Tolerance [m]; rounding in double precision.
+    tolerance: float = 1e-9
+    #: Distance of the middles of two edges that are one, over the larger half width [-]; single precision.
+    same_place: float = 1e-6
+    #: Angle between two facets above which they form an edge of the body [rad]; chosen, 29 degrees.
+    edge_angle: float = 0.5
+
+
+_NUMBERS = _Numbers()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,9 +59,9 @@ class TriangleMesh(Indenter):
         if not np.isfinite(corners).all():
             raise ValueError("the corners of all triangles must be finite")
         size = float(np.ptp(corners, axis=(0, 1)).max())
-        if not compute_volume(corners) > _ZERO * size**3:
+        if not compute_volume(corners) > _NUMBERS.zero * size**3:
             raise ValueError("the surface holds no volume, or its triangles face inwards")
-        if abs(corners[..., 2].min()) > _ZERO * size:
+        if abs(corners[..., 2].min()) > _NUMBERS.zero * size:
             raise ValueError(f"the lowest point must stand at z = 0, not at {corners[..., 2].min()} m")
         require_axis_inside(corners[..., :2].reshape(-1, 2))
         corners.setflags(write=False)
@@ -80,9 +87,9 @@ class TriangleMesh(Indenter):
         The gap and its mirror image are compared at the points of a grid.
         """
         half = self.footprint
-        x, y = np.meshgrid(*(np.linspace(-h, h, _SYMMETRY_POINTS) for h in half))
+        x, y = np.meshgrid(*(np.linspace(-h, h, _NUMBERS.symmetry_points) for h in half))
         gap = np.nan_to_num(self.gap(x, y), posinf=-1.0)
-        tolerance = _TOLERANCE + _RELATIVE_TOLERANCE * max(half)
+        tolerance = _NUMBERS.tolerance + _NUMBERS.relative_tolerance * max(half)
         in_x, in_y = (bool(np.abs(gap - np.flip(gap, axis)).max() < tolerance) for axis in (1, 0))
         return (in_x, in_y)
 
@@ -120,20 +127,20 @@ class TriangleMesh(Indenter):
         owner = np.repeat(np.arange(len(facets)), 3)
         width = np.repeat(double_area[double_area > 0], 3) / length
         # Facets that share an edge share its middle; sorting the middles brings them together.
-        middle = np.round(ends.mean(axis=1) / (_SAME_PLACE * max(self.footprint))).astype(np.int64)
+        middle = np.round(ends.mean(axis=1) / (_NUMBERS.same_place * max(self.footprint))).astype(np.int64)
         order = np.lexsort(middle.T)
         one, other = order[:-1], order[1:]
         shared = (middle[one] == middle[other]).all(axis=1)
         one, other = one[shared], other[shared]
         angle = np.arccos(np.clip((normal[owner[one]] * normal[owner[other]]).sum(axis=1), -1.0, 1.0))
-        angle[angle > _EDGE_ANGLE] = 0.0
+        angle[angle > _NUMBERS.edge_angle] = 0.0
         each = np.concatenate([one, other])
         return float(np.bincount(owner[each], width[each] * np.tile(angle, 2) / 8).max(initial=0.0))
 
     def primitives(self) -> tuple[Primitive, ...]:
         """Return one hull if the lower surface is convex; else hulls whose union approximates the lower surface.
 
-        The error of the approximation is at most `TOLERANCE` of `meshes.surfaces.convex_hulls`, or a warning is logged.
+        The approximation is within the tolerance of `meshes.surfaces.underside.HULLS`, or a warning is logged.
 
         Raises:
             ModuleNotFoundError: If trimesh is not installed.

@@ -7,11 +7,8 @@ before a mesh is solved.
 
 from __future__ import annotations
 
-from meshes.solids.base_surface import BaseSurface
-from meshes.solids.built_in import SweptCover, fingertip, flat_pad, phalanx
-from meshes.solids.quality import Quality, check_quality, check_texels
-from meshes.solids.solid_mesh import SolidMesh, read_mesh, write_mesh
-from meshes.solids.sweep import sweep
+from meshes.solids.solid_mesh import Quality, SolidMesh, check_quality, check_texels, read_mesh, write_mesh
+from meshes.solids.swept import BaseSurface, SweptCover, fingertip, flat_pad, phalanx, sweep
 
 __all__ = [
     "BaseSurface",

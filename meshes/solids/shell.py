@@ -8,35 +8,60 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshes.array_types import BoolArray, FloatArray, IntArray
-from meshes.solids.cracks import describe, describe_borders, refuse_parts, refuse_seams
-from meshes.solids.simplify import collapse_short_edges
-from meshes.solids.triangles import enclosed_volume, find_crossings, merge_corners, nearest_points
+from meshes.solids.triangles import (
+    collapse_short_edges,
+    describe,
+    describe_borders,
+    enclosed_volume,
+    find_crossings,
+    merge_corners,
+    nearest_points,
+    refuse_parts,
+    refuse_seams,
+)
 
-#: Most rounds in which the offset surface is smoothed where it folds [-].
-_ROUNDS = 40
-#: Largest share of the area at which the offset may fold nevertheless [-].
-_MOST_FOLDED = 0.005
-#: Smallest accepted distance of an offset over the wanted one, and that below which folds are rather left to the mesher
-#: than smoothed further [-].
-_THINNEST, _WANTED = 0.5, 0.75
-#: Edges below this length are collapsed before the offset, over the thickness [-].
-_SHORT = 0.2
-#: Number of rounds after which one more ring of neighbours is smoothed [-].
-_WIDEN, _MOST_RINGS = 3, 10
-#: Factor on the length of smoothed offsets: shorter offsets fold less [-].
-_KEPT = 0.995
-#: Smallest cosine between a triangle and its offset: below it the offset folds [-].
-_FOLDED = 0.2
-#: Distance from the base up to which a triangle of a closed surface belongs to it, over the size [-].
-_ON_BASE = 0.01
-#: Smallest cosine between the normals of such a triangle and of the base, or against it [-].
-_ALIGNED = 0.5
-#: Sum of solid angles over that of a whole sphere from which a point counts as inside [-].
-_INSIDE = 0.5
-#: Mean component of the normals away from the middle of a surface, over its size: below the first value they point
-#: inwards; below the second the surface is so flat that its outside cannot be told [-].
-_INWARDS, _OUTWARDS = -0.02, 0.02
 
+@dataclass(frozen=True, kw_only=True)
+class _OffsetNumbers:
+    """Numbers of the offset of a surface; chosen so that offsets of the tested surfaces do not fold."""
+
+    #: Most rounds in which the offset is smoothed where it folds [-].
+    rounds: int = 40
+    #: Largest share of the area at which the offset may fold nevertheless [-]; the mesher smooths small folds.
+    most_folded: float = 0.005
+    #: Smallest accepted distance of an offset over the wanted one [-].
+    thinnest: float = 0.5
+    #: Distance of an offset over the wanted one below which folds are left to the mesher, not smoothed further [-].
+    wanted: float = 0.75
+    #: Edges below this length are collapsed before the offset, over the thickness [-].
+    short: float = 0.2
+    #: Number of rounds after which one more ring of neighbours is smoothed [-].
+    widen: int = 3
+    #: Most rings of neighbours that are smoothed [-].
+    most_rings: int = 10
+    #: Factor on the length of smoothed offsets [-]; shorter offsets fold less.
+    kept: float = 0.995
+    #: Smallest cosine between a triangle and its offset [-]; below it the offset folds.
+    folded: float = 0.2
+
+
+@dataclass(frozen=True, kw_only=True)
+class _SideNumbers:
+    """Numbers that decide which side of a surface is the outside, and which part of a body is bonded; chosen."""
+
+    #: Distance from the base up to which a triangle of a closed surface belongs to it, over the size [-].
+    on_base: float = 0.01
+    #: Smallest cosine between the normals of such a triangle and of the base, or against it [-].
+    aligned: float = 0.5
+    #: Sum of solid angles from which a point counts as inside, over that of a whole sphere [-].
+    inside: float = 0.5
+    #: Mean component of the normals away from the middle, over the size, below which they point inwards [-].
+    inwards: float = -0.02
+    #: The same component below which a surface is so flat that its outside cannot be told [-].
+    outwards: float = 0.02
+
+
+_OFFSET, _SIDES = _OffsetNumbers(), _SideNumbers()
 #: Index of the strip between the borders of outer surface and base among the groups of triangles of a body.
 _STRIP = 2
 #: What is wrong where surfaces cross, and what to do.
@@ -95,28 +120,28 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
     refuse_seams(points, faces, name)
     refuse_parts(points, faces, name)
     assumed = _check_outward(points, faces, name) + describe_borders(points, border, name)
-    points, faces = collapse_short_edges(points, faces, _SHORT * thickness)
+    points, faces = collapse_short_edges(points, faces, _OFFSET.short * thickness)
     border = list_border(faces, name)
     normals = point_normals(points, faces)
     step = (-thickness if inward else thickness) * normals
     near = _list_neighbours(faces, len(points))
     areas = np.linalg.norm(_cross(points[faces]), axis=1)
     best, least, distance, sharp = step, np.inf, 0.0, points[0]
-    for number in range(_ROUNDS):
+    for number in range(_OFFSET.rounds):
         folded = _find_folds(points, points + step, faces, border, inward=inward)
         share = float(areas[folded].sum() / areas.sum())
-        if share <= _MOST_FOLDED and share < least:
+        if share <= _OFFSET.most_folded and share < least:
             near_by = nearest_points(points + step, points[faces])[0]
             lengths = np.linalg.norm(near_by - points - step, axis=1)
             shortest, sharp = float(lengths.min()), points[lengths.argmin()]
-            if shortest >= (_WANTED if np.isfinite(least) else _THINNEST) * thickness:
+            if shortest >= (_OFFSET.wanted if np.isfinite(least) else _OFFSET.thinnest) * thickness:
                 best, least, distance = step, share, shortest
         if not share:
             break
         if number == 0:
             sharp = points[faces[folded][0]].mean(axis=0)
         spots = set(faces[folded].ravel().tolist())
-        step = _smooth(step, near, spots, rings=min(1 + number // _WIDEN, _MOST_RINGS))
+        step = _smooth(step, near, spots, rings=min(1 + number // _OFFSET.widen, _OFFSET.most_rings))
     moved = points + best
     if not distance:
         raise ValueError(
@@ -211,12 +236,12 @@ def select_base(
     Returns:
         Whether each triangle belongs to the base, shape (n,).
     """
-    limit = _ON_BASE * float(np.ptp(surface, axis=(0, 1)).max()) if distance is None else distance
+    limit = _SIDES.on_base * float(np.ptp(surface, axis=(0, 1)).max()) if distance is None else distance
     middle = surface.mean(axis=1)
     near, owner = nearest_points(middle, base)
     cosine = np.einsum("fc,fc->f", _unit(_cross(surface)), _unit(_cross(base))[owner])
     cosine = -np.sign(enclosed_volume(base)) * cosine if is_closed else np.abs(cosine)
-    return np.asarray((np.linalg.norm(near - middle, axis=1) <= limit) & (cosine > _ALIGNED))
+    return np.asarray((np.linalg.norm(near - middle, axis=1) <= limit) & (cosine > _SIDES.aligned))
 
 
 def list_border(faces: IntArray, name: str) -> IntArray:
@@ -261,12 +286,12 @@ def _check_outward(points: FloatArray, faces: IntArray, name: str) -> tuple[str,
     away = points[faces].mean(axis=1) - points.mean(axis=0)
     mean = np.einsum("fc,fc->", area, away) / np.linalg.norm(area, axis=1).sum()
     size = float(np.ptp(points, axis=0).max())
-    if mean < _INWARDS * size:
+    if mean < _SIDES.inwards * size:
         raise ValueError(
             f"{name} is inside out: its triangles face inwards; reverse its normals, or the rows of a grid; if it is "
             "hollow on the touched side, give its base instead of the thickness"
         )
-    if mean > _OUTWARDS * size:
+    if mean > _SIDES.outwards * size:
         return ()
     normal = ", ".join(f"{round(each, 2) + 0.0:g}" for each in _unit(area.sum(axis=0, keepdims=True))[0])
     sentence = (
@@ -281,7 +306,7 @@ def _find_folds(points: FloatArray, moved: FloatArray, faces: IntArray, border: 
     before, after = _unit(_cross(points[faces])), _unit(_cross(moved[faces]))
     # A sliver's own normal may be far from that of the surface; its offset must only not be turned further.
     surface = _unit(point_normals(points, faces)[faces].sum(axis=1))
-    limit = np.minimum(_FOLDED, np.einsum("fc,fc->f", before, surface) - _FOLDED)
+    limit = np.minimum(_OFFSET.folded, np.einsum("fc,fc->f", before, surface) - _OFFSET.folded)
     out = np.einsum("fc,fc->f", surface, after) < limit
     if not out.any():  # crossings take longer
         outer, inner = (points, moved) if inward else (moved, points)
@@ -313,7 +338,7 @@ def _smooth(step: FloatArray, near: list[list[int]], spots: set[int], *, rings: 
         for spot, values in mean.items():
             length = np.linalg.norm(values, axis=1).mean()
             total = values.sum(axis=0)
-            out[spot] = _KEPT * length * total / max(float(np.linalg.norm(total)), 1e-300)
+            out[spot] = _OFFSET.kept * length * total / max(float(np.linalg.norm(total)), 1e-300)
     return out
 
 
@@ -374,7 +399,7 @@ def _are_inside(points: FloatArray, surface: FloatArray) -> bool:
         scale = length.prod(axis=1)
         for k in range(3):
             scale += np.einsum("fc,fc->f", corner[:, k], corner[:, (k + 1) % 3]) * length[:, (k + 2) % 3]
-        if np.abs(2 * np.arctan2(volume, scale).sum()) / (4 * np.pi) < _INSIDE:
+        if np.abs(2 * np.arctan2(volume, scale).sum()) / (4 * np.pi) < _SIDES.inside:
             return False
     return True
 

@@ -1,4 +1,4 @@
-"""Solid mesh of a cover, with its base, its touchable top and its free sides, and its file."""
+"""Solid mesh of a cover: its base, touchable top and free sides, its file, its quality and the limits on it."""
 
 from __future__ import annotations
 
@@ -12,23 +12,50 @@ from types import MappingProxyType
 
 import numpy as np
 
+from meshes.array import TexelArray
 from meshes.array_types import FloatArray, IntArray
 from meshes.atomic_file import replace
-from meshes.bounded_file import FileLimitError, parse_json, read_bytes
-from meshes.npz import pack_npz, unpack_npz
-from meshes.solids.facets import QUADRILATERAL, TRIANGLE
+from meshes.bounded_file import FileLimitError, pack_npz, parse_json, read_bytes, unpack_npz
+from meshes.solids.facets import QUADRILATERAL, TRIANGLE, area_vectors, facet_shape, line_shape, line_slope
+from meshes.solids.triangles import label_parts
 
 #: Numbers of nodes of a hexahedron and of a tetrahedron [-].
 HEXAHEDRON, TETRAHEDRON = 27, 4
 #: Number of nodes of a facet by number of nodes of an element [-].
 _FACET_NODES = {HEXAHEDRON: QUADRILATERAL, TETRAHEDRON: TRIANGLE}
-#: Largest accepted size of a mesh file [bytes].
-_MOST_BYTES = 2**30
 #: Version of the file format.
 _FORMAT = "softcover-mesh 1"
-
 #: A setting from which a mesh was made.
 Setting = str | float | int | bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshLimits:
+    """Limits on meshes, and numbers of the measures of their quality."""
+
+    #: Largest mesh file [bytes]; far above a mesh that can be solved.
+    file_bytes: int = 2**30
+    #: Smallest scaled Jacobian of a hexahedron [-]; below it an element is a sliver, by the error of test meshes.
+    hexahedron_jacobian: float = 0.05
+    #: Smallest scaled Jacobian of a tetrahedron [-]; below it an element is a sliver, by the error of test meshes.
+    tetrahedron_jacobian: float = 0.01
+    #: Smallest number of quadratic elements through the thickness [-]; with fewer the error estimates do not hold.
+    through: float = 1.5
+    #: Least and greatest largest edge of a cover [m]; outside, the unit must be wrong.
+    sizes: tuple[float, float] = (1e-3, 0.3)
+    #: Largest distance of a texel's centre from the base and beside the base, over the mean thickness [-]; chosen.
+    off_base: float = 0.1
+    #: Smallest cosine of the angle between a texel's normal and that of the base [-]; 30 degrees, chosen.
+    cosine: float = float(np.cos(np.radians(30)))
+    #: Sample points along each side of a facet in the search for the nearest point of the base [-]; chosen.
+    samples: int = 6
+    #: Number of elements whose Jacobians are computed at once [-]; limits the memory to some 100 MB.
+    block: int = 5000
+    #: Product of edge lengths in place of zero, so that a collapsed element has the scaled Jacobian 0 [m3].
+    tiny: float = 1e-300
+
+
+LIMITS = MeshLimits()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,7 +146,7 @@ def read_mesh(path: Path) -> SolidMesh:
         ValueError: If the file cannot be read, is no mesh, or was changed after it was written.
     """
     try:
-        arrays = unpack_npz(read_bytes(path, most=_MOST_BYTES), most=_MOST_BYTES)
+        arrays = unpack_npz(read_bytes(path, most=LIMITS.file_bytes), most=LIMITS.file_bytes)
         about = parse_json(str(arrays["about"]))
         for name, kinds in {"nodes": "f", "cells": "iu", "base": "iu", "top": "iu", "sides": "iu"}.items():
             if arrays[name].dtype.kind not in kinds:
@@ -141,3 +168,235 @@ def read_mesh(path: Path) -> SolidMesh:
     if mesh.digest != about.get("digest"):
         raise ValueError(f"{path.name} was changed after it was written: its content does not have the hash it states")
     return mesh
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quality:
+    """Quality of a solid mesh.
+
+    Attributes:
+        kind: Kind of the elements.
+        elements: Number of elements [-].
+        nodes: Number of nodes [-].
+        volume: Volume of the cover [m3].
+        thickness: Mean thickness: volume over the mean of the areas of base and top [m].
+        scaled_jacobian: Smallest scaled Jacobian of all elements: 1 for a cube or a regular tetrahedron [-].
+        inverted: Number of elements with a negative Jacobian [-].
+        slivers: Number of elements that are not inverted and have a scaled Jacobian below the limit [-].
+        base_deviation: Largest distance of a node of the base from the wanted base surface; nan if not known [m].
+        through: Mean number of elements through the thickness [-].
+        faults: One line for each limit that is exceeded; empty for a mesh that can be used.
+    """
+
+    kind: str
+    elements: int
+    nodes: int
+    volume: float
+    thickness: float
+    scaled_jacobian: float
+    inverted: int
+    slivers: int
+    base_deviation: float
+    through: float
+    faults: tuple[str, ...]
+
+    def require(self) -> None:
+        """Raise a ValueError with one line per fault if the mesh cannot be used."""
+        if self.faults:
+            raise ValueError("\n".join(self.faults))
+
+    def lines(self) -> list[str]:
+        """Describe the quality in lines of text."""
+        deviation = "" if np.isnan(self.base_deviation) else f", base within {1e6 * self.base_deviation:.3g} um"
+        thickness = f"{1e3 * self.thickness:.3g} mm{deviation}"
+        return [
+            f"{self.elements} {self.kind}, {self.nodes} nodes, {self.through:.3g} elements through {thickness}",
+            f"scaled Jacobian at least {self.scaled_jacobian:.3g}, {self.inverted} inverted, {self.slivers} slivers",
+            *self.faults,
+        ]
+
+
+def check_quality(mesh: SolidMesh, *, base_deviation: float = float("nan")) -> Quality:
+    """Measure the quality of a mesh and compare it with the limits; `Quality.require` refuses.
+
+    Args:
+        mesh: The mesh.
+        base_deviation: Largest distance of a node of the base from the wanted surface, if known [m].
+
+    Raises:
+        ValueError: If the base or the top has no area.
+    """
+    jacobian = scaled_jacobians(mesh)
+    least = LIMITS.hexahedron_jacobian if mesh.is_hexahedral else LIMITS.tetrahedron_jacobian
+    inverted = int((jacobian <= 0).sum())
+    slivers = int((jacobian < least).sum()) - inverted
+    volume = compute_volume(mesh)
+    areas = [measure_area(mesh, each) for each in ("base", "top")]
+    if not min(areas) > 0:
+        raise ValueError("the base or the top of the mesh has no area; mesh again")
+    thickness = volume / float(np.mean(areas))
+    if mesh.is_hexahedral:
+        through = len(mesh.cells) / len(mesh.base)
+    else:  # a regular tetrahedron of edge a has the volume a^3 / (6 sqrt 2)
+        through = thickness / float(np.mean(np.cbrt(6 * np.sqrt(2) * np.abs(_tetrahedron_volumes(mesh)))))
+    faults = _list_faults(mesh, inverted, slivers, through)
+    return Quality(
+        kind="hexahedra" if mesh.is_hexahedral else "tetrahedra",
+        elements=len(mesh.cells),
+        nodes=len(mesh.nodes),
+        volume=volume,
+        thickness=thickness,
+        scaled_jacobian=float(jacobian.min()),
+        inverted=inverted,
+        slivers=slivers,
+        base_deviation=base_deviation,
+        through=through,
+        faults=tuple(faults),
+    )
+
+
+def _list_faults(mesh: SolidMesh, inverted: int, slivers: int, through: float) -> list[str]:
+    """List why a mesh cannot be used, from its numbers of bad elements and of elements through the thickness."""
+    least = LIMITS.hexahedron_jacobian if mesh.is_hexahedral else LIMITS.tetrahedron_jacobian
+    count, faults = len(mesh.cells), []
+    low, high = LIMITS.sizes
+    if not low <= mesh.size <= high:
+        faults.append(
+            f"the cover would be {1e3 * mesh.size:.4g} mm long, outside {1e3 * low:g}..{1e3 * high:g} mm; "
+            "state the unit of the surface (were millimetres taken for metres?)"
+        )
+    if inverted:
+        faults.append(
+            f"{inverted} of {count} elements are inverted; make the cover thinner than the radius of a concave "
+            "base, let the normals point out of the base, or mesh again"
+        )
+    if slivers:
+        faults.append(f"{slivers} of {count} elements are slivers, with a scaled Jacobian below {least:g}; mesh again")
+    loose = 0 if mesh.is_hexahedral else _count_loose(mesh)
+    if loose:
+        faults.append(
+            f"{loose} of {count} elements are not connected with the base; remove loose bodies from the "
+            "surface, or give a base below each"
+        )
+    if not through >= LIMITS.through:
+        faults.append(
+            f"only {np.floor(100 * through) / 100:.3g} elements through the thickness, at least {LIMITS.through:g} "
+            "needed; take a smaller element size"
+        )
+    return faults
+
+
+def check_texels(mesh: SolidMesh, texels: TexelArray) -> None:
+    """Check that every texel lies on the base of a mesh and looks out of it.
+
+    Raises:
+        ValueError: With one line per fault: texels beside or off the base, or normals that point elsewhere.
+    """
+    thickness = compute_volume(mesh) / measure_area(mesh, "base")
+    along = (np.arange(LIMITS.samples) + 0.5) / LIMITS.samples
+    u, v = np.meshgrid(along, along)
+    place = np.column_stack([u.ravel(), v.ravel()])
+    place = 2 * place - 1 if mesh.is_hexahedral else place[place.sum(axis=1) <= 1]
+    vectors = area_vectors(mesh.nodes, mesh.base, place).reshape(-1, 3)
+    points = np.einsum("qa,fac->fqc", facet_shape(mesh.base.shape[1], place), mesh.nodes[mesh.base]).reshape(-1, 3)
+    area = np.linalg.norm(vectors, axis=1)
+    spacing = 2 * np.sqrt(area.max()) / LIMITS.samples
+    off, turned = [], []
+    for number, (centre, normal) in enumerate(zip(texels.centres, texels.normals, strict=True)):
+        nearest = int(np.argmin(((points - centre) ** 2).sum(axis=1)))
+        unit = vectors[nearest] / area[nearest]
+        away = centre - points[nearest]
+        height = away @ unit
+        beside = np.linalg.norm(away - height * unit)
+        if abs(height) > LIMITS.off_base * thickness or beside > LIMITS.off_base * thickness + spacing:
+            off.append((number, max(abs(float(height)), float(beside))))
+        elif unit @ normal < LIMITS.cosine:
+            turned.append(number)
+    faults = []
+    if off:
+        worst = max(off, key=lambda each: each[1])
+        faults.append(
+            f"{len(off)} of {texels.count} texels are off the base: texel {worst[0]} by {1e3 * worst[1]:.3g} mm; check "
+            "their positions, their unit and the frame, or project them onto the base"
+        )
+    if turned:
+        faults.append(
+            f"the normals of {len(turned)} of {texels.count} texels do not point out of the base there: texel "
+            f"{turned[0]}; reverse or recompute them"
+        )
+    if faults:
+        raise ValueError("\n".join(faults))
+
+
+def compute_volume(mesh: SolidMesh) -> float:
+    """Compute the volume of a mesh, negative if its elements are inverted [m3]."""
+    if not mesh.is_hexahedral:
+        return float(_tetrahedron_volumes(mesh).sum())
+    points, weights = np.polynomial.legendre.leggauss(3)
+    weight = np.einsum("i,j,k->ijk", weights, weights, weights).ravel()
+    blocks = np.array_split(mesh.cells, max(1, len(mesh.cells) // LIMITS.block))
+    return float(sum((np.linalg.det(_hexahedron_edges(mesh.nodes[block], points)) @ weight).sum() for block in blocks))
+
+
+def measure_thickness(mesh: SolidMesh) -> float:
+    """Compute the mean thickness of a cover: its volume over the area of its base [m]."""
+    return compute_volume(mesh) / measure_area(mesh, "base")
+
+
+def measure_area(mesh: SolidMesh, name: str) -> float:
+    """Compute the area of `base`, `top` or `sides` of a mesh [m2]."""
+    facets = getattr(mesh, name)
+    if not mesh.is_hexahedral:
+        return float(np.linalg.norm(area_vectors(mesh.nodes, facets, np.zeros((1, 2))), axis=2).sum() / 2)
+    points, weights = np.polynomial.legendre.leggauss(3)
+    u, v = np.meshgrid(points, points)
+    lengths = np.linalg.norm(area_vectors(mesh.nodes, facets, np.column_stack([u.ravel(), v.ravel()])), axis=2)
+    return float((lengths @ np.outer(weights, weights).ravel()).sum())
+
+
+def scaled_jacobians(mesh: SolidMesh) -> FloatArray:
+    """Compute the smallest scaled Jacobian of each element, over its nodes, shape (e,) [-].
+
+    For hexahedra: the determinant over the product of the lengths of the edge vectors (Knupp 2000).  For tetrahedra:
+    sqrt(2) times the determinant over the largest product of the three edges at a corner.
+    """
+    if mesh.is_hexahedral:
+        out = []
+        for block in np.array_split(mesh.cells, max(1, len(mesh.cells) // LIMITS.block)):
+            edges = _hexahedron_edges(mesh.nodes[block], np.array([-1.0, 0.0, 1.0]))
+            lengths = np.maximum(np.linalg.norm(edges, axis=-1).prod(axis=-1), LIMITS.tiny)
+            out.append((np.linalg.det(edges) / lengths).min(axis=1))
+        return np.concatenate(out)
+    corner = mesh.nodes[mesh.cells]
+    length = np.linalg.norm(corner[:, :, None] - corner[:, None], axis=-1)
+    products = np.stack([np.delete(length[:, i], i, axis=1).prod(axis=1) for i in range(4)])
+    return np.asarray(6 * np.sqrt(2) * _tetrahedron_volumes(mesh) / np.maximum(products.max(axis=0), LIMITS.tiny))
+
+
+def _count_loose(mesh: SolidMesh) -> int:
+    """Count the elements of bodies that the base does not hold: they could move freely."""
+    label = label_parts(len(mesh.nodes), mesh.cells)
+    return int((~np.isin(label[mesh.cells[:, 0]], label[mesh.base])).sum())
+
+
+def _tetrahedron_volumes(mesh: SolidMesh) -> FloatArray:
+    """Compute the signed volume of each tetrahedron, shape (e,) [m3]."""
+    corner = mesh.nodes[mesh.cells]
+    edges = corner[:, 1:] - corner[:, :1]
+    return np.asarray(np.linalg.det(edges) / 6)
+
+
+def _hexahedron_edges(nodes: FloatArray, points: FloatArray) -> FloatArray:
+    """Compute the derivatives of the position along the reference coordinates at p^3 points, shape (e, p^3, 3, 3) [m].
+
+    Args:
+        nodes: Nodes of e hexahedra, shape (e, 27, 3) [m].
+        points: p points along each reference coordinate, shape (p,).
+    """
+    shape, slope = line_shape(points), line_slope(points)
+    grid = nodes.reshape(len(nodes), 3, 3, 3, 3)  # element, k, j, i, component
+    out = [
+        np.einsum("zk,yj,xi,ekjic->ezyxc", *lines, grid, optimize=True)
+        for lines in ((shape, shape, slope), (shape, slope, shape), (slope, shape, shape))
+    ]
+    return np.stack([each.reshape(len(nodes), -1, 3) for each in out], axis=2)

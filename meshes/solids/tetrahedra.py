@@ -12,25 +12,34 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
-from meshes.solids.quality import SIZES, Quality, check_quality
-from meshes.solids.solid_mesh import Setting, SolidMesh, read_mesh, write_mesh
+from meshes.solids.solid_mesh import LIMITS, Quality, Setting, SolidMesh, check_quality, read_mesh, write_mesh
 from meshes.solids.triangles import check_closed, enclosed_volume, merge_corners, nearest_points
 
-#: Largest distance of the surface of the mesh from the given surface, over the thickness of the cover [-].
-_ENVELOPE = 1 / 50
-#: Distance of a facet from the base, in envelopes, up to which it can belong to the base [-].
-_NEAR_BASE = 3.0
-#: Smallest cosine between the normals of a facet and of the base for a facet of the base, and between its normal and
-#: the nearest normal of the base for a facet of the top: 60 degrees, beyond which it is a side [-].
-_ON_BASE, _ON_TOP = 0.7, 0.5
-#: Longest time for a mesh [s].
-_PATIENCE = 900
+
+@dataclass(frozen=True, kw_only=True)
+class _Numbers:
+    """Numbers of meshes of tetrahedra."""
+
+    #: Largest distance of the mesh's surface from the given one, over the cover's thickness [-]; chosen.
+    envelope: float = 1 / 50
+    #: Distance of a facet from the base up to which it can belong to the base, in envelopes [-]; chosen.
+    near_base: float = 3.0
+    #: Smallest cosine between the normals of the base and of a facet of the base [-]; 45 degrees, chosen.
+    on_base: float = 0.7
+    #: Smallest cosine between the base's nearest normal and that of a facet of the top [-]; 60 degrees, else a side.
+    on_top: float = 0.5
+    #: Longest time for a mesh [s]; chosen.
+    seconds: int = 900
+
+
+_NUMBERS = _Numbers()
 #: Program of the mesher's process: reads the surface and writes the mesh in the current folder.
 _PROGRAM = """
 import numpy, pytetwild
@@ -70,15 +79,16 @@ def fill_with_tetrahedra(
     surface, base = np.asarray(surface, dtype=float), np.asarray(base, dtype=float)
     check_closed(surface, name, crossings=crossings)
     size = float(np.ptp(surface, axis=(0, 1)).max())
-    if not SIZES[0] <= size <= SIZES[1]:
+    low, high = LIMITS.sizes
+    if not low <= size <= high:
         raise ValueError(
-            f"{name} would be {1e3 * size:.4g} mm long, outside {1e3 * SIZES[0]:g}..{1e3 * SIZES[1]:g} mm; state its "
+            f"{name} would be {1e3 * size:.4g} mm long, outside {1e3 * low:g}..{1e3 * high:g} mm; state its "
             "unit (were millimetres taken for metres?)"
         )
     thickness = enclosed_volume(surface) / (np.linalg.norm(_normals(base), axis=1).sum() / 2)
     settings: dict[str, Setting] = {
         "element_size": float(element_size),
-        "envelope": _ENVELOPE * float(thickness),
+        "envelope": _NUMBERS.envelope * float(thickness),
         "surface": _hash(surface),
         "base": _hash(base),
     }
@@ -92,8 +102,10 @@ def fill_with_tetrahedra(
             "tetrahedral meshes need pytetwild; run in a clone of softcover: python -m pip install -e '.[curved]'",
             name="pytetwild",
         )
-    nodes, cells = _run_mesher(surface, element_size, _ENVELOPE * thickness, name)
-    mesh = classify_boundary(nodes, cells, base, tolerance=_NEAR_BASE * _ENVELOPE * thickness, settings=settings)
+    nodes, cells = _run_mesher(surface, element_size, _NUMBERS.envelope * thickness, name)
+    mesh = classify_boundary(
+        nodes, cells, base, tolerance=_NUMBERS.near_base * _NUMBERS.envelope * thickness, settings=settings
+    )
     if keep is not None:
         write_mesh(keep, mesh)
     return mesh
@@ -134,13 +146,13 @@ def classify_boundary(
     normals, given = _unit(_normals(nodes[facets])), _unit(_normals(base))
     middle_owner = nearest_points(nodes[facets].mean(axis=1), base)[1]
     cosine = np.einsum("fc,fc->f", normals, given[middle_owner])
-    on_base = (distance[position] <= tolerance).all(axis=1) & (np.abs(cosine) > _ON_BASE)
+    on_base = (distance[position] <= tolerance).all(axis=1) & (np.abs(cosine) > _NUMBERS.on_base)
     if not on_base.any() or on_base.all():
         raise ValueError("no part of the surface lies on the base; give the base in the same frame and unit")
     nodes[outer[position[on_base]]] = nearest[position[on_base]]
     # The normals of the base must point into the cover: against those of the mesh's facets on the base.
     inward = -np.sign(cosine[on_base].sum())
-    on_top = ~on_base & (inward * cosine > _ON_TOP)
+    on_top = ~on_base & (inward * cosine > _NUMBERS.on_top)
     return SolidMesh(
         nodes=nodes,
         cells=cells,
@@ -184,11 +196,11 @@ def _run_mesher(surface: FloatArray, edge: float, envelope: float, name: str) ->
         )
         try:
             done = subprocess.run(  # noqa: S603 -- our own program
-                [sys.executable, "-c", _PROGRAM], cwd=folder, capture_output=True, timeout=_PATIENCE, check=False
+                [sys.executable, "-c", _PROGRAM], cwd=folder, capture_output=True, timeout=_NUMBERS.seconds, check=False
             )
         except subprocess.TimeoutExpired:
             raise ValueError(
-                f"meshing {name} took more than {_PATIENCE} s; take larger elements, simplify the {len(faces)} "
+                f"meshing {name} took more than {_NUMBERS.seconds} s; take larger elements, simplify the {len(faces)} "
                 "triangles of the surface, or give tetrahedra of your own by mesh"
             ) from None
         result = Path(folder) / "mesh.npz"

@@ -1,21 +1,61 @@
-"""Closed surfaces of triangles: checks before they are meshed, and nearest points."""
+"""Surfaces of triangles: closed or not, cracks, seams and loose parts, nearest points, and collapse of short edges."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Distance between corners that are the same, over the size of the surface [-].
-_SAME = 1e-7
-#: Volume over the cube of the size below which a surface encloses nothing [-].
-_FLAT = 1e-9
-#: Height of a triangle over its longest side below which it is a line [-].
-_THINNEST = 1e-10
-#: Number of pairs of points or triangles that are compared at once, to limit the memory [-].
-_PAIRS = 2_000_000
+
+@dataclass(frozen=True, kw_only=True)
+class _SurfaceNumbers:
+    """Numbers of the checks of surfaces and of the search for nearest points."""
+
+    #: Distance between corners that are the same, over the size of the surface [-]; single precision has 6e-8.
+    same: float = 1e-7
+    #: Volume below which a surface encloses nothing, over the cube of its size [-]; rounding.
+    flat: float = 1e-9
+    #: Height of a triangle below which it is a line, over its longest side [-]; rounding.
+    thinnest: float = 1e-10
+    #: Most pairs of points or triangles that are compared at once [-]; limits the memory to some 100 MB.
+    pairs: int = 2_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class _CrackNumbers:
+    """Numbers of the search for cracks and seams; chosen on surfaces that CAD programs exported face by face."""
+
+    #: Width of a crack along the border that is closed, over the size of the surface [-].
+    width: float = 1e-4
+    #: Distance of two edges of the border that makes them a seam, over the size of the surface [-].
+    seam: float = 1e-3
+    #: Distance of two edges of the border that makes them a seam, over the shorter of both [-].
+    beside: float = 0.1
+    #: Largest cosine between the directions of two edges of a seam, which run against each other [-].
+    against: float = -0.7
+    #: Extent of corners that are merged, over the width of a crack [-]; corners that are denser along a border stay.
+    chain: float = 4.0
+    #: Number of edges of seams after which the search ends [-]; the surface is refused anyway.
+    enough: int = 1000
+
+
+@dataclass(frozen=True, kw_only=True)
+class _CollapseNumbers:
+    """Numbers of the collapse of short edges; chosen so that offsets of the tested surfaces do not fold."""
+
+    #: Most passes over all edges [-].
+    passes: int = 30
+    #: Smallest cosine by which a collapse may turn a triangle [-].
+    turned: float = 0.3
+    #: Height of a triangle below which a collapse must not bring it, over its longest side [-].
+    sliver: float = 0.1
+
+
+_SURFACE, _CRACKS, _COLLAPSE = _SurfaceNumbers(), _CrackNumbers(), _CollapseNumbers()
 
 
 def check_closed(triangles: FloatArray, name: str, *, crossings: bool = True) -> None:
@@ -45,7 +85,7 @@ def check_closed(triangles: FloatArray, name: str, *, crossings: bool = True) ->
         raise ValueError(f"{name} has triangles that face different ways; recompute its normals outwards")
     size = float(np.ptp(triangles, axis=(0, 1)).max())
     volume = enclosed_volume(triangles)
-    if abs(volume) < _FLAT * size**3:
+    if abs(volume) < _SURFACE.flat * size**3:
         raise ValueError(f"{name} encloses no volume; export a solid")
     if volume < 0:
         raise ValueError(f"{name} is inside out: its triangles face inwards; reverse its normals")
@@ -57,7 +97,7 @@ def check_closed(triangles: FloatArray, name: str, *, crossings: bool = True) ->
 def merge_corners(triangles: FloatArray) -> tuple[FloatArray, IntArray]:
     """Merge equal corners; returns points, shape (p, 3) [m], and the points of each triangle, shape (n, 3)."""
     flat = triangles.reshape(-1, 3)
-    place = cluster(flat, _SAME * float(np.ptp(flat, axis=0).max()))
+    place = cluster(flat, _SURFACE.same * float(np.ptp(flat, axis=0).max()))
     first = np.unique(place, return_index=True)[1]
     return flat[first], place.reshape(-1, 3)
 
@@ -116,7 +156,7 @@ def list_near_pairs(low: FloatArray, high: FloatArray) -> Iterator[tuple[IntArra
     steps = np.concatenate([[0], np.cumsum(following)])
     start = 0
     while start < len(low):
-        stop = max(start + 1, int(np.searchsorted(steps, steps[start] + _PAIRS, side="right")) - 1)
+        stop = max(start + 1, int(np.searchsorted(steps, steps[start] + _SURFACE.pairs, side="right")) - 1)
         count = following[start:stop]
         first = np.repeat(np.arange(start, stop), count)
         second = first + 1 + np.arange(count.sum()) - np.repeat(steps[start:stop] - steps[start], count)
@@ -139,7 +179,7 @@ def nearest_points(points: FloatArray, triangles: FloatArray) -> tuple[FloatArra
     out, owner = np.empty_like(points), np.empty(len(points), dtype=np.int64)
     middle = triangles.mean(axis=1)
     radius = np.linalg.norm(triangles - middle[:, None], axis=2).max(axis=1)
-    block = max(1, _PAIRS // (2 * len(triangles)))
+    block = max(1, _SURFACE.pairs // (2 * len(triangles)))
     for start in range(0, len(points), block):
         part = points[start : start + block]
         # The distance to the nearest middle is an upper bound; triangles that are farther away cannot be nearest.
@@ -167,7 +207,7 @@ def _nearest_of_each(points: FloatArray, triangles: FloatArray) -> FloatArray:
     normal = normal / np.maximum(double_area, 1e-300)[:, None]
     plane = points - (away[:, 0] * normal).sum(axis=-1)[:, None] * normal
     inside = ((np.cross(along, plane[:, None] - triangles) * normal[:, None]).sum(axis=-1) >= 0).all(axis=-1)
-    inside &= double_area > _THINNEST * square.max(axis=1)  # a line has no normal
+    inside &= double_area > _SURFACE.thinnest * square.max(axis=1)  # a line has no normal
     return np.asarray(np.where(inside[:, None], plane, side))
 
 
@@ -188,3 +228,240 @@ def _edges_cross(one: FloatArray, other: FloatArray) -> BoolArray:
         v = (np.cross(first, point) * normal).sum(axis=1) / square
         out |= across & (u > 0) & (v > 0) & (u + v < 1)
     return out
+
+
+def close_cracks(triangles: FloatArray) -> FloatArray:
+    """Merge corners on the border of a surface that are nearer than a ten thousandth of its size.
+
+    Faces that were exported one by one differ there by the rounding of their coordinates.
+
+    Args:
+        triangles: Corners of each triangle, shape (n, 3, 3) [m].
+
+    Returns:
+        The triangles without those that collapse, shape (m, 3, 3) [m].
+    """
+    points, faces = merge_corners(triangles)
+    border = np.unique(_list_border(faces)[:, :2])
+    if not len(border):
+        return triangles
+    size = float(np.ptp(points, axis=0).max())
+    label = cluster(points[border], _CRACKS.width * size)
+    goal = border[np.unique(label, return_index=True)[1]][label]
+    near = np.linalg.norm(points[goal] - points[border], axis=1) <= _CRACKS.chain * _CRACKS.width * size
+    place = np.arange(len(points))
+    place[border[near]] = goal[near]
+    kept = (place[faces] != np.roll(place[faces], 1, axis=1)).all(axis=1)
+    return np.asarray(points[place[faces[kept]]])
+
+
+def refuse_seams(points: FloatArray, faces: IntArray, name: str) -> None:
+    """Refuse a surface of which two parts of the border lie along each other: they were meant to be one edge.
+
+    Args:
+        points: Positions of the points, shape (p, 3) [m].
+        faces: Points of each triangle, shape (f, 3).
+        name: Name of the surface in messages.
+
+    Raises:
+        ValueError: If there is a seam, with its place.
+    """
+    number, gap, place = _find_seams(points, _list_border(faces))
+    if number:
+        least = "at least " if number >= _CRACKS.enough else ""
+        raise ValueError(
+            f"{name} has a seam: {least}{number} edges of its border lie within {1e3 * gap:.2g} mm of another part of "
+            f"the border, as at ({describe(place)}) mm; join the faces there before the export"
+        )
+
+
+def _find_seams(points: FloatArray, border: IntArray) -> tuple[int, float, FloatArray]:
+    """Return the number of edges of seams, the largest distance between two of them [m] and its place [m].
+
+    Args:
+        points: Positions of the points, shape (p, 3) [m].
+        border: Points of each edge of the border and the third point of its triangle, shape (k, 3).
+    """
+    edges = border[:, :2]
+    start, along = points[edges[:, 0]], points[edges[:, 1]] - points[edges[:, 0]]
+    square = np.maximum(_dot(along, along), 1e-300)
+    length = np.sqrt(square)
+    inward = points[border[:, 2]] - start
+    inward -= (_dot(inward, along) / square)[:, None] * along
+    close = _CRACKS.seam * float(np.ptp(points, axis=0).max())
+    reach = np.maximum(close, _CRACKS.beside * length)[:, None] / 2
+    ends = np.stack([start, start + along])
+    found, gap, place = set[int](), 0.0, np.zeros(3)
+    for pairs in list_near_pairs(ends.min(axis=0) - reach, ends.max(axis=0) + reach):
+        one, other = np.concatenate([pairs, pairs[::-1]], axis=1)
+        against = _dot(along[one], along[other]) <= _CRACKS.against * length[one] * length[other]
+        apart = (edges[one][:, :, None] != edges[other][:, None, :]).all(axis=(1, 2))
+        one, other = one[against & apart], other[against & apart]
+        away = start[one] + along[one] / 2 - start[other]
+        away -= np.clip(_dot(away, along[other]) / square[other], 0.0, 1.0)[:, None] * along[other]
+        distance = np.linalg.norm(away, axis=1)
+        # The surface lies between the borders of a narrow strip: the other one is beyond the triangle at this edge.
+        across = -_dot(away, inward[one]) > _dot(inward[one], inward[one]) / 2
+        beside = ~across & (distance <= _CRACKS.beside * np.minimum(length[one], length[other]))
+        near = beside | (distance <= close)
+        if near.any():
+            found |= set(one[near].tolist())
+            worst = np.argmax(np.where(near, distance, -1.0))
+            if distance[worst] >= gap:
+                gap, place = float(distance[worst]), start[one[worst]] + along[one[worst]] / 2
+        if len(found) >= _CRACKS.enough:
+            break
+    return len(found), gap, place
+
+
+def refuse_parts(points: FloatArray, faces: IntArray, name: str) -> None:
+    """Refuse a surface of several parts that share no point: one of them was exported by mistake.
+
+    Raises:
+        ValueError: If there are several parts, with the place of the smallest.
+    """
+    part = label_parts(len(points), faces)[faces[:, 0]]
+    corner = points[faces]
+    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+    labels = np.unique(part)
+    if len(labels) > 1:
+        each = np.bincount(part, area)[labels]
+        middle = corner[part == labels[np.argmin(each)]].mean(axis=(0, 1))
+        raise ValueError(
+            f"{name} consists of {len(labels)} parts that do not hang together, the smallest with "
+            f"{100 * each.min() / each.sum():.2g} % of the area near ({describe(middle)}) mm; export the touched "
+            "surface alone, and one file for each cover"
+        )
+
+
+def describe_borders(points: FloatArray, border: IntArray, name: str) -> tuple[str, ...]:
+    """State in a sentence that a surface has several borders, and where the smallest is; nothing if it has one.
+
+    Args:
+        points: Positions of the points, shape (p, 3) [m].
+        border: Points of each edge of the border, shape (k, 2).
+        name: Name of the surface.
+    """
+    loop = label_parts(len(points), border)[border[:, 0]] if len(border) else border
+    loops = [points[border[loop == each, 0]] for each in np.unique(loop)]
+    if len(loops) <= 1:
+        return ()
+    width, middle = min((float(np.ptp(each, axis=0).max()), tuple(each.mean(axis=0))) for each in loops)
+    sentence = (
+        f"{name} has {len(loops)} borders, the smallest {1e3 * width:.3g} mm wide around ({describe(middle)}) mm; the "
+        "cover ends at each of them with free sides: fill holes that are not meant"
+    )
+    return (sentence,)
+
+
+def label_parts(count: int, faces: IntArray) -> IntArray:
+    """Label points by the lowest point to which triangles or edges connect them, shape (count,).
+
+    Args:
+        count: Number of points [-].
+        faces: Points of each triangle or edge, shape (f, k).
+    """
+    label = np.arange(count)
+    while True:
+        before = label.copy()
+        lowest = label[faces].min(axis=1, keepdims=True)
+        np.minimum.at(label, before[faces], lowest)  # whole parts at once, so that long rows of points take few rounds
+        np.minimum.at(label, faces, lowest)
+        label = label[label]
+        if (label == before).all():
+            return label
+
+
+def describe(place: FloatArray | tuple[float, ...]) -> str:
+    """Write a position in millimetres."""
+    return ", ".join(f"{round(1e3 * each, 2) + 0.0:g}" for each in place)
+
+
+def _list_border(faces: IntArray) -> IntArray:
+    """List the directed edges of one triangle only, and its third point, shape (k, 3)."""
+    edges = np.concatenate([np.roll(faces, -k, axis=1) for k in range(3)])
+    _, place, count = np.unique(np.sort(edges[:, :2], axis=1), axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(edges[count[place.ravel()] == 1])
+
+
+def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Compute the scalar products of k pairs of vectors, shape (k,)."""
+    return np.asarray(np.einsum("kc,kc->k", one, other))
+
+
+def collapse_short_edges(points: FloatArray, faces: IntArray, length: float) -> tuple[FloatArray, IntArray]:
+    """Collapse edges below a length to one of their ends, while the surface stays a surface.
+
+    A point on the border stays; the border keeps its points.
+
+    Args:
+        points: Positions of the points, shape (p, 3) [m].
+        faces: Points of each triangle, shape (f, 3).
+        length: Edges below this length are collapsed [m].
+
+    Returns:
+        Points and triangles that remain.
+    """
+    faces = faces.copy()
+    for _ in range(_COLLAPSE.passes):
+        edges = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
+        keys, count = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+        size = np.linalg.norm(points[keys[:, 0]] - points[keys[:, 1]], axis=1)
+        border = set(keys[count == 1].ravel().tolist())
+        around: dict[int, list[int]] = defaultdict(list)
+        for number, face in enumerate(faces.tolist()):
+            for point in face:
+                around[point].append(number)
+        locked: set[int] = set()
+        removed: set[int] = set()
+        for index in np.argsort(size, kind="stable"):
+            if size[index] >= length:
+                break
+            removed |= _collapse(points, faces, around, keys[index].tolist(), (border, locked))
+        if not removed:
+            break
+        faces = np.delete(faces, sorted(removed), axis=0)
+    used, place = np.unique(faces, return_inverse=True)
+    return points[used], place.reshape(-1, 3)
+
+
+def _collapse(
+    points: FloatArray, faces: IntArray, around: dict[int, list[int]], edge: list[int], kept: tuple[set[int], set[int]]
+) -> set[int]:
+    """Collapse one edge if possible; returns the triangles that vanish, and changes `faces` in place."""
+    border, locked = kept
+    gone, stays = edge if edge[1] in border else edge[::-1]
+    if gone in border or gone in locked or stays in locked:
+        return set()
+    mine, others = around[gone], around[stays]
+    shared = set(mine) & set(others)
+    near = [{int(point) for face in each for point in faces[face]} for each in (mine, others)]
+    if len((near[0] & near[1]) - {gone, stays}) != len(shared):
+        return set()
+    moving = [face for face in mine if face not in shared]
+    before = faces[moving]
+    after = np.where(before == gone, stays, before)
+    one, other = (np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) for c in (points[before], points[after]))
+    product = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
+    # Slivers say nothing about the direction of the surface; only larger triangles must not turn.
+    if (np.einsum("fc,fc->f", one, other) < _COLLAPSE.turned * product)[
+        np.linalg.norm(one, axis=1) > 0.1 * _largest(one)
+    ].any():
+        return set()
+    shape = [_shapes(points[each]).min(initial=1.0) for each in (before, after)]
+    if shape[1] < min(_COLLAPSE.sliver, shape[0]):
+        return set()
+    faces[moving] = after
+    locked |= near[0] | near[1]
+    return shared
+
+
+def _shapes(triangles: FloatArray) -> FloatArray:
+    """Return the height over the longest side of triangles, shape (n,) [-]."""
+    sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
+    area = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    return np.asarray(area / np.maximum(sides**2, np.finfo(float).tiny))
+
+
+def _largest(vectors: FloatArray) -> float:
+    return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))

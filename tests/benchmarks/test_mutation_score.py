@@ -76,7 +76,7 @@ def test_mutants_of_this_repository_parse(score):
 
 def test_tests_are_chosen_by_line_fastest_first_and_kernels_by_their_callers(score):
     mutants = score.find_mutants(ROOT, ("meshes/surfaces", "fastmodel/contact"))
-    mutant = next(each for each in mutants if each.path == "meshes/surfaces/gap.py" and each.runs)
+    mutant = next(each for each in mutants if each.path == "meshes/surfaces/underside.py" and each.runs)
     bits = f"{1 << mutant.lines[-1]:x}"
     records = [{"tests": {"slow": [2.5, {mutant.path: bits}], "quick": [0.1, {mutant.path: bits}], "other": [0.1, {}]}}]
     chooser = score.Chooser(records)
@@ -91,9 +91,9 @@ def test_tests_are_chosen_by_line_fastest_first_and_kernels_by_their_callers(sco
 
 
 def test_a_constant_is_tested_by_the_functions_that_need_it_and_not_by_what_loads_its_file_first(score):
-    """`TexelCount` is a type in a table, which is part of the tables that `parse` reads."""
-    file, reader = "validation/sensor_file/tables.py", "validation/sensor_file/sensor.py"
-    mutant = next(each for each in score.find_mutants(ROOT, ("validation/sensor_file",)) if each.owner == "TexelCount")
+    """`TexelCount` is a type in a table, which stands in the tables of sensors."""
+    file, reader = "validation/schema/types.py", "validation/sensor_file/sensor.py"
+    mutant = next(each for each in score.find_mutants(ROOT, ("validation/schema",)) if each.owner == "TexelCount")
     lines = {
         name: sum(1 << number for number, line in enumerate((ROOT / name).read_text().splitlines(), start=1) if line)
         for name in (file, reader)
@@ -108,9 +108,9 @@ def test_tests_of_a_constant_are_those_of_the_constants_made_from_it(score):
     """Imports make named materials, so no test runs the lines that use the numbers of natural rubber."""
     mutants = score.find_mutants(ROOT, ("meshes",))
     mutant = next(each for each in mutants if each.owner == "_NATURAL_RUBBER")
-    reader = (ROOT / "validation/sensor_file/tables.py").read_text().splitlines()
+    reader = (ROOT / "validation/schema/types.py").read_text().splitlines()
     lines = sum(1 << number for number, line in enumerate(reader, start=1) if "return MATERIALS[" in line)
-    records = [{"tests": {"reader": [0.1, {"validation/sensor_file/tables.py": f"{lines:x}"}]}}]
+    records = [{"tests": {"reader": [0.1, {"validation/schema/types.py": f"{lines:x}"}]}}]
     assert score.Chooser(records).choose(mutant) == ["reader"]
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from fastmodel.errors import ParametersError
 from fastmodel.parameters import load
-from meshes.npz import pack_npz
+from meshes.bounded_file import pack_npz
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshes.indenters.nut import match_hexagon
 from meshes.indenters.polygons import make_hexagon
+from meshes.indenters.punches import match_hexagon
 
 _HALF_H = [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)]
 #: Corners of the letter [m].

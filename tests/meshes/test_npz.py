@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from meshes.npz import pack_npz
+from meshes.bounded_file import pack_npz
 
 NAMES = st.text("abcdefgh_", min_size=1, max_size=8)
 VALUES = arrays.arrays(

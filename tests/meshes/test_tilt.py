@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from meshes import Box, Cone, Cylinder, Nut, Prism, Roller, RoundedTip, Sphere, tilt_indenter
-from meshes.indenters.sphere import spherical_gap
+from meshes.indenters.shapes import spherical_gap
 from meshes.tilt import MOST_TILT, TiltedIndenter
 
 ANGLE = st.floats(-MOST_TILT, MOST_TILT)

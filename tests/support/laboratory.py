@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from meshes import Box, TexelArray
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 from validation.calibration.contact import ContactMethod
 from validation.calibration.counts import CountCurve
 from validation.calibration.observations import Observations, Placement, Pose

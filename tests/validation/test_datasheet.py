@@ -12,7 +12,7 @@ import pytest
 
 import fastmodel
 from fastmodel import Butterworth, Electronics
-from validation.data_sheet import as_html, as_json, as_markdown, find_nonlinearity, make_datasheet
+from validation.data_sheet import find_nonlinearity, make_datasheet
 from validation.sensor_file import BUILT_IN
 
 #: What the data sheet of any sensor must name.
@@ -25,7 +25,7 @@ def change(**electronics):
 
 
 def sheet(parameters, sensor=None):
-    return as_json(make_datasheet(parameters, sensor))
+    return make_datasheet(parameters, sensor).as_json()["entries"]
 
 
 @pytest.mark.parametrize("name", ["wts-0614-34", "sdh2-distal"])
@@ -109,14 +109,14 @@ def test_resolution_agrees_with_the_derivation_and_needs_finite_elements(monkeyp
 
 
 def test_files_hold_every_entry(softcover, tmp_path):
-    entries = make_datasheet(fastmodel.load("sdh2-distal"), BUILT_IN["sdh2-distal"])
+    sheet = make_datasheet(fastmodel.load("sdh2-distal"), BUILT_IN["sdh2-distal"])
     assert softcover("datasheet", "sdh2-distal", "--out", "sheet.md")[0] == 0
-    assert (tmp_path / "sheet.md").read_text() == as_markdown(entries, "sdh2-distal")
+    assert (tmp_path / "sheet.md").read_text() == sheet.markdown()
     rows = re.findall(r"^\| (.*?) \|", (tmp_path / "sheet.md").read_text(), flags=re.MULTILINE)
-    assert rows[2:] == [entry.name for entry in entries]
-    table = re.search("<table>.*</table>", as_html(entries, "<x>"), flags=re.DOTALL)[0]
+    assert rows[2:] == [entry.name for entry in sheet.entries]
+    table = re.search("<table>.*</table>", dataclasses.replace(sheet, sensor="<x>").html(), flags=re.DOTALL)[0]
     cells = [row.findtext("th") for row in ET.fromstring(table).iter("tr")]  # noqa: S314 -- ours
-    assert cells[1:] == [entry.name for entry in entries]
+    assert cells[1:] == [entry.name for entry in sheet.entries]
     assert softcover("datasheet", "sdh2-distal", "--out", "sheet.md")[0] == 2
 
 

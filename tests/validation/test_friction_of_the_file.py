@@ -46,6 +46,6 @@ def test_the_fast_model_says_that_it_leaves_the_friction_out(softcover):
 def test_a_campaign_presses_with_the_friction_of_the_file_and_derive_states_that_it_does_not(sticky):
     found = evaluate(load(sticky), cases=[Case.read("face", "cylinder:radius=2mm", "100 g")])
     assert found.campaign.cases[0].reference.assumptions["friction"] == "no slip"
-    assert found.as_json()["friction"] == "no-slip"
+    assert found.report.friction == "no-slip"
     lines = found.derivation.undetermined
     assert any(line.startswith("friction no-slip of the sensor file: not used") for line in lines)

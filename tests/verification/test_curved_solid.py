@@ -9,7 +9,7 @@ from fem_reference.closed_form.cylinder import ArcLoad, CylinderLayer
 from fem_reference.curved_cover import texel_responses
 from meshes import Material, TexelArray
 from meshes.solids import sweep
-from meshes.solids.base_surface import join_grids
+from meshes.solids.swept import join_grids
 from tests.exact.sphere import CapLoad, SphereLayer
 
 THICKNESS = 2e-3

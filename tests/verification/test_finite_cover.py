@@ -15,8 +15,13 @@ from fem_reference.elements.line import Line, line_matrix
 from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
 from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.grid_convergence import grid_convergence
-from fem_reference.linear_response.finite_cover import SolidInfluence, solid_influence, solve_adjoint
-from fem_reference.linear_response.mirror_symmetry import Resolution, mesh_quarter
+from fem_reference.linear_response.finite_cover import (
+    Resolution,
+    SolidInfluence,
+    mesh_quarter,
+    solid_influence,
+    solve_adjoint,
+)
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Layer, Material, TexelArray
 

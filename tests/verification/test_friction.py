@@ -10,9 +10,8 @@ import pytest
 
 from fem_reference import press
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
-from fem_reference.finite_strain.block_path import lay_out_block
+from fem_reference.finite_strain.block_path import lay_out_block, press_paired
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.finite_strain.paired_path import press_paired
 from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
 

@@ -13,9 +13,9 @@ import pytest
 import skfem
 
 from fem_reference.elements.taylor_hood import Pattern, assemble_linear, prepare_elements
+from fem_reference.finite_strain.contact_problem import locate_pressures
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.loading_path import Units
-from fem_reference.finite_strain.mesh_transfer import locate_pressures
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Layer, Material
 

@@ -13,7 +13,7 @@ from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges, find_mirror_planes
 from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
 from meshes import Box, Cover, Layer, Material, Prism, Sphere, TexelArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.support.rubber import make_cover
 
 PAD, THICKNESS = (8e-3, 6e-3), 4e-3
@@ -28,7 +28,7 @@ def pad(bonded, nu=0.45, size=PAD):
 
 def sides(cover, indenter, *, at=(0.0, 0.0), yaw=0.0, half=None):
     size = indenter.footprint if half is None else (half, half)
-    return SideEdges(cover=cover, indenter=indenter, pose=PlanarPose(at=at, yaw=yaw), half=np.array(size))
+    return SideEdges(cover=cover, indenter=indenter, pose=Pose.planar(at=at, yaw=yaw), half=np.array(size))
 
 
 def pressed(cover, indenter, *, cells=40, load=1.0, **where):
@@ -113,18 +113,18 @@ def test_quarter_turned_shape_on_a_quarter_turned_cover_presses_alike(bonded):
 
 def test_symmetry_is_seen_in_the_pose():
     bar = Box(size=(6e-3, 2e-3, 5e-3))
-    assert find_mirror_planes(bar, PlanarPose()) == (True, True)
-    assert find_mirror_planes(bar, PlanarPose(at=(1e-3, 0.0), yaw=np.pi / 2)) == (False, True)
-    assert find_mirror_planes(bar, PlanarPose(yaw=0.3)) == (False, False)
+    assert find_mirror_planes(bar, Pose.planar()) == (True, True)
+    assert find_mirror_planes(bar, Pose.planar(at=(1e-3, 0.0), yaw=np.pi / 2)) == (False, True)
+    assert find_mirror_planes(bar, Pose.planar(yaw=0.3)) == (False, False)
     arrow = Prism(points=((0.0, 6e-3), (-5e-3, -4e-3), (5e-3, -4e-3)))
     for turns, expected in enumerate([(True, False), (False, True), (True, False), (False, True)]):
-        assert find_mirror_planes(arrow, PlanarPose(yaw=turns * np.pi / 2)) == expected
+        assert find_mirror_planes(arrow, Pose.planar(yaw=turns * np.pi / 2)) == expected
 
 
 def test_pose_there_and_back():
-    pose = PlanarPose(at=(1e-3, -2e-3), yaw=0.7)
+    pose = Pose.planar(at=(1e-3, -2e-3), yaw=0.7)
     x, y = np.random.default_rng(0).normal(size=(2, 50))
-    assert np.stack(pose.to_indenter(*pose.to_array(x, y))) == pytest.approx(np.stack([x, y]))
+    assert np.stack(pose.plan_to_indenter(*pose.plan_to_array(x, y))) == pytest.approx(np.stack([x, y]))
 
 
 def soft(base="bonded"):

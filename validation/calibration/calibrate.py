@@ -20,7 +20,7 @@ from pydantic import Field
 
 from fastmodel.signal.electronics import TEXEL_FORCE, WHITE, WTS_0614_34, grey_levels
 from meshes import TexelArray
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 from validation.calibration.contact import ContactMethod
 from validation.calibration.forward_fit import ForwardFit, Options, compute_forces, fit_forward
 from validation.calibration.observations import BoolArray, Observations
@@ -34,9 +34,10 @@ from validation.calibration.uncertainty import (
 )
 from validation.errors import InputError
 from validation.output_folder import write_text
-from validation.results import Array, Indices, Result, result
+from validation.results import Array, Indices, Result, result_model
+from validation.schema import read_raw
+from validation.schema.sensor import SensorTables
 from validation.sensor_file import SensorDescription, parse
-from validation.sensor_file.sensor import read_tables
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +71,7 @@ NUMBERS = CalibrationNumbers()
 _CHARACTERISTIC = ("sensitivity", "offset", "characteristic")
 
 
-@result
+@result_model
 class HoldOut(Result):
     """Predictions of recordings that were left out of a second fit, beside a line per texel.
 
@@ -99,7 +100,7 @@ class HoldOut(Result):
         )
 
 
-@result
+@result_model
 class Calibration(Result):
     """Result of a calibration; n is the number of texels.
 
@@ -419,7 +420,7 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
     """
     source, target = Path(sensor), Path(out)
     try:
-        tables = read_tables(source)
+        tables = read_raw(source, SensorTables)
     except (OSError, ValueError) as error:
         raise InputError(f"{source}: cannot be read: {error}; accepted: a sensor file (`softcover init`)") from error
     kept = {name: value for name, value in tables.get("electronics", {}).items() if name not in _CHARACTERISTIC}

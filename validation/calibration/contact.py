@@ -12,7 +12,7 @@ from fastmodel import Parameters, indent
 from fastmodel.contact.methods import DEFAULT, choose_method
 from fastmodel.errors import MissedArrayError
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 from validation.calibration.observations import Pose
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ import numpy as np
 
 from fastmodel import Electronics
 from fastmodel.signal.electronics import saturate
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 from validation.calibration.loading import CREEP_START
 
 

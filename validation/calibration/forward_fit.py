@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
-from meshes.array import FloatArray, TexelArray
+from meshes.array import TexelArray
+from meshes.array_types import FloatArray
 from validation.calibration.contact import ContactMethod
 from validation.calibration.counts import CountCurve
 from validation.calibration.loading import CREEP_START

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 
 #: Sum of counts over its final value [-]: the load counts as applied from the time after which the sum of counts stays
 #: above this share.

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes import Indenter
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 

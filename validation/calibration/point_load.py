@@ -15,7 +15,7 @@ from validation.calibration.observations import Observations
 from validation.calibration.uncertainty import Estimate, estimate_mean
 from validation.derivation.calibration_tip import compute_tip_share, linearise
 from validation.derivation.kernel_fit import Influence
-from validation.results import Result, result
+from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 
 #: Counts over the largest count of a trial, from which the saturation bends the line, so that images are left out [-].
@@ -26,7 +26,7 @@ _SATURATED = 0.97
 _FEWEST_IMAGES = 2
 
 
-@result
+@result_model
 class Trial(Result):
     """Line from applied force to counts of one trial.
 
@@ -44,7 +44,7 @@ class Trial(Result):
     saturation_force: float | None
 
 
-@result
+@result_model
 class PointLoadCalibration(Result):
     """Slopes of the trials.
 

@@ -15,9 +15,9 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 from validation.calibration.forward_fit import ForwardFit, describe_confounding
-from validation.results import Result, result
+from validation.results import Result, result_model
 
 #: Smallest number of recordings from which an interval is computed; the scatter of two is too uncertain [-].
 FEWEST_RECORDINGS = 3
@@ -49,7 +49,7 @@ class UncertaintyNumbers:
 NUMBERS = UncertaintyNumbers()
 
 
-@result
+@result_model
 class Estimate(Result):
     """An estimated quantity with its confidence interval.
 

@@ -8,30 +8,24 @@ a file in the package.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshes import Cover, TexelArray
-from meshes.bounded_file import FileLimitError, parse_toml, read_text
-from validation.campaign.case import Case
-from validation.campaign.case_tables import read_case, read_limits, read_share
+from validation.campaign.case import Case, name_positions
 from validation.errors import InputError, nearest
-from validation.text.friction import read_friction
-from validation.text.quantity import Kind, read_quantity
+from validation.schema import parse, read_raw
+from validation.schema.campaign import CampaignTables, CaseTable, LoadsForTable
+from validation.text.indenter import read_position, read_tilt, read_yaw
 
 if TYPE_CHECKING:
     from validation.curved.places import CurvedPlaces
 
-#: Largest accepted size of a campaign file [bytes], and largest number of cases [-].
-_MOST_BYTES, _MOST_CASES = 2**20, 1000
 #: Number of cases of `--quick` if the file marks none [-].
 _QUICK = 6
-#: Keys of the file, of `[required]` and of `[inputs]`.
-_KEYS = ("name", "intended_use", "required", "inputs", "loads_for", "case")
-_REQUIRED_KEYS = ("mean", "each")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -129,16 +123,8 @@ def read_campaign(
         OSError: If the file exists and cannot be read.
     """
     if path is None:
-        return parse_campaign(
-            _read_default(_name_default(curved)), array, source="built-in", cover=cover, curved=curved
-        )
-    if not path.exists():
-        raise InputError(f"--campaign: {path}: no such file")
-    try:
-        tables = parse_toml(read_text(path, most=_MOST_BYTES))
-        return parse_campaign(tables, array, source=str(path), cover=cover, curved=curved)
-    except FileLimitError as error:
-        raise InputError(f"{path}: {error}") from None
+        return parse_campaign({}, array, source="built-in", cover=cover, curved=curved)
+    return parse_campaign(read_raw(path, CampaignTables), array, source=str(path), cover=cover, curved=curved)
 
 
 def default_cases(array: TexelArray) -> tuple[Case, ...]:
@@ -146,17 +132,13 @@ def default_cases(array: TexelArray) -> tuple[Case, ...]:
     return read_campaign(None, array).cases
 
 
-def _name_default(curved: CurvedPlaces | None) -> str:
-    return "default.toml" if curved is None else "curved.toml"
-
-
 @cache
 def _read_default(name: str) -> dict[str, Any]:
-    return parse_toml(resources.files("validation.campaign").joinpath(name).read_text(encoding="utf-8"))
+    return read_raw(Path(str(resources.files("validation.campaign").joinpath(name))), CampaignTables)
 
 
 def parse_campaign(
-    tables: Mapping[str, Any],
+    data: Mapping[str, Any],
     array: TexelArray,
     *,
     source: str,
@@ -168,7 +150,7 @@ def parse_campaign(
     What the file leaves out, besides cases, is that of the default campaign.
 
     Args:
-        tables: The tables of the file.
+        data: The tables of the file, as the TOML parser returns them.
         array: The array, which defines the named positions of the indenter.
         source: The file; fault lines begin with it.
         cover: The cover, for whose stiffness loads are scaled where the file has `loads_for`.
@@ -177,57 +159,38 @@ def parse_campaign(
     Raises:
         InputError: As for `read_campaign`.
     """
-    faults = [f"{key}: unknown key; {nearest(key, _KEYS)}" for key in tables if key not in _KEYS]
-    default = _read_default(_name_default(curved))
-    texts = {key: _read_text_key(tables.get(key, default[key]), key, faults) for key in ("name", "intended_use")}
-    criterion = _read_criterion(tables.get("required", default["required"]), faults)
-    inputs = _read_inputs(tables.get("inputs", default["inputs"]), faults)
-    listed = tables.get("case", default["case"])
-    scale = _read_load_scale(tables if "case" in tables else default, cover, faults)
-    if not isinstance(listed, list) or not listed:
-        faults.append("case: must be at least one table [[case]]")
-    elif len(listed) > _MOST_CASES:
-        faults.append(f"case: {len(listed)} cases; at most {_MOST_CASES} are accepted")
-    if faults:
-        raise InputError(*(f"{source}: {fault}" for fault in faults))
-    cases, quick, left_out = _read_cases(listed, array, curved)
+    default = _read_default("default.toml" if curved is None else "curved.toml")
+    if "case" in data:
+        default = {key: value for key, value in default.items() if key not in ("case", "loads_for")}
+    data = default | dict(data)
+    tables = parse(data, CampaignTables, source=source)
+    scale = _find_load_scale(tables.loads_for, cover, source)
+    cases, quick, left_out = _read_cases(tables.case, array, curved)
     if scale != 1:
         cases = [dataclasses.replace(case, load=float(f"{scale * case.load:.2g}")) for case in cases]
     left_out = [f"{source}: {fault}" for fault in left_out]
     if not cases:
-        raise InputError(*left_out, f"{source}: no usable case is left")
+        raise InputError(*left_out, f"{source}: no usable case is left; add one, or mend one of these")
     return Campaign(
-        name=texts["name"],
+        name=tables.name.strip(),
         source=source,
-        intended_use=" ".join(texts["intended_use"].split()),
-        criterion=criterion,
-        inputs=inputs,
+        intended_use=" ".join(tables.intended_use.split()),
+        criterion=Criterion(mean=tables.required.mean.list_limits(), each=tables.required.each.list_limits()),
+        inputs=Inputs(**tables.inputs.model_dump(exclude_unset=True)),
         cases=tuple(cases),
         quick=tuple(quick),
         left_out=tuple(left_out),
     )
 
 
-def _read_load_scale(tables: Mapping[str, Any], cover: Cover | None, faults: list[str]) -> float:
-    """Read `loads_for`, and return the factor on the loads for a cover: modulus times thickness squared, over these."""
-    table = tables.get("loads_for")
+def _find_load_scale(table: LoadsForTable | None, cover: Cover | None, source: str) -> float:
+    """Return the factor on the loads for a cover: its modulus times thickness squared, over those of `loads_for`."""
     if table is None:
         return 1.0
     if cover is None:
-        faults.append("loads_for: is for curved covers; write the loads as they are")
-    elif not isinstance(table, Mapping) or sorted(table) != ["modulus", "thickness"]:
-        faults.append("loads_for: must be { modulus = '1 MPa', thickness = '2 mm' }")
-    else:
-        try:
-            modulus = read_quantity(table["modulus"], "pressure", place="loads_for.modulus")
-            thickness = read_quantity(table["thickness"], "length", place="loads_for.thickness")
-        except InputError as error:
-            faults += error.faults
-            return 1.0
-        if min(modulus, thickness) > 0:
-            return cover.layers[0].material.youngs_modulus * cover.thickness**2 / (modulus * thickness**2)
-        faults.append("loads_for: modulus and thickness must be positive")
-    return 1.0
+        raise InputError(f"{source}: loads_for: is for curved covers; remove it, and write the loads as they are")
+    stiffness = cover.layers[0].material.youngs_modulus * cover.thickness**2
+    return stiffness / (table.modulus * table.thickness**2)
 
 
 def _read_cases(
@@ -238,10 +201,10 @@ def _read_cases(
     quick: list[str] = []
     faults: list[str] = []
     place_of: dict[str, str] = {}
-    for number, table in enumerate(listed):
+    for number, data in enumerate(listed):
         place = f"case[{number}]"
         try:
-            read = read_case(table, array, place, curved=curved)
+            read, is_quick = _read_case(data, number, array, curved)
             for case in read:
                 _check_new(case, cases, place_of, place)
         except InputError as error:
@@ -249,9 +212,81 @@ def _read_cases(
             continue
         place_of |= dict.fromkeys((case.name for case in read), place)
         cases += read
-        if table.get("quick"):
-            quick += [case.name for case in read]
+        quick += [case.name for case in read if is_quick]
     return cases, quick, faults
+
+
+def _read_case(data: object, number: int, array: TexelArray, curved: CurvedPlaces | None) -> tuple[list[Case], bool]:
+    """Read one table `[[case]]`; return a case for each of its loads, and whether a quick run has them."""
+    given = data if isinstance(data, Mapping) else {}
+    faults: list[str] = []
+    pose: dict[str, Any] = {}
+    try:
+        table = parse(data, CaseTable, place=("case", number))
+    except InputError as error:
+        faults += error.faults
+    try:
+        pose = _read_pose(given, f"case[{number}]", array, curved)
+    except InputError as error:
+        faults += error.faults
+    if faults:
+        raise InputError(*dict.fromkeys(faults))
+    loads = table.all_loads
+    names = [table.name] if table.load is not None else [f"{table.name}, {load:.3g} N" for load in loads]
+    common: dict[str, Any] = {
+        "indenter": table.indenter,
+        "shape": given["indenter"],
+        "path": tuple(table.path or ()),
+        "compared": table.compared or (),
+        "required": table.required.list_limits(),
+        **pose,
+    }
+    return [Case(name=name, load=load, **common) for name, load in zip(names, loads, strict=True)], table.quick
+
+
+def _read_pose(given: Mapping[str, Any], place: str, array: TexelArray, curved: CurvedPlaces | None) -> dict[str, Any]:
+    """Read the pose of a case: `at`, `yaw` and `tilt` on a flat cover, `touch` on a curved one.
+
+    Values that are no texts are left out; the schema refuses them.
+    """
+    texts = {key: given[key] for key in ("at", "direction", "yaw", "tilt") if isinstance(given.get(key), str)}
+    faults: list[str] = []
+    if curved is not None:
+        if "path" in given:
+            faults.append(f"{place}.path: a curved cover has no friction, so earlier loads do not matter; write loads")
+        touch = curved.read(texts, place, faults)
+        pose: dict[str, Any] = {"touch": touch}
+    else:
+        if "direction" in given:
+            faults.append(
+                f"{place}.direction: is for curved covers; a flat one is pressed along -z, `tilt` turns the body"
+            )
+        readers: dict[str, Callable[[str, str], Any]] = {
+            "at": lambda text, where: _read_at(text, array, where),
+            "yaw": lambda text, where: read_yaw(text, place=where),
+            "tilt": lambda text, where: read_tilt(text, place=where),
+        }
+        pose = {}
+        for key, read in readers.items():
+            try:
+                if key in texts:
+                    pose[key] = read(texts[key], f"{place}.{key}")
+            except InputError as error:
+                faults += error.faults
+    if faults:
+        raise InputError(*faults)
+    return pose
+
+
+def _read_at(text: str, array: TexelArray, place: str) -> tuple[float, float]:
+    named = name_positions(array)
+    if text in named:
+        return named[text]
+    if not any(character.isdigit() for character in text):
+        raise InputError(
+            f"{place}: unknown position {text[:80]!r}; {nearest(text[:80], named)}, or x,y such as '1mm,-2mm'"
+        )
+    return read_position(text, place=place)
 
 
 def _check_new(case: Case, cases: Sequence[Case], place_of: Mapping[str, str], place: str) -> None:
@@ -262,66 +297,6 @@ def _check_new(case: Case, cases: Sequence[Case], place_of: Mapping[str, str], p
             raise InputError(f"{place}.name: {case.name!r} is the name of {first} already; every case needs its own")
         if case.is_press_of(other):
             raise InputError(f"{place}: {case.name!r} is the same press as {first}, {other.name!r}; change one of them")
-
-
-def _read_text_key(value: object, key: str, faults: list[str]) -> str:
-    if not isinstance(value, str) or not value.strip():
-        faults.append(f"{key}: must be a text, not {value!r}"[:200])
-        return ""
-    return value.strip()
-
-
-def _read_criterion(table: object, faults: list[str]) -> Criterion:
-    if not isinstance(table, Mapping):
-        faults.append("required: must be a table with the tables mean and each")
-        return Criterion(mean={}, each={})
-    faults += [
-        f"required.{key}: unknown key; {nearest(key, _REQUIRED_KEYS)}" for key in table if key not in _REQUIRED_KEYS
-    ]
-    limits = {key: read_limits(table.get(key, {}), f"required.{key}", faults) for key in _REQUIRED_KEYS}
-    if not any(limits.values()) and not faults:
-        faults.append("required: states no limit; write for example mean = { misplaced_force = '3 %' }")
-    return Criterion(**limits)
-
-
-def _read_inputs(table: object, faults: list[str]) -> Inputs:
-    """Read `[inputs]`; keys that are left out keep their default values."""
-    known = [field.name for field in dataclasses.fields(Inputs)]
-    if not isinstance(table, Mapping):
-        faults.append("inputs: must be a table")
-        return Inputs()
-    values: dict[str, float] = {}
-    for key, value in table.items():
-        place = f"inputs.{key}"
-        if key not in known:
-            faults.append(f"{place}: unknown key; {nearest(key, known)}")
-            continue
-        try:
-            values[key] = _read_input(key, value, place)
-        except InputError as error:
-            faults += error.faults
-    return Inputs(**values)
-
-
-def _read_input(key: str, value: object, place: str) -> float:
-    """Read one uncertainty; those of modulus, thickness and data are shares in percent."""
-    kinds: dict[str, Kind] = {"position": "length", "yaw": "angle"}
-    if key == "friction":
-        try:
-            return read_friction(value, example="friction = 0.4 or friction = 'no-slip'")
-        except ValueError as error:
-            raise InputError(f"{place}: {error}") from None
-    if key in kinds:
-        number = read_quantity(value, kinds[key], place=place)
-    elif key == "poisson_ratio":
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{place}: must be a number, not {value!r}; write for example 0.005")
-        number = float(value)
-    else:
-        number = read_share(value, place)
-    if not 0 <= number <= 1:
-        raise InputError(f"{place}: must lie in 0..1 (SI units), not {value!r}")
-    return number
 
 
 def _number_or_word(friction: float) -> float | str:

@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from meshes import Indenter, TexelArray, tilt_indenter
 from validation.text.indenter import read_indenter, read_load, read_position, read_yaw
 
@@ -92,9 +94,35 @@ class Case:
         mine, others = ((each.load, each.at, each.yaw, each.tilt, each.path) for each in (self, other))
         return mine == others and self.has_shape_of(other)
 
-    def describe_pose(self) -> dict[str, Any]:
-        """Return the pose as a dictionary of JSON values."""
-        return {"at": list(self.at), "yaw": self.yaw} if self.touch is None else self.touch.as_json()
+    def as_json(self) -> dict[str, Any]:
+        """Return the case as a dictionary of JSON values, which `from_json` reads."""
+        pose = {"at": self.at, "yaw": self.yaw, "tilt": self.tilt} if self.touch is None else self.touch.as_json()
+        about = {"name": self.name, "indenter": self.shape, "load": self.load}
+        return about | pose | {"path": self.path, "compared": self.compared, "required": self.required}
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Case:
+        """Return the case that wrote a dictionary of JSON values.
+
+        Raises:
+            InputError: If the indenter's mesh file is not there any more.
+        """
+        pose: dict[str, Any] = {"at": tuple(values["at"]), "yaw": values["yaw"], "tilt": tuple(values["tilt"])}
+        if values.get("direction") is not None:
+            from validation.curved.touch import Touch
+
+            at, direction = np.array(values["at"]), np.array(values["direction"])
+            pose = {"touch": Touch(point=at, direction=direction, yaw=pose["yaw"], tilt=pose["tilt"])}
+        return cls(
+            name=values["name"],
+            indenter=read_indenter(values["indenter"]),
+            shape=values["indenter"],
+            load=values["load"],
+            path=tuple(values["path"]),
+            compared=tuple(values["compared"]),
+            required=dict(values["required"]),
+            **pose,
+        )
 
     @property
     def pose(self) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from meshes import tilt_indenter
 from validation.campaign.case import Case
-from validation.campaign.results import describe_reference
+from validation.campaign.results import Reference
 from validation.campaign.run import score_forces
 from validation.errors import InputError
 from validation.metrics import Score
@@ -56,7 +56,7 @@ class Comparison:
         sensor, image = self.sensor, self.sensor.array.image
         models: dict[str, Any] = {}
         if self.fem is not None and "fem" in self.models:
-            models["fem"] = describe_reference(self.fem) | {"texel_forces": image(self.fem.texel_forces)}
+            models["fem"] = Reference.of(self.fem).as_json() | {"texel_forces": image(self.fem.texel_forces)}
         if self.fast is not None:
             models["fast"] = {
                 "texel_forces": image(self.fast.texel_forces),

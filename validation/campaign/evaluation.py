@@ -11,7 +11,7 @@ import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from validation.curved.derive import CurvedDerivation
     from validation.data_sets.data_set import DataSet
     from validation.data_sets.results import RecordingScores
+    from validation.results.report import Report
 
 
 class Progress(Protocol):
@@ -82,22 +83,25 @@ class Evaluation:
         """The sensor that was evaluated."""
         return self.derivation.sensor
 
-    def as_json(self) -> dict[str, Any]:
-        """Return all results as a dictionary of JSON values."""
-        return {
-            "verdict": self.verdict.as_json(),
-            "campaign_file": self.plan.as_json(),
-            "sensor": self.sensor.name,
-            "cover_assumed": self.sensor.cover.assumed,
-            "friction": describe_friction(self.sensor.friction),
-            "derive": self.derivation.as_json(),
-            "verification": dict(self.verification),
-            "campaign": self.campaign.as_json(),
-            "evidence": self.evidence.as_json(),
-            "recordings": None if self.recordings is None else dataclasses.asdict(self.recordings),
-            "seconds": dict(self.seconds),
-            "versions": dict(self.versions),
-        }
+    @property
+    def report(self) -> Report:
+        """What `report.json` holds, with all numbers of the page."""
+        from validation.results.report import Report
+
+        return Report(
+            verdict=self.verdict,
+            campaign_file=self.plan.as_json(),
+            sensor=self.sensor.name,
+            cover_assumed=self.sensor.cover.assumed,
+            friction=describe_friction(self.sensor.friction),
+            derive=self.derivation.result,
+            verification=self.verification,
+            campaign=self.campaign,
+            evidence=self.evidence,
+            recordings=self.recordings,
+            seconds=self.seconds,
+            versions=self.versions,
+        )
 
 
 def evaluate(

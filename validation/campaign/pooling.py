@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from validation.results import Number, Result, result_model
+
 FloatArray = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Pooled:
+@result_model
+class Pooled(Result):
     """Mean of a quantity over cases, or another statistic of the cases, with its bootstrap interval.
 
     Attributes:
@@ -24,9 +25,9 @@ class Pooled:
         cases: Number of cases over which the mean is taken [-].
     """
 
-    mean: float
-    low: float
-    high: float
+    mean: Number
+    low: Number
+    high: Number
     level: float
     cases: int
 

@@ -9,22 +9,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Annotated, Any
 
-import numpy as np
-import numpy.typing as npt
+from pydantic import BeforeValidator, Field, model_validator
 
 from validation.campaign.case import Case
 from validation.campaign.pooling import Pooled
+from validation.json_values import to_json_values
 from validation.metrics import Score
-
-if TYPE_CHECKING:
-    from fem_reference.indentation.result import Indentation
-    from validation.curved.reference import CurvedReference
-    from validation.published.calibration import Row
-
-FloatArray = npt.NDArray[np.float64]
+from validation.results import Array, Number, Result, Unread, renamed, result_model
 
 #: Names of the scored models, with a description of each for tables.
 MODELS: Mapping[str, str] = {
@@ -35,26 +29,78 @@ MODELS: Mapping[str, str] = {
     "zeros": "null: an empty image",
 }
 
-#: Names of the metrics, attributes of `Score`, whose means over cases are tabulated.
-POOLED_METRICS = (
-    "misplaced_force",
-    "relative_l2",
-    "total_force_error",
-    "peak_error",
-    "centre_of_pressure_m",
-    "wasserstein_m",
-    "image_changed_percent",
-    "image_changed_line_percent",
-    "pixels_changed",
-)
-
-
 #: Names of the metrics by which the fast model is compared with published models.
 SKILL_METRICS = ("misplaced_force", "image_changed_percent", "image_changed_line_percent")
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Prediction:
+@result_model
+class Reference(Result):
+    """Result of the finite elements in one case, as far as it is kept.
+
+    Attributes:
+        texel_forces: Force on each of n texels, along its normal on a curved cover, shape (n,) [N].
+        outside: Force beside the active texels; 0 on a curved cover, where it is the vector `unmeasured` [N].
+        total_force: Force on the indenter along its motion [N].
+        depth: Approach of the indenter from first touch [m].
+        contact_area: Contact area [m2].
+        error_estimate: Estimated relative errors by name; NaN with one mesh [-].
+        assumptions: Assumptions of the solution by topic.
+        warnings: Reasons not to rely on the result.
+        balance: Forces on texels and outside over the load, minus 1 [-].
+        energy: Elastic energy stored in the cover [J].
+        seconds: Elapsed time of the computation [s].
+        grid_values: Quantities on the three grids, coarsest first, in SI units.
+        force, moment: Of the indenter on the cover, on curved covers, shape (3,) [N], [N m].
+        base_force, base_moment: Of the cover on the base, on curved covers, shape (3,) [N], [N m].
+        unmeasured: Part of the base force that no texel measures, on curved covers, shape (3,) [N].
+        found: The whole result of the solver; None in a result that was read from a file.
+    """
+
+    texel_forces: Array
+    outside: float = 0.0
+    total_force: float
+    depth: Number
+    contact_area: Number
+    error_estimate: Mapping[str, Number]
+    assumptions: Mapping[str, str]
+    warnings: tuple[str, ...]
+    balance: Number | None = None
+    energy: Number | None = None
+    seconds: Number | None = None
+    grid_values: Mapping[str, tuple[Number, ...]] | None = None
+    force: Array | None = None
+    moment: Array | None = None
+    base_force: Array | None = None
+    base_moment: Array | None = None
+    unmeasured: Array | None = None
+    found: Annotated[Any, Unread()] = Field(default=None, exclude=True)
+
+    @classmethod
+    def of(cls, found: object) -> Reference:
+        """Return the reference that a solver found; a reference is returned as it is."""
+        if isinstance(found, Reference):
+            return found
+        whole = getattr(found, "found", found)
+        values = {
+            each.name: next(getattr(source, each.name) for source in (found, whole) if hasattr(source, each.name))
+            for each in dataclasses.fields(cls)
+            if each.name != "found" and (hasattr(found, each.name) or hasattr(whole, each.name))
+        }
+        return cls(**values, found=whole)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the result as a dictionary of JSON values, without what the kind of cover does not have."""
+        absent = {name for name, value in vars(self).items() if value is None}
+        return {name: value for name, value in super().as_json().items() if name not in absent}
+
+
+def _as_reference(value: object) -> object:
+    """Return the result of a solver as a reference; what was read from a file is left as it is."""
+    return value if isinstance(value, dict) else Reference.of(value)
+
+
+@result_model
+class Prediction(Result):
     """Texel forces that a model predicts in one case, with their score.
 
     Attributes:
@@ -63,17 +109,13 @@ class Prediction:
         score: Score against the finite-element reference.
     """
 
-    texel_forces: FloatArray
+    texel_forces: Array
     outside: float
-    score: Score
-
-    def as_json(self) -> dict[str, Any]:
-        """Return forces and scores as a dictionary of JSON values."""
-        return {"texel_forces": self.texel_forces, "outside": self.outside, "scores": self.score.as_json()}
+    score: Score = renamed("scores")
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class CaseResult:
+@result_model
+class CaseResult(Result):
     """Results of one case: the finite-element reference, and every model scored against the reference.
 
     Attributes:
@@ -84,75 +126,91 @@ class CaseResult:
         published: Result and score of each published model, by the name of its row; empty if none was scored.
     """
 
-    case: Case
-    reference: Indentation | CurvedReference
-    predictions: Mapping[str, Prediction]
+    case: Annotated[Case, Unread()] = Field(exclude=True)
+    reference: Annotated[
+        Reference, BeforeValidator(lambda value: value if isinstance(value, dict) else Reference.of(value))
+    ]
     warnings: tuple[str, ...]
-    published: Mapping[str, Prediction] = dataclasses.field(default_factory=dict)
+    predictions: Mapping[str, Prediction] = renamed("models")
+    published: Mapping[str, Prediction] = Field(
+        default_factory=dict, validation_alias="comparison_models", serialization_alias="comparison_models"
+    )
 
     def as_json(self) -> dict[str, Any]:
         """Return the case and all its results as a dictionary of JSON values."""
-        return {
-            "name": self.case.name,
-            "indenter": self.case.shape,
-            "load": self.case.load,
-            **self.case.describe_pose(),
-            "reference": describe_reference(self.reference),
-            "warnings": list(self.warnings),
-            "models": {name: prediction.as_json() for name, prediction in self.predictions.items()},
-            "comparison_models": {name: prediction.as_json() for name, prediction in self.published.items()},
-        }
+        return {**to_json_values(self.case), **super().as_json()}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_case(cls, values: Any) -> Any:  # noqa: ANN401 -- as pydantic gives them
+        return values | {"case": Case.from_json(values)} if isinstance(values, dict) else values
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class SkippedCase:
+@result_model
+class SkippedCase(Result):
     """A case without scores, because a model failed.
 
     Attributes:
-        case: The indentation.
+        name: Name of the case.
+        indenter: The indenter as text.
+        load: Applied force [N].
         reason: Why a model cannot compute the indentation; for example, the indenter would pierce a soft cover.
         converged: False if the finite-element solver did not converge.
     """
 
-    case: Case
+    name: str
+    indenter: str
+    load: float
     reason: str
     converged: bool
 
-    def as_json(self) -> dict[str, Any]:
-        """Return name, indenter and reason as a dictionary of JSON values."""
-        return {
-            "name": self.case.name,
-            "indenter": self.case.shape,
-            "reason": self.reason,
-            "converged": self.converged,
-        }
+    @classmethod
+    def of(cls, case: Case, reason: str, *, converged: bool = True) -> SkippedCase:
+        """Return a case as one without scores."""
+        return cls(name=case.name, indenter=case.shape, load=case.load, reason=reason, converged=converged)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class RowScores:
+@result_model
+class RowScores(Result):
     """Scores of a published model, pooled over the cases of a campaign.
 
     Attributes:
-        row: The model and its parameters.
+        name: Name of the row, unique in its table.
+        title: Name of the model.
+        variant: As shipped or as fitted.
+        contact: What the model takes the texel forces from.
+        rule: Its rule.
+        certainty: How sure its equations are.
+        total: What the sum of its forces is.
+        not_built: What acts in time only, and is not built.
+        parameters: Values of all parameters by name, in SI units.
+        units: Units of the parameters by name.
+        fitted: Names of the fitted parameters.
+        fitted_on: The presses that they were fitted to, as text.
+        fit_misplaced_force: Mean misplaced force over these presses [-].
         pooled: Mean over the scored cases with bootstrap interval, by metric.
         skill: Skill of the fast model, 1 - its mean error / mean error of this model [-], by metric (`SKILL_METRICS`).
     """
 
-    row: Row
+    name: str
+    title: str
+    variant: str
+    contact: str
+    rule: str
+    certainty: str
+    total: str
+    not_built: str
+    parameters: Mapping[str, Number]
+    units: Mapping[str, str]
+    fitted: tuple[str, ...]
+    fitted_on: tuple[str, ...]
+    fit_misplaced_force: Number
     pooled: Mapping[str, Pooled]
     skill: Mapping[str, Pooled]
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the model, its parameters and its scores as a dictionary of JSON values."""
-        pooled, skills = (
-            {metric: dataclasses.asdict(value) for metric, value in values.items()}
-            for values in (self.pooled, self.skill)
-        )
-        return {**self.row.as_json(), "pooled": pooled, "skill": skills}
 
-
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class CampaignResult:
+@result_model
+class CampaignResult(Result):
     """Results of all cases of a campaign.
 
     Attributes:
@@ -167,35 +225,21 @@ class CampaignResult:
         models: Names of the scored models, with a description of each for tables.
     """
 
-    cases: Sequence[CaseResult]
-    skipped: Sequence[SkippedCase]
+    cases: tuple[CaseResult, ...]
+    skipped: tuple[SkippedCase, ...]
     pooled: Mapping[str, Mapping[str, Pooled]]
     skill: Mapping[str, Pooled]
-    noise_floor: Mapping[str, float]
-    published: Sequence[RowScores] = ()
+    noise_floor: Mapping[str, Number]
+    published: tuple[RowScores, ...] = Field(
+        default=(), validation_alias="comparison_models", serialization_alias="comparison_models"
+    )
     interrupted: bool = False
-    models: Mapping[str, str] = dataclasses.field(default_factory=lambda: MODELS)
+    models: Mapping[str, str] = Field(default_factory=lambda: MODELS)
 
     @property
     def reference_error(self) -> float:
         """Mean over cases of the estimated error of the reference's texel forces [-]."""
         return texel_error(self.noise_floor)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return all results of the campaign as a dictionary of JSON values."""
-        return {
-            "models": dict(self.models),
-            "pooled": {
-                model: {metric: dataclasses.asdict(value) for metric, value in metrics.items()}
-                for model, metrics in self.pooled.items()
-            },
-            "skill": {model: dataclasses.asdict(value) for model, value in self.skill.items()},
-            "noise_floor": dict(self.noise_floor),
-            "comparison_models": [scores.as_json() for scores in self.published],
-            "cases": [result.as_json() for result in self.cases],
-            "skipped": [each.as_json() for each in self.skipped],
-            "interrupted": self.interrupted,
-        }
 
 
 def texel_error(estimates: Mapping[str, float]) -> float:
@@ -213,28 +257,3 @@ def describe_reference_error(campaign: CampaignResult) -> str:
     if math.isnan(campaign.reference_error):
         return "not known, there is one mesh only"
     return f"{100 * campaign.reference_error:.2g} % of {name_texel_error(campaign.noise_floor)}"
-
-
-def require_flat(reference: Indentation | CurvedReference) -> Indentation:
-    """Return the reference of a case on a flat cover.
-
-    Raises:
-        TypeError: If it is that of a case on a curved cover.
-    """
-    from validation.curved.reference import CurvedReference
-
-    if isinstance(reference, CurvedReference):
-        raise TypeError("this part of the evaluation takes flat covers only")
-    return reference
-
-
-def describe_reference(reference: Indentation | CurvedReference) -> dict[str, Any]:
-    """Return the finite-element result of an indentation as a dictionary, under the names used in JSON."""
-    from validation.curved.reference import CurvedReference
-
-    if isinstance(reference, CurvedReference):
-        return reference.as_json()
-    numbers = ("texel_forces", "outside", "total_force", "balance", "depth", "contact_area", "energy", "seconds")
-    texts: dict[str, Any] = {"grid_values": dict(reference.grid_values)}
-    texts |= {"error_estimate": dict(reference.error_estimate), "assumptions": dict(reference.assumptions)}
-    return {name: getattr(reference, name) for name in numbers} | texts | {"warnings": list(reference.warnings)}

@@ -13,28 +13,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshes import Cover
+from meshes.array_types import FloatArray
 from validation.campaign.case import Case
 from validation.campaign.cost import Clock, Plan, plan_solves
 from validation.campaign.pooling import Pooled, pool, skill
 from validation.campaign.reference_press import press_reference
 from validation.campaign.results import (
     MODELS,
-    POOLED_METRICS,
     SKILL_METRICS,
     CampaignResult,
     CaseResult,
-    FloatArray,
     Prediction,
+    Reference,
     RowScores,
     SkippedCase,
 )
 from validation.errors import InputError
-from validation.metrics import Score, published_line, score
+from validation.metrics import TABULATED, Score, published_line, score
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
     from fem_reference.indentation.result import Indentation
-    from validation.curved.reference import CurvedReference
     from validation.published.calibration import ComparisonModels
 
 Progress = Callable[[int, int, str], None]
@@ -121,16 +120,16 @@ def run_cases(
                 results.append(solve(case))
             except (ValueError, ConvergenceError) as error:
                 converged = not isinstance(error, ConvergenceError)
-                skipped.append(SkippedCase(case=case, reason=str(error), converged=converged))
+                skipped.append(SkippedCase.of(case, str(error), converged=converged))
     except KeyboardInterrupt:
         if not results:
             raise
         interrupted = True
-        skipped += [SkippedCase(case=case, reason="interrupted", converged=True) for case in cases[number:]]
+        skipped += [SkippedCase.of(case, "interrupted") for case in cases[number:]]
     if progress:
         progress(len(cases), len(cases), "")
     if not results:
-        raise InputError(*(f"{each.case.name} ({each.case.shape}): {each.reason}" for each in skipped))
+        raise InputError(*(f"{each.name} ({each.indenter}): {each.reason}" for each in skipped))
     return Run(results=results, skipped=skipped, interrupted=interrupted)
 
 
@@ -154,7 +153,7 @@ def run_case(
     from fastmodel import indent
 
     array = parameters.array
-    reference = press_reference(cover, array, case, friction=friction)
+    reference = Reference.of(press_reference(cover, array, case, friction=friction))
     turned = case.turned
     press_fast = partial(indent, parameters, turned.indenter, load=case.load, at=case.at, yaw=case.yaw)
     fast, area = press_fast(method="default"), press_fast(method="area")
@@ -184,7 +183,7 @@ def run_case(
 
 
 def predict(
-    reference: Indentation | CurvedReference,
+    reference: Reference | Indentation,
     forces: Mapping[str, tuple[FloatArray, float]],
     load: float,
     parameters: Parameters,
@@ -208,7 +207,7 @@ def predict(
 
 
 def score_forces(
-    reference: Indentation | CurvedReference,
+    reference: Reference | Indentation,
     texel_forces: FloatArray,
     outside: float,
     load: float,
@@ -261,7 +260,7 @@ def summarise(
         ]
 
     def pool_scores(predictions: Sequence[Prediction]) -> dict[str, Pooled]:
-        return {metric: pool(collect(predictions, metric)) for metric in POOLED_METRICS}
+        return {metric: pool(collect(predictions, metric)) for metric in TABULATED}
 
     def measure_skill(predictions: Sequence[Prediction], metric: str = "misplaced_force") -> Pooled:
         return skill(collect(scored["fast"], metric), collect(predictions, metric))
@@ -272,7 +271,7 @@ def summarise(
     for row in comparison.rows if comparison else ():
         predictions = [result.published[row.name] for result in results]
         skills = {metric: measure_skill(predictions, metric) for metric in SKILL_METRICS}
-        published.append(RowScores(row=row, pooled=pool_scores(predictions), skill=skills))
+        published.append(RowScores(**row.as_json(), pooled=pool_scores(predictions), skill=skills))
     return CampaignResult(
         cases=tuple(results),
         skipped=tuple(skipped),

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Literal
 
 from validation.campaign.campaign_file import Campaign
-from validation.campaign.metric_text import METRICS
 from validation.campaign.pooling import pool
 from validation.campaign.results import CampaignResult, CaseResult
+from validation.metrics import METRICS
+from validation.results import Number, Result, renamed, result_model
 
 #: Whether a requirement is met: `open` if the cases do not decide it.
 Status = Literal["met", "missed", "open"]
@@ -22,8 +22,8 @@ ACCEPTED, NOT_ACCEPTED, NOT_DECIDED = "accepted", "not accepted", "not decided"
 _MEAN = "mean over the cases"
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Finding:
+@result_model
+class Finding(Result):
     """One requirement and what was found.
 
     Attributes:
@@ -38,17 +38,19 @@ class Finding:
 
     metric: str
     over: str
-    value: float
-    low: float
-    high: float
+    value: Number
+    low: Number
+    high: Number
     limit: float
     status: Status
+    computed = (("text", "text"),)
 
     @property
     def text(self) -> str:
         """The finding as a sentence without full stop."""
-        name, unit, factor = describe_metric(self.metric)
-        values = [f"{factor * number:.3g}" for number in (self.value, self.low, self.high, self.limit)]
+        metric = METRICS[self.metric]
+        name, unit = metric.heading, metric.unit
+        values = [f"{metric.factor * number:.3g}" for number in (self.value, self.low, self.high, self.limit)]
         unit = f" {unit}" if unit else ""
         if math.isnan(self.value):
             return f"{name}, {self.over}: not defined in these cases, at most {values[3]}{unit} required"
@@ -56,8 +58,8 @@ class Finding:
         return f"{name}, {self.over}: {values[0]}{unit}{interval}, at most {values[3]}{unit} required"
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Verdict:
+@result_model
+class Verdict(Result):
     """Whether the fast model is accepted.
 
     Attributes:
@@ -68,11 +70,12 @@ class Verdict:
         cases: Number of cases in the campaign, with those that were left out [-].
     """
 
-    word: str
+    word: str = renamed("verdict")
     reasons: tuple[str, ...]
     findings: tuple[Finding, ...]
     scored: int
     cases: int
+    computed = (("accepted", "accepted"),)
 
     @property
     def accepted(self) -> bool:
@@ -98,21 +101,12 @@ class Verdict:
         if not self.findings:  # every limit is on single cases, and none is scored
             return f"verdict: {self.word.upper()}, {self.scored} of {self.cases} cases"
         first = next((each for each in self.findings if each.status == "missed"), self.findings[0])
-        name, unit, factor = describe_metric(first.metric)
-        unit = f" {unit}" if unit else ""
-        found = f"{name} {factor * first.value:.3g}{unit}, limit {factor * first.limit:.3g}{unit}"
+        metric = METRICS[first.metric]
+        unit = f" {metric.unit}" if metric.unit else ""
+        found = (
+            f"{metric.heading} {metric.factor * first.value:.3g}{unit}, limit {metric.factor * first.limit:.3g}{unit}"
+        )
         return f"verdict: {self.word.upper()}, {self.scored} of {self.cases} cases; {found}"
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the verdict as a dictionary of JSON values."""
-        return {
-            "verdict": self.word,
-            "accepted": self.accepted,
-            "reasons": list(self.reasons),
-            "scored": self.scored,
-            "cases": self.cases,
-            "findings": [{**dataclasses.asdict(each), "text": each.text} for each in self.findings],
-        }
 
 
 def judge(campaign: Campaign, result: CampaignResult) -> Verdict:
@@ -185,7 +179,7 @@ def _list_doubts(campaign: Campaign, result: CampaignResult) -> list[str]:
     doubts = []
     if result.interrupted:
         doubts.append("the run was interrupted")
-    failed = [each.case.name for each in result.skipped if each.reason != "interrupted"]
+    failed = [each.name for each in result.skipped if each.reason != "interrupted"]
     if failed:
         doubts.append(f"not scored: {', '.join(failed)}")
     if campaign.left_out:
@@ -201,12 +195,3 @@ def _list_doubts(campaign: Campaign, result: CampaignResult) -> list[str]:
             f"{100 * limit:.2g} % on misplaced force"
         )
     return doubts
-
-
-def describe_metric(name: str) -> tuple[str, str, float]:
-    """Return the heading, the unit and the factor to this unit of a metric, also of one that no table shows."""
-    if name in METRICS:
-        return METRICS[name].heading, METRICS[name].unit, METRICS[name].factor
-    if name.endswith("_m"):
-        return name.removesuffix("_m").replace("_", " "), "mm", 1e3
-    return name.replace("_", " "), "", 1.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from validation.campaign.metric_text import METRICS
 from validation.cli.meaning import explain_comparison, print_meaning
 from validation.cli.output import describe_cover, describe_errors, escape, make_console, print_rows
+from validation.metrics import TABULATED
 
 if TYPE_CHECKING:
     from validation.campaign.comparison import Comparison
@@ -47,7 +47,7 @@ def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
         yield "", f"{fast.seconds:.3f} s"
     if comparison.score is not None:
         values = comparison.score.as_json()
-        for index, (name, metric) in enumerate(METRICS.items()):
+        for index, (name, metric) in enumerate(TABULATED.items()):
             text = f"{metric.heading}: {metric.text(values[name])} {metric.unit}".rstrip()
             yield "" if index else "fast against finite", text
 

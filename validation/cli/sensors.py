@@ -11,7 +11,6 @@ from validation.cli.output import note, say
 from validation.errors import InputError
 from validation.parameters import find_parameters, holds_parameters
 from validation.sensor_file import SensorDescription, load
-from validation.text.friction import describe_friction
 
 __all__ = ["check_curved_method", "find_parameters", "read_description", "read_sensor", "tell_unused"]
 
@@ -115,9 +114,7 @@ def tell_unused(sensor: SensorDescription | Parameters, more: str = "") -> tuple
         sensor: Result of `read_sensor`; a folder of parameters states nothing that the fast model does not use.
         more: Text that the printed lines end with.
     """
-    if not isinstance(sensor, SensorDescription) or not sensor.friction:
-        return ()
-    friction = describe_friction(sensor.friction)
-    sentence = f"friction {friction} from {sensor.source} is not used; the fast model has none"
-    say(f"softcover: warning: {sentence}{more}")
-    return (sentence,)
+    sentences = api.list_unused(sensor)
+    for sentence in sentences:
+        say(f"softcover: warning: {sentence}{more}")
+    return sentences

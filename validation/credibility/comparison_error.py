@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from meshes import TexelArray
 from validation.campaign.results import CaseResult
 from validation.credibility.input_uncertainty import InputUncertainty
 from validation.metrics import centre_of_pressure, second_moments
+from validation.results import Column, Number, Result, result_model
 
 #: Grid convergence index over the standard uncertainty, for an error that is skewed to one side (ASME V&V 20-2009,
 #: section 2-4.4) [-].
@@ -27,8 +27,11 @@ _COVERAGE = 1.15
 _ITERATION = 2e-4
 
 
-@dataclass(frozen=True, kw_only=True)
-class ComparisonError:
+_WORDS = {True: "yes", False: "no"}
+
+
+@result_model
+class ComparisonError(Result):
     """One quantity of one case.
 
     Attributes:
@@ -42,14 +45,26 @@ class ComparisonError:
         u_data: Standard uncertainty of the data, in SI units.
     """
 
-    case: str
+    case: Annotated[str, Column(heading="case and quantity", small="{0.quantity}")]
     quantity: str
     factor: float
-    fast: float
-    reference: float
-    u_num: float
-    u_input: float
-    u_data: float
+    fast: Annotated[Number, Column(heading="S", digits=4, factor_field="factor")]
+    reference: Annotated[Number, Column(heading="D", digits=4, factor_field="factor")]
+    u_num: Annotated[Number, Column(heading="u_num", digits=2, factor_field="factor")]
+    u_input: Annotated[Number, Column(heading="u_input", digits=2, factor_field="factor")]
+    u_data: Annotated[Number, Column(heading="u_D", digits=2, factor_field="factor")]
+    printed: ClassVar[Mapping[str, Column]] = {
+        "error": Column(heading="E", digits=2, factor_field="factor"),
+        "u_val": Column(heading="u_val", digits=2, factor_field="factor"),
+        "resolved_here": Column(heading="|E| > u_num: resolved here", words=_WORDS),
+        "resolved": Column(heading="|E| > u_val: resolved on a real cover", words=_WORDS),
+    }
+    computed = (
+        ("E", "error"),
+        ("u_val", "u_val"),
+        ("resolved_with_shared_inputs", "resolved_here"),
+        ("resolved", "resolved"),
+    )
 
     @property
     def error(self) -> float:
@@ -70,15 +85,6 @@ class ComparisonError:
     def resolved(self) -> bool:
         """Whether a comparison with all uncertainties would show this error."""
         return abs(self.error) > self.u_val
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the numbers as a dictionary of JSON values."""
-        return asdict(self) | {
-            "E": self.error,
-            "u_val": self.u_val,
-            "resolved_with_shared_inputs": self.resolved_here,
-            "resolved": self.resolved,
-        }
 
 
 def compare_quantities(

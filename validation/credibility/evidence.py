@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from meshes import Cover, TexelArray
 from validation.campaign.campaign_file import Campaign
@@ -17,6 +16,7 @@ from validation.credibility.comparison_error import ComparisonError, compare_qua
 from validation.credibility.input_uncertainty import InputUncertainty, propagate_inputs
 from validation.credibility.solution_verification import Convergence, verify_solutions
 from validation.credibility.stages import StageErrors, score_stages
+from validation.results import Number, Result, renamed, result_model
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -29,8 +29,8 @@ _HEAVY, _AT_EDGE = 2.0, 0.05
 GROUP_METRICS = ("misplaced_force", "image_changed_percent", "centre_of_pressure_m")
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Evidence:
+@result_model
+class Evidence(Result):
     """Evidence beside the scores.
 
     Attributes:
@@ -45,35 +45,15 @@ class Evidence:
         left_out: Which sections have no meaning for this kind of cover, one sentence each.
     """
 
-    checks: tuple[Check, ...]
-    convergence: tuple[Convergence, ...]
-    inputs: Mapping[str, InputUncertainty]
-    errors: tuple[ComparisonError, ...]
+    checks: tuple[Check, ...] = renamed("code_verification")
+    convergence: tuple[Convergence, ...] = renamed("solution_verification")
+    inputs: Mapping[str, InputUncertainty] = renamed("input_uncertainty")
+    errors: tuple[ComparisonError, ...] = renamed("comparison_errors")
     stages: StageErrors | None
     groups: Mapping[str, Mapping[str, Mapping[str, Pooled]]]
-    domain: Mapping[str, tuple[float, float]]
+    domain: Mapping[str, tuple[Number, Number]] = renamed("validated_domain")
     failed: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
-
-    def as_json(self) -> dict[str, Any]:
-        """Return all evidence as a dictionary of JSON values."""
-        return {
-            "code_verification": [each.as_json() for each in self.checks],
-            "solution_verification": [each.as_json() for each in self.convergence],
-            "input_uncertainty": {name: each.as_json() for name, each in self.inputs.items()},
-            "comparison_errors": [each.as_json() for each in self.errors],
-            "stages": None if self.stages is None else dataclasses.asdict(self.stages),
-            "groups": {
-                group: {
-                    member: {metric: dataclasses.asdict(value) for metric, value in metrics.items()}
-                    for member, metrics in members.items()
-                }
-                for group, members in self.groups.items()
-            },
-            "validated_domain": {name: list(ends) for name, ends in self.domain.items()},
-            "failed": list(self.failed),
-            "left_out": list(self.left_out),
-        }
 
 
 def gather_evidence(

@@ -10,17 +10,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from meshes import Cover, Cylinder, Material, TexelArray
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
+from validation.results import Array, Bound, Result, result_model
 
 if TYPE_CHECKING:
     from fem_reference.closed_form.influence import TexelResponse
@@ -38,23 +39,24 @@ _REACH, _DECAY = 3.0, 4.0
 FRICTION = "friction"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class InputUncertainty:
+@result_model
+class InputUncertainty(Result):
     """Effect of the uncertain inputs on the image of one case.
 
     Attributes:
-        case: The indentation.
+        load: Applied force [N].
         uncertainties: Standard uncertainty of each input by its name, with its unit in the name.
         image: Forces on the n texels with the nominal inputs, on the coarse grid, shape (n,) [N].
         effects: Change of the image by one standard uncertainty, by the name of the input, shape (n,) each [N].
         note: What was not computed; empty if nothing.
     """
 
-    case: Case
-    uncertainties: Mapping[str, float]
-    image: FloatArray
-    effects: Mapping[str, FloatArray]
+    load: float
+    uncertainties: Mapping[str, Bound]
+    image: Array
+    effects: Mapping[str, Array]
     note: str = ""
+    computed = (("misplaced", "misplaced"), ("misplaced_total", "misplaced_total"))
 
     def of(self, quantity: Callable[[FloatArray], float]) -> dict[str, float]:
         """Return the standard uncertainty of a quantity of the image due to each input.
@@ -76,17 +78,7 @@ class InputUncertainty:
 
     def _misplace(self, effect: FloatArray) -> float:
         """Half the sum of the absolute changes, with that of the force outside, over the load [-]."""
-        return float(np.abs(effect).sum() + abs(effect.sum())) / (2 * self.case.load)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the effects as a dictionary of JSON values."""
-        return {
-            "uncertainties": dict(self.uncertainties),
-            "misplaced": self.misplaced,
-            "misplaced_total": self.misplaced_total,
-            "effects": dict(self.effects),
-            "note": self.note,
-        }
+        return float(np.abs(effect).sum() + abs(effect.sum())) / (2 * self.load)
 
 
 def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs) -> InputUncertainty:
@@ -131,7 +123,7 @@ def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs
             note = "friction not propagated: no round body stands for this indenter"
         else:
             effects[FRICTION] = found
-    return InputUncertainty(case=case, uncertainties=listed, image=data["image"], effects=effects, note=note)
+    return InputUncertainty(load=case.load, uncertainties=listed, image=data["image"], effects=effects, note=note)
 
 
 #: A change of the inputs: cover, position of the axis and yaw become others.
@@ -239,7 +231,7 @@ def simulate_image(cover: Cover, array: TexelArray, case: Case) -> FloatArray:
         case: The indentation, not tilted.
     """
     cells = _solve_cells(cover, case)
-    x, y = PlanarPose(at=case.at, yaw=case.yaw).to_array(cells[0], cells[1])
+    x, y = Pose.planar(at=case.at, yaw=case.yaw).plan_to_array(cells[0], cells[1])
     response = _tabulate_response(cover, array.texel_size)
     out = np.array([response(x - cx, y - cy) @ cells[2] for cx, cy in array.centres[:, :2]])
     return np.where(array.active, out, 0.0)

@@ -12,7 +12,7 @@ of the fast model, and its error is the misplaced force between the images befor
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,8 +21,9 @@ from fastmodel.surface import CoverCells
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
 from validation.campaign.pooling import Pooled, pool
-from validation.campaign.results import CaseResult, require_flat
+from validation.campaign.results import CaseResult
 from validation.credibility.input_uncertainty import linearise
+from validation.results import Number, Result, result_model
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -40,8 +41,8 @@ STAGES: Mapping[str, str] = {
 _POINTS, _FEW, _MANY, _RANGE = 20_001, 2001, 500, 1.05
 
 
-@dataclass(frozen=True, kw_only=True)
-class StageErrors:
+@result_model
+class StageErrors(Result):
     """Misplaced force of each stage, over the load.
 
     Attributes:
@@ -50,7 +51,7 @@ class StageErrors:
         note: What was not computed; empty if nothing.
     """
 
-    cases: Mapping[str, Mapping[str, float]]
+    cases: Mapping[str, Mapping[str, Number]]
     pooled: Mapping[str, Pooled]
     note: str = ""
 
@@ -87,7 +88,7 @@ def _score_case(cover: Cover, parameters: Parameters, cells: CoverCells, result:
     """Compute the error of each stage in one case [-]."""
     array, load = parameters.array, result.case.load
     fast, outside = result.predictions["fast"].texel_forces, result.predictions["fast"].outside
-    true = require_flat(result.reference)
+    true = result.reference.found
     linear = true if cover.small_strain_only else _press_linear(cover, array, result)
     spread = spread_contact(cells, array, linear, load)
     counted = count_back(parameters, fast)

@@ -11,8 +11,8 @@ import numpy as np
 
 from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh, SweptCover
-from meshes.solids.quality import LEAST_THROUGH, check_quality
 from meshes.solids.shell import Shell
+from meshes.solids.solid_mesh import LIMITS, check_quality
 from meshes.solids.triangles import enclosed_volume
 
 #: Volume of a regular tetrahedron over the cube of its edge [-].
@@ -108,7 +108,7 @@ def mesh_shell(
         size = wanted
         mesh = _fill(shell, source, size, progress)
         for _try in range(_TRIES):
-            if check_quality(mesh).through >= LEAST_THROUGH:
+            if check_quality(mesh).through >= LIMITS.through:
                 break
             size *= _SMALLER
             mesh = _fill(shell, source, size, progress)

@@ -13,7 +13,7 @@ from fem_reference.result_store import NotStoredError, stored_only
 from meshes.array_types import FloatArray
 from validation.campaign.case import Case
 from validation.campaign.cost import Clock, Plan
-from validation.campaign.results import CampaignResult, CaseResult
+from validation.campaign.results import CampaignResult, CaseResult, Reference
 from validation.campaign.run import predict, run_cases, summarise
 from validation.curved.derive import CurvedDerivation
 from validation.curved.fast import press_fast
@@ -89,7 +89,7 @@ class CurvedCampaign:
             ConvergenceError: If the finite elements did not converge.
         """
         touch = require_touch(case)
-        reference = press_case(self.derivation.sensor, self.meshes, case)
+        reference = Reference.of(press_case(self.derivation.sensor, self.meshes, case))
         forces = self._compute_models(case, touch)
         predictions = predict(
             reference, {name: (each, 0.0) for name, each in forces.items()}, case.load, self.parameters

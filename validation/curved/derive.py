@@ -6,13 +6,14 @@ import dataclasses
 import time
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from meshes.array_types import FloatArray
 from meshes.solids.texels import tangent_axes
 from validation.curved.press import describe_mesh, make_meshes
+from validation.results.derivation import CurvedResponses
 from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
@@ -117,29 +118,30 @@ class CurvedDerivation:
             },
         )
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the result as a dictionary, under the names that the command line prints as JSON."""
-        sensor = self.sensor
-        return {
-            "sensor": sensor.name,
-            "cover": sensor.describe_cover(),
-            "texels": {
-                "centres_m": sensor.array.centres,
-                "normals": sensor.array.normals,
-                "size_m": sensor.array.texel_size,
-                "active": sensor.array.active,
+    @property
+    def result(self) -> CurvedResponses:
+        """What is written of the derivation."""
+        sensor, array = self.sensor, self.sensor.array
+        return CurvedResponses(
+            sensor=sensor.name,
+            cover=sensor.describe_cover(),
+            texels={
+                "centres_m": array.centres,
+                "normals": array.normals,
+                "size_m": array.texel_size,
+                "active": array.active,
             },
-            "above_m": self.responses.above,
-            "texel_response": self.responses.matrix,
-            "texel_response_uniform": self.uniform,
-            "gaussian": {"sigma_m": self.gaussian.sigma, "residual": self.gaussian.residual},
-            "error_estimate": dict(self.responses.error_estimate),
-            "meshes": [describe_mesh(grid.mesh) for grid in self.responses.grids],
-            "notes": list(sensor.body.notes) if sensor.body else [],
-            "warnings": list(self.warnings),
-            "assumed_electronics": list(sensor.assumed_electronics),
-            "seconds": self.seconds,
-        }
+            above_m=self.responses.above,
+            texel_response=self.responses.matrix,
+            texel_response_uniform=self.uniform,
+            gaussian={"sigma_m": self.gaussian.sigma, "residual": self.gaussian.residual},
+            error_estimate=self.responses.error_estimate,
+            meshes=tuple(describe_mesh(grid.mesh) for grid in self.responses.grids),
+            notes=sensor.body.notes if sensor.body else (),
+            warnings=self.warnings,
+            assumed_electronics=sensor.assumed_electronics,
+            seconds=self.seconds,
+        )
 
 
 def derive_curved(sensor: SensorDescription, *, progress: Callable[[str], None] | None = None) -> CurvedDerivation:

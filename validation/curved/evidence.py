@@ -14,13 +14,13 @@ from fem_reference.curved_cover import texel_responses
 from meshes import Material, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh, sweep
-from meshes.solids.base_surface import cylinder_surface
+from meshes.solids.swept import cylinder_surface
 from validation.campaign.case import Case
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import CampaignResult, CaseResult
 from validation.credibility.code_verification import Check
 from validation.credibility.evidence import Evidence, pool_groups
-from validation.curved.reference import CurvedReference, press_case, require_touch
+from validation.curved.reference import press_case, require_touch
 from validation.sensor_file import SensorDescription
 
 #: Sections of the report on flat covers that have no meaning here.
@@ -169,15 +169,10 @@ def check_finer_mesh(
                 errors=tuple(errors),
                 result=errors[-1],
                 least_order=_LEAST_ORDER,
-                tolerance=max(_estimate(result.reference), 0.0),
+                tolerance=max(result.reference.error_estimate["texel_forces"], 0.0),
             )
         )
     return out
-
-
-def _estimate(reference: object) -> float:
-    """Return the estimated error that the reference states for its texel forces [-]."""
-    return float(reference.error_estimate["texel_forces"]) if isinstance(reference, CurvedReference) else math.nan
 
 
 def _press_alone(sensor: SensorDescription, mesh: SolidMesh, case: Case) -> FloatArray:
@@ -204,10 +199,7 @@ def group_curved_errors(
 
 def measure_obliquity(result: CaseResult) -> float:
     """Return the angle between the motion of the indenter and the normal of the cover where it is placed [rad]."""
-    touch, reference = require_touch(result.case), result.reference
-    if not isinstance(reference, CurvedReference):
-        raise TypeError("a case on a flat cover has no such angle")
-    top = reference.found.top
+    touch, top = require_touch(result.case), result.reference.found.top
     normal = top.normals[int(np.argmin(np.linalg.norm(top.nodes - touch.point, axis=1)))]
     return float(np.arccos(np.clip(-normal @ touch.direction, -1.0, 1.0)))
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshes.npz import pack_npz
+from meshes.bounded_file import pack_npz
 from meshes.solids import write_mesh
 from validation.curved.press import describe_mesh
 from validation.json_values import json_text
 from validation.scene.cover_scene import show_curved, show_mesh
-from validation.scene.files import write_scene
+from validation.scene.draw import write_scene
 
 if TYPE_CHECKING:
     from meshes.solids import SolidMesh
@@ -41,7 +41,7 @@ def write_derivation(derivation: CurvedDerivation, folder: Path) -> tuple[str, .
     """
     grid, sensor = derivation.responses.finest, derivation.sensor
     derivation.parameters.save(folder)
-    (folder / "derive.json").write_text(json_text(derivation.as_json()), encoding="utf-8")
+    (folder / "derive.json").write_text(json_text(derivation.result), encoding="utf-8")
     arrays = {"points": grid.top.nodes, "normals": grid.top.normals, "influence": grid.influence}
     (folder / "responses.npz").write_bytes(pack_npz(arrays))
     write_mesh(folder / MESH_FILE, grid.mesh)

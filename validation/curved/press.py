@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from meshes import Indenter
-from meshes.solids.quality import check_quality
+from meshes.solids.solid_mesh import check_quality
 from validation.curved.fast import FastPress, derive_fast_model, press_fast
 from validation.curved.places import CurvedPlaces, PoseText
 from validation.curved.touch import Touch
@@ -153,7 +153,7 @@ def make_meshes(sensor: SensorDescription, progress: Callable[[str], None] | Non
     Raises:
         InputError: If the cover cannot be meshed, a mesh cannot be used, or a texel is not on the base.
     """
-    from meshes.solids.quality import check_texels
+    from meshes.solids.solid_mesh import check_texels
 
     if sensor.body is None:
         raise InputError(

@@ -12,9 +12,9 @@ from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.responses import find_above, find_uncovered, lay_out
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray
+from meshes.pose import Pose
 from meshes.solids import SolidMesh
-from meshes.solids.quality import measure_thickness
-from meshes.spatial_pose import SpatialPose
+from meshes.solids.solid_mesh import measure_thickness
 from validation.errors import InputError
 
 #: Largest distance of a wanted place from the top, over the thickness of the cover [-].
@@ -41,13 +41,13 @@ class Touch:
     tilt: tuple[float, float] = (0.0, 0.0)
 
     @property
-    def pose(self) -> SpatialPose:
+    def pose(self) -> Pose:
         """Pose of the indenter with the lowest point of its axis at the point."""
-        pose = SpatialPose.facing(self.point, self.direction, spin=self.yaw)
+        pose = Pose.facing(self.point, self.direction, spin=self.yaw)
         if not any(self.tilt):
             return pose
         turn = Rotation.from_rotvec([*self.tilt, 0.0]).as_matrix()
-        return SpatialPose(position=pose.position, rotation=pose.rotation @ turn)
+        return Pose(position=pose.position, rotation=pose.rotation @ turn)
 
     def describe(self) -> str:
         """Describe place and direction in words."""

@@ -6,7 +6,6 @@ series, file or split: it is kept as a line in `DataSet.problems`, and the rest 
 
 from __future__ import annotations
 
-import dataclasses
 import fnmatch
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -14,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from meshes import Indenter
-from meshes.bounded_file import FileLimitError, parse_toml, read_text
 from validation.calibration.observations import Placement
-from validation.data_sets.tables import (
+from validation.errors import InputError, nearest
+from validation.schema.data_set import (
     FITTED,
     LABELS,
     CommonKeys,
@@ -26,11 +25,8 @@ from validation.data_sets.tables import (
     SeriesTable,
     SplitTable,
 )
-from validation.errors import InputError, nearest
 from validation.text.indenter import read_indenter
 
-#: Largest accepted size of a data-set file [bytes].
-MOST_BYTES = 2**22
 #: Tolerance of the limits of a selection by load [-].
 _SAME_LOAD = 1e-6
 #: First and last time after loading between which frames are averaged, if the file does not say [s].
@@ -131,32 +127,6 @@ class DataSet:
     files: tuple[DataFile, ...]
     splits: tuple[Split, ...]
     problems: tuple[str, ...]
-
-
-def read_tables(path: Path) -> DataSetTables:
-    """Read and check the tables of a data-set file.
-
-    Raises:
-        InputError: With one line per fault.
-        OSError: If the file cannot be read.
-    """
-    from pydantic import TypeAdapter, ValidationError
-
-    from validation.sensor_file.faults import list_faults
-
-    try:
-        data: dict[str, Any] = parse_toml(read_text(path, most=MOST_BYTES))
-    except FileLimitError as error:
-        raise InputError(f"{path}: not a TOML file that is accepted: {error}") from None
-    try:
-        tables: DataSetTables = TypeAdapter(DataSetTables).validate_python(data)
-    except ValidationError as error:
-        raise InputError(*(f"{path}: {line}" for line in list_faults(error, DataSetTables))) from None
-    for kind, names in (("series", tables.series), ("split", tables.split)):
-        given = [each.name for each in names]
-        if twice := sorted({name for name in given if given.count(name) > 1}):
-            raise InputError(f"{path}: {kind} {twice[0]!r} stands twice; expected different names")
-    return tables
 
 
 def build_data_set(tables: DataSetTables, *, source: Path, folder: Path) -> DataSet:
@@ -270,7 +240,7 @@ def _list_files(series: SeriesTable, tables: DataSetTables, folder: Path, proble
 
 def _merge(series: SeriesTable, tables: DataSetTables) -> dict[str, Any]:
     """Return the keys of a series, with those of the whole file where the series has none."""
-    own = {field.name: getattr(series, field.name) for field in dataclasses.fields(CommonKeys)}
+    own = {name: getattr(series, name) for name in CommonKeys.model_fields}
     return {name: getattr(tables, name) if value is None else value for name, value in own.items()}
 
 

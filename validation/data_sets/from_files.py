@@ -10,10 +10,10 @@ from meshes import TexelArray
 from validation.calibration.observations import Placement
 from validation.data_sets.data_set import DataFile, DataSet
 from validation.data_sets.locate import find_data_set
-from validation.data_sets.tables import LABELS
 from validation.errors import InputError
 from validation.recordings.importing import open_recording
 from validation.recordings.recording import RecordingError
+from validation.schema.data_set import LABELS
 from validation.text.indenter import read_indenter, read_position, read_yaw
 
 

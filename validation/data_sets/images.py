@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import detrend
 
-from meshes.array import FloatArray, TexelArray
+from meshes.array import TexelArray
+from meshes.array_types import FloatArray
 from validation.calibration.loading import find_creep, find_load_onset, find_rest
 from validation.calibration.observations import Observations
 from validation.data_sets.data_set import DataFile, DataSet
-from validation.data_sets.tables import FORCE
 from validation.recordings.importing import open_recording
 from validation.recordings.recording import BoolArray, RecordedArray, Recording, RecordingError, find_pressed_array
+from validation.schema.data_set import FORCE
 
 #: Smallest number of frames from which the noise about a straight trend can be estimated [-].
 _FEWEST_FRAMES = 3

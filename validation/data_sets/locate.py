@@ -8,10 +8,11 @@ from importlib import resources
 from pathlib import Path
 
 from meshes.bounded_file import FileLimitError, read_text
-from validation.data_sets.data_set import MOST_BYTES, DataSet, build_data_set, read_tables
-from validation.data_sets.tables import DataSetTables
+from validation.data_sets.data_set import DataSet, build_data_set
 from validation.errors import InputError, nearest
 from validation.recordings.recording import RecordingError
+from validation.schema import read
+from validation.schema.data_set import DataSetTables
 
 #: Environment variable that names the folder of recordings.
 ENVIRONMENT_VARIABLE = "SOFTCOVER_RECORDINGS"
@@ -49,7 +50,7 @@ def find_data_set(recordings: str | Path | None = None, data_set: str | Path | N
     if named is not None and not named.is_dir():
         raise RecordingError(f"{named}: no such folder; expected a folder with recordings, or a data-set file (.toml)")
     source = _find_file(data_set, named)
-    tables = read_tables(source)
+    tables = read(source, DataSetTables)
     found = [build_data_set(tables, source=source, folder=f) for f in _list_folders(named, source, tables, variable)]
     chosen = next((each for each in found if each.files), found[0])
     if not chosen.files:
@@ -94,7 +95,7 @@ def _may_be_data_set(path: Path) -> bool:
     if not path.is_file():
         return False
     try:
-        return "series" in read_text(path, most=MOST_BYTES)
+        return "series" in read_text(path, most=DataSetTables.MOST_BYTES)
     except FileLimitError:
         return True
 

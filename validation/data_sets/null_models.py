@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 from validation.calibration.observations import Observations, join_observations
 
 #: Function from load [N] and temperature [degC] to predicted counts of the n texels, shape (n,) [-].

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-
-import numpy as np
-import numpy.typing as npt
+from dataclasses import asdict
+from typing import Annotated
 
 from fastmodel import Electronics
 from fastmodel.signal.electronics import grey_levels
-from meshes.array import FloatArray, TexelArray
+from meshes.array import TexelArray
+from meshes.array_types import FloatArray
 from validation import metrics
 from validation.campaign.pooling import Pooled, pool
 from validation.recordings.recording import BoolArray
+from validation.results import Column, GreyImage, Number, Result, result_model
 
 
-@dataclass(frozen=True, kw_only=True)
-class CountScore:
+@result_model
+class CountScore(Result):
     """Differences between a predicted and a recorded mean frame of counts, over active texels.
 
     Attributes:
@@ -32,13 +32,13 @@ class CountScore:
             count [-].
     """
 
-    image_changed_percent: float
-    pixels_changed: float
-    relative_l2: float
-    total_counts_error: float
-    centre_of_pressure_m: float
-    wasserstein_m: float
-    active_area_iou: float
+    image_changed_percent: Annotated[Number, Column(heading="image changed", unit="%")]
+    pixels_changed: Number
+    relative_l2: Annotated[Number, Column(heading="relative L2", unit="%", factor=100)]
+    total_counts_error: Annotated[Number, Column(heading="total counts", unit="%", factor=100)]
+    centre_of_pressure_m: Annotated[Number, Column(heading="centre of counts", unit="mm", factor=1e3)]
+    wasserstein_m: Annotated[Number, Column(heading="Wasserstein-1", unit="mm", factor=1e3)]
+    active_area_iou: Annotated[Number, Column(heading="active-area IoU")]
 
 
 def score_counts(
@@ -79,8 +79,8 @@ def group_by_metric(scores: Iterable[CountScore]) -> dict[str, tuple[float, ...]
     return {metric: tuple(row[metric] for row in table) for metric in table[0]}
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordingRow:
+@result_model
+class RecordingRow(Result):
     """Row of the table of scores: one model on one split of the recordings into fitted and scored ones.
 
     Attributes:
@@ -101,7 +101,7 @@ class RecordingRow:
     kind: str
     texel_gains: bool
     fitted: tuple[str, ...]
-    parameters: Mapping[str, float]
+    parameters: Mapping[str, Number]
     per_case: Mapping[str, CountScore]
     pooled: Mapping[str, Pooled]
     skill: Mapping[str, Pooled]
@@ -151,8 +151,8 @@ def compare_with_nulls(rows: Sequence[RecordingRow]) -> str:
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecordingExample:
+@result_model
+class RecordingExample(Result):
     """Tactile images of one scored recording: the recorded image and the image that each model predicts.
 
     Attributes:
@@ -165,13 +165,13 @@ class RecordingExample:
 
     split: str
     case: str
-    load: float
-    recorded: npt.NDArray[np.uint8]
-    predicted: Mapping[str, npt.NDArray[np.uint8]]
+    load: Number
+    recorded: GreyImage
+    predicted: Mapping[str, GreyImage]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecordingScores:
+@result_model
+class RecordingScores(Result):
     """All scores on the recordings of a data set.
 
     Attributes:
@@ -192,7 +192,7 @@ class RecordingScores:
     about: Mapping[str, str]
     notes: Mapping[str, tuple[str, ...]]
     files: Mapping[str, str]
-    noise: float
+    noise: Number
     source: str
     problems: tuple[str, ...]
 

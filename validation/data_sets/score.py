@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from fastmodel import Electronics, Parameters
 from fastmodel.signal.electronics import grey_levels
-from meshes.array import FloatArray
+from meshes.array_types import FloatArray
 from validation.calibration.contact import ContactMethod, make_fast_method, make_reference_method
 from validation.calibration.forward_fit import ForwardFit, Options, borrow_poses, fit_forward, fit_placements
 from validation.calibration.observations import Observations

@@ -12,8 +12,7 @@ from fem_reference.curved_cover.pressure_shapes import spread_hats
 from fem_reference.curved_cover.responses import build_solid
 from meshes import Material, TexelArray
 from meshes.array_types import FloatArray
-from meshes.solids.quality import compute_volume, measure_area
-from meshes.solids.solid_mesh import SolidMesh
+from meshes.solids.solid_mesh import SolidMesh, compute_volume, measure_area
 
 
 def derive_curved_cover(mesh: SolidMesh, texels: TexelArray, material: Material) -> CoverPoints:

@@ -29,12 +29,12 @@ from validation.derivation.sensitivity import sigma_sensitivities
 from validation.derivation.undetermined import list_undetermined
 from validation.derivation.validity import press_ball_on_array, state_range
 from validation.errors import InputError
+from validation.results.derivation import FlatResponses, Kernel, PointResponse
 from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fastmodel.parameters import Parameters
     from fastmodel.surface import CoverCells
-    from fastmodel.validity import Validity
     from fem_reference.linear_response.point_spread import PointSpread
 
 FloatArray = npt.NDArray[np.float64]
@@ -104,40 +104,42 @@ class Derivation:
         spread = self.point_spread
         return {} if spread is None else sigma_sensitivities(self.sensor.cover, self.sensor.array, spread)
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the result as a dictionary, under the names that the command line prints as JSON."""
-        spread = self.point_spread
-        return {
-            "sensor": self.sensor.name,
-            "cover": self.sensor.describe_cover(),
-            "psf": {
-                **dataclasses.asdict(self.fit.gaussian),
-                "estimator": self.fit.estimator,
-                "estimates": {name: list(pair) for name, pair in self.fit.estimates.items() if np.isfinite(pair).all()},
-                "residual": self.fit.residual,
-                "outside_kernel": self.fit.outside_kernel,
-            },
-            "texel_response": self.texel_response,
-            "texel_response_outside": self.outside[0],
-            "texel_response_uniform": self.texel_response_uniform,
-            "texel_response_uniform_outside": self.outside[1],
-            "point_response": None
+    @property
+    def result(self) -> FlatResponses:
+        """What is written of the derivation."""
+        sensor, fit, spread = self.sensor, self.fit, self.point_spread
+        estimates = {name: pair for name, pair in fit.estimates.items() if np.isfinite(pair).all()}
+        return FlatResponses(
+            sensor=sensor.name,
+            cover=sensor.describe_cover(),
+            psf=Kernel(
+                **dataclasses.asdict(fit.gaussian),
+                estimator=fit.estimator,
+                estimates=estimates,
+                residual=fit.residual,
+                outside_kernel=fit.outside_kernel,
+            ),
+            texel_response=self.texel_response,
+            texel_response_outside=self.outside[0],
+            texel_response_uniform=self.texel_response_uniform,
+            texel_response_uniform_outside=self.outside[1],
+            point_response=None
             if spread is None
-            else {"radius_m": spread.radius, "pressure_per_force": spread.pressure_per_force},
-            "error_estimate": dict(self.error_estimate),
-            "resolution": self.resolution,
-            "resolution_on_array": self.resolution_on_array,
-            "sensitivity": dict(self.sensitivity),
-            "depth": None if self.depth is None else dataclasses.asdict(self.depth),
-            "validity": _describe_range(self.parameters.validity),
-            "undetermined": list(self.undetermined),
-            "assumed_electronics": list(self.sensor.assumed_electronics),
-            "calibration": {
-                "calibrated": self.sensor.electronics.calibrated,
+            else PointResponse(radius_m=spread.radius, pressure_per_force=spread.pressure_per_force),
+            error_estimate=self.error_estimate,
+            resolution=self.resolution,
+            resolution_on_array=self.resolution_on_array,
+            sensitivity=self.sensitivity,
+            depth=None if self.depth is None else dataclasses.asdict(self.depth),
+            validity="not stated" if self.parameters.validity is None else dataclasses.asdict(self.parameters.validity),
+            undetermined=self.undetermined,
+            assumed_electronics=sensor.assumed_electronics,
+            calibration={
+                "calibrated": sensor.electronics.calibrated,
                 "tip": None if self.tip is None else dataclasses.asdict(self.tip),
             },
-            "seconds": self.seconds,
-        }
+            seconds=self.seconds,
+        )
 
 
 def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> Derivation:
@@ -211,11 +213,6 @@ def _press_tip(sensor: SensorDescription, influence: Influence, tell: Progress) 
     except (ConvergenceError, ValueError) as error:
         tell(f"the share of the calibration tip's force on a texel is not known: {error}")
         return None
-
-
-def _describe_range(validity: Validity | None) -> dict[str, Any] | str:
-    """Return the range of the fast model as a dictionary, or the words `not stated`."""
-    return "not stated" if validity is None else dataclasses.asdict(validity)
 
 
 def _state_range(parameters: Parameters, sensor: SensorDescription, influence: Influence, tell: Progress) -> Parameters:

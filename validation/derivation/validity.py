@@ -21,7 +21,7 @@ import numpy.typing as npt
 from fastmodel.surface import CoverCells
 from fastmodel.validity import FEWEST_CELLS, Validity
 from meshes import Cover, Sphere, TexelArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from validation.derivation.cover_kernels import compliance_kernel, influence_kernel, tabulate_surface
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def press_ball_on_array(cover: Cover, array: TexelArray, progress: Progress | No
     if cover.small_strain_only:
         wanted = LoadingPath(cover=cover, indenter=Sphere(radius=radius), targets=tuple(depths), control="depth")
         found = solve_coarse(wanted, progress)
-        poses = [PlanarPose(at=(float(x), float(y))) for x, y in points]
+        poses = [Pose.planar(at=(float(x), float(y))) for x, y in points]
         return BallPresses(
             radius=radius,
             points=points,

@@ -6,60 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
-from pydantic.dataclasses import dataclass as table
 
 from meshes import Cover, Indenter, Layer, Sphere
-from meshes.bounded_file import parse_toml
-from validation.errors import InputError, nearest
-from validation.sensor_file.faults import list_faults
-from validation.sensor_file.sensor import read_tables
-from validation.sensor_file.tables import CoverTable, Length, choice, quantity
-from validation.text.indenter import read_indenter
+from validation.errors import nearest
+from validation.schema import parse, read
+from validation.schema.measured_force import MeasurementTables
 
 FloatArray = npt.NDArray[np.float64]
 
 #: Measurements that come with the package, by the name on the command line, and their files.
 BUILT_IN = {"gelsight-mini": "gelsight-mini.toml"}
-#: Largest number of points of a measurement; the finite elements solve every depth [-].
-_MOST_POINTS = 100
 #: Largest Poisson ratio, that of an incompressible material [-].
 _INCOMPRESSIBLE = 0.5
-_Force = Annotated[float, quantity("force")]
-
-
-@table(config=ConfigDict(extra="forbid"), kw_only=True)
-class PointTable:
-    """Table `[[point]]`: one measured force, and whether the moduli are fitted to it or it is scored."""
-
-    depth: Length
-    force: _Force
-    use: Annotated[str, choice("fit", "score")]
-
-
-@table(config=ConfigDict(extra="forbid"), kw_only=True)
-class UncertaintyTable:
-    """Table `[uncertainty]`: standard uncertainties of the measurement."""
-
-    force: _Force | None = None
-    zero: Length | None = None
-
-
-@table(config=ConfigDict(extra="forbid"), kw_only=True)
-class MeasurementTables:
-    """All tables of the file of a measurement."""
-
-    name: str
-    indenter: str
-    cover: CoverTable
-    point: Annotated[list[PointTable], Field(max_length=_MOST_POINTS)]
-    source: str = "given by the user"
-    top_radius: Length | None = None
-    uncertainty: UncertaintyTable = Field(default_factory=UncertaintyTable)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,23 +82,20 @@ def _shift_poisson_ratio(cover: Cover, sign: int) -> Cover:
     return replace(cover, layers=tuple(shift(layer) for layer in cover.layers))
 
 
-def read_measurement(text: str) -> Measurement:
-    """Read a measurement from a TOML file, or take a built-in one.
+def read_measured_force(path: str | Path) -> Measurement:
+    """Read a file of measured forces, or take a built-in one.
 
     Args:
-        text: Path of a file, or a name in `BUILT_IN`.
+        path: Path of a file, or a name in `BUILT_IN`.
 
     Raises:
         InputError: With one line per fault: the place in the file, what is wrong, and what would be accepted.
         OSError: If the file exists and cannot be read.
     """
-    if text in BUILT_IN:
-        content = resources.files("validation.measured_force").joinpath(BUILT_IN[text]).read_text(encoding="utf-8")
-        return parse_measurement(parse_toml(content), source=text)
-    path = Path(text)
-    if not path.exists():
-        raise InputError(f"{path}: no such file or built-in measurement; {nearest(text, BUILT_IN)}, or a TOML file")
-    return parse_measurement(read_tables(path), source=text)
+    name = str(path)
+    hint = f"or built-in measurement; {nearest(name, BUILT_IN)}, or a TOML file"
+    file = resources.files("validation.measured_force").joinpath(BUILT_IN[name]) if name in BUILT_IN else path
+    return _build(read(Path(str(file)), MeasurementTables, hint=hint))
 
 
 def parse_measurement(data: Mapping[str, Any], *, source: str) -> Measurement:
@@ -149,18 +108,17 @@ def parse_measurement(data: Mapping[str, Any], *, source: str) -> Measurement:
     Raises:
         InputError: With one line per fault.
     """
-    try:
-        tables = TypeAdapter(MeasurementTables).validate_python(dict(data))
-    except ValidationError as error:
-        raise InputError(*(f"{source}: {line}" for line in list_faults(error, MeasurementTables))) from None
-    indenter = read_indenter(tables.indenter, place=f"{source}: indenter")
-    # Pydantic's validator has already converted the name or the parameters of each material to a `Material`.
-    layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in tables.cover.layer)  # type: ignore[arg-type]
+    return _build(parse(data, MeasurementTables, source=source))
+
+
+def _build(tables: MeasurementTables) -> Measurement:
+    """Make a measurement from its tables."""
+    layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in tables.cover.layer)
     points = sorted(tables.point, key=lambda each: each.depth)
-    measurement = Measurement(
+    return Measurement(
         name=tables.name,
         source=tables.source,
-        indenter=indenter,
+        indenter=tables.indenter,
         cover=Cover(layers=layers, base=tables.cover.base, size=tables.cover.size),
         depth=np.array([each.depth for each in points]),
         force=np.array([each.force for each in points]),
@@ -169,28 +127,3 @@ def parse_measurement(data: Mapping[str, Any], *, source: str) -> Measurement:
         force_uncertainty=tables.uncertainty.force,
         zero_uncertainty=tables.uncertainty.zero,
     )
-    if faults := list(_find_faults(measurement)):
-        raise InputError(*(f"{source}: {fault}" for fault in faults))
-    return measurement
-
-
-def _find_faults(measurement: Measurement) -> list[str]:
-    """Return one line per fault that concerns several keys of a file."""
-    faults, fitted = [], measurement.fitted
-    if not fitted.any() or fitted.all():
-        faults.append('point: takes at least one with use = "fit" and one with use = "score"')
-    elif len(np.unique(measurement.depth)) == 1:
-        faults.append("point: takes points at two depths or more")
-    thickness = measurement.cover.thickness
-    faults += [
-        f"point.depth: {1e3 * depth:.4g} mm pierces the cover; accepted: less than its {1e3 * thickness:.4g} mm"
-        for depth in measurement.depth[measurement.depth >= thickness]
-    ]
-    if not measurement.indenter.axisymmetric:
-        faults.append("indenter: takes a body of revolution: sphere, cylinder, tip or cone")
-    if measurement.top_radius is not None and not isinstance(measurement.indenter, Sphere):
-        faults.append("top_radius: takes a sphere as indenter; remove the key, or let indenter be a sphere")
-    shift = measurement.zero_uncertainty
-    if shift is not None and len(fitted) and shift >= measurement.depth[0]:
-        faults.append(f"uncertainty.zero: must be less than the smallest depth, {1e3 * measurement.depth[0]:.4g} mm")
-    return faults

@@ -9,33 +9,134 @@ model.  The factor is fitted again for each varied input, so that only what the 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
+from meshes import Cover, Indenter, TexelArray
 from validation.measured_force.case import FloatArray, Measurement
-from validation.measured_force.curves import BOUNDS, Curve, solve_curves
+from validation.results import Array, Result, result_model
 
+#: Names of the two bounds of friction, and their coefficients [-].
+BOUNDS: Mapping[str, float] = {"frictionless": 0.0, "no slip": math.inf}
 #: Name of the row in which friction may lie anywhere between its bounds.
 BETWEEN = "in between"
-#: Probability of the interval of the fitted factor, and the number of standard uncertainties that a normal distribution
-#: has within it [-].
-_PROBABILITY, _COVERAGE = 0.95, 1.96
-#: Number of standard uncertainties up to which an error is allowed, at about 95 % [-].
-_ALLOWED = 2.0
-#: Half of the width of a uniform distribution over its standard deviation [-].
-_UNIFORM = np.sqrt(3)
-#: Largest error of the zero of depth that is considered as an explanation, over the smallest depth [-].
-_LARGEST_SHIFT = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparisonNumbers:
+    """Numbers of the comparison.
+
+    Attributes:
+        probability: Probability of the interval of the fitted factor [-].
+        coverage: Number of standard uncertainties that a normal distribution has within that probability [-].
+        allowed: Number of standard uncertainties up to which an error is allowed, at about 95 % [-].
+        uniform: Half of the width of a uniform distribution over its standard deviation [-].
+        largest_shift: Largest error of the zero of depth that is considered as an explanation, over the smallest depth
+            [-].
+    """
+
+    probability: float = 0.95
+    coverage: float = 1.96
+    allowed: float = 2.0
+    uniform: float = math.sqrt(3)
+    largest_shift: float = 0.5
+
+
+NUMBERS = ComparisonNumbers()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Row:
+class Variation:
+    """Forces at n depths at the two ends of the range of one uncertain input.
+
+    Attributes:
+        one: Forces at one end, shape (n,) [N].
+        other: Forces at the other end, shape (n,) [N].
+        width: Width of the range in standard uncertainties [-].
+    """
+
+    one: FloatArray
+    other: FloatArray
+    width: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """Forces at n depths at the moduli of the file.
+
+    Attributes:
+        force: Forces, shape (n,) [N].
+        error: Estimated relative errors of the finite elements, shape (n,) [-].
+        varied: Forces with one uncertain input changed, by the name of the input.
+    """
+
+    force: FloatArray
+    error: FloatArray
+    varied: Mapping[str, Variation]
+
+
+def solve_curves(measurement: Measurement, progress: Callable[[str], None] | None = None) -> dict[str, Curve]:
+    """Solve the indentation at every measured depth for both bounds of friction and for each varied input.
+
+    The force on a wide, flat cover is multiplied by the effect of the free sides.  The effect is the ratio of the
+    frictionless forces on the cover of limited size and on a wide one.  A domed top is replaced by a ball of the same
+    gap.  Both are approximations, so the whole effect of each is one half-width of its range.
+
+    Args:
+        measurement: Indenter, cover and depths.
+        progress: Called with a line of text before each solution.
+
+    Raises:
+        IncompletePathError: If the finite elements stop before the largest depth.
+    """
+    wide = replace(measurement.cover, size=None)
+    domed, flat = measurement.domed_indenter, measurement.indenter
+    depths = np.unique(measurement.depth)
+
+    def solve(name: str, cover: Cover, indenter: Indenter, friction: float) -> tuple[FloatArray, FloatArray]:
+        """Solve one curve, and return forces and relative errors at the depths of the measurement."""
+        from fem_reference.indentation.press import press_path
+
+        if progress is not None:
+            progress(name)
+        # The force does not depend on the texels.
+        array = TexelArray.grid(1, 1, pitch=measurement.depth[0])
+        path = press_path(cover, array, indenter, depths=depths.tolist(), friction=friction)
+        at = np.searchsorted(depths, measurement.depth)
+        force = np.array([each.total_force for each in path])[at]
+        return force, np.array([each.error_estimate["total_force"] for each in path])[at]
+
+    sides, sides_error = np.ones(len(measurement.depth)), np.zeros(len(measurement.depth))
+    if measurement.cover.size is not None:
+        bounded, sides_error = solve("free sides", measurement.cover, flat, 0.0)
+        sides = bounded / solve("wide cover", wide, flat, 0.0)[0]
+    curves = {}
+    for bound, friction in BOUNDS.items():
+        force, error = solve(bound, wide, domed, friction)
+        varied = {}
+        if ends := measurement.poisson_ends:
+            low, high = (
+                solve(f"{bound}, {end} Poisson ratio", replace(cover, size=None), domed, friction)[0]
+                for end, cover in zip(("low", "high"), ends, strict=True)
+            )
+            varied["Poisson ratio"] = Variation(one=sides * low, other=sides * high, width=2 * NUMBERS.uniform)
+        if domed is not flat:
+            on_flat = solve(f"{bound}, flat top", wide, flat, friction)[0]
+            varied["dome"] = Variation(one=sides * force, other=sides * on_flat, width=NUMBERS.uniform)
+        if measurement.cover.size is not None:
+            varied["sides"] = Variation(one=sides * force, other=force, width=NUMBERS.uniform)
+        curves[bound] = Curve(force=sides * force, error=np.hypot(error, sides_error), varied=varied)
+    return curves
+
+
+@result_model
+class Row(Result):
     """Comparison of the finite elements under one assumption on friction with n measured forces.
 
     Attributes:
@@ -53,60 +154,58 @@ class Row:
             stated zero and with `zero_shift`; None for `BETWEEN` [-].
     """
 
+    computed = (("u_input", "u_input"), ("u_val", "u_val"))
+
     name: str
     scale: float
     interval: tuple[float, float] | None
-    predicted: FloatArray
-    error: FloatArray
-    numerical: FloatArray
-    inputs: Mapping[str, FloatArray]
-    measured: FloatArray
+    predicted: Array
+    error: Array
+    numerical: Array
+    inputs: Mapping[str, Array]
+    measured: Array
     zero_shift: float | None = None
     misfit: tuple[float, float] | None = None
 
     @property
     def u_input(self) -> FloatArray:
         """Standard uncertainty of the prediction due to all inputs, shape (n,) [N]."""
-        return _add(list(self.inputs.values()), len(self.error))
+        return np.asarray(np.sqrt(sum((part**2 for part in self.inputs.values()), start=np.zeros(len(self.error)))))
 
     @property
     def u_val(self) -> FloatArray:
         """Standard uncertainty of the error, shape (n,) [N]."""
-        return _add([self.numerical, self.u_input, self.measured], len(self.error))
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the row as a dictionary of JSON values."""
-        own = {name: value for name, value in vars(self).items() if name != "inputs"}
-        return {**own, "inputs": dict(self.inputs), "u_input": self.u_input, "u_val": self.u_val}
+        return np.asarray(np.sqrt(self.numerical**2 + self.u_input**2 + self.measured**2))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ForceComparison:
+@result_model
+class ForceComparison(Result):
     """Comparison of the finite elements with a measurement, at both bounds of friction and between them.
 
     Attributes:
-        measurement: The measurement.
+        name: Name of the measurement.
+        source: Origin of the data.
+        depth: Approaches from first touch, ascending, shape (n,) [m].
+        force: Measured normal forces, shape (n,) [N].
+        fitted: Whether the moduli are fitted to each point; the others are scored, n entries.
+        shear_moduli: Shear modulus of each layer as given, before the fitted factor [Pa].
         rows: Frictionless, no slip, and `BETWEEN`.
         verdict: Sentences about what the data allow.
     """
 
-    measurement: Measurement
-    rows: Sequence[Row]
+    name: str
+    source: str
+    depth: Array
+    force: Array
+    fitted: tuple[bool, ...]
+    shear_moduli: tuple[float, ...]
+    rows: tuple[Row, ...]
     verdict: tuple[str, ...]
 
-    def as_json(self) -> dict[str, Any]:
-        """Return measurement and comparison as a dictionary of JSON values, in SI units."""
-        given = self.measurement
-        return {
-            "name": given.name,
-            "source": given.source,
-            "depth": given.depth,
-            "force": given.force,
-            "fitted": given.fitted,
-            "shear_moduli": [layer.material.shear_modulus for layer in given.cover.layers],
-            "rows": [row.as_json() for row in self.rows],
-            "verdict": list(self.verdict),
-        }
+
+def compare_measurement(measurement: Measurement, progress: Callable[[str], None] | None = None) -> ForceComparison:
+    """Solve all curves of a measurement and compare; see `solve_curves` and `compare_forces`."""
+    return compare_forces(measurement, solve_curves(measurement, progress))
 
 
 def compare_forces(measurement: Measurement, curves: Mapping[str, Curve]) -> ForceComparison:
@@ -118,7 +217,16 @@ def compare_forces(measurement: Measurement, curves: Mapping[str, Curve]) -> For
     """
     rows = [_compare_bound(measurement, bound, curves[bound]) for bound in BOUNDS]
     rows.append(_combine_bounds(measurement, rows))
-    return ForceComparison(measurement=measurement, rows=tuple(rows), verdict=_judge(measurement, rows))
+    return ForceComparison(
+        name=measurement.name,
+        source=measurement.source,
+        depth=measurement.depth,
+        force=measurement.force,
+        fitted=tuple(measurement.fitted.tolist()),
+        shear_moduli=tuple(layer.material.shear_modulus for layer in measurement.cover.layers),
+        rows=tuple(rows),
+        verdict=_judge(measurement, rows),
+    )
 
 
 def fit_scale(measurement: Measurement, force: FloatArray) -> float:
@@ -132,22 +240,25 @@ def _compare_bound(measurement: Measurement, name: str, curve: Curve) -> Row:
     use, count = measurement.fitted, int(measurement.fitted.sum())
     scale = fit_scale(measurement, curve.force)
     predicted = scale * curve.force
-
-    def fit_again(force: FloatArray) -> tuple[float, FloatArray]:
-        """Return the logarithm of the fitted factor, and the prediction."""
-        factor = fit_scale(measurement, force)
-        return np.log(factor), factor * force
-
+    varied = dict(curve.varied)
+    if shift := measurement.zero_uncertainty:
+        rise = interpolate_force(measurement.depth, curve.force)
+        one, other = (rise(measurement.depth + sign * shift) for sign in (-1, 1))
+        varied["zero of depth"] = Variation(one=one, other=other, width=2.0)
     inputs, of_scale = {}, []
-    for key, (one, other, width) in _list_variations(measurement, curve).items():
-        (log_one, at_one), (log_other, at_other) = fit_again(one), fit_again(other)
-        inputs[key] = np.abs(at_other - at_one) / width
-        of_scale.append(abs(log_other - log_one) / width)
+    for key, each in varied.items():
+        one_scale, other_scale = (fit_scale(measurement, force) for force in (each.one, each.other))
+        inputs[key] = np.abs(other_scale * each.other - one_scale * each.one) / each.width
+        of_scale.append(abs(np.log(other_scale) - np.log(one_scale)) / each.width)
     spread, coverage = _estimate_scatter(measurement, curve.force)
     if spread is not None:
         inputs["fitted moduli"] = predicted * spread / np.sqrt(count)
-    half = None if spread is None else np.hypot(coverage * spread / np.sqrt(count), _COVERAGE * _norm(of_scale))
-    shift, misfit = _fit_zero(measurement, curve.force)
+    half = (
+        None
+        if spread is None
+        else np.hypot(coverage * spread / np.sqrt(count), NUMBERS.coverage * np.linalg.norm(of_scale))
+    )
+    zero_shift, misfit = _fit_zero(measurement, curve.force)
     noise = measurement.force_uncertainty or 0.0
     return Row(
         name=name,
@@ -155,22 +266,12 @@ def _compare_bound(measurement: Measurement, name: str, curve: Curve) -> Row:
         interval=None if half is None else (float(scale * np.exp(-half)), float(scale * np.exp(half))),
         predicted=predicted,
         error=predicted - measurement.force,
-        numerical=predicted * np.hypot(curve.error, _norm(curve.error[use]) / count),
+        numerical=predicted * np.hypot(curve.error, np.linalg.norm(curve.error[use]) / count),
         inputs=inputs,
         measured=np.full(len(predicted), noise),
-        zero_shift=shift,
+        zero_shift=zero_shift,
         misfit=misfit,
     )
-
-
-def _list_variations(measurement: Measurement, curve: Curve) -> dict[str, tuple[FloatArray, FloatArray, float]]:
-    """Return all variations of a curve, including that of the zero of depth."""
-    out = dict(curve.varied)
-    if measurement.zero_uncertainty:
-        rise = interpolate_force(measurement.depth, curve.force)
-        moved = [rise(measurement.depth + sign * measurement.zero_uncertainty) for sign in (-1, 1)]
-        out["zero of depth"] = moved[0], moved[1], 2.0
-    return out
 
 
 def interpolate_force(depth: FloatArray, force: FloatArray) -> Callable[[FloatArray], FloatArray]:
@@ -200,11 +301,11 @@ def _estimate_scatter(measurement: Measurement, force: FloatArray) -> tuple[floa
     use = measurement.fitted
     count = int(use.sum())
     if measurement.force_uncertainty is not None:
-        return _norm(measurement.force_uncertainty / measurement.force[use]) / np.sqrt(count), _COVERAGE
+        return np.linalg.norm(measurement.force_uncertainty / measurement.force[use]) / np.sqrt(count), NUMBERS.coverage
     if count == 1:
         return None, 0.0
     residual = np.log(measurement.force[use] / force[use])
-    return float(np.std(residual, ddof=1)), float(student.ppf((1 + _PROBABILITY) / 2, count - 1))
+    return float(np.std(residual, ddof=1)), float(student.ppf((1 + NUMBERS.probability) / 2, count - 1))
 
 
 def _fit_zero(measurement: Measurement, force: FloatArray) -> tuple[float, tuple[float, float]]:
@@ -218,7 +319,7 @@ def _fit_zero(measurement: Measurement, force: FloatArray) -> tuple[float, tuple
     def measure_misfit(shift: float) -> float:
         return float(np.std(np.log(measurement.force / rise(depth + shift))))
 
-    most = _LARGEST_SHIFT * depth[0]
+    most = NUMBERS.largest_shift * depth[0]
     shift = float(minimize_scalar(measure_misfit, bounds=(-most, most), method="bounded", options={"xatol": 1e-9}).x)
     return shift, (measure_misfit(0.0), measure_misfit(shift))
 
@@ -228,7 +329,7 @@ def _combine_bounds(measurement: Measurement, rows: Sequence[Row]) -> Row:
     one, other = rows
     predicted = (one.predicted + other.predicted) / 2
     inputs = {key: np.maximum(one.inputs[key], other.inputs[key]) for key in one.inputs}
-    inputs["friction"] = np.abs(one.predicted - other.predicted) / 2 / _UNIFORM
+    inputs["friction"] = np.abs(one.predicted - other.predicted) / 2 / NUMBERS.uniform
     ends = [row.interval for row in rows if row.interval is not None]
     return Row(
         name=BETWEEN,
@@ -246,7 +347,7 @@ def _judge(measurement: Measurement, rows: Sequence[Row]) -> tuple[str, ...]:
     """State in words which bound of friction the data allow, and what else would explain the difference."""
     scored = ~measurement.fitted
     bounds = [row for row in rows if row.name in BOUNDS]
-    allowed = [row.name for row in bounds if (np.abs(row.error) <= _ALLOWED * row.u_val)[scored].all()]
+    allowed = [row.name for row in bounds if (np.abs(row.error) <= NUMBERS.allowed * row.u_val)[scored].all()]
     nearest = min(bounds, key=lambda row: float(np.abs(row.error / measurement.force)[scored].max()))
     if len(allowed) == len(bounds):
         out = ["The data allow both bounds of friction: every error is within 2 u_val."]
@@ -255,7 +356,7 @@ def _judge(measurement: Measurement, rows: Sequence[Row]) -> tuple[str, ...]:
     else:
         out = [f"The data allow neither bound of friction: both errors exceed 2 u_val; {nearest.name} is nearer."]
     errors = np.array([row.error for row in bounds])
-    far = np.abs(errors) > _ALLOWED * np.array([row.u_val for row in bounds])
+    far = np.abs(errors) > NUMBERS.allowed * np.array([row.u_val for row in bounds])
     beyond = scored & far.all(axis=0) & ((errors > 0).all(axis=0) | (errors < 0).all(axis=0))
     if beyond.any():
         at = ", ".join(f"{1e3 * depth:.3g} mm" for depth in measurement.depth[beyond])
@@ -267,29 +368,7 @@ def _judge(measurement: Measurement, rows: Sequence[Row]) -> tuple[str, ...]:
             f"For {nearest.name}, a contact that began {1e3 * abs(nearest.zero_shift):.2g} mm {when} the stated zero "
             f"of depth would change the misfit of all points from {before} to {after}."
         )
-    if measurement.force_uncertainty is None or measurement.zero_uncertainty is None:
-        missing = [
-            name
-            for name, value in (
-                ("force", measurement.force_uncertainty),
-                ("zero of depth", measurement.zero_uncertainty),
-            )
-            if value is None
-        ]
+    stated = {"force": measurement.force_uncertainty, "zero of depth": measurement.zero_uncertainty}
+    if missing := [name for name, value in stated.items() if value is None]:
         out.append(f"The uncertainty of {' and '.join(missing)} is not stated and counts as zero: u_val is too small.")
     return tuple(out)
-
-
-def _norm(values: FloatArray | Sequence[float]) -> float:
-    """Return the root of the sum of squares."""
-    return float(np.linalg.norm(values))
-
-
-def _add(parts: Sequence[FloatArray], count: int) -> FloatArray:
-    """Add independent standard uncertainties of n quantities, shape (n,)."""
-    return np.asarray(np.sqrt(sum((part**2 for part in parts), start=np.zeros(count))))
-
-
-def compare_measurement(measurement: Measurement, progress: Callable[[str], None] | None = None) -> ForceComparison:
-    """Solve all curves of a measurement and compare; see `solve_curves` and `compare_forces`."""
-    return compare_forces(measurement, solve_curves(measurement, progress))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshes.npz import pack_npz
+from meshes.bounded_file import pack_npz
 from validation.extras import MissingExtraError
 
 if TYPE_CHECKING:

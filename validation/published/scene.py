@@ -13,12 +13,12 @@ import numpy as np
 from fastmodel import BoxTexels, FastIndentation, Parameters, indent
 from fastmodel.contact.boxes import BoxReader, find_boxes
 from fastmodel.contact.interface import Reading
-from fastmodel.pose import Pose
+from fastmodel.pose import Mount
 from fastmodel.surface import Surface
 from fem_reference.closed_form.influence import TexelResponse
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray, IntArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from validation.campaign.case import Case
 
 #: Cells of the contact map per texel pitch [-].
@@ -120,8 +120,8 @@ def make_scene(cover: Cover, parameters: Parameters, case: Case, response: Texel
     """
     method = _RecordingBoxes()
     boxes = indent(parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
-    array, pose = parameters.array, PlanarPose(at=case.at, yaw=case.yaw)
-    x, y = pose.to_indenter(array.centres[:, 0], array.centres[:, 1])
+    array, pose = parameters.array, Pose.planar(at=case.at, yaw=case.yaw)
+    x, y = pose.plan_to_indenter(array.centres[:, 0], array.centres[:, 1])
     return Scene(
         case=case,
         cover=cover,
@@ -191,7 +191,7 @@ def bin_on_texels(array: TexelArray, points: FloatArray, forces: FloatArray) -> 
     return np.bincount(index, forces[inside], array.count).astype(np.float64)
 
 
-def _map_contact(array: TexelArray, case: Case, pose: PlanarPose) -> ContactMap:
+def _map_contact(array: TexelArray, case: Case, pose: Pose) -> ContactMap:
     reach = float(np.hypot(*case.indenter.footprint))
     spacing = np.array(array.pitch) / CELLS_PER_PITCH
     # cells that divide each texel evenly, around the indenter's axis
@@ -199,7 +199,7 @@ def _map_contact(array: TexelArray, case: Case, pose: PlanarPose) -> ContactMap:
     count = (np.ceil((np.array(case.at) + reach) / spacing) - low).astype(int)
     x, y = np.meshgrid(*((low[i] + np.arange(count[i]) + 0.5) * spacing[i] for i in (0, 1)))
     points = np.stack([x.ravel(), y.ravel()], axis=-1)
-    gaps = case.indenter.gap(*pose.to_indenter(points[:, 0], points[:, 1]))
+    gaps = case.indenter.gap(*pose.plan_to_indenter(points[:, 0], points[:, 1]))
     under = np.isfinite(gaps)
     return ContactMap(points[under], gaps[under], float(spacing.prod()))
 
@@ -215,7 +215,7 @@ class _RecordingBoxes:
     computes_spread: ClassVar[bool] = False
     takes_overlaps: ClassVar[bool] = False
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add one box geom per texel; see `TexelContact.attach`."""
         self.boxes.attach(body, array, pose, name)
 

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from meshes.bounded_file import MOST_DEPTH, FileLimitError, format_size, open_regular, read_text
+from meshes.bounded_file import LIMITS, FileLimitError, format_size, open_regular, read_text
 from validation.recordings.recording import RecordingError
 
 if TYPE_CHECKING:
@@ -119,8 +119,8 @@ def _check_depth(path: Path) -> None:
     except FileLimitError as error:
         raise RecordingError(f"{path}: {error}") from None
     steps = (1 if bracket in "[{" else -1 for bracket in re.findall(r"[][{}]", text))
-    if max(itertools.accumulate(steps), default=0) > MOST_DEPTH:
-        raise RecordingError(f"{path}: has brackets more than {MOST_DEPTH} deep")
+    if max(itertools.accumulate(steps), default=0) > LIMITS.depth:
+        raise RecordingError(f"{path}: has brackets more than {LIMITS.depth} deep")
 
 
 def unpack_records(chunk: Chunk) -> Iterator[McapRecord]:

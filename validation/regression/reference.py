@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 import fastmodel
 from fastmodel import Parameters
-from validation.campaign.results import CaseResult, require_flat
+from validation.campaign.results import CaseResult
 from validation.regression.subject import Subject, Values
 from validation.sensor_file import BUILT_IN
 
@@ -93,7 +93,7 @@ def measure_reference(subject: Subject) -> Values:
         "force outside": collect(lambda each: each.reference.outside / each.case.load),
         "depth": collect(lambda each: each.reference.depth),
         "contact area": collect(lambda each: each.reference.contact_area),
-        "imbalance": collect(lambda each: require_flat(each.reference).balance),
+        "imbalance": collect(lambda each: each.reference.balance or 0.0),
         "estimated error": {name: value for name, value in estimates.items() if value > 0},
     }
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from validation.campaign.metric_text import METRICS
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import MODELS, SKILL_METRICS, CampaignResult, RowScores
-from validation.report.page_table import Cell, PageTable, head, interval
+from validation.metrics import METRICS
+from validation.render.table import Cell, Table, interval
 
 #: Metrics of the table.
 _METRICS = (*SKILL_METRICS, "centre_of_pressure_m")
@@ -38,25 +38,21 @@ def comparison_contents(campaign: CampaignResult) -> dict[str, Any] | None:
         return None
     rows = [_own_row(name, campaign.pooled[name]) for name in MODELS]
     rows += [_published_row(scores) for scores in campaign.published]
-    table = PageTable(
+    table = Table(
         name="comparison-table",
         caption="Published models, our own and the null models in the same cases under the same loads: means and 95 % "
         "intervals",
-        headings=("model", "parameters and fit", *(head(METRICS[name]) for name in _METRICS)),
+        headings=("model", "parameters and fit", *(METRICS[name].title for name in _METRICS)),
         rows=[_make_cells(row) for row in rows],
         texts=(1,),
     )
-    presses = next((scores.row.cases for scores in campaign.published if scores.row.cases), ())
+    presses = next((scores.fitted_on for scores in campaign.published if scores.fitted_on), ())
     return {
         "table": table,
         "rows": rows,
-        "presses": [f"{case.shape}, {case.load:.3g} N at {case.pose}" for case in presses],
+        "presses": presses,
         "as_good": [(_NAMES[metric], _name_as_good(campaign, metric)) for metric in SKILL_METRICS],
-        "not_built": {
-            scores.row.model.title: scores.row.model.in_time
-            for scores in campaign.published
-            if scores.row.model.in_time
-        },
+        "not_built": {scores.title: scores.not_built for scores in campaign.published if scores.not_built},
     }
 
 
@@ -98,20 +94,20 @@ def _own_row(name: str, pooled: Mapping[str, Pooled]) -> dict[str, Any]:
 
 
 def _published_row(scores: RowScores) -> dict[str, Any]:
-    row, model = scores.row, scores.row.model
     values = (
-        f"{name.replace('_', ' ')} {row.parameters[name]:.3g} {model.units.get(name, '')}" for name in row.parameters
+        f"{name.replace('_', ' ')} {value:.3g} {scores.units.get(name, '')}"
+        for name, value in scores.parameters.items()
     )
-    fitted = ", ".join(name.replace("_", " ") for name in row.fitted)
+    fitted = ", ".join(name.replace("_", " ") for name in scores.fitted)
     return {
-        "title": model.title,
-        "variant": row.variant,
-        "contact": model.contact,
-        "rule": model.rule,
+        "title": scores.title,
+        "variant": scores.variant,
+        "contact": scores.contact,
+        "rule": scores.rule,
         "parameters": ", ".join(value.strip() for value in values),
-        "fitted": f"{fitted}, on {len(row.cases)} presses" if fitted else "nothing",
-        "certainty": model.certainty,
-        "total": model.total,
+        "fitted": f"{fitted}, on {len(scores.fitted_on)} presses" if fitted else "nothing",
+        "certainty": scores.certainty,
+        "total": scores.total if scores.total != "the load" else "",
         "pooled": scores.pooled,
     }
 
@@ -123,5 +119,5 @@ def _name_as_good(campaign: CampaignResult, metric: str) -> list[str]:
         skill = scores.skill[metric]
         if skill.high < 0 or skill.low <= 0:
             word = "better" if skill.high < 0 else "not told apart"
-            found.append(f"{scores.row.model.title} {scores.row.variant} ({word})")
+            found.append(f"{scores.title} {scores.variant} ({word})")
     return found

@@ -11,28 +11,29 @@ from typing import Any
 import numpy as np
 
 from fastmodel.signal.electronics import describe_calibration
+from meshes.array_types import FloatArray
 from validation.campaign.evaluation import Evaluation
-from validation.campaign.metric_text import METRICS, Metric
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import (
     CampaignResult,
     CaseResult,
     describe_reference_error,
     name_texel_error,
-    require_flat,
     texel_error,
 )
 from validation.curved.derive import CurvedDerivation
 from validation.data_sets.results import RecordingScores, find_best_null
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
+from validation.metrics import TABULATED
+from validation.render.image import Scale, colour_bar, tactile_image
+from validation.render.table import Cell, Table, interval, number
 from validation.report.comparison import comparison_contents
 from validation.report.curved import Pictures, curved_contents
 from validation.report.evidence import evidence_contents
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
-from validation.report.page_table import Cell, PageTable, head, interval, number
 from validation.report.recordings import recordings_contents
-from validation.report.tactile_image import FloatArray, Scale, colour_bar, tactile_image
+from validation.results import Column
 
 #: Name of the division of the recordings into fitted and scored weights whose score is shown at the top of the page:
 #: the parameters are fitted to light weights and scored on heavy ones.  This extrapolation separates a model from a
@@ -50,7 +51,7 @@ def contents(evaluation: Evaluation, pictures: Pictures | None = None) -> dict[s
     campaign, derivation = evaluation.campaign, evaluation.derivation
     curved = isinstance(derivation, CurvedDerivation)
     # The published line of the WTS 0614-34 belongs to a planar array.
-    shown = {name: metric for name, metric in METRICS.items() if not (curved and name.endswith("line_percent"))}
+    shown = {name: metric for name, metric in TABULATED.items() if not (curved and name.endswith("line_percent"))}
     figures = {"campaign-plot": campaign_figure(campaign)}
     if isinstance(derivation, CurvedDerivation):
         special = curved_contents(evaluation, derivation, pictures or Pictures())
@@ -95,10 +96,10 @@ def _flat_contents(evaluation: Evaluation, derivation: Derivation) -> dict[str, 
     }
 
 
-def _tabulate_estimates(derivation: Derivation) -> PageTable:
+def _tabulate_estimates(derivation: Derivation) -> Table:
     used = derivation.fit.estimator
     pairs = sorted(derivation.fit.estimates.items(), key=lambda item: item[0] != used)
-    return PageTable(
+    return Table(
         name="estimates",
         caption="Sigma by estimator: the value depends on how it is estimated",
         headings=("estimator", "sigma x [pitches]", "sigma y [pitches]"),
@@ -194,7 +195,7 @@ def _case(evaluation: Evaluation, result: CaseResult) -> dict[str, Any]:
     difference = fast.texel_forces - reference.texel_forces
     force = Scale(peak=float(max(reference.texel_forces.max(), fast.texel_forces.max())))
     apart = Scale(peak=float(np.abs(difference).max()), difference=True)
-    outline = _contact_outline(require_flat(reference).contact)
+    outline = _contact_outline(reference.found.contact)
     images = [
         (caption, tactile_image(array, values, scale, outline=line, name=f"{case.name}, {caption}, forces"))
         for caption, values, scale, line in (
@@ -207,11 +208,11 @@ def _case(evaluation: Evaluation, result: CaseResult) -> dict[str, Any]:
         "case": case,
         "images": images,
         "bars": colour_bar(force) + colour_bar(apart),
-        "misplaced": METRICS["misplaced_force"].text(fast.score.misplaced_force),
+        "misplaced": TABULATED["misplaced_force"].text(fast.score.misplaced_force),
     }
 
 
-def _tabulate_models(campaign: CampaignResult, shown: Mapping[str, Metric]) -> PageTable:
+def _tabulate_models(campaign: CampaignResult, shown: Mapping[str, Column]) -> Table:
     rows = [
         [
             Cell(text=name, small=meaning),
@@ -219,16 +220,16 @@ def _tabulate_models(campaign: CampaignResult, shown: Mapping[str, Metric]) -> P
         ]
         for name, meaning in campaign.models.items()
     ]
-    return PageTable(
+    return Table(
         name="pooled",
         caption=f"Our models and the null models against finite elements: means and 95 % intervals over "
         f"{len(campaign.cases)} cases",
-        headings=("model", *map(head, shown.values())),
+        headings=("model", *(metric.title for metric in shown.values())),
         rows=rows,
     )
 
 
-def _tabulate_cases(campaign: CampaignResult, shown: Mapping[str, Metric], *, curved: bool) -> PageTable:
+def _tabulate_cases(campaign: CampaignResult, shown: Mapping[str, Column], *, curved: bool) -> Table:
     rows = []
     for result in campaign.cases:
         fast, reference = result.predictions["fast"].score, result.reference
@@ -245,13 +246,13 @@ def _tabulate_cases(campaign: CampaignResult, shown: Mapping[str, Metric], *, cu
                 number(texel_error(reference.error_estimate), 100, 2),
             ]
         )
-    return PageTable(
+    return Table(
         name="case-table",
         caption="Fast model against the reference, case by case",
         headings=(
             "case",
             "load [N]",
-            *map(head, shown.values()),
+            *(metric.title for metric in shown.values()),
             "no spread, misplaced [%]",
             *([] if curved else ["texels lit after the WTS line"]),
             "depth of the reference [mm]",

@@ -45,5 +45,5 @@ def write_report(evaluation: Evaluation, folder: Path) -> None:
         (folder / name).write_bytes(assets.joinpath(name).read_bytes())
     plotly = resources.files("plotly").joinpath("package_data", "plotly.min.js")
     (folder / "plotly.min.js").write_bytes(plotly.read_bytes())
-    (folder / "report.json").write_text(json_text(evaluation.as_json()), encoding="utf-8")
+    (folder / "report.json").write_text(json_text(evaluation.report), encoding="utf-8")
     evaluation.derivation.parameters.save(folder)

@@ -14,7 +14,7 @@ from validation.results.model import (
     columns,
     format_digits,
     renamed,
-    result,
+    result_model,
 )
 
 __all__ = [
@@ -31,5 +31,5 @@ __all__ = [
     "columns",
     "format_digits",
     "renamed",
-    "result",
+    "result_model",
 ]

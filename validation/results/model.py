@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Self, TypeVar, dataclass_transform
+from collections.abc import Hashable, Mapping
+from functools import cache
+from typing import Annotated, Any, ClassVar, Self, TypeVar, cast, dataclass_transform
 
 import numpy as np
 import numpy.typing as npt
@@ -39,6 +40,11 @@ class Column:
         digits: Number of significant digits where `decimals` is None.
         meaning: Explanation in a few words.
         shown: Whether tables of all columns have it.
+        small: Smaller second line, a format of the result, such as `against: {0.exact}`.
+        parts: Headings of the columns of a tuple of numbers.
+        words: Printed words by value; empty for numbers and for texts that are printed as they are.
+        alarms: Values whose words are emphasised.
+        factor_field: Name of the field that holds the factor, where rows differ in it.
     """
 
     heading: str
@@ -48,6 +54,11 @@ class Column:
     digits: int = 3
     meaning: str = ""
     shown: bool = True
+    small: str = ""
+    parts: tuple[str, ...] = ()
+    words: Mapping[Any, str] = dataclasses.field(default_factory=dict)
+    alarms: tuple[Any, ...] = ()
+    factor_field: str = ""
 
     @property
     def title(self) -> str:
@@ -84,7 +95,9 @@ class _Array:
 class Unread:
     """Schema of an object that is kept as it is, is not written, and is not read."""
 
-    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: D105
+    def __get_pydantic_core_schema__(  # noqa: D105 -- as pydantic names it
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
         return core_schema.any_schema()
 
 
@@ -107,16 +120,19 @@ def renamed(key: str) -> Any:  # noqa: ANN401 -- as `pydantic.Field`
 
 
 class Result:
-    """Base of results: equality by what is written, JSON and back.  Subclasses are decorated with `result`."""
+    """Base of results: equality by what is written, JSON and back.  Subclasses are decorated with `result_model`."""
 
-    #: Properties that are written beside the fields, by their key in JSON; they are not read.
-    computed: ClassVar[Mapping[str, str]] = {}
+    #: Properties that are written beside the fields, as pairs of key in JSON and name; they are not read.
+    computed: ClassVar[tuple[tuple[str, str], ...]] = ()
+    #: Columns of properties, by name.
+    printed: ClassVar[Mapping[str, Column]] = {}
 
     def as_json(self) -> dict[str, Any]:
         """Return the result as a dictionary of JSON values."""
-        own = {info.serialization_alias or name: getattr(self, name) for name, info in _written(type(self)).items()}
+        fields = {name: info for name, info in _fields(type(self)).items() if not info.exclude}
+        own = {info.serialization_alias or name: getattr(self, name) for name, info in fields.items()}
         return {key: to_json_values(value) for key, value in own.items()} | {
-            key: to_json_values(getattr(self, name)) for key, name in self.computed.items()
+            key: to_json_values(getattr(self, name)) for key, name in self.computed
         }
 
     @classmethod
@@ -126,27 +142,30 @@ class Result:
         Raises:
             ValidationError: If a field is missing or has another type; keys that are no field are ignored.
         """
-        found: Self = TypeAdapter(cls).validate_python(dict(values))
-        return found
+        return cast("Self", _adapter(cast("Hashable", cls)).validate_python(dict(values)))
 
     def __eq__(self, other: object) -> bool:
         """Whether two results of one type write the same JSON."""
         return type(self) is type(other) and isinstance(other, Result) and self.as_json() == other.as_json()
 
-    __hash__ = None  # type: ignore[assignment]  # results hold arrays
+    def __hash__(self) -> int:
+        """Results hold arrays: only the identity of their type is cheap and equal for equal ones."""
+        return hash(type(self))
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, eq_default=False, field_specifiers=(Field, renamed))
-def result(cls: type[T]) -> type[T]:
+def result_model(cls: type[T]) -> type[T]:
     """Make a class a result: a frozen keyword-only dataclass whose fields are checked."""
     config = ConfigDict(extra="ignore", populate_by_name=True)
-    return dataclass(frozen=True, kw_only=True, eq=False, repr=True, config=config)(cls)  # type: ignore[return-value]
+    made: Any = dataclass(frozen=True, kw_only=True, eq=False, config=config)(cls)
+    return cast("type[T]", made)
 
 
 def columns(cls: type[Result]) -> dict[str, Column]:
-    """Return the columns of a result's fields that have one, by the name of the field."""
+    """Return the columns of a result's fields and properties that have one, by name."""
     found = {name: info.metadata for name, info in _fields(cls).items()}
-    return {name: column for name, metadata in found.items() for column in metadata if isinstance(column, Column)}
+    fields = {name: column for name, metadata in found.items() for column in metadata if isinstance(column, Column)}
+    return {**fields, **cls.printed}
 
 
 #: A nested value that is kept as JSON has it.
@@ -154,9 +173,9 @@ JsonObject = Annotated[Mapping[str, Any], BeforeValidator(to_json_values)]
 
 
 def _fields(cls: type[Result]) -> Mapping[str, FieldInfo]:
-    fields: Mapping[str, FieldInfo] = cls.__pydantic_fields__  # type: ignore[attr-defined]  # set by `result`
-    return fields
+    return cast("Mapping[str, FieldInfo]", vars(cls)["__pydantic_fields__"])
 
 
-def _written(cls: type[Result]) -> Mapping[str, FieldInfo]:
-    return {name: info for name, info in _fields(cls).items() if not info.exclude}
+@cache
+def _adapter(cls: Hashable) -> TypeAdapter[Any]:
+    return TypeAdapter(cast("type[Any]", cls))

@@ -11,17 +11,20 @@ from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 from meshes.solids.solid_mesh import SolidMesh
 
-if TYPE_CHECKING:
-    from fem_reference.curved_cover import CurvedIndentation
-    from fem_reference.fields.cover_fields import CoverFields
-    from fem_reference.indentation.result import Indentation
 
-#: Number of steps in which half a turn of an axisymmetric solution is drawn [-].
-_TURN = 48
-#: Distance from the contact to which a wide cover is drawn, over its thickness [-].
-_SURROUNDINGS = 4.0
-#: Ratio of the largest stresses of two layers above which the scale of colours is logarithmic [-].
-_UNEVEN = 20.0
+@dataclass(frozen=True, kw_only=True)
+class _Numbers:
+    """Numbers of the scenes; all chosen for the eye."""
+
+    #: Number of steps in which half a turn of an axisymmetric solution is drawn [-].
+    turn: int = 48
+    #: Distance from the contact to which a wide cover is drawn, over its thickness [-].
+    surroundings: float = 4.0
+    #: Ratio of the largest stresses of two layers above which the scale of colours is logarithmic [-].
+    uneven: float = 20.0
+
+
+_NUMBERS = _Numbers()
 #: Corners of the 8 parts of a hexahedron of 27 nodes, in the order of VTK, shape (8, 8).
 _PARTS = np.array(
     [
@@ -31,6 +34,12 @@ _PARTS = np.array(
         for i in (0, 1)
     ]
 )
+
+
+if TYPE_CHECKING:
+    from fem_reference.curved_cover import CurvedIndentation
+    from fem_reference.fields.cover_fields import CoverFields
+    from fem_reference.indentation.result import Indentation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,7 +116,7 @@ def show_indentation(found: Indentation, texels: TexelArray, *, title: str = "")
         texel_forces=found.texel_forces,
         touched=np.array([*middle, top]),
         title=title,
-        limits=reach + _SURROUNDINGS * height,
+        limits=reach + _NUMBERS.surroundings * height,
     )
 
 
@@ -121,7 +130,7 @@ def show_curved(found: CurvedIndentation, texels: TexelArray, *, direction: Floa
         title: Text above the picture.
     """
     from meshes.solids.facets import area_vectors, split_facet
-    from meshes.solids.quality import compute_volume, measure_area
+    from meshes.solids.solid_mesh import compute_volume, measure_area
 
     mesh, top = found.mesh, found.top
     place = split_facet(top.facets.shape[1], 2)[0]
@@ -158,7 +167,7 @@ def show_mesh(mesh: SolidMesh, texels: TexelArray | None = None, *, title: str =
         texels: Texels on its base.
         title: Text above the picture.
     """
-    from meshes.solids.quality import compute_volume, measure_area
+    from meshes.solids.solid_mesh import compute_volume, measure_area
 
     return CoverScene(
         position=mesh.nodes,
@@ -202,13 +211,13 @@ def _is_uneven(fields: CoverFields) -> bool:
     """Return whether the largest stresses of the layers differ so much that one layer would have no colours."""
     stress = fields.von_mises
     largest = [stress[np.unique(fields.cells[fields.layer == layer])].max() for layer in np.unique(fields.layer)]
-    return bool(max(largest) > _UNEVEN * min(largest))
+    return bool(max(largest) > _NUMBERS.uneven * min(largest))
 
 
 def _revolve(fields: CoverFields) -> CoverFields:
     """Turn an axisymmetric solution by a whole turn about its axis, to hexahedra."""
     axis = fields.position[np.argmin(fields.position[:, 0])] * [1.0, 1.0, 0.0]
-    angles = np.linspace(0.0, 2 * np.pi, 2 * _TURN + 1)
+    angles = np.linspace(0.0, 2 * np.pi, 2 * _NUMBERS.turn + 1)
     c, s, zero = np.cos(angles), np.sin(angles), np.zeros_like(angles)
     turn = np.stack([np.stack([c, -s, zero]), np.stack([s, c, zero]), np.stack([zero, zero, zero + 1])]).transpose(
         2, 0, 1

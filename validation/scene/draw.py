@@ -6,6 +6,8 @@ The views are the deformed surface, a section through the contact, and the force
 # ruff: noqa: ANN401 -- types of pyvista differ between versions
 from __future__ import annotations
 
+import logging
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -14,36 +16,64 @@ import numpy as np
 
 from meshes.array_types import FloatArray
 from meshes.solids.texels import tangent_axes
+from validation.extras import MissingExtraError
 from validation.scene.cover_scene import CoverScene
-from validation.scene.rendering import draw_on_display, draw_without_display, import_pyvista
+from validation.scene.rendering import RenderingError, draw_on_display, draw_without_display, import_pyvista
 
-#: Width of one view and height of the picture [pixels].
-_WIDTH, _HEIGHT = 800, 820
-#: Colours of pressure, stress and force, and of surfaces without values.
-_PRESSURE_MAP, _STRESS_MAP, _FORCE_MAP, _PLAIN = "YlGnBu", "YlOrRd", "viridis", "#b9c4cf"
-#: Share of the values above which they are drawn in the last colour: stresses are infinite at sharp edges [-].
-_HIGHEST = 0.999
-#: Smallest value over the largest one on a logarithmic scale of colours [-].
-_DECADES = 1e-4
-#: Largest number of intervals of a ruled edge, and accepted lengths of an interval, in powers of ten.
-_INTERVALS, _STEPS = 8, (1.0, 2.0, 5.0, 10.0)
-#: Part of an interval by which what is shown may pass the end of its ruled edge [-].
-_SLACK = 0.1
-#: Factors on displacements, of which the largest is used that moves no point by more than this share of the thickness.
-_FACTORS, _MOST_MOVED = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000), 0.35
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Style:
+    """Sizes and colours of the pictures; all chosen for the eye."""
+
+    #: Width of one view [pixels].
+    width: int = 800
+    #: Height of the picture [pixels].
+    height: int = 820
+    #: Colours of the pressure on the surface.
+    pressure_map: str = "YlGnBu"
+    #: Colours of the values in the section.
+    stress_map: str = "YlOrRd"
+    #: Colours of texel forces.
+    force_map: str = "viridis"
+    #: Colour of surfaces without values.
+    plain: str = "#b9c4cf"
+    #: Share of the values above which they are drawn in the last colour [-]; stresses are infinite at sharp edges.
+    highest: float = 0.999
+    #: Smallest value over the largest one on a logarithmic scale of colours [-].
+    decades: float = 1e-4
+    #: Largest number of intervals of a ruled edge [-].
+    intervals: int = 8
+    #: Accepted lengths of an interval, times powers of ten.
+    steps: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
+    #: Part of an interval by which what is shown may pass the end of its ruled edge [-].
+    slack: float = 0.1
+    #: Factors on displacements, of which the largest is used that keeps to `most_moved` [-].
+    factors: tuple[int, ...] = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+    #: Largest displacement that is drawn, over the thickness [-].
+    most_moved: float = 0.35
+    #: Share of the light that comes from all sides [-]; colours on faces in the shade must be readable.
+    ambient: float = 0.5
+    #: Height of the bar of the largest texel force, over the largest edge of the array [-].
+    bar: float = 0.3
+    #: Share of the height of a view within which the ruled box lies [-]; the rest is for title, labels and colours.
+    tall: float = 0.7
+    #: Share of the width of a view within which the ruled box lies [-].
+    wide: float = 0.8
+    #: Shift of the middle of the ruled box upwards, over half of the height [-].
+    raised: float = 0.1
+    #: Distance of the title of a colour bar from its labels [pixels].
+    apart: int = 12
+    #: Negative force, over the largest force, up to which the colours of forces begin at zero [-].
+    hardly: float = 0.02
+
+
+_STYLE = _Style()
 #: Direction of the camera from the middle of a flat cover, and of a cover with texels on all sides.
 _VIEW, _VIEW_ROUND = np.array([0.35, -0.75, 0.55]), np.array([0.75, 0.6, 0.5])
-#: Share of the light that comes from all sides: colours on faces in the shade must be readable [-].
-_AMBIENT = 0.5
-#: Height of the bar of the largest texel force, over the largest edge of the array [-].
-_BAR = 0.3
-#: Shares of the height and the width of a view within which the ruled box lies, and shift of its middle upwards over
-#: half of the height: the rest is for the title, the colour bar and the labels of the edges [-].
-_TALL, _WIDE, _RAISED = 0.7, 0.8, 0.1
-#: Distance of the title of a colour bar from its labels [pixels].
-_APART = 12
-#: Negative force, over the largest force, up to which the colours of forces begin at zero [-].
-_HARDLY = 0.02
+#: Faces of a bar, as indices of its 8 corners.
+_FACES = ((3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
 #: Length in the pictures per length in the scene: pictures are in millimetres, glTF is in metres [-].
 _MILLIMETRES = 1e3
 
@@ -102,12 +132,14 @@ def write_gltf(scene: CoverScene, path: Path) -> None:
             # Viewers of glTF know colours of points, not values on a scale.
             values = scene.surface if scene.surface is not None else None
             if values is None:
-                plotter.add_mesh(surface, color=_PLAIN)
+                plotter.add_mesh(surface, color=_STYLE.plain)
             else:
-                plotter.add_mesh(surface, scalars="surface", cmap=_PRESSURE_MAP, clim=_find_limits(scene, "surface"))
+                plotter.add_mesh(
+                    surface, scalars="surface", cmap=_STYLE.pressure_map, clim=_find_limits(scene, "surface")
+                )
             if scene.texels is not None and scene.texel_forces is not None:
                 bars = make_bars(scene, 1.0)
-                plotter.add_mesh(bars, scalars="force", cmap=_FORCE_MAP, clim=_find_force_limits(scene))
+                plotter.add_mesh(bars, scalars="force", cmap=_STYLE.force_map, clim=_find_force_limits(scene))
             plotter.export_gltf(str(path), inline_data=True)
         finally:
             plotter.close()
@@ -146,7 +178,7 @@ def make_bars(scene: CoverScene, length: float) -> Any:
     assert texels is not None  # noqa: S101 -- stated above
     values = np.zeros(texels.count) if forces is None else forces
     largest = max(float(np.abs(values).max()), np.finfo(float).tiny)
-    scale = _BAR * float(np.ptp(texels.centres, axis=0).max()) / largest
+    scale = _STYLE.bar * float(np.ptp(texels.centres, axis=0).max()) / largest
     axes = tangent_axes(texels.normals) * (0.5 * np.array(texels.texel_size))[:, None] * 0.94
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     points: list[FloatArray] = []
@@ -154,7 +186,7 @@ def make_bars(scene: CoverScene, length: float) -> Any:
     shown: list[float] = []
     for number in np.flatnonzero(texels.active):
         flat = texels.centres[number] + corners @ axes[number]
-        height = max(scale * float(values[number]), 0.01 * _BAR * scale * largest) * texels.normals[number]
+        height = max(scale * float(values[number]), 0.01 * _STYLE.bar * scale * largest) * texels.normals[number]
         start = 8 * len(shown)
         points.append(np.concatenate([flat, flat + height]))
         faces += [[4, *(start + corner for corner in face)] for face in _FACES]
@@ -162,10 +194,6 @@ def make_bars(scene: CoverScene, length: float) -> Any:
     bars = pyvista.PolyData(length * np.concatenate(points), np.array(faces).ravel())
     bars.cell_data["force"] = np.repeat(shown, len(_FACES))
     return bars
-
-
-#: Faces of a bar, as indices of its 8 corners.
-_FACES = ((3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
 
 
 def _draw(scene: CoverScene, *, off_screen: bool) -> Any:
@@ -176,7 +204,10 @@ def _draw(scene: CoverScene, *, off_screen: bool) -> Any:
     if scene.texels is not None:
         views.append(_draw_texels)
     plotter = pyvista.Plotter(
-        shape=(1, len(views)), off_screen=off_screen, window_size=(_WIDTH * len(views), _HEIGHT), border=False
+        shape=(1, len(views)),
+        off_screen=off_screen,
+        window_size=(_STYLE.width * len(views), _STYLE.height),
+        border=False,
     )
     plotter.set_background("white", all_renderers=True)
     if off_screen:
@@ -193,7 +224,7 @@ def _draw_surface(plotter: Any, scene: CoverScene, factor: float) -> None:
     """Draw the deformed surface."""
     grid = _deform(_crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES), factor)
     surface = grid.extract_surface(algorithm="dataset_surface")
-    _add_coloured(plotter, surface, scene, "surface", _PRESSURE_MAP)
+    _add_coloured(plotter, surface, scene, "surface", _STYLE.pressure_map)
     if scene.surface is None:
         _add_edges(plotter, surface)
     if scene.touched is not None:
@@ -208,7 +239,7 @@ def _draw_section(plotter: Any, scene: CoverScene, factor: float) -> None:
     origin, normal = _find_section(scene)
     half = _deform(grid.clip(normal=normal, origin=_MILLIMETRES * origin), factor)
     surface = half.extract_surface(algorithm="dataset_surface")
-    _add_coloured(plotter, surface, scene, "inside", _STRESS_MAP)
+    _add_coloured(plotter, surface, scene, "inside", _STYLE.stress_map)
     if scene.inside is None:
         _add_edges(plotter, surface)
     place = ", ".join(f"{round(1e3 * each, 2) + 0.0:g}" for each in origin)
@@ -223,21 +254,21 @@ def _draw_texels(plotter: Any, scene: CoverScene, factor: float) -> None:  # noq
         text = "\ntexels on the base"
     else:
         plotter.add_mesh(
-            bars, scalars="force", cmap=_FORCE_MAP, clim=_find_force_limits(scene), show_edges=True,
+            bars, scalars="force", cmap=_STYLE.force_map, clim=_find_force_limits(scene), show_edges=True,
             scalar_bar_args=_bar("force on the texel [mN]"), edge_color="#808080", line_width=1,
-            ambient=_AMBIENT, diffuse=1 - _AMBIENT,
+            ambient=_STYLE.ambient, diffuse=1 - _STYLE.ambient,
         )  # fmt: skip
         text = f"\n{int(scene.texels.active.sum())} texels, sum {scene.texel_forces.sum():.4g} N"  # type: ignore[union-attr]
     if _is_round(scene):
         base = make_grid(scene, 0.999 * _MILLIMETRES).extract_surface(algorithm="dataset_surface")
-        plotter.add_mesh(base, color=_PLAIN, opacity=0.12)
+        plotter.add_mesh(base, color=_STYLE.plain, opacity=0.12)
     _finish(plotter, scene, bars, text, height=_is_round(scene))
 
 
 def _add_coloured(plotter: Any, surface: Any, scene: CoverScene, name: str, colours: str) -> None:
     """Add a surface in the colours of its values, or in one colour if it has none."""
     if getattr(scene, name) is None:
-        plotter.add_mesh(surface, color=_PLAIN, smooth_shading=False)
+        plotter.add_mesh(surface, color=_STYLE.plain, smooth_shading=False)
         return
     plotter.add_mesh(
         surface,
@@ -246,8 +277,8 @@ def _add_coloured(plotter: Any, surface: Any, scene: CoverScene, name: str, colo
         clim=_find_limits(scene, name),
         log_scale=name == "inside" and scene.logarithmic,
         scalar_bar_args=_bar(getattr(scene, f"{name}_label")),
-        ambient=_AMBIENT,
-        diffuse=1 - _AMBIENT,
+        ambient=_STYLE.ambient,
+        diffuse=1 - _STYLE.ambient,
     )
 
 
@@ -278,7 +309,7 @@ def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: b
         bounds += [low, high]
         counts.append(count)
     longest = float(np.diff(np.reshape(bounds, (3, 2))).max())
-    if (bounds[5] - bounds[4]) / longest * _INTERVALS < (counts[2] - 1) / 2:
+    if (bounds[5] - bounds[4]) / longest * _STYLE.intervals < (counts[2] - 1) / 2:
         counts[2] = 2  # no room for more than its ends
     ruled = plotter.show_bounds(
         bounds=bounds, location="outer", ticks="outside",
@@ -288,15 +319,15 @@ def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: b
     )  # fmt: skip
     ruled.SetZAxisVisibility(height)  # pyvista 0.49 shows the axis in spite of its option `show_zaxis`
     for bar in plotter.scalar_bars.values():
-        bar.SetVerticalTitleSeparation(_APART)
+        bar.SetVerticalTitleSeparation(_STYLE.apart)
     corners = np.array(list(product(*np.reshape(bounds, (3, 2)))))
     view = _find_view(scene)
     up = np.array([0.0, 0.0, 1.0])
     upward = up - (up @ view) * view
     upward /= np.linalg.norm(upward)
     tall, wide = (float(np.ptp(corners @ along)) / 2 for along in (upward, np.cross(upward, view)))
-    half = max(tall / _TALL, wide / _WIDE * _HEIGHT / _WIDTH)
-    middle = corners.mean(axis=0) - _RAISED * half * upward
+    half = max(tall / _STYLE.tall, wide / _STYLE.wide * _STYLE.height / _STYLE.width)
+    middle = corners.mean(axis=0) - _STYLE.raised * half * upward
     plotter.camera_position = [middle + 2.5 * np.linalg.norm(np.ptp(corners, axis=0)) * view, middle, up]
     plotter.enable_parallel_projection()
     plotter.camera.parallel_scale = half
@@ -304,10 +335,10 @@ def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: b
 
 def _round_edge(low: float, high: float) -> tuple[float, float, int]:
     """Round the ends of an edge outwards to multiples of a round interval; returns them and the number of marks."""
-    least = max(high - low, 1e-9) / _INTERVALS
+    least = max(high - low, 1e-9) / _STYLE.intervals
     power = 10.0 ** np.floor(np.log10(least))
-    step = power * min(each for each in _STEPS if each * power >= least * (1 - 1e-9))
-    first, last = np.floor(low / step + _SLACK), np.ceil(high / step - _SLACK)
+    step = power * min(each for each in _STYLE.steps if each * power >= least * (1 - 1e-9))
+    first, last = np.floor(low / step + _STYLE.slack), np.ceil(high / step - _STYLE.slack)
     return float(first * step), float(last * step), int(last - first) + 1
 
 
@@ -368,24 +399,24 @@ def _find_factor(scene: CoverScene) -> float:
     largest = float(np.linalg.norm(scene.displacement, axis=1).max())
     if largest == 0:
         return 1.0
-    return float(max([1, *(each for each in _FACTORS if each * largest <= _MOST_MOVED * scene.thickness)]))
+    return float(max([1, *(each for each in _STYLE.factors if each * largest <= _STYLE.most_moved * scene.thickness)]))
 
 
 def _find_limits(scene: CoverScene, name: str) -> tuple[float, float]:
     """Find the values of the first and the last colour."""
     values = getattr(scene, name)
     # Displacements are finite everywhere.
-    share = 1.0 if getattr(scene, f"{name}_label").startswith("displacement") else _HIGHEST
+    share = 1.0 if getattr(scene, f"{name}_label").startswith("displacement") else _STYLE.highest
     high = float(np.quantile(values[np.abs(values) > 0], share)) if values.any() else 1.0
     high = max(high, np.finfo(float).tiny)
-    return (_DECADES * high if name == "inside" and scene.logarithmic else 0.0), high
+    return (_STYLE.decades * high if name == "inside" and scene.logarithmic else 0.0), high
 
 
 def _find_force_limits(scene: CoverScene) -> tuple[float, float]:
     """Find the texel forces of the first and the last colour [mN]."""
     forces = np.zeros(1) if scene.texel_forces is None else 1e3 * scene.texel_forces
     low, high = float(forces.min()), float(forces.max())
-    return (0.0 if low > -_HARDLY * high else low), max(high, np.finfo(float).tiny)
+    return (0.0 if low > -_STYLE.hardly * high else low), max(high, np.finfo(float).tiny)
 
 
 def _bar(title: str) -> dict[str, Any]:
@@ -394,3 +425,38 @@ def _bar(title: str) -> dict[str, Any]:
         "title": title, "color": "black", "vertical": False, "position_x": 0.22, "position_y": 0.01, "width": 0.7,
         "height": 0.11, "n_labels": 5, "fmt": "%.4g", "title_font_size": 22, "label_font_size": 18,
     }  # fmt: skip
+
+
+def write_scene(scene: CoverScene | None, folder: Path) -> tuple[str, ...]:
+    """Write `cover.png`, `cover.gltf` and, for ParaView, `cover.vtu`.
+
+    Without pyvista nothing is written, without a renderer no picture; one line of warning says so.
+
+    Args:
+        scene: What is drawn; None for nothing.
+        folder: An existing folder to write to.
+
+    Returns:
+        The names of the written files.
+
+    Raises:
+        OSError: If the folder cannot be written.
+    """
+    if scene is None:
+        return ()
+    try:
+        make_grid(scene).save(folder / "cover.vtu")
+        write_picture(scene, folder / "cover.png")
+        write_gltf(scene, folder / "cover.gltf")
+    except ImportError:
+        _LOG.warning("no cover.png: %s", MissingExtraError("pyvista"))
+        return ()
+    except RenderingError as error:
+        _LOG.warning("no cover.png: %s", error)
+        return ("cover.vtu",)
+    return ("cover.png", "cover.gltf", "cover.vtu")
+
+
+def lacks_picture(files: tuple[str, ...]) -> bool:
+    """Return whether a picture is missing among written files because this machine cannot draw."""
+    return "cover.vtu" in files and "cover.png" not in files

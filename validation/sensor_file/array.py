@@ -11,7 +11,7 @@ from meshes import TexelArray
 from meshes.array import MOST_TEXELS, check_texel_count
 from meshes.bounded_file import FileLimitError, read_text
 from validation.errors import InputError
-from validation.sensor_file.tables import ArrayTable
+from validation.schema.sensor import ArrayTable
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -160,7 +160,7 @@ def _read_mask(table: ArrayTable, rows: int, columns: int) -> npt.NDArray[np.boo
     """
     if table.mask is None:
         return None
-    lines = [[str(entry) for entry in line] for line in table.mask]
+    lines = table.mask
     if len(lines) != rows or any(len(line) != columns or set(line) - {"0", "1"} for line in lines):
         example = "0" + "1" * (columns - 1)
         raise InputError(

@@ -5,21 +5,34 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import create_model
 
 from meshes import Cover, Layer, Material
-from meshes.catalogue import MATERIALS
 from meshes.material import MODELS
-from validation.errors import InputError, match_name, nearest
-from validation.sensor_file.faults import KEYS_BY_SYMBOL, list_faults
-from validation.sensor_file.tables import LONGEST, PARAMETERS, MaterialTable
-from validation.text.quantity import read_quantity
+from validation.errors import InputError
+from validation.schema import Table, parse
+from validation.schema.types import PARAMETERS, Length, MaterialTable, Read, read_material_name
 
 #: Largest accepted number of characters of one change [-].
 _LONGEST = 500
 _EXAMPLE = "write for example '--layer 1:thickness=1mm,youngs_modulus=2MPa'"
-#: Keys that a change may have: thickness, the name of a material, and keys of a material's table.
-_KEYS = ("thickness", "material", "youngs_modulus", "poisson_ratio", "hardness", "model", *PARAMETERS)
+_Material = Annotated[Material, Read(read_material_name)]
+#: Fields of the material's table that a change may replace.
+_FIELDS = ("youngs_modulus", "poisson_ratio", "hardness", "model", *PARAMETERS)
+
+
+class _Replacement(Table):
+    """One layer that replaces a cover: values of `--material` and `--thickness`."""
+
+    material: _Material | None = None
+    thickness: Length | None = None
+
+
+_MATERIAL_FIELDS: Any = {name: (MaterialTable.model_fields[name].rebuild_annotation() | None, None) for name in _FIELDS}
+#: Values of one option `--layer`; those of the material are checked again as a whole table.
+_Change = create_model("_Change", __base__=_Replacement, **_MATERIAL_FIELDS)
 
 
 def change_cover(
@@ -52,9 +65,9 @@ def change_cover(
     changed = list(cover.layers)
     for number, change in changes.items():
         try:
-            changed[number - 1] = _change_layer(cover.layers[number - 1], change)
+            changed[number - 1] = _change_layer(cover.layers[number - 1], change, f"--layer {number}")
         except InputError as error:
-            faults += (f"--layer {number}: {fault}" for fault in error.faults)
+            faults += error.faults
     if faults:
         raise InputError(*faults)
     known = len(changes) == len(changed) and all(map(_is_known, changes.values()))
@@ -83,9 +96,7 @@ def read_change(text: str, count: int) -> tuple[int, dict[str, str]]:
     faults, change = [], {}
     for part in rest.split(","):
         key, equals, value = (piece.strip() for piece in part.partition("="))
-        if key not in _KEYS:
-            faults.append(f"--layer {int(number)}: unknown key {key!r}; {nearest(KEYS_BY_SYMBOL.get(key, key), _KEYS)}")
-        elif not equals or not value:
+        if key in _Change.model_fields and not (equals and value):
             faults.append(f"--layer {int(number)}: {key} has no value; {_EXAMPLE}")
         elif key in change:
             faults.append(f"--layer {int(number)}: {key} is given twice; {_EXAMPLE}")
@@ -102,34 +113,17 @@ def _is_known(change: Mapping[str, str]) -> bool:
     return "thickness" in change and elastic
 
 
-def _change_layer(layer: Layer, change: Mapping[str, str]) -> Layer:
-    values = dict(change)
-    faults: list[str] = []
-    thickness, name = layer.thickness, values.pop("material", None)
-    if (text := values.pop("thickness", None)) is not None:
-        try:
-            thickness = read_quantity(text, "length", place="thickness")
-        except InputError as error:
-            faults += error.faults
-        if not 0 < thickness <= LONGEST:
-            wrong = f"must be positive and at most {LONGEST:g} m, not {text!r}"
-            faults.append(f"thickness: {wrong}; write for example '2mm'")
-    material = layer.material
-    if name is not None:
-        found = match_name(name, MATERIALS)
-        if found not in MATERIALS:
-            faults.append(f"material: unknown material {name!r}; {nearest(name, MATERIALS)}")
-        material = MATERIALS.get(found, material)
-    try:
-        material = _change_material(material, values) if values else material
-    except InputError as error:
-        faults += error.faults
-    if faults:
-        raise InputError(*faults)
-    return Layer(thickness=thickness, material=material)
+def _change_layer(layer: Layer, change: Mapping[str, str], option: str) -> Layer:
+    raw = {key: _convert(key, text) for key, text in change.items()}
+    read: Any = parse(raw, _Change, source=option)
+    own = {key: value for key, value in raw.items() if key in _FIELDS}
+    material = layer.material if read.material is None else read.material
+    if own:
+        material = _change_material(material, own, read.youngs_modulus, option)
+    return Layer(thickness=layer.thickness if read.thickness is None else read.thickness, material=material)
 
 
-def _change_material(material: Material, change: Mapping[str, str]) -> Material:
+def _change_material(material: Material, change: Mapping[str, Any], modulus: float | None, option: str) -> Material:
     """Change values of a material.
 
     A new Young's modulus of a rubber multiplies all moduli of its strain energy, so that the shape of its stress-strain
@@ -137,29 +131,29 @@ def _change_material(material: Material, change: Mapping[str, str]) -> Material:
 
     Args:
         material: The material.
-        change: New values as text, by the keys of the table `material` of a sensor file.
+        change: New values, by the keys of the table `material` of a sensor file and as such a table holds them.
+        modulus: The new Young's modulus; None if it stays [Pa].
+        option: Option that holds the change, for messages.
 
     Raises:
-        InputError: If a value is bad, or the material model has no such parameter.
+        InputError: If the material model has no such parameter.
     """
-    from pydantic import TypeAdapter, ValidationError
-
     replaced = not {"model", "hardness"}.isdisjoint(change)
-    scaled = "youngs_modulus" in change and "model" not in change and material.model != "linear-elastic"
+    scaled = modulus is not None and "model" not in change and material.model != "linear-elastic"
     table = {
         "model": material.model,
         "poisson_ratio": material.poisson_ratio,
         **({} if replaced else _describe(material)),
+        **{key: value for key, value in change.items() if not (scaled and key == "youngs_modulus")},
     }
-    table |= {key: _convert(key, text) for key, text in change.items() if not (scaled and key == "youngs_modulus")}
     try:
-        made: Material = TypeAdapter(MaterialTable).validate_python(table).material()
-        if scaled:
-            made = _scale(made, read_quantity(change["youngs_modulus"], "pressure", place="youngs_modulus"))
-    except ValidationError as error:
-        raise InputError(*list_faults(error)) from None
+        made = parse(table, MaterialTable, source=option).make()
+    except InputError:
+        raise
     except ValueError as error:
-        raise InputError(*str(error).splitlines()) from None
+        raise InputError(f"{option}: {error}") from None
+    if scaled and modulus is not None:
+        made = _scale(made, modulus / made.youngs_modulus)
     only_ratio = set(change) == {"poisson_ratio"}
     return dataclasses.replace(
         made,
@@ -182,37 +176,27 @@ def _describe(material: Material) -> dict[str, Any]:
 
 
 def _convert(key: str, text: str) -> object:
-    """Convert the text of a value to what the tables of a sensor file hold: a number, a list, or the text itself.
+    """Convert the text of a value to what a sensor file holds: a number, a list with one value per term, or the text.
 
     Values for several terms of a strain energy are separated by `/`.
     """
+
+    def read_number(part: str) -> float | str:
+        try:
+            return float(part)
+        except ValueError:
+            return part
+
     if key == "poisson_ratio":
-        return _read_number(key, text)
+        return read_number(text)
     if key == "alpha":
-        return [_read_number(key, part) for part in text.split("/")]
+        return [read_number(part) for part in text.split("/")]
     return text.split("/") if key == "mu" else text
 
 
-def _read_number(key: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(f"{key}: {text!r} is not a number; write for example {key}=0.49") from None
-
-
-def _scale(material: Material, modulus: float) -> Material:
-    """Multiply all moduli of a material by a factor, so that it has a Young's modulus E [Pa].
-
-    Args:
-        material: The material.
-        modulus: The Young's modulus E at small strain [Pa].
-
-    Raises:
-        InputError: If E is not positive.
-    """
-    if not modulus > 0:
-        raise InputError(f"youngs_modulus: must be positive, not {modulus:g} Pa")
-    factor, units = modulus / material.youngs_modulus, MODELS[material.model]
+def _scale(material: Material, factor: float) -> Material:
+    """Multiply all moduli of a material by a factor [-]."""
+    units = MODELS[material.model]
     parameters = {
         name: tuple(value * (factor if units[name] == "Pa" else 1.0) for value in material.terms(name))
         for name in material.parameters
@@ -234,26 +218,23 @@ def _replace_cover(cover: Cover, material: str | None, thickness: str | None) ->
         InputError: If the material is unknown or the thickness is not a positive length, or if only one of the two is
             given and the cover has several layers.
     """
-    faults = []
-    material = None if material is None else match_name(material, MATERIALS)
+    faults: list[str] = []
     if (material is None or thickness is None) and len(cover.layers) > 1:
         faults.append(
             "--material, --thickness: the cover has several layers; give both to replace them by one, or change one "
             "layer: --layer 1:thickness=1mm"
         )
-    if material is not None and material not in MATERIALS:
-        faults.append(f"--material: unknown material {material!r}; {nearest(material, MATERIALS)}")
-    height = cover.layers[0].thickness
+    given = {"material": material, "thickness": thickness}
     try:
-        height = height if thickness is None else read_quantity(thickness, "length", place="--thickness")
+        read = parse({key: value for key, value in given.items() if value is not None}, _Replacement)
     except InputError as error:
-        faults += error.faults
-    if not 0 < height <= LONGEST:
-        faults.append(
-            f"--thickness: must be positive and at most {LONGEST:g} m, not {thickness!r}; write for example '2mm'"
-        )
+        raise InputError(*faults, *(f"--{fault}" for fault in error.faults)) from None
     if faults:
         raise InputError(*faults)
+    first = cover.layers[0]
+    chosen = Layer(
+        thickness=first.thickness if read.thickness is None else read.thickness,
+        material=first.material if read.material is None else read.material,
+    )
     assumed = cover.assumed and (material is None or thickness is None)
-    chosen = cover.layers[0].material if material is None else MATERIALS[material]
-    return dataclasses.replace(cover, layers=(Layer(thickness=height, material=chosen),), assumed=assumed)
+    return dataclasses.replace(cover, layers=(chosen,), assumed=assumed)

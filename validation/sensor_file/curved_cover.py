@@ -3,34 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, WrapValidator
-from pydantic.dataclasses import dataclass
 
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh, check_quality, read_mesh
-from meshes.solids.cracks import close_cracks
-from meshes.solids.quality import SIZES
 from meshes.solids.shell import Shell, join, select_base, thicken
+from meshes.solids.solid_mesh import LIMITS
 from meshes.solids.tetrahedra import classify_boundary, list_boundary
-from meshes.solids.triangles import check_closed, enclosed_volume, nearest_points
-from meshes.surfaces.surface_files import (
-    SURFACES,
-    TETRAHEDRA,
-    orient_tetrahedra,
-    read_tetrahedra,
-    read_triangles,
-)
+from meshes.solids.triangles import check_closed, close_cracks, enclosed_volume, nearest_points
+from meshes.surfaces.files import orient_tetrahedra, read_tetrahedra, read_triangles
 from validation.curved.body import CoverBody, mesh_shell
 from validation.errors import InputError
 from validation.extras import require
-from validation.sensor_file.tables import Length, MaterialTable, SensorTables, read_material, read_unit
+from validation.schema.sensor import CurvedCoverTable
 
 #: Element sizes of two meshes of tetrahedra over the thickness, and over the element size that a file states [-].
 _SIZES, _COARSER = (0.6, 0.45), 1.33
@@ -38,27 +28,6 @@ _SIZES, _COARSER = (0.6, 0.45), 1.33
 _FARTHEST = 2.5
 #: Tolerance with which the bonded facets of given tetrahedra are found again, over the size [-].
 _SAME = 1e-6
-
-
-@dataclass(config=ConfigDict(extra="forbid"), kw_only=True)
-class CurvedCoverTable:
-    """Table `[cover]` of a cover whose shape is in files."""
-
-    material: Annotated[MaterialTable, WrapValidator(read_material)]
-    surface: str | None = None
-    base: str | None = None
-    mesh: str | None = None
-    thickness: Length | None = None
-    unit: Annotated[float, BeforeValidator(read_unit)] | None = None
-    element_size: Length | None = None
-    base_distance: Length | None = None
-
-
-@dataclass(config=ConfigDict(extra="forbid"), kw_only=True)
-class CurvedSensorTables(SensorTables):
-    """All tables of a sensor file with a curved cover."""
-
-    cover: CurvedCoverTable  # type: ignore[assignment]
 
 
 def build_body(table: CurvedCoverTable, folder: Path) -> CoverBody:
@@ -72,9 +41,6 @@ def build_body(table: CurvedCoverTable, folder: Path) -> CoverBody:
         InputError: With one line per fault: keys that do not go together, a missing unit, files that cannot be read, or
             surfaces of which no body can be made.
     """
-    faults = list(_list_faults(table))
-    if faults:
-        raise InputError(*(f"cover.{fault}" for fault in faults))
     try:
         if table.mesh is not None:
             return _take_mesh(table, folder)
@@ -124,36 +90,12 @@ def project_texels(texels: TexelArray, body: CoverBody) -> TexelArray:
     return dataclasses.replace(texels, centres=near, normals=normals)
 
 
-def _list_faults(table: CurvedCoverTable) -> list[str]:
-    """List keys that are missing or do not go together."""
-    faults = []
-    files = {name: value for name in ("surface", "base", "mesh") if (value := getattr(table, name)) is not None}
-    own = table.mesh is not None and table.mesh.lower().endswith(".npz")
-    if table.mesh is not None:
-        if table.surface is not None or table.thickness is not None:
-            faults.append("mesh: replaces surface and thickness; leave them out")
-        if not own and table.base is None:
-            faults.append(
-                'base: is missing; write for example base = "core.stl", the surface to which the mesh is bonded'
-            )
-    elif table.surface is None and table.base is None:
-        faults.append('surface: is missing; write for example surface = "outer.stl" with thickness or base')
-    elif (table.thickness is None) == (table.surface is None or table.base is None):
-        faults.append('thickness: give surface and base, or one of them and thickness = "2 mm"')
-    if table.unit is None and not own:
-        faults.append('unit: is missing, and the files do not state it; write for example unit = "mm"')
-    for name, value in files.items():
-        kinds = (".npz", *TETRAHEDRA) if name == "mesh" else SURFACES
-        if not value.lower().endswith(kinds):
-            faults.append(f"{name}: {value[:80]!r} has an unknown ending; accepted: {', '.join(kinds)}")
-    return faults
-
-
 def _check_size(triangles: FloatArray, name: str) -> None:
     size = float(np.ptp(triangles, axis=(0, 1)).max())
-    if not SIZES[0] <= size <= SIZES[1]:
+    low, high = LIMITS.sizes
+    if not low <= size <= high:
         raise ValueError(
-            f"unit: {name} would be {1e3 * size:.4g} mm long, outside {1e3 * SIZES[0]:g}..{1e3 * SIZES[1]:g} mm "
+            f"unit: {name} would be {1e3 * size:.4g} mm long, outside {1e3 * low:g}..{1e3 * high:g} mm "
             "(were millimetres taken for metres?)"
         )
 
@@ -248,11 +190,3 @@ def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
         one, other = corners[:, (k + 1) % 3] - points, corners[:, (k + 2) % 3] - points
         out.append(np.einsum("nc,nc->n", np.cross(one, other), whole) / square)
     return np.asarray(np.maximum(np.stack(out, axis=1), 0.0) + 1e-12)
-
-
-def is_curved(data: Mapping[str, Any]) -> bool:
-    """Return whether the tables of a sensor file describe a cover whose shape is in files."""
-    cover = data.get("cover")
-    if not isinstance(cover, Mapping):
-        return False
-    return any(name in cover for name in ("surface", "mesh", "unit")) or "." in str(cover.get("base", ""))

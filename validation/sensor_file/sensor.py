@@ -15,22 +15,14 @@ from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.point_spread import Gaussian
 from meshes import Cover, Layer, TexelArray
-from meshes.bounded_file import FileLimitError, parse_toml, read_text
 from meshes.catalogue import ARRAYS, ASSUMED_COVER
 from meshes.solids import fingertip, flat_pad, phalanx
 from validation.curved.body import CoverBody, make_swept_body
 from validation.errors import InputError, nearest
-from validation.sensor_file.curved_cover import (
-    CurvedCoverTable,
-    CurvedSensorTables,
-    build_body,
-    is_curved,
-    project_texels,
-)
-from validation.sensor_file.tables import ElectronicsTable, SensorTables
+from validation.schema import parse as parse_tables
+from validation.schema import read
+from validation.schema.sensor import CurvedCoverTable, ElectronicsTable, SensorTables
 
-#: Largest accepted size of a sensor file [bytes]; the gains of ten thousand texels take a fifth of it.
-MOST_BYTES = 2**20
 #: Frames per second [Hz] and slope of the characteristic [1/N] of a sensor whose file does not state them: with 12 bits
 #: the counts then saturate at 4.1 N on a texel.
 _ASSUMED_RATE, _ASSUMED_SENSITIVITY = 100.0, 1000.0
@@ -153,7 +145,11 @@ def load(
         InputError: With one line per fault: the place in the file, what is wrong, and what would be accepted.
         OSError: If the file exists and cannot be read.
     """
-    description = BUILT_IN.get(str(sensor)) or CURVED.get(str(sensor)) or _read_file(Path(sensor))
+    description = BUILT_IN.get(str(sensor)) or CURVED.get(str(sensor))
+    if description is None:
+        names = nearest(str(sensor), (*BUILT_IN, *CURVED))
+        hint = f"or built-in sensor; {names}, or a file from `softcover init`"
+        description = _build(read(Path(sensor), SensorTables, hint=hint), Path(sensor))
     if material is None and thickness is None and not layers:
         return description
     from validation.sensor_file.changed_cover import change_cover
@@ -169,41 +165,16 @@ def load(
 
 
 def has_curved_cover(sensor: str) -> bool:
-    """Return whether a text names a built-in sensor with a curved cover, or a sensor file that describes one."""
-    if sensor in CURVED:
-        return True
-    path = Path(sensor)
-    if sensor in BUILT_IN or not path.is_file():
-        return False
+    """Return whether a text names a sensor with a curved cover; False for a sensor that cannot be read."""
     try:
-        return is_curved(read_tables(path))
+        return load(sensor).body is not None
     except (InputError, OSError):
-        return False  # reported when the file is read
+        return False  # reported when the sensor is read
 
 
 def read_template() -> str:
     """Return the text of a sensor file of a home-made sensor, with all keys explained."""
     return resources.files("validation.sensor_file").joinpath("template.toml").read_text(encoding="utf-8")
-
-
-def _read_file(path: Path) -> SensorDescription:
-    if not path.exists():
-        hint = nearest(str(path), (*BUILT_IN, *CURVED))
-        raise InputError(f"{path}: no such sensor file or built-in sensor; {hint}, or a file from `softcover init`")
-    return parse(read_tables(path), source=path)
-
-
-def read_tables(path: Path) -> dict[str, Any]:
-    """Read the tables of a sensor file, before they are checked.
-
-    Raises:
-        InputError: If the path is no file in TOML within the limits on size and depth.
-        OSError: If the file cannot be read.
-    """
-    try:
-        return parse_toml(read_text(path, most=MOST_BYTES))
-    except FileLimitError as error:
-        raise InputError(f"{path}: not a TOML file that is accepted: {error}") from None
 
 
 def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
@@ -216,34 +187,31 @@ def parse(data: Mapping[str, Any], *, source: Path) -> SensorDescription:
     Raises:
         InputError: With one line per fault.
     """
-    from pydantic import TypeAdapter, ValidationError
+    return _build(parse_tables(data, SensorTables, source=str(source)), source)
 
+
+def _build(tables: SensorTables, source: Path) -> SensorDescription:
+    """Make the description of a sensor from its tables."""
     from validation.sensor_file.array import build_array
-    from validation.sensor_file.faults import list_faults
 
-    kind = CurvedSensorTables if is_curved(data) else SensorTables
-    try:
-        tables = TypeAdapter(kind).validate_python(dict(data))
-    except ValidationError as error:
-        raise InputError(*(f"{source}: {line}" for line in list_faults(error, kind))) from None
-    if faults := [f"{source}: {fault}" for fault in _electronics_faults(tables.electronics)]:
-        raise InputError(*faults)
+    electronics = tables.electronics
     name = tables.name or source.stem
     array = build_array(tables.array, name=name, source=source)
     array, cover, body = _build_cover(tables, array, source)
-    low_pass, gains = tables.filter, tables.electronics.gains
-    if gains is not None and len(gains) != array.count:
-        raise InputError(f"{source}: electronics.gains: takes one number per texel ({array.count}), not {len(gains)}")
+    if electronics.gains is not None and len(electronics.gains) != array.count:
+        count = len(electronics.gains)
+        raise InputError(f"{source}: electronics.gains: takes one number per texel ({array.count}), not {count}")
+    low_pass = tables.filter
     return SensorDescription(
         name=name,
         array=array,
         cover=cover,
-        electronics=_build_electronics(tables.electronics),
+        electronics=_build_electronics(electronics),
         filter=None if low_pass is None else Butterworth(cutoff_hz=low_pass.cutoff, order=low_pass.order),
-        spread=None if tables.spread is None else Gaussian(**dataclasses.asdict(tables.spread)),
+        spread=None if tables.spread is None else Gaussian(**tables.spread.model_dump()),
         friction=tables.contact.friction,
         source=str(source),
-        assumed_electronics=tuple(_list_assumed(tables.electronics)),
+        assumed_electronics=tuple(_list_assumed(electronics)),
         body=body,
     )
 
@@ -252,6 +220,8 @@ def _build_cover(tables: SensorTables, array: TexelArray, source: Path) -> tuple
     """Make the layers of a flat cover, or the body of a curved one and the texels on its base."""
     table = tables.cover
     if isinstance(table, CurvedCoverTable):
+        from validation.sensor_file.curved_cover import build_body, project_texels
+
         try:
             body = build_body(table, source.parent)
             texels = project_texels(array, body) if tables.array.project else array
@@ -260,8 +230,7 @@ def _build_cover(tables: SensorTables, array: TexelArray, source: Path) -> tuple
         return texels, Cover(layers=(Layer(thickness=body.thickness, material=table.material),)), body
     if tables.array.project:
         raise InputError(f"{source}: array.project: is for curved covers; leave it out")
-    # Pydantic's validator has already converted the name or the parameters of each material to a `Material`.
-    layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in table.layer)  # type: ignore[arg-type]
+    layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in table.layer)
     cover = Cover(layers=layers, base=table.base, size=table.size)
     _refuse_uncovered(array, cover, source)
     return array, cover, None
@@ -286,18 +255,6 @@ def _refuse_uncovered(array: TexelArray, cover: Cover, source: Path) -> None:
         )
 
 
-def _electronics_faults(electronics: ElectronicsTable) -> Iterator[str]:
-    """Yield one line of text per fault that concerns several keys of the table `[electronics]`."""
-    largest = 2**electronics.bits - 1
-    if electronics.sensitivity is not None and electronics.characteristic is not None:
-        yield "electronics: give either sensitivity (a line, '2665.7 1/N') or characteristic (c0..c5 [1/N^k]), not both"
-    if electronics.output_max is not None and electronics.output_max > largest:
-        yield (
-            f"electronics.output_max: {electronics.output_max} does not fit {electronics.bits} bits; "
-            f"accepted: 1..{largest}"
-        )
-
-
 def _list_assumed(table: ElectronicsTable) -> Iterator[str]:
     """Yield a text for each value of the electronics that the sensor file does not state and that is assumed."""
     if table.rate is None:
@@ -307,8 +264,7 @@ def _list_assumed(table: ElectronicsTable) -> Iterator[str]:
 
 
 def _build_electronics(table: ElectronicsTable) -> Electronics:
-    given: dict[str, Any] = dataclasses.asdict(table)
-    values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
+    values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in table}
     # With a polynomial characteristic the sensitivity has no effect, but `Electronics` requires a positive number.
     assumed = _ASSUMED_SENSITIVITY if table.characteristic is None else 1.0
     values |= {"sensitivity": table.sensitivity or assumed, "output_max": table.output_max or 2**table.bits - 1}

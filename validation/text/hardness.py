@@ -34,7 +34,7 @@ def read_hardness(value: object, *, place: str = "", bare: bool = False) -> Hard
         raise InputError(f"{where}{value!r} has no scale; {_EXAMPLE}")
     scale = (match[2] or "a").lower().replace("o", "0")
     if scale not in SCALES:
-        names = " and ".join(SCALES.values())
+        names = " and ".join(each.name for each in SCALES.values())
         raise InputError(f"{where}{value!r} is not on one of the scales that are supported, {names}; {_EXAMPLE}")
     try:
         return modulus_from_hardness(float(match[1]), scale)

@@ -25,7 +25,7 @@ from meshes import (
     read_stl,
     tilt_indenter,
 )
-from meshes.surfaces.stl import SIZES
+from meshes.surfaces.files import LIMITS
 from validation.errors import InputError, nearest
 from validation.text.quantity import read_quantities, read_quantity
 
@@ -125,8 +125,8 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
         remedy = "" if shape == "mesh" else f"; write for example {_EXAMPLES[shape]}"
         raise InputError(f"{place}: {error}{remedy}") from None
     width = 2 * max(made.footprint)
-    if shape != "mesh" and not SIZES[0] <= width <= SIZES[1]:
-        low, high = (f"{1e3 * size:g}" for size in SIZES)
+    if shape != "mesh" and not LIMITS.sizes[0] <= width <= LIMITS.sizes[1]:
+        low, high = (f"{1e3 * size:g}" for size in LIMITS.sizes)
         raise InputError(f"{place}: {1e3 * width:.3g} mm is not a possible width; accepted: {low}..{high} mm")
     return made
 

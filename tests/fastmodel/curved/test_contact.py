@@ -18,10 +18,10 @@ from fastmodel.errors import FastModelError, ParametersError
 from fastmodel.pose import rotate
 from fastmodel.surface import CoverPoints
 from meshes import Sphere, TexelArray
-from meshes.spatial_pose import SpatialPose
+from meshes.pose import Pose
 
 LOAD = 0.5
-UP = SpatialPose.facing([0, 0, 0.1], [0, 0, -1])
+UP = Pose.facing([0, 0, 0.1], [0, 0, -1])
 QUATERNION = np.array([0.9, 0.1, 0.3, 0.2]) / np.linalg.norm([0.9, 0.1, 0.3, 0.2])
 PLACE = np.array([0.1, 0, 0.2])
 
@@ -82,7 +82,7 @@ def press_ball(parameters, direction, *, joint="slide", steps=800, **options):
 
 def test_a_bench_test_equals_the_press_without_simulation(parameters):
     found = fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, at=(1e-3, 0.4e-3))
-    known = press_points(COVER, Sphere(radius=4e-3), SpatialPose.facing([1e-3, 0.4e-3, 0.1], [0, 0, -1]), load=LOAD)
+    known = press_points(COVER, Sphere(radius=4e-3), Pose.facing([1e-3, 0.4e-3, 0.1], [0, 0, -1]), load=LOAD)
     assert found.method == "curved"
     assert found.total_force == pytest.approx(LOAD, rel=1e-3)
     np.testing.assert_allclose(found.texel_forces, known.texel_forces, atol=1e-3 * LOAD)
@@ -90,15 +90,15 @@ def test_a_bench_test_equals_the_press_without_simulation(parameters):
 
 def test_a_press_along_a_direction_is_the_same_verb(parameters):
     direction = np.array([-0.25, 0.1, -1.0])
-    pose = SpatialPose.facing(-20e-3 * direction, direction)
+    pose = Pose.facing(-20e-3 * direction, direction)
     found = fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, pose=pose)
     known = press_points(COVER, Sphere(radius=4e-3), pose, load=LOAD)
     np.testing.assert_array_equal(found.texel_forces, known.texel_forces)
     np.testing.assert_allclose(found.force @ direction / np.linalg.norm(direction), LOAD, rtol=1e-6)
     assert found.contact_forces.sum() == pytest.approx(found.points.sum())
     assert found.depth > 0
-    with pytest.raises(FastModelError, match="along the array's normal only"):
-        fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, pose=pose, method="boxes")
+    with pytest.raises(FastModelError, match="along the array's normal"):
+        fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, pose=pose, direction=direction, method="boxes")
 
 
 @pytest.mark.parametrize("joint", ["slide", "hinge"])
@@ -106,7 +106,7 @@ def test_an_array_on_a_turned_finger_feels_the_press_of_its_own_frame(parameters
     direction = np.array([-0.25, 0.1, -1.0])
     direction /= np.linalg.norm(direction)
     sensor, *_ = press_ball(parameters, direction, joint=joint)
-    pose = SpatialPose.facing(-20e-3 * direction, direction)
+    pose = Pose.facing(-20e-3 * direction, direction)
     known = press_points(COVER, Sphere(radius=4e-3), pose, load=LOAD)
     # A guide gives the direction of the force; without one, it is the normal of a facet of the hull, some degrees off.
     atol = {"slide": 5e-3, "hinge": 4e-2}[joint] * LOAD
@@ -218,7 +218,7 @@ def test_a_cover_with_a_flat_top_is_a_plate_of_its_thickness(parameters):
     normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
     flat = dataclasses.replace(cover, points=points, normals=normals)
     found = fastmodel.indent(dataclasses.replace(parameters, surface=flat), Sphere(radius=5e-3), load=0.2)
-    pressed = press_points(flat, Sphere(radius=5e-3), SpatialPose.facing([0, 0, 5e-3], [0, 0, -1]), load=0.2)
+    pressed = press_points(flat, Sphere(radius=5e-3), Pose.facing([0, 0, 5e-3], [0, 0, -1]), load=0.2)
     np.testing.assert_allclose(found.texel_forces, pressed.texel_forces, atol=2e-3 * pressed.texel_forces.max())
 
 
@@ -231,8 +231,8 @@ def test_a_body_between_the_points_leaves_the_forces_of_another_one():
 
     side = np.array([3.375e-3, 0.375e-3, 0.0])  # the middle of four points that are 0.75 mm apart
     side[2] = np.sqrt(1e-4 - side @ side)
-    ball = pose_indenter(Sphere(radius=5e-3), SpatialPose.facing([0, 0, 10e-3], [0, 0, -1]))
-    pin = pose_indenter(Sphere(radius=0.2e-3), SpatialPose.facing(side, -side))
+    ball = pose_indenter(Sphere(radius=5e-3), Pose.facing([0, 0, 10e-3], [0, 0, -1]))
+    pin = pose_indenter(Sphere(radius=0.2e-3), Pose.facing(side, -side))
     alone = solve_pressure(COVER, [ball], [load(np.array([0, 0, LOAD]))])
     both = solve_pressure(COVER, [pin, ball], [load(5 * side), load(np.array([0, 0, LOAD]))])
     np.testing.assert_array_equal(both.forces, alone.forces)

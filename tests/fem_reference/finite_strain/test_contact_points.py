@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fem_reference import closed_form
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
-from fem_reference.finite_strain.contact_points import divide_rings, unfold_points
+from fem_reference.finite_strain.contact import divide_rings, unfold_points
 from fem_reference.finite_strain.loading_path import LoadingPath
 from meshes import Sphere
 from tests.support.rubber import make_cover

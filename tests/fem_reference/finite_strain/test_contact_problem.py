@@ -9,11 +9,10 @@ from fem_reference.elements.grading import grade_outward
 from fem_reference.elements.taylor_hood import prepare_elements
 from fem_reference.finite_strain.axisymmetric_path import PENALTY
 from fem_reference.finite_strain.contact import SurfaceContact
-from fem_reference.finite_strain.contact_problem import ContactProblem, Guess
+from fem_reference.finite_strain.contact_problem import ContactProblem, Guess, SolvedPath
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import Units
-from fem_reference.finite_strain.mesh_transfer import SolvedPath
 from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.linear_response.axisymmetric import find_constrained, mesh_cover
 from meshes import Sphere

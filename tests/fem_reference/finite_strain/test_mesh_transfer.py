@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fem_reference.elements.taylor_hood import prepare_elements
-from fem_reference.finite_strain.mesh_transfer import locate_pressures, transfer_state
+from fem_reference.finite_strain.contact_problem import locate_pressures, transfer_state
 
 
 def make_mesh(count, *, layers=1):

@@ -7,10 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem_reference.finite_strain.block_path import lay_out_block, mesh_block, recover_gauss_pressure
+from fem_reference.finite_strain.block_path import (
+    PairedPath,
+    add_change,
+    lay_out_block,
+    mesh_block,
+    press_paired,
+    recover_gauss_pressure,
+)
 from fem_reference.finite_strain.contact_problem import Guess
 from fem_reference.finite_strain.loading_path import LoadingPath, Units
-from fem_reference.finite_strain.paired_path import PairedPath, add_change, press_paired
 from meshes import Box, Cover, Layer, Material
 
 FACE = Box(size=(3e-3, 2e-3, 5e-3))

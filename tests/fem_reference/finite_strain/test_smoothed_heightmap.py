@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from fem_reference.finite_strain.indenter_surface import STEEPEST, IndenterSurface
-from fem_reference.finite_strain.smoothed_heightmap import SmoothedHeightmap
+from fem_reference.finite_strain.indenter_surface import STEEPEST, IndenterSurface, SmoothedHeightmap
 from meshes import Prism, Roller, Sphere, TriangleMesh
 
 UNIT, CELL = 2e-3, 0.1

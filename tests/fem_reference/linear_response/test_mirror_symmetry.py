@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fem_reference.linear_response.mirror_symmetry import (
+from fem_reference.linear_response.finite_cover import (
     PARITIES,
     MirroredTexels,
     Resolution,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fem_reference.materials.stability import describe_instability, find_unstable_stretches, warn_of_instability
+from fem_reference.materials import describe_instability, find_unstable_stretches, warn_of_instability
 from meshes import Material
 
 

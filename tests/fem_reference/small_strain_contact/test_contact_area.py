@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem_reference.small_strain_contact.contact_area import measure_area
+from fem_reference.small_strain_contact.frictionless import measure_area
 
 
 def grid(cells, half):

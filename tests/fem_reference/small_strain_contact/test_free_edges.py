@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from meshes import Box, Sphere
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 SIZE = (10e-3, 6e-3)
 PLACES = st.tuples(st.floats(-5e-3, 5e-3), st.floats(-3e-3, 3e-3))
@@ -17,7 +17,7 @@ SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.function_sco
 
 
 def make_sides(bonded, indenter, at, yaw, *, half=(1e-3, 1e-3), size=SIZE):
-    pose = PlanarPose(at=at, yaw=yaw)
+    pose = Pose.planar(at=at, yaw=yaw)
     return SideEdges(cover=bonded(0.4, size=size), indenter=indenter, pose=pose, half=np.array(half))
 
 
@@ -29,7 +29,7 @@ def test_clipping_moves_points_onto_the_cover_and_keeps_those_on_it(bonded, at, 
     clipped = np.stack(sides.clip_to_cover(x, y))
     on_cover = sides.contain(x, y)
     assert clipped[:, on_cover] == pytest.approx(np.stack([x, y])[:, on_cover], abs=1e-12)
-    u, v = sides.pose.to_array(*clipped)
+    u, v = sides.pose.plan_to_array(*clipped)
     assert np.abs(u).max() <= SIZE[0] / 2 * (1 + 1e-9)
     assert np.abs(v).max() <= SIZE[1] / 2 * (1 + 1e-9)
     assert (np.hypot(*(clipped - [x, y]))[~on_cover] > 0).all()

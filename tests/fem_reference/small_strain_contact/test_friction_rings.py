@@ -7,7 +7,7 @@ import pytest
 
 from fem_reference.closed_form.contact import indent
 from fem_reference.small_strain_contact.friction_rings import RingContact, count_rings
-from fem_reference.small_strain_contact.no_slip_disk import press_stuck_disk
+from fem_reference.small_strain_contact.no_slip import press_stuck_disk
 from meshes import Cone, Cover, Cylinder, Layer, Material, RoundedTip, Sphere
 from tests.exact.no_slip import stuck_punch, stuck_shape
 from tests.exact.rings import press_with_friction

@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from meshes.solids.cracks import close_cracks, label_parts
 from meshes.solids.shell import thicken
-from meshes.solids.triangles import check_closed, count_crossings, enclosed_volume, merge_corners
+from meshes.solids.triangles import (
+    check_closed,
+    close_cracks,
+    count_crossings,
+    enclosed_volume,
+    label_parts,
+    merge_corners,
+)
 
 
 def make_dome(around=24, rings=12, *, start=0.0, stop=np.pi / 2):

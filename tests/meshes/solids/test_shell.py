@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from meshes.solids.shell import join, measure_triangles, select_base, thicken
-from meshes.solids.simplify import collapse_short_edges
-from meshes.solids.triangles import check_closed, enclosed_volume, merge_corners
+from meshes.solids.triangles import check_closed, collapse_short_edges, enclosed_volume, merge_corners
 
 
 def make_cap(radius, rings=8, around=24):

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from meshes import TexelArray
-from meshes.npz import pack_npz
+from meshes.bounded_file import pack_npz
 from meshes.solids import check_quality, check_texels, fingertip, flat_pad, phalanx, read_mesh, sweep, write_mesh
-from meshes.solids.base_surface import cylinder_surface, flat_surface, join_grids
 from meshes.solids.facets import node_normals
-from meshes.solids.quality import compute_volume, measure_area
+from meshes.solids.solid_mesh import compute_volume, measure_area
+from meshes.solids.swept import cylinder_surface, flat_surface, join_grids
 from meshes.solids.texels import covered_share, tangent_axes
 
 R, H, L = 6e-3, 2e-3, 14.4e-3

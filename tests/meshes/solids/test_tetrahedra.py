@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from meshes.solids.quality import check_quality, compute_volume, measure_area
-from meshes.solids.solid_mesh import SolidMesh
+from meshes.solids.solid_mesh import SolidMesh, check_quality, compute_volume, measure_area
 from meshes.solids.tetrahedra import (
     check_tetrahedra,
     classify_boundary,

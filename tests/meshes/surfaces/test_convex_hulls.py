@@ -9,8 +9,12 @@ import pytest
 from scipy.spatial import cKDTree
 
 from meshes import read_stl
-from meshes.surfaces import convex_hulls
-from meshes.surfaces.convex_hulls import _Underside
+from meshes.surfaces import underside
+from meshes.surfaces.underside import _Underside
+
+
+def limit(monkeypatch, **changes):
+    monkeypatch.setattr(underside, "HULLS", dataclasses.replace(underside.HULLS, **changes))
 
 
 def test_two_balls_are_made_of_a_few_hulls_that_are_computed_once(write_stl):
@@ -31,7 +35,7 @@ def test_every_hull_contains_only_corners_at_or_above_the_underside(write_stl):
 
 
 def test_a_warning_tells_that_the_hulls_do_not_reach_the_tolerance(write_stl, monkeypatch, caplog):
-    monkeypatch.setattr(convex_hulls, "MOST_HULLS", 2)
+    limit(monkeypatch, most=2)
     assert len(read_stl(write_stl("cup")).primitives()) == 2
     assert "2 hulls of the body from a file fill up to" in caplog.text
     caplog.clear()
@@ -40,13 +44,13 @@ def test_a_warning_tells_that_the_hulls_do_not_reach_the_tolerance(write_stl, mo
 
 
 def test_a_large_tolerance_leaves_one_hull(write_stl, monkeypatch):
-    monkeypatch.setattr(convex_hulls, "TOLERANCE", 1.0)
+    limit(monkeypatch, tolerance=1.0)
     assert len(read_stl(write_stl("two-balls")).primitives()) == 1
 
 
 def test_of_too_many_corners_the_outermost_are_kept(write_stl, monkeypatch):
     """The lowest corner stays; elsewhere a sphere of 200 corners lies at most 2 % of its radius further in."""
-    monkeypatch.setattr(convex_hulls, "MOST_CORNERS", 200)
+    limit(monkeypatch, most_corners=200)
     (hull,) = read_stl(write_stl("sphere")).primitives()
     corners = np.array(hull.vertices)
     assert 150 < len(corners) <= 200
@@ -64,10 +68,10 @@ def test_the_corners_that_are_kept_of_a_ball_are_spread_evenly():
     random = np.random.default_rng(0)
     points = random.normal(size=(30_000, 3))
     points /= np.linalg.norm(points, axis=1)[:, None]
-    kept = convex_hulls._keep_outermost(points)
-    assert 0.9 * convex_hulls.MOST_CORNERS < len(kept) <= convex_hulls.MOST_CORNERS
+    kept = underside._keep_outermost(points)
+    assert 0.9 * underside.HULLS.most_corners < len(kept) <= underside.HULLS.most_corners
     apart = cKDTree(kept).query(points[points[:, 2] < 0])[0].max()
-    share = 2 * np.pi / (0.8 * convex_hulls.MOST_CORNERS)  # area of the lower half per direction below the middle
+    share = 2 * np.pi / (0.8 * underside.HULLS.most_corners)  # area of the lower half per direction below the middle
     assert apart < 1.6 * np.sqrt(2 * share / (3 * np.sqrt(3)))
 
 
@@ -75,13 +79,13 @@ def test_a_cut_lies_one_step_before_the_nearest_wall_and_never_behind_the_point(
     """A floor of 1 mm with a wall down to 0 at x = 3 mm; points are 1 mm apart along x, and 0.5 mm along y."""
     x, y = (each.ravel() for each in np.meshgrid(1e-3 * np.arange(6), 0.5e-3 * np.arange(4)))
     height = np.where(x < 2.5e-3, 1e-3, 0.0)
-    underside = _Underside(
+    sampled = _Underside(
         x=x, y=y, height=height, levels=np.zeros(1), beside=np.zeros((1, 24)), top=2e-3, step=1e-3, tolerance=1e-6
     )
     point = int(np.flatnonzero((x == 0) & (y == 0.5e-3))[0])
-    np.testing.assert_allclose(underside.find_wall(point, 0.0), [2e-3, 0.5e-3])
+    np.testing.assert_allclose(sampled.find_wall(point, 0.0), [2e-3, 0.5e-3])
     # below another point half a step away: the point itself, not beyond it
-    near = dataclasses.replace(underside, height=np.where(y < 0.2e-3, 0.0, 1e-3))
+    near = dataclasses.replace(sampled, height=np.where(y < 0.2e-3, 0.0, 1e-3))
     np.testing.assert_allclose(near.find_wall(point, 0.0), [0.0, 0.5e-3])
     np.testing.assert_allclose(near.find_wall(0, 0.0), [0.0, 0.0])
-    assert underside.find_wall(point, -1.0).tolist() == [0.0, 0.5e-3]
+    assert sampled.find_wall(point, -1.0).tolist() == [0.0, 0.5e-3]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import trimesh
 
 from fem_reference import result_store
 from meshes import Box, Cylinder, LetterH, Nut, Prism, Sphere, TriangleMesh, read_stl
-from meshes.surfaces import stl
+from meshes.surfaces import files
 
 SAME = {
     "box": Box(size=(10e-3, 6e-3, 5e-3)),
@@ -187,10 +189,10 @@ def test_missing_files_folders_and_huge_files_are_refused(tmp_path, write_stl, m
     with pytest.raises(ValueError, match=r"is not a file"):
         read_stl(tmp_path)
     path = write_stl("sphere")
-    monkeypatch.setattr(stl, "MOST_TRIANGLES", 1000)
+    monkeypatch.setattr(files, "LIMITS", dataclasses.replace(files.LIMITS, triangles=1000))
     with pytest.raises(ValueError, match=r"1280 triangles, more than the 1000"):
         read_stl(path)
-    monkeypatch.setattr(stl, "_MOST_BYTES", 900)
+    monkeypatch.setattr(files, "LIMITS", dataclasses.replace(files.LIMITS, stl_bytes=900))
     with pytest.raises(ValueError, match=r"MB, more than the"):
         read_stl(path)
 

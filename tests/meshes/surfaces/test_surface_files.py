@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from meshes.solids.triangles import enclosed_volume
-from meshes.surfaces.surface_files import orient_tetrahedra, read_tetrahedra, read_triangles
+from meshes.surfaces.files import orient_tetrahedra, read_tetrahedra, read_triangles
 
 CUBE = trimesh.creation.box((10, 20, 30))
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from meshes.bounded_file import parse_toml
-from validation.campaign import campaign_file, case_tables
 from validation.campaign.campaign_file import Inputs, default_cases, parse_campaign, read_campaign
 from validation.campaign.case import Case, name_positions
 from validation.errors import InputError
+from validation.schema.campaign import METRICS, CampaignTables, CaseTable, RequiredTable
 
 GOOD = """
 [[case]]
@@ -109,7 +109,7 @@ def test_quick_takes_the_marked_cases_or_the_first_six(wts):
         ("indenter = 'spere:radius=5mm'", "case[1].indenter: unknown indenter 'spere'; did you mean 'sphere'?"),
         ("indenter = 'sphere:radius=-5mm'", "case[1].indenter: "),
         ("indenter = 5", "case[1].indenter: must be a text"),
-        ("load = 5", "case[1].load: must be a text with a unit"),
+        ("load = 5", "case[1].load: must be a text, not 5; write for example '4.9 N'"),
         ("load = '5'", "case[1].load: "),
         ("load = '-5 N'", "case[1].load: must be positive"),
         ("load = 'nan N'", "case[1].load: "),
@@ -118,10 +118,10 @@ def test_quick_takes_the_marked_cases_or_the_first_six(wts):
         ("at = '1mm'", "case[1].at: "),
         ("yaw = '45'", "case[1].yaw: "),
         ("tilt = '45deg,0deg'", "case[1].tilt: "),
-        ("compared = ['misplaced']", "case[1].compared: unknown metric 'misplaced'"),
+        ("compared = ['misplaced']", "case[1].compared[0]: 'misplaced' is unknown; did you mean"),
         ("required = { misplaced_force = 3 }", "case[1].required.misplaced_force: 3 is no percentage"),
-        ("required = { misplace = '3 %' }", "case[1].required.misplace: unknown metric; did you mean"),
-        ("quick = 1", "case[1].quick: must be true or false"),
+        ("required = { misplace = '3 %' }", "case[1].required.misplace: unknown key; did you mean"),
+        ("quick = 1", "case[1].quick: input should be a valid boolean"),
         ("name = ''", "case[1].name: "),
         ("name = 'ball'", "case[1].name: 'ball' is the name of case[0] already"),
         ("indenter = 'sphere:radius=0.5cm'\nload='100 g'", "case[1]: 'other' is the same press as case[0], 'ball'"),
@@ -145,13 +145,13 @@ def test_a_faulty_case_costs_one_line_and_the_others_stay(wts, change, line):
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("case = []", "mine.toml: case: must be at least one table"),
-        ("case = 3", "mine.toml: case: must be at least one table"),
+        ("case = []", "mine.toml: case: must be a list of at least one table"),
+        ("case = 3", "mine.toml: case: must be a list of at least one table"),
         ("casse = 3", "mine.toml: casse: unknown key; did you mean 'case'?"),
         (f"[required]\n{GOOD}", "mine.toml: required: states no limit"),
         (f"[required.mean]\nmisplaced_forces = '3 %'\n{GOOD}", "mine.toml: required.mean.misplaced_forces: unknown"),
         (f"[required.means]\n{GOOD}", "mine.toml: required.means: unknown key"),
-        (f"[required.mean]\nactive_area_iou = 1\n{GOOD}", "mine.toml: required.mean.active_area_iou: unknown metric"),
+        (f"[required.mean]\nactive_area_iou = 1\n{GOOD}", "mine.toml: required.mean.active_area_iou: unknown key"),
         (f"[inputs]\nthickness = '5 mm'\n{GOOD}", "mine.toml: inputs.thickness: '5 mm' is no percentage"),
         (f"[inputs]\nfriction = -1\n{GOOD}", "mine.toml: inputs.friction: "),
         (f"[inputs]\nmass = 1\n{GOOD}", "mine.toml: inputs.mass: unknown key"),
@@ -177,7 +177,7 @@ def test_the_largest_file_and_the_most_cases_are_read_and_one_more_is_refused(wt
     campaign = parse_campaign({"case": tables["case"] + 999 * [{}]}, wts, source="mine.toml")
     assert len(campaign.cases) == 1
     assert campaign.left_out[-1].startswith("mine.toml: case[999].")
-    with pytest.raises(InputError, match="1001 cases; at most 1000 are accepted"):
+    with pytest.raises(InputError, match="1001 tables; at most 1000 are accepted"):
         parse_campaign({"case": tables["case"] + 1000 * [{}]}, wts, source="mine.toml")
 
 
@@ -193,7 +193,7 @@ def test_the_most_loads_and_the_longest_name_are_read_and_one_more_is_left_out(w
     assert len(campaign.cases) == 100
     names, loads = campaign.left_out
     assert names.startswith("mine.toml: case[1].name: must be a text of 1 to 80 characters")
-    assert loads.startswith("mine.toml: case[2].loads: must be a list of 1 to 100 loads")
+    assert loads.startswith("mine.toml: case[2].loads: ")
 
 
 def test_a_missing_file_and_no_toml_are_named(wts, tmp_path):
@@ -201,7 +201,7 @@ def test_a_missing_file_and_no_toml_are_named(wts, tmp_path):
         read_campaign(tmp_path / "none.toml", wts)
     broken = tmp_path / "broken.toml"
     broken.write_text("[[case]\n")
-    with pytest.raises(InputError, match=r"broken\.toml: not readable as TOML"):
+    with pytest.raises(InputError, match=r"broken\.toml: not a TOML file that is accepted: not readable as TOML"):
         read_campaign(broken, wts)
 
 
@@ -215,6 +215,6 @@ def test_named_positions_are_those_of_the_array(wts):
 def test_the_documentation_names_every_key_position_and_metric(wts):
     text = (Path(__file__).parents[3] / "docs" / "validation.md").read_text()
     shown = set(re.findall(r"[a-z_0-9]+", text.split("## How the verdict is made")[0]))
-    keys = {*campaign_file._KEYS, *campaign_file._REQUIRED_KEYS, *case_tables._CURVED_KEYS, *case_tables.METRIC_NAMES}
+    keys = {key for table in (CampaignTables, RequiredTable, CaseTable) for key in table.model_fields} | set(METRICS)
     assert keys | {field.name for field in dataclasses.fields(Inputs)} <= shown
     assert all(f"`{name}`" in text for name in name_positions(wts))

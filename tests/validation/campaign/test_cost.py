@@ -75,7 +75,7 @@ def test_an_interrupted_run_keeps_the_finished_cases(wts_derivation, monkeypatch
     result = run_campaign(cover, parameters, CASES)
     assert result.interrupted
     assert [each.case.name for each in result.cases] == ["sphere"]
-    assert [(each.case.name, each.reason) for each in result.skipped] == [
+    assert [(each.name, each.reason) for each in result.skipped] == [
         ("the same elsewhere", "interrupted"),
         ("box", "interrupted"),
     ]

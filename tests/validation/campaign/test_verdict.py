@@ -7,7 +7,7 @@ import pytest
 
 from validation.campaign.campaign_file import Criterion, read_campaign
 from validation.campaign.case import Case
-from validation.campaign.results import CaseResult, SkippedCase
+from validation.campaign.results import SkippedCase
 from validation.campaign.run import run_campaign, score_forces, summarise
 from validation.campaign.verdict import judge
 
@@ -106,7 +106,7 @@ def test_a_limit_of_a_case_replaces_the_common_one(result, plan):
 
 def test_metrics_that_a_case_does_not_compare_do_not_count(result, plan):
     case = dataclasses.replace(result.cases[0].case, compared=("misplaced_force",))
-    cases = [CaseResult(**{**vars(result.cases[0]), "case": case}), *result.cases[1:]]
+    cases = [dataclasses.replace(result.cases[0], case=case), *result.cases[1:]]
     found = summarise(cases, (), None)
     assert found.pooled["fast"]["peak_error"].cases == 2
     assert found.pooled["fast"]["misplaced_force"].cases == 3
@@ -119,7 +119,7 @@ def test_metrics_that_a_case_does_not_compare_do_not_count(result, plan):
     ("change", "reason"),
     [
         ({"interrupted": True}, "the run was interrupted"),
-        ({"skipped": (SkippedCase(case=CASES[0], reason="no", converged=False),)}, "not scored: sphere"),
+        ({"skipped": (SkippedCase.of(CASES[0], "no", converged=False),)}, "not scored: sphere"),
         ({"noise_floor": {"peak_texel": 0.01}}, "the reference's own error of the peak texel, 1 %, is too large"),
     ],
 )

@@ -2,15 +2,14 @@
 
 import dataclasses
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fem_reference import ConvergenceError, result_store
-from validation.campaign.campaign_file import Inputs
+from validation.campaign.campaign_file import Inputs, read_campaign
 from validation.campaign.case import Case
-from validation.campaign.run import run_case
+from validation.campaign.run import run_case, summarise
 from validation.credibility import evidence, input_uncertainty
 from validation.credibility.comparison_error import ComparisonError, compare_quantities
 from validation.credibility.evidence import describe_domain, group_errors
@@ -251,25 +250,18 @@ def test_propagated_uncertainty_agrees_with_a_monte_carlo(bonded, wts):
         assert np.std(drawn) == pytest.approx(propagated, rel=0.2)  # 200 draws: 5 % of a standard deviation
 
 
-def test_a_case_whose_inputs_cannot_be_propagated_costs_its_comparison_and_a_line(monkeypatch):
-    """The comparison of each other case has the inputs of this case."""
-    cases = [SimpleNamespace(case=SimpleNamespace(name=name)) for name in ("a", "b", "c")]
-
+def test_a_case_whose_inputs_cannot_be_propagated_costs_its_comparison_and_a_line(results, wts_derivation, monkeypatch):
     def propagate(cover, array, case, inputs):
-        if case.name == "b":
+        if case.name == results[0].case.name:
             raise ConvergenceError("too coarse")
-        return f"inputs of {case.name}"
+        return propagate_inputs(cover, array, case, inputs)
 
-    found = {
-        "verify_code": lambda *_: (), "verify_solutions": lambda *_: (), "score_stages": lambda *_: None,
-        "group_errors": lambda *_: {}, "describe_domain": lambda *_: {}, "propagate_inputs": propagate,
-        "compare_quantities": lambda array, result, inputs, data: [(result.case.name, inputs, data)],
-    }  # fmt: skip
-    for name, function in found.items():
-        monkeypatch.setattr(evidence, name, function)
-    parameters, campaign = SimpleNamespace(array=None), SimpleNamespace(inputs=SimpleNamespace(data=0.1))
-    result = SimpleNamespace(interrupted=False, cases=cases)
-    gathered = evidence.gather_evidence(None, parameters, campaign, result)
-    assert gathered.inputs == {"a": "inputs of a", "c": "inputs of c"}
-    assert gathered.errors == (("a", "inputs of a", 0.1), ("c", "inputs of c", 0.1))
-    assert gathered.failed == ("input uncertainty of b: too coarse",)
+    monkeypatch.setattr(evidence, "propagate_inputs", propagate)
+    monkeypatch.setattr(evidence, "verify_code", lambda *_: ())
+    sensor = wts_derivation.sensor
+    gathered = evidence.gather_evidence(
+        sensor.cover, wts_derivation.parameters, read_campaign(None, sensor.array), summarise(results, (), None)
+    )
+    assert set(gathered.inputs) == {each.case.name for each in results[1:]}
+    assert {each.case for each in gathered.errors} == set(gathered.inputs)
+    assert gathered.failed == (f"input uncertainty of {results[0].case.name}: too coarse",)

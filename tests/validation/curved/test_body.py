@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshes.solids.quality import LEAST_THROUGH, check_quality
 from meshes.solids.shell import thicken
+from meshes.solids.solid_mesh import LEAST_THROUGH, check_quality
 from validation.curved.body import CoverBody, mesh_shell
 
 pytest.importorskip("pytetwild")

@@ -59,6 +59,6 @@ def test_texels_without_a_surface_above_them_are_named(derivation, turned, named
     assert np.flatnonzero(found.responses.uncovered).tolist() == list(turned)
     assert len(found.warnings) == bool(turned)
     assert all(f"{named} along the normal" in sentence for sentence in found.warnings)
-    assert found.as_json()["warnings"] == list(found.warnings)
+    assert found.result.warnings == found.warnings
     if 0 < len(turned) < 9:
         assert find(~np.isin(range(9), turned)).warnings == ()

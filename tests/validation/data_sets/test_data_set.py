@@ -9,11 +9,13 @@ from meshes import Sphere
 from tests.support.laboratory import ARRAY, make_curve, press, uniform_method, write
 from tests.support.recordings import RECORDINGS
 from validation.calibration.observations import Pose
-from validation.data_sets.data_set import build_data_set, read_tables
+from validation.data_sets.data_set import build_data_set
 from validation.data_sets.images import read_images
 from validation.data_sets.locate import describe_unused_recordings, find_data_set
 from validation.errors import InputError
 from validation.recordings import RecordingError
+from validation.schema import read as read_file
+from validation.schema.data_set import DataSetTables
 
 HEAD = "indenter = 'box:size=16mmx12mmx5mm'\nwindow = [4, 9]\n"
 
@@ -21,7 +23,7 @@ HEAD = "indenter = 'box:size=16mmx12mmx5mm'\nwindow = [4, 9]\n"
 def read(tmp_path, text, folder=None):
     path = tmp_path / "set.toml"
     path.write_text(text)
-    return build_data_set(read_tables(path), source=path, folder=folder or tmp_path)
+    return build_data_set(read_file(path, DataSetTables), source=path, folder=folder or tmp_path)
 
 
 def record(path, load=4.0, **options):
@@ -90,7 +92,7 @@ def test_a_fault_of_the_file_is_named(tmp_path, text, fault):
     path = tmp_path / "set.toml"
     path.write_text(text)
     with pytest.raises(InputError) as caught:
-        read_tables(path)
+        read_file(path, DataSetTables)
     assert fault in str(caught.value)
     assert str(path) in str(caught.value)
 

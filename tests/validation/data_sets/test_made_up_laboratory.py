@@ -13,7 +13,9 @@ import fastmodel
 from tests.support.laboratory import ARRAY, STAMP_TEXT, draw_gains, make_curve, press, uniform_method, write
 from validation.calibration.observations import Pose
 from validation.data_sets import score
-from validation.data_sets.data_set import build_data_set, read_tables
+from validation.data_sets.data_set import build_data_set
+from validation.schema import read as read_file
+from validation.schema.data_set import DataSetTables
 from validation.sensor_file import load
 
 SENSOR = dataclasses.replace(load("wts-0614-34"), array=ARRAY)
@@ -88,7 +90,7 @@ def score_file(monkeypatch, folder, text):
     """Score the splits of a data-set file by one forward model, of uniform pressure."""
     monkeypatch.setattr(score, "list_methods", lambda *_: {score.FAST: uniform_method()})
     (folder / "set.toml").write_text(text)
-    data_set = build_data_set(read_tables(folder / "set.toml"), source=folder / "set.toml", folder=folder)
+    data_set = build_data_set(read_file(folder / "set.toml", DataSetTables), source=folder / "set.toml", folder=folder)
     return score.score_recordings(data_set, SENSOR, fastmodel.load("wts-0614-34"))
 
 

@@ -11,10 +11,12 @@ from validation.calibration.forward_fit import Options, fit_forward
 from validation.calibration.observations import Pose
 from validation.calibration.uncertainty import describe_fit
 from validation.data_sets import score
-from validation.data_sets.data_set import build_data_set, read_tables
+from validation.data_sets.data_set import build_data_set
 from validation.data_sets.images import observe, read_images
 from validation.data_sets.results import compare_with_nulls
 from validation.errors import InputError
+from validation.schema import read as read_file
+from validation.schema.data_set import DataSetTables
 from validation.sensor_file import load
 
 SENSOR = dataclasses.replace(load("wts-0614-34"), array=ARRAY)
@@ -50,7 +52,7 @@ def record(folder, corrupt=""):
             options = {"temperature": degrees, "random": random, "scatter": 0.02, "seconds": 10.0, "rate": 3.0}
             write(press(uniform_method(), curve, newtons, pose, **options), folder / f"{letter}{repeat}.mcap")
     (folder / "set.toml").write_text(FILE)
-    return build_data_set(read_tables(folder / "set.toml"), source=folder / "set.toml", folder=folder)
+    return build_data_set(read_file(folder / "set.toml", DataSetTables), source=folder / "set.toml", folder=folder)
 
 
 @pytest.fixture

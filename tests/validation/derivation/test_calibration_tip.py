@@ -49,7 +49,7 @@ def test_derive_finds_the_share_of_the_tip_and_says_so(wts_derivation, under_the
     assert (tip.radius, tip.largest_load, tip.saturation_load) == pytest.approx((1e-3, 1.6464, 1.6464), rel=1e-3)
     assert wts_derivation.parameters.electronics.tip_share == tip.share
     assert wts_derivation.parameters.provenance["calibration_tip"]["share"] == tip.share
-    told = wts_derivation.as_json()["calibration"]
+    told = wts_derivation.result.as_json()["calibration"]
     assert told["calibrated"] == "through the cover, tip 1 mm"
     assert told["tip"]["share"] == tip.share
 

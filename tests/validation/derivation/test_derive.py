@@ -38,7 +38,7 @@ def test_kernel_is_fitted_to_the_uniform_response(derivation):
 
 
 def test_json_has_the_keys_that_others_rely_on(derivation):
-    result = json.loads(json_text(derivation.as_json()))
+    result = json.loads(json_text(derivation.result.as_json()))
     assert result["psf"].keys() >= {
         "sigma_x",
         "sigma_y",

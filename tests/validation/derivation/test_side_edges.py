@@ -102,7 +102,7 @@ def test_table_of_another_array_is_refused(derivation):
 
 
 def test_what_only_a_wide_cover_has_is_left_out_plainly(derivation, path, capsys):
-    result = json.loads(json_text(derivation.as_json()))
+    result = json.loads(json_text(derivation.result.as_json()))
     assert result["cover"]["size_m"] == pytest.approx([7.6e-3, 7.6e-3])
     assert result["point_response"] is None
     assert result["resolution"] is None

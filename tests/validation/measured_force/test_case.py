@@ -6,7 +6,7 @@ import pytest
 from meshes import Sphere
 from meshes.bounded_file import parse_toml
 from validation.errors import InputError
-from validation.measured_force.case import BUILT_IN, parse_measurement, read_measurement
+from validation.measured_force.case import BUILT_IN, parse_measurement, read_measured_force
 
 TEXT = """
 name = "pad"
@@ -56,7 +56,7 @@ def test_the_ball_on_a_dome_has_the_gap_of_the_given_ball():
 
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_built_in_measurements_are_read(name):
-    read = read_measurement(name)
+    read = read_measured_force(name)
     assert read.fitted.any()
     assert not read.fitted.all()
 
@@ -71,7 +71,7 @@ def test_built_in_measurements_are_read(name):
         ('use = "score"', 'use = "check"', "point[0].use: 'check' is unknown; accepted: fit, score"),
         ('use = "score"', 'use = "fit"', 'at least one with use = "fit" and one with use = "score"'),
         ('"0.4 mm"', '"0.2 mm"', "takes points at two depths"),
-        ('"0.4 mm"', '"2 mm"', "point.depth: 2 mm pierces the cover; accepted: less than its 2 mm"),
+        ('"0.4 mm"', '"2 mm"', "point[0].depth: 2 mm pierces the cover; accepted: less than its 2 mm"),
         ("sphere:radius=5mm", "box:size=5mmx5mmx5mm", "indenter: takes a body of revolution"),
         ("sphere:radius=5mm", "bowl:radius=5mm", "indenter: unknown indenter 'bowl'"),
         ('name = "pad"', 'name = "pad"\nuncertainty = { zero = "0.3 mm" }', "uncertainty.zero: must be less than"),

@@ -7,8 +7,7 @@ import pytest
 
 from meshes import Cover, Layer, Material, Sphere
 from validation.measured_force.case import Measurement
-from validation.measured_force.comparison import compare_forces, fit_scale, interpolate_force
-from validation.measured_force.curves import Curve
+from validation.measured_force.comparison import Curve, Row, Variation, compare_forces, fit_scale, interpolate_force
 
 DEPTH = np.array([0.25e-3, 0.5e-3, 0.75e-3, 1e-3, 1.5e-3, 2e-3])
 FITTED = np.array([True, True, True, True, False, False])
@@ -40,7 +39,7 @@ def test_the_known_factor_is_recovered():
     frictionless, no_slip, _ = comparison.rows
     assert frictionless.scale == pytest.approx(0.7, rel=1e-12)
     assert np.abs(frictionless.error).max() < 1e-12
-    assert no_slip.error[-1] > 0.1 * comparison.measurement.force[-1]
+    assert no_slip.error[-1] > 0.1 * comparison.force[-1]
 
 
 @pytest.mark.parametrize("stated", [True, False])
@@ -77,7 +76,10 @@ def test_an_error_of_the_zero_of_depth_is_within_its_uncertainty():
 
 def test_only_what_the_fit_does_not_absorb_counts_as_input():
     """A factor on all forces is absorbed by the moduli; a higher power of the depth is not."""
-    varied = {"factor": (rise(2.0), 1.3 * rise(2.0), 2.0), "power": (rise(1.9), rise(2.1), 2.0)}
+    varied = {
+        "factor": Variation(one=rise(2.0), other=1.3 * rise(2.0), width=2.0),
+        "power": Variation(one=rise(1.9), other=rise(2.1), width=2.0),
+    }
     row = compare_forces(measure(rise(2.0)), curves(**varied)).rows[0]
     assert row.inputs["factor"][-1] < 1e-9
     middle = np.exp(np.log(DEPTH[FITTED]).mean())
@@ -92,6 +94,9 @@ def test_parts_add_up():
     total = row.numerical**2 + sum(part**2 for part in row.inputs.values()) + 0.1**2
     np.testing.assert_allclose(row.u_val**2, total)
     np.testing.assert_allclose(row.numerical, row.predicted * np.hypot(0.02, 0.02 / 2))
+    told = row.as_json()
+    np.testing.assert_allclose(told["u_val"], row.u_val)
+    assert Row.from_json(told) == row
 
 
 def test_friction_between_the_bounds_holds_half_their_range():

@@ -9,7 +9,7 @@ import pytest
 
 from meshes import Cover, Layer, Material, Sphere
 from validation.measured_force.case import Measurement
-from validation.measured_force.curves import solve_curves
+from validation.measured_force.comparison import solve_curves
 
 DEPTH = np.array([0.2e-3, 0.2e-3, 0.5e-3, 0.9e-3])
 
@@ -83,9 +83,9 @@ def test_the_force_is_multiplied_by_the_effect_of_the_sides_and_varied_by_each_i
         }
         assert set(curve.varied) == set(varied)
         for key, (one, other, width) in varied.items():
-            np.testing.assert_allclose(curve.varied[key][0], one)
-            np.testing.assert_allclose(curve.varied[key][1], other)
-            assert curve.varied[key][2] == pytest.approx(width)
+            np.testing.assert_allclose(curve.varied[key].one, one)
+            np.testing.assert_allclose(curve.varied[key].other, other)
+            assert curve.varied[key].width == pytest.approx(width)
 
 
 def test_a_wide_flat_cover_of_known_poisson_ratio_has_two_indentations(solved):

@@ -9,8 +9,8 @@ import pytest
 import fastmodel
 from validation.campaign.campaign_file import default_cases
 from validation.campaign.case import Case
-from validation.campaign.results import POOLED_METRICS
 from validation.campaign.run import run_campaign
+from validation.metrics import TABULATED
 from validation.published.calibration import (
     AS_FITTED,
     AS_SHIPPED,
@@ -211,12 +211,12 @@ def test_campaign_scores_each_row_with_its_own_forces(cover, parameters, prepare
     result = run_campaign(cover, parameters, SCORED, comparison=prepared)
     (case,) = result.cases
     scene, _ = prepared.predict(cover, parameters, case.case)
-    assert [scores.row.name for scores in result.published] == [row.name for row in prepared.rows]
-    for scores in result.published:
-        forces, prediction = scores.row.predict(scene), case.published[scores.row.name]
+    assert [scores.name for scores in result.published] == [row.name for row in prepared.rows]
+    for row, scores in zip(prepared.rows, result.published, strict=True):
+        forces, prediction = row.predict(scene), case.published[scores.name]
         np.testing.assert_allclose(prediction.texel_forces, forces.texels)
         assert prediction.outside == pytest.approx(forces.outside)
-        assert set(scores.pooled) == set(POOLED_METRICS)
+        assert set(scores.pooled) == set(TABULATED)
         error, fast = prediction.score.misplaced_force, case.predictions["fast"].score.misplaced_force
         assert scores.pooled["misplaced_force"].mean == error
         assert scores.skill["misplaced_force"].mean == pytest.approx(1 - fast / error)

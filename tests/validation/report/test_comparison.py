@@ -6,8 +6,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from validation.campaign.metric_text import METRICS
 from validation.campaign.results import MODELS
+from validation.metrics import METRICS
 from validation.report.comparison import comparison_contents
 
 #: Metrics in the order of the table's columns, which begin after two columns of text.
@@ -44,7 +44,7 @@ def test_every_row_shows_the_means_of_its_own_model(folder, evaluation):
     rows = table.rows[1:]
     campaign = evaluation.campaign
     own = [(name, "", campaign.pooled[name]) for name in MODELS]
-    published = [(each.row.model.title, each.row.variant, each.pooled) for each in campaign.published]
+    published = [(each.title, each.variant, each.pooled) for each in campaign.published]
     assert len(rows) == len(own) + len(published)
     assert len({row[0] for row in rows}) == len(rows)  # no two rows have one name
     for row, (title, variant, pooled) in zip(rows, own + published, strict=True):
@@ -59,10 +59,10 @@ def test_numbers_in_the_file_are_those_of_the_table(folder, evaluation):
     by_name = {row["name"]: row for row in written["comparison_models"]}
     assert len(by_name) == len(evaluation.campaign.published)
     for scores in evaluation.campaign.published:
-        row = by_name[scores.row.name]
-        assert row["title"] == scores.row.model.title
-        assert row["parameters"] == dict(scores.row.parameters)
-        mean = sum(case["comparison_models"][scores.row.name]["scores"]["misplaced_force"] for case in written["cases"])
+        row = by_name[scores.name]
+        assert row["title"] == scores.title
+        assert row["parameters"] == dict(scores.parameters)
+        mean = sum(case["comparison_models"][scores.name]["scores"]["misplaced_force"] for case in written["cases"])
         assert row["pooled"]["misplaced_force"]["mean"] == pytest.approx(mean / len(written["cases"]))
 
 
@@ -81,28 +81,22 @@ def test_models_that_are_as_good_are_named(evaluation):
     found = dict(comparison_contents(evaluation.campaign)["as_good"])
     for metric, name in (("misplaced_force", "misplaced force"), ("image_changed_percent", "image changed")):
         for scores in evaluation.campaign.published:
-            named = f"{scores.row.model.title} {scores.row.variant} (" in " ".join(found[name])
+            named = f"{scores.title} {scores.variant} (" in " ".join(found[name])
             assert named == (scores.skill[metric].low <= 0)
 
 
-def test_command_line_prints_the_best_published_models(evaluation, capsys):
-    from validation.cli.commands.validate import _print
+def test_command_line_prints_the_verdict_in_words_and_ten_models(evaluation, capsys):
+    from validation.cli.commands.validate import SHOWN, _print
 
     _print(evaluation)
-    lines = capsys.readouterr().out.splitlines()
+    text = capsys.readouterr().out
+    lines = text.splitlines()
     assert max(map(len, lines)) <= 80
     best = sorted(evaluation.campaign.published, key=lambda each: each.pooled["misplaced_force"].mean)
     for scores in best[:5]:
-        (line,) = (line for line in lines if f" {scores.row.model.title}, {scores.row.variant} " in line)
-        means = [METRICS[name].text(scores.pooled[name].mean) for name in SHOWN[:3]]
+        (line,) = (line for line in lines if f" {scores.title}, {scores.variant} " in line)
+        means = [METRICS[name].text(scores.pooled[name].mean) for name in SHOWN]
         assert re.findall(r"(?<=[│┃])\s*([\d.]+) ", line) == means
-
-
-def test_command_line_leads_with_the_verdict_in_words(evaluation, capsys):
-    from validation.cli.commands.validate import _print
-
-    _print(evaluation)
-    text = " ".join(capsys.readouterr().out.split())
     words = ("Intended use: ", evaluation.verdict.sentence, evaluation.verdict.reasons[0], "against finite elements")
-    places = [text.index(word) for word in words]
+    places = [" ".join(text.split()).index(word) for word in words]
     assert places == sorted(places)

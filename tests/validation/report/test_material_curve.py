@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fem_reference.materials import create_finite_strain_energy
-from fem_reference.materials.invariants import volume_ratio
+from fem_reference.materials import create_finite_strain_energy, volume_ratio
 from meshes import Material
 from meshes.catalogue import MATERIALS
 from validation.report.material_curve import compute_stress, trace_stress, write_curve

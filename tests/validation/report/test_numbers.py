@@ -9,10 +9,10 @@ from meshes.catalogue import ARRAYS
 from tests.support.report_page import Page, is_printed
 from validation.campaign.campaign_file import read_campaign
 from validation.campaign.pooling import Pooled
-from validation.campaign.results import MODELS, POOLED_METRICS, CampaignResult, CaseResult, Prediction
+from validation.campaign.results import MODELS, CampaignResult, CaseResult, Prediction
 from validation.campaign.verdict import judge
 from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores
-from validation.metrics import Score
+from validation.metrics import TABULATED, Score
 from validation.report import write_report
 from validation.sensor_file import load
 
@@ -97,7 +97,7 @@ def evaluation(evaluation, recordings):
     campaign = CampaignResult(
         cases=results,
         skipped=(),
-        pooled={model: {metric: draw_pooled() for metric in POOLED_METRICS} for model in MODELS},
+        pooled={model: {metric: draw_pooled() for metric in TABULATED} for model in MODELS},
         skill={model: draw_pooled() for model in MODELS if model != "fast"},
         noise_floor=draw_estimates(),
     )
@@ -150,10 +150,10 @@ def read_numbers(text):
 
 def test_the_table_of_models_prints_the_pooled_scores_of_each(page, evaluation):
     head, *rows = page.tables["pooled"]
-    assert len(head) == 1 + len(POOLED_METRICS)
+    assert len(head) == 1 + len(TABULATED)
     assert [row[0][1][0] for row in rows] == list(MODELS)
     for (_, *cells), pooled in zip(rows, evaluation.campaign.pooled.values(), strict=True):
-        for (number, (mean, interval)), metric in zip(cells, POOLED_METRICS, strict=True):
+        for (number, (mean, interval)), metric in zip(cells, TABULATED, strict=True):
             expected, factor = pooled[metric], FACTORS.get(metric, 1)
             assert float(number) == expected.mean
             assert is_printed(mean, factor * expected.mean)
@@ -168,9 +168,9 @@ def test_the_table_of_cases_prints_the_fast_model_and_the_reference(page, evalua
         fast, bare = result.predictions["fast"].score, result.predictions["no-spread"].score
         assert row[0][1] == [result.case.name, f"{result.case.shape} at {result.case.pose}"]
         assert is_printed(row[1][1][0], result.case.load)
-        expected = [getattr(fast, metric) for metric in POOLED_METRICS]
+        expected = [getattr(fast, metric) for metric in TABULATED]
         assert [float(number) for number, _ in row[2:11]] == expected
-        for (_, texts), value, metric in zip(row[2:11], expected, POOLED_METRICS, strict=True):
+        for (_, texts), value, metric in zip(row[2:11], expected, TABULATED, strict=True):
             assert is_printed(texts[0], FACTORS.get(metric, 1) * value)
         assert float(row[11][0]) == bare.misplaced_force
         assert is_printed(row[11][1][0], 100 * bare.misplaced_force)
@@ -247,7 +247,9 @@ def test_the_tables_of_recordings_print_the_row_that_they_name(page, recordings)
             for (number, (mean, interval)), (metric, factor) in zip(cells[2:8], STAMP_COLUMNS.items(), strict=True):
                 pooled = row.pooled[metric]
                 assert float(number) == pooled.mean
-                assert mean == f"{factor * pooled.mean:.3g}"
-                assert interval == f"{factor * pooled.low:.3g}\u2026{factor * pooled.high:.3g}"
+                assert is_printed(mean, factor * pooled.mean)
+                low, high = interval.split(" to ")
+                assert is_printed(low, factor * pooled.low)
+                assert is_printed(high, factor * pooled.high)
             if row.skill:
                 assert cells[8][1] == [f"{row.skill[null].mean:.2f}"]

@@ -9,7 +9,7 @@ import pytest
 from validation.curved.press import make_meshes
 from validation.scene import rendering
 from validation.scene.cover_scene import average_pressure, show_mesh, split_cells
-from validation.scene.files import lacks_picture, write_scene
+from validation.scene.draw import lacks_picture, write_scene
 
 pyvista = pytest.importorskip("pyvista")
 

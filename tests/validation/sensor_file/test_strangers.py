@@ -11,16 +11,16 @@ import pytest
 
 from tests.support.sensor_text import GOOD
 from validation.errors import InputError
-from validation.sensor_file import load, read_template
-from validation.sensor_file.tables import (
+from validation.schema.sensor import (
     ArrayTable,
-    CoverTable,
     ElectronicsTable,
     FilterTable,
-    LayerTable,
+    FlatCoverTable,
     SensorTables,
     SpreadTable,
 )
+from validation.schema.types import LayerTable
+from validation.sensor_file import load, read_template
 
 SPREAD = "[spread]\nsigma_x = 1.0\nsigma_y = 1.0\nksize_x = 4294967295\nksize_y = 1"
 #: Replacements in a good sensor file, and a part of the message that refuses the result.
@@ -178,10 +178,10 @@ def test_every_material_that_the_template_offers_is_accepted(tmp_path):
 
 def test_every_key_of_a_sensor_file_is_in_the_template():
     text = read_template()
-    for table in (SensorTables, ArrayTable, CoverTable, LayerTable, FilterTable, SpreadTable, ElectronicsTable):
-        for field in dataclasses.fields(table):
-            if field.name != "free_edges":  # refused with an explanation
-                assert re.search(rf"\b{field.name}\b", text), field.name
+    for table in (SensorTables, ArrayTable, FlatCoverTable, LayerTable, FilterTable, SpreadTable, ElectronicsTable):
+        for name in table.model_fields:
+            if name != "free_edges":  # refused with an explanation
+                assert re.search(rf"\b{name}\b", text), name
 
 
 @pytest.mark.parametrize("name", ["Dragon-Skin-30", "DRAGON-SKIN-30", " dragon-skin-30 "])

@@ -300,7 +300,7 @@ def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
     from validation.press_files.fields_file import write_indentation
     from validation.press_files.picture import write_picture
     from validation.scene.cover_scene import show_indentation
-    from validation.scene.files import write_scene
+    from validation.scene.draw import write_scene
 
     files: tuple[str, ...] = ()
     with contextlib.ExitStack() as stack:

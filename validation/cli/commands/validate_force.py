@@ -13,6 +13,7 @@ from validation.cli.output import describe_cover, print_json, print_table, say, 
 from validation.cli.progress import Progress
 
 if TYPE_CHECKING:
+    from validation.measured_force.case import Measurement
     from validation.measured_force.comparison import ForceComparison, Row
 
 _Measurement = Annotated[str, Parameter(help="A TOML file with measured forces, or a built-in one: gelsight-mini.")]
@@ -29,24 +30,23 @@ def validate_force(measurement: _Measurement, *, json: Json = False) -> None:
         softcover validate-force my-pad.toml --json
     """
     from validation.extras import require
-    from validation.measured_force.case import read_measurement
+    from validation.measured_force.case import read_measured_force
     from validation.measured_force.comparison import compare_measurement
 
     started = time.perf_counter()
-    given = read_measurement(measurement)
+    given = read_measured_force(measurement)
     require("skfem")
     with Progress() as progress:
         comparison = compare_measurement(given, progress)
-    print_json(comparison.as_json()) if json else _show(comparison)
+    print_json(comparison.as_json()) if json else _show(comparison, given)
     say(f"compared in {time.perf_counter() - started:.1f} s")
 
 
-def _show(comparison: ForceComparison) -> None:
-    given = comparison.measurement
+def _show(comparison: ForceComparison, given: Measurement) -> None:
     show(f"{given.name}: {describe_cover(given.cover)}")
     show(f"source: {given.source}")
     for row in comparison.rows:
-        show(f"{row.name}: {_describe_moduli(comparison, row)}")
+        show(f"{row.name}: {_describe_moduli(given, row)}")
     print_table(
         ("friction", "mm", "D [N]", "S [N]", "E", "u_val", "u_num", "u_input", "u_D"),
         _list_points(comparison),
@@ -63,9 +63,9 @@ def _show(comparison: ForceComparison) -> None:
         show(sentence)
 
 
-def _describe_moduli(comparison: ForceComparison, row: Row) -> str:
+def _describe_moduli(given: Measurement, row: Row) -> str:
     """Describe the fitted moduli with their 95 % interval: the shear modulus of a single layer, else the factor."""
-    layers = comparison.measurement.cover.layers
+    layers = given.cover.layers
     unit, label = (layers[0].material.shear_modulus / 1e6, "MPa") if len(layers) == 1 else (1.0, "times those given")
     what = "shear modulus" if len(layers) == 1 else "moduli"
     ends = "" if row.interval is None else " ({:.4g}..{:.4g}, 95 %)".format(*(unit * end for end in row.interval))
@@ -73,9 +73,9 @@ def _describe_moduli(comparison: ForceComparison, row: Row) -> str:
 
 
 def _list_points(comparison: ForceComparison) -> Iterator[tuple[str, ...]]:
-    given = comparison.measurement
+    given = comparison
     for row in comparison.rows:
-        for i in (~given.fitted).nonzero()[0]:
+        for i in [i for i, fitted in enumerate(given.fitted) if not fitted]:
             parts = (row.u_val[i], row.numerical[i], row.u_input[i], row.measured[i])
             yield (
                 row.name,
@@ -88,9 +88,9 @@ def _list_points(comparison: ForceComparison) -> Iterator[tuple[str, ...]]:
 
 
 def _list_inputs(comparison: ForceComparison, names: list[str]) -> Iterator[tuple[str, ...]]:
-    given = comparison.measurement
+    given = comparison
     for row in comparison.rows:
-        for i in (~given.fitted).nonzero()[0]:
+        for i in [i for i, fitted in enumerate(given.fitted) if not fitted]:
             parts = (
                 f"{100 * row.inputs[name][i] / given.force[i]:.2f} %" if name in row.inputs else "" for name in names
             )

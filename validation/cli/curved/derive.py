@@ -35,7 +35,7 @@ def derive_curved_cover(sensor: SensorDescription, out: Path | None, *, json: bo
 
             files = write_derivation(derivation, folder)
     if json:
-        print_json(derivation.as_json())
+        print_json(derivation.result.as_json())
     else:
         print_rows(_list_derivation(derivation), title=f"Texel responses of {sensor.name}")
         print_meaning(_explain_derivation(derivation))
@@ -51,7 +51,7 @@ def derive_curved_cover(sensor: SensorDescription, out: Path | None, *, json: bo
 
 def say_written(files: tuple[str, ...], out: Path | None) -> int:
     """Name the written files, and return the exit status, which says whether this machine could draw pictures."""
-    from validation.scene.files import lacks_picture
+    from validation.scene.draw import lacks_picture
 
     if files:
         say(f"wrote {', '.join(files)} to {out}")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fem_reference import result_store
-from meshes.npz import pack_npz
+from meshes.bounded_file import pack_npz
 
 NAMES = {"a": np.arange(3.0)}
 

@@ -1,0 +1,449 @@
+"""Reading of surfaces, of tetrahedra and of indenters from files of other programs.
+
+Surfaces: STL, OBJ and PLY files; `.npy` files of points on a grid, shape (rows, columns, 3), where points that are no
+numbers, or at the origin, are missing; and `.tet` files, of which the boundary is taken.  Indenters: STL files.  None
+of them states its unit.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.bounded_file import FileLimitError, read_bytes, unpack_npy
+from meshes.indenters.polygons import cross
+from meshes.indenters.punches import Prism
+from meshes.indenters.triangle_mesh import TriangleMesh
+from meshes.surfaces.underside import compute_volume, select_facing_down
+
+#: Endings of the names of files with surfaces, and with tetrahedra.
+SURFACES, TETRAHEDRA = (".stl", ".obj", ".ply", ".npy", ".tet"), (".tet",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileLimits:
+    """Limits on what files hold; a file beyond them is refused."""
+
+    #: Most triangles of a surface [-]; covers and indenters need far fewer.
+    triangles: int = 200_000
+    #: Most tetrahedra of a `.tet` file [-]; a solvable mesh has fewer.
+    tetrahedra: int = 1_000_000
+    #: Most nodes of a `.tet` file [-]; a mesh has about a fifth as many nodes as tetrahedra.
+    nodes: int = 250_000
+    #: Largest file of a surface or of tetrahedra [bytes]; chosen from the two limits above.
+    surface_bytes: int = 2**27
+    #: Largest STL file of an indenter [bytes]; a triangle takes about 250 bytes in ASCII, and this allows 400.
+    stl_bytes: int = 80_000_000
+    #: Largest coordinate of a surface, in the unit of the file; a larger one means damage.
+    surface_coordinate: float = 1e9
+    #: Largest coordinate of an indenter, in the unit of the file; a larger one means damage.
+    stl_coordinate: float = 1e12
+    #: Most points along an edge of a grid; a larger grid is thinned out [-]; chosen for the time to mesh.
+    grid_points: int = 61
+    #: Distance of a point at the origin from its neighbours up to which it is present, over the grid's spacing [-].
+    near: float = 2.0
+    #: Least and greatest largest edge of an indenter [m]; outside, the unit must be wrong.
+    sizes: tuple[float, float] = (2e-5, 1.0)
+    #: Height above an indenter's flat face from which its underside never touches [m]; half of a thick cover of 10 mm.
+    out_of_reach: float = 5e-3
+    #: Length that counts as zero, over the largest edge of an indenter [-]; STL files store seven digits.
+    zero: float = 1e-6
+
+
+LIMITS = FileLimits()
+
+
+def read_triangles(path: Path, unit: float) -> FloatArray:
+    """Read a surface.
+
+    Args:
+        path: A file with one of the endings `SURFACES`.
+        unit: Length of one unit of the file's coordinates [m].
+
+    Returns:
+        Corners of the triangles without collapsed ones, shape (n, 3, 3) [m].
+
+    Raises:
+        ValueError: If the file cannot be read, has another format, holds no triangles or too many.
+        ModuleNotFoundError: If trimesh is not installed.
+    """
+    kind = path.suffix.lower()
+    if kind not in SURFACES:
+        raise ValueError(f"{path.name} has an unknown ending; accepted: {', '.join(SURFACES)}")
+    if kind == ".tet":
+        from meshes.solids.tetrahedra import list_boundary
+
+        nodes, cells = read_tetrahedra(path, unit)
+        return _drop_collapsed(path.name, nodes[list_boundary(orient_tetrahedra(nodes, cells))])
+    content = _read(path)
+    points, faces = _read_grid(path.name, content) if kind == ".npy" else _read_mesh(path.name, content, kind[1:])
+    if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > LIMITS.surface_coordinate:
+        raise ValueError(f"{path.name} is damaged: a corner is not a number; export it again")
+    if len(faces) > LIMITS.triangles:
+        raise ValueError(f"{path.name} has {len(faces)} triangles; at most {LIMITS.triangles} are accepted")
+    return _drop_collapsed(path.name, unit * points[faces])
+
+
+def _drop_collapsed(name: str, corners: FloatArray) -> FloatArray:
+    """Leave out triangles with two corners in one place, shape (n, 3, 3).
+
+    Raises:
+        ValueError: If none is left.
+    """
+    edges = np.linalg.norm(np.roll(corners, 1, axis=1) - corners, axis=2)
+    corners = corners[edges.min(axis=1) > 0]
+    if not len(corners):
+        raise ValueError(f"{name} holds no triangles; export a surface")
+    return np.asarray(corners)
+
+
+def read_tetrahedra(path: Path, unit: float) -> tuple[FloatArray, IntArray]:
+    """Read a `.tet` file: lines `v x y z ...` of nodes and `t a b c d` of tetrahedra, which count nodes from 0.
+
+    Args:
+        path: The file.
+        unit: Length of one unit of the file's coordinates [m].
+
+    Returns:
+        Positions of the nodes, shape (n, 3) [m], and the nodes of each tetrahedron, shape (e, 4).
+
+    Raises:
+        ValueError: If the file cannot be read or has another format.
+    """
+    nodes: list[list[float]] = []
+    cells: list[list[int]] = []
+    try:
+        for line in _read(path).decode("ascii").splitlines():
+            words = line.split()
+            if words and words[0] == "v":
+                nodes.append([float(word) for word in words[1:4]])
+            elif words and words[0] == "t":
+                cells.append([int(word) for word in words[1:5]])
+            if len(nodes) > LIMITS.nodes or len(cells) > LIMITS.tetrahedra:
+                raise FileLimitError  # noqa: TRY301 -- reported below
+        points, index = np.array(nodes, dtype=float), np.array(cells, dtype=np.int64)
+        valid = points.shape[1:] == (3,) and index.shape[1:] == (4,) and 0 <= index.min() <= index.max() < len(points)
+    except FileLimitError:
+        raise ValueError(
+            f"{path.name} has more than the {LIMITS.nodes} nodes or {LIMITS.tetrahedra} tetrahedra accepted"
+        ) from None
+    except (ValueError, OverflowError):
+        valid = False
+    if not valid or not np.abs(points).max() <= LIMITS.surface_coordinate:
+        raise ValueError(f"{path.name} is no .tet file: it needs lines 'v x y z' and 't a b c d', nodes counted from 0")
+    return unit * points, index
+
+
+def orient_tetrahedra(nodes: FloatArray, cells: IntArray) -> IntArray:
+    """Return tetrahedra of which all have a positive volume, shape (e, 4)."""
+    corner = nodes[cells]
+    turned = np.linalg.det(corner[:, 1:] - corner[:, :1]) < 0
+    out = cells.copy()
+    out[turned] = out[turned][:, [0, 2, 1, 3]]
+    return np.asarray(out)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return read_bytes(path, most=LIMITS.surface_bytes)
+    except FileLimitError as error:
+        raise ValueError(f"{path} {error}") from None
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}; give the path of a surface") from None
+
+
+def _read_mesh(name: str, content: bytes, kind: str) -> tuple[FloatArray, IntArray]:
+    """Read points and triangles by trimesh."""
+    import trimesh
+
+    log = logging.getLogger("trimesh")
+    log.disabled = True  # trimesh prints tracebacks for damaged files
+    try:
+        with np.errstate(all="ignore"):
+            found: Any = trimesh.load(
+                io.BytesIO(content), file_type=kind, process=False, force="mesh", skip_materials=True
+            )
+            points, faces = np.asarray(found.vertices, dtype=np.float64), np.asarray(found.faces, dtype=np.int64)
+        if points.ndim != 2 or faces.ndim != 2 or not len(faces) or faces.max() >= len(points):  # noqa: PLR2004
+            raise ValueError("no triangles")  # noqa: TRY301 -- reported below like every other fault of the content
+    except ModuleNotFoundError:
+        raise
+    except Exception:  # noqa: BLE001 -- a reader of arbitrary bytes raises errors of many types
+        raise ValueError(f"{name} is not a whole {kind.upper()} file with triangles; export it again") from None
+    finally:
+        log.disabled = False
+    return points, faces
+
+
+def _read_grid(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
+    """Read points on a grid, and split each of its quadrilaterals without missing corners into two triangles."""
+    try:
+        grid = unpack_npy(content, most=8 * LIMITS.surface_bytes)
+    except FileLimitError as error:
+        raise ValueError(f"{name} is no file of numpy that is accepted: {error}") from None
+    if grid.ndim != 3 or grid.shape[2] != 3 or grid.dtype.kind not in "fiu" or min(grid.shape[:2]) < 2:  # noqa: PLR2004
+        raise ValueError(f"{name} needs points of shape (rows, columns, 3), not {grid.shape}")
+    step = max(1, -(-max(grid.shape[:2]) // LIMITS.grid_points))
+    points = np.asarray(grid[::step, ::step], dtype=float)
+    present = _find_present(points)
+    points[~present] = 0.0
+    index = np.arange(present.size).reshape(present.shape)
+    square = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
+    square = square[present.ravel()[square].all(axis=1)]
+    return points.reshape(-1, 3), np.concatenate([square[:, [0, 1, 2]], square[:, [0, 2, 3]]])
+
+
+def _find_present(points: FloatArray) -> BoolArray:
+    """Return which points of a grid are present, shape (rows, columns).
+
+    Missing are those that are no numbers; without any, those at the origin, but for a single one near its neighbours.
+    """
+    finite, zero = (np.asarray(each.all(axis=2)) for each in (np.isfinite(points), points == 0))
+    if not finite.all() or zero.sum() != 1:
+        return finite if not finite.all() else ~zero
+    row, column = np.argwhere(zero)[0]
+    around = points[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+    spacing = max(float(np.median(np.linalg.norm(np.diff(points, axis=axis), axis=2))) for axis in range(2))
+    return ~zero | bool(np.linalg.norm(around, axis=2).max() < LIMITS.near * spacing)
+
+
+def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] | None = None) -> Prism | TriangleMesh:
+    """Read a closed body from a binary or ASCII STL file, as an indenter that presses along the file's -z.
+
+    A body becomes a `Prism` if it stands on a flat face and the rest of its underside is more than 5 mm
+    above this face; the edges of the face are then treated as sharp.  Any other body becomes a `TriangleMesh`.
+
+    Args:
+        path: Path of the STL file.
+        unit: Length of one unit of the file's coordinates; STL files do not state their unit [m].
+        axis: Position of the indenter's axis in the file's x and y; the middle of the body's bounding rectangle if
+            None [m].
+
+    Raises:
+        ValueError: With one line that says what is wrong: the file cannot be read, is no STL file, or has too many
+            triangles or an unlikely size; or its surface is open, has triangles with opposite orientations, or
+            encloses no volume.
+        ModuleNotFoundError: If trimesh is not installed.
+    """
+    source = Path(path)
+    if not (np.isfinite(unit) and unit > 0):
+        raise ValueError(f"the unit of {source.name} must be a positive length, not {unit} m")
+    points, faces = _merge_points(source.name, *_parse(source.name, _read_bytes(source)))
+    _check_closed(source.name, faces)
+    corners = points[faces] * unit
+    size = float(np.ptp(corners, axis=(0, 1)).max())
+    low_mm, high_mm = 1e3 * LIMITS.sizes[0], 1e3 * LIMITS.sizes[1]
+    if not low_mm <= 1e3 * size <= high_mm:
+        raise ValueError(
+            f"{source.name} would be {1e3 * size:.3g} mm long, no size for an indenter "
+            f"({low_mm:g}..{high_mm:g} mm); give the unit of the file, for example unit=mm or unit=inch"
+        )
+    volume = compute_volume(corners)
+    if abs(volume) <= LIMITS.zero**2 * size**3:
+        raise ValueError(f"{source.name} holds no volume: it is a sheet, not a body; export a solid")
+    if volume < 0:  # all triangles face inwards, as in a mirrored body: reverse the order of their corners
+        corners = corners[:, ::-1]
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    centre = (low + high)[:2] / 2 if axis is None else np.array(axis)
+    corners -= np.array([*centre, low[2]])
+    try:
+        return _convert_to_prism(TriangleMesh(triangles=corners), size)
+    except ValueError as error:
+        raise ValueError(f"{source.name}: {error}") from None
+
+
+def _read_bytes(source: Path) -> bytes:
+    """Read the content of an STL file, if its size is at most `LIMITS.stl_bytes`.
+
+    Raises:
+        ValueError: If the path cannot be read or is not a file, or the file is too large.
+    """
+    try:
+        size = source.stat().st_size
+        if not source.is_file():
+            raise ValueError(f"{source} is not a file; give the path of an STL file")
+        if size > LIMITS.stl_bytes:
+            raise _too_many_triangles(source.name, f"{size / 1e6:.0f} MB")
+        return read_bytes(source, most=LIMITS.stl_bytes)
+    except OSError as error:
+        raise ValueError(f"{source}: {error.strerror}; give the path of an STL file") from None
+
+
+def _parse(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
+    """Parse the content of an STL file.
+
+    Args:
+        name: Name of the file in error messages.
+        content: The file's bytes.
+
+    Returns:
+        Coordinates of n points in the file's unit, shape (n, 3); indices of the three points of each of m triangles,
+        shape (m, 3).
+
+    Raises:
+        ValueError: If the content is not a whole STL file, or has too many triangles.
+    """
+    from trimesh.exchange.stl import load_stl
+
+    log = logging.getLogger("trimesh.util")
+    log.disabled = True  # trimesh prints tracebacks for damaged files
+    try:
+        with np.errstate(all="ignore"):
+            loaded = load_stl(io.BytesIO(content))
+            points = np.array(loaded["vertices"], dtype=np.float64).reshape(-1, 3)
+            faces = np.array(loaded["faces"], dtype=np.int64).reshape(-1, 3)
+        if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
+            raise ValueError("no triangles")  # noqa: TRY301 -- reported below like every other fault of the content
+    except Exception:  # noqa: BLE001 -- a reader of arbitrary bytes raises errors of many types
+        raise ValueError(f"{name} is not a whole STL file; export it again, as binary or ASCII STL") from None
+    finally:
+        log.disabled = False
+    if len(faces) > LIMITS.triangles:
+        raise _too_many_triangles(name, f"{len(faces)} triangles")
+    return points, faces
+
+
+def _merge_points(name: str, points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Merge equal points, and remove the triangles of which two corners coincide.
+
+    Args:
+        name: Name of the file in error messages.
+        points: Coordinates of the points, shape (n, 3).
+        faces: Indices of the three points of each triangle, shape (m, 3).
+
+    Returns:
+        The points without duplicates, and the remaining triangles as indices of these points.
+
+    Raises:
+        ValueError: If a coordinate is not a number or too large, or no triangle is left.
+    """
+    if not np.isfinite(points).all() or np.abs(points).max() > LIMITS.stl_coordinate:
+        raise ValueError(f"{name} is damaged: a corner is not a number; export it again")
+    points, index = np.unique(points, axis=0, return_inverse=True)
+    faces = index.reshape(-1)[faces]
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    if not len(faces):
+        raise ValueError(f"{name} holds no triangles; export a solid")
+    return points, faces
+
+
+def _too_many_triangles(name: str, found: str) -> ValueError:
+    return ValueError(
+        f"{name} has {found}, more than the {LIMITS.triangles} triangles that are accepted; export it more coarsely"
+    )
+
+
+def _check_closed(name: str, faces: IntArray) -> None:
+    """Check that a surface is closed and oriented: two triangles share every edge, and run along it in opposite ways.
+
+    Args:
+        name: Name of the file in error messages.
+        faces: Indices of the three points of each triangle, shape (m, 3).
+
+    Raises:
+        ValueError: If an edge belongs to one triangle or to more than two, or its two triangles have opposite
+            orientations.
+    """
+    directed, edge, count = _list_edges(faces)
+    alone, crowded = int((count == 1).sum()), int((count > 2).sum())  # noqa: PLR2004 -- two triangles meet in an edge
+    if alone or crowded:
+        found = f"{alone} open edges" if alone else f"{crowded} edges in which more than two triangles meet"
+        raise ValueError(
+            f"{name} is not closed: it has {found}; close the surface in the program that made it, or repair the file "
+            "(Blender: 3D Print Toolbox, Make Manifold; MeshLab: Close Holes)"
+        )
+    direction = np.where(directed[:, 0] < directed[:, 1], 1, -1)
+    wrong = int(np.count_nonzero(np.bincount(edge, direction)))
+    if wrong:
+        raise ValueError(
+            f"{name} has {wrong} edges whose two triangles face different ways; let the program that made it recompute "
+            "the normals outwards (Blender: Recalculate Outside), and export again"
+        )
+
+
+def _list_edges(faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """List the edges of n triangles, given as indices of their points, shape (n, 3).
+
+    Returns:
+        Indices of the first and last point of the three edges of each triangle, shape (3 n, 2); for each of these
+        directed edges, the index of the undirected edge, shape (3 n,); and the number of triangles that share each of
+        the m undirected edges, shape (m,).
+    """
+    directed = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
+    _, edge, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return directed, edge.reshape(-1), count
+
+
+def _convert_to_prism(body: TriangleMesh, size: float) -> Prism | TriangleMesh:
+    """Convert a body that stands on a flat face to a prism, if no other part of its underside can touch the cover.
+
+    Args:
+        body: The body.
+        size: Largest edge of the body's bounding box [m].
+
+    Returns:
+        A prism on the body's lowest face, or the body itself.
+    """
+    lower = select_facing_down(body.triangles)
+    on_face = (lower[..., 2] <= LIMITS.zero * size).all(axis=1)
+    face, rest = lower[on_face], lower[~on_face]
+    if not len(face) or (len(rest) and rest[..., 2].min() < LIMITS.out_of_reach):
+        return body
+    outlines = [tuple((x, y) for x, y in outline) for outline in _trace_outlines(face[..., :2])]
+    try:
+        return Prism(points=outlines[0], holes=tuple(outlines[1:]))
+    except ValueError:  # an outline touches itself, or the axis lies outside the shape: keep the body of triangles
+        return body
+
+
+def _trace_outlines(face: FloatArray) -> list[list[list[float]]]:
+    """Trace the closed outlines of a flat face of n triangles.
+
+    Args:
+        face: Corners (x, y) of the triangles, shape (n, 3, 2) [m].
+
+    Returns:
+        Corners (x, y) of each outline; the outline with most corners comes first [m].
+    """
+    points, index = np.unique(face.reshape(-1, 2), axis=0, return_inverse=True)
+    directed, edge, count = _list_edges(index.reshape(-1, 3))
+    following: dict[int, list[int]] = {}
+    for start, end in directed[count[edge] == 1].tolist():
+        following.setdefault(start, []).append(end)
+    outlines = []
+    while following:
+        chain = [next(iter(following))]
+        places = {chain[0]: 0}  # position of each point in the chain
+        while chain:
+            here = chain[-1]
+            if here not in following:
+                break
+            after = following[here].pop()
+            if not following[here]:
+                del following[here]
+            # The chain is the list of points followed so far.  If the next point is already in the chain, the points
+            # from its first occurrence on form a closed outline.  They are removed, and the chain continues from there.
+            if (first := places.get(after)) is not None:
+                outlines.append(_remove_straight_corners(points[chain[first:]]))
+                kept = first + 1 if first else 0
+                for point in chain[kept:]:
+                    del places[point]
+                del chain[kept:]
+            else:
+                places[after] = len(chain)
+                chain.append(after)
+    return [each.tolist() for each in sorted(outlines, key=len, reverse=True) if len(each) > 2]  # noqa: PLR2004
+
+
+def _remove_straight_corners(outline: FloatArray) -> FloatArray:
+    """Return the corners of an outline, shape (n, 2), without those on a straight line between their neighbours."""
+    before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
+    straight = np.abs(cross(before, after)) <= LIMITS.zero * np.hypot(*before.T) * np.hypot(*after.T)
+    return np.asarray(outline[~straight])

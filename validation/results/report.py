@@ -1,0 +1,75 @@
+"""The report as one model: what `report.json` holds, written and read back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from meshes.bounded_file import FileLimitError, parse_json, read_bytes
+from validation.campaign.results import CampaignResult
+from validation.campaign.verdict import Verdict
+from validation.credibility.evidence import Evidence
+from validation.data_sets.results import RecordingScores
+from validation.errors import InputError
+from validation.results.derivation import CurvedResponses, FlatResponses
+from validation.results.model import JsonObject, Number, Result, result_model
+
+#: Largest accepted size of a report [bytes].
+_MOST_BYTES = 2**28
+
+
+@result_model
+class Report(Result):
+    """All results of the evaluation of a sensor.
+
+    Attributes:
+        verdict: Whether the fast model meets the acceptance criterion.
+        campaign_file: The campaign as its file describes it.
+        sensor: Name of the sensor.
+        cover_assumed: Whether nobody measured the cover.
+        friction: Friction of the finite elements, as text.
+        derive: Response of the cover, and the parameters that are fitted to it.
+        verification: Differences of the response from closed forms, by name [-].
+        campaign: Scores of the fast model and of others.
+        evidence: Verification, uncertainty, stages and range.
+        recordings: Scores on recordings; None without.
+        seconds: Wall time by stage [s].
+        versions: Versions of the software by name.
+    """
+
+    verdict: Verdict
+    campaign_file: JsonObject
+    sensor: str
+    cover_assumed: bool
+    friction: str
+    derive: FlatResponses | CurvedResponses
+    verification: Mapping[str, Number]
+    campaign: CampaignResult
+    evidence: Evidence
+    recordings: RecordingScores | None
+    seconds: Mapping[str, float]
+    versions: Mapping[str, str]
+
+
+def read_report(path: Path | str) -> Report:
+    """Read a `report.json`.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The report, equal to the one that wrote the file.
+
+    Raises:
+        InputError: If the file is no report; one line per fault, with its place.
+        OSError: If it cannot be read.
+    """
+    try:
+        return Report.from_json(parse_json(read_bytes(Path(path), most=_MOST_BYTES)))
+    except FileLimitError as error:
+        raise InputError(f"{path}: {error}") from None
+    except ValidationError as error:
+        faults = (f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
+        raise InputError(*(f"{path}: {fault}" for fault in faults)) from None

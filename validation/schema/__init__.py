@@ -1,0 +1,218 @@
+"""One schema for all files that users write: tables in a declarative form, read with all faults listed.
+
+Each format is a class derived from `Table`, in a module of its own.  `read` reads a file, `parse` checks tables that
+were read already.  Quantities with units become numbers in SI units.  Faults become one `InputError` with one line per
+fault: the file, the place in it such as `cover.layer[2].thickness`, what is wrong, and what would be accepted.
+
+`python -m validation.schema FOLDER` writes a JSON Schema of each format, with which editors complete keys.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import typing
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from meshes.bounded_file import FileLimitError, parse_json, parse_toml, read_text
+from validation.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from pydantic.fields import FieldInfo
+    from pydantic_core import ErrorDetails
+
+#: Largest number of faults that are listed; a list of wrong numbers would fill the terminal [-].
+_MOST_FAULTS = 20
+#: Largest number of characters of a value that a message repeats, and of a whole message [-].
+_LONGEST, _LONGEST_LINE = 80, 1000
+#: Keys by the symbols that users write by mistake.
+_KEYS_BY_SYMBOL = {"nu": "poisson_ratio", "E": "youngs_modulus", "G": "shear_modulus", "h": "thickness"}
+_BARE_KEY = re.compile(r"[A-Za-z0-9_\-]+")
+
+
+class Table(BaseModel):
+    """A table of a file; unknown keys are faults.
+
+    Attributes:
+        MOST_BYTES: Largest accepted size of a file that holds the table [bytes].
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    MOST_BYTES: ClassVar[int] = 2**20
+
+    def list_faults(self) -> Iterable[tuple[str, str]]:
+        """List faults that concern several keys: the key within the table, or an empty text, and what is wrong."""
+        return ()
+
+
+T = TypeVar("T", bound=Table)
+
+
+def read(path: Path, schema: type[T], *, hint: str = "") -> T:
+    """Read a file in TOML, or in JSON if its name ends in `.json`.
+
+    Args:
+        path: The file.
+        schema: The tables of its format.
+        hint: What else the user could name, for the message that the file does not exist.
+
+    Raises:
+        InputError: If the file does not exist, exceeds the limits on size and depth, or has faults; one line per fault.
+        OSError: If the file exists and cannot be read.
+    """
+    return parse(read_raw(path, schema, hint=hint), schema, source=str(path))
+
+
+def read_raw(path: Path, schema: type[Table], *, hint: str = "") -> dict[str, Any]:
+    """Read a file as `read` does, but return its content as it is, without a check of keys and values."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file{hint and f' {hint}'}")
+    is_json = path.suffix.lower() == ".json"
+    kind = "JSON" if is_json else "TOML"
+    try:
+        text = read_text(path, most=schema.MOST_BYTES)
+        data = parse_json(text) if is_json else parse_toml(text)
+    except FileLimitError as error:
+        raise InputError(f"{path}: not a {kind} file that is accepted: {error}") from None
+    if not isinstance(data, dict):
+        raise InputError(f"{path}: must hold a table, not {_shorten(data)}")
+    return data
+
+
+def parse(data: object, schema: type[T], *, source: str = "", place: Sequence[int | str] = ()) -> T:
+    """Check the tables of a file and convert their values.
+
+    Args:
+        data: The content, as the parser of TOML or JSON returns it.
+        schema: The tables of the format.
+        source: The file; every line about a fault begins with it.
+        place: Place of the tables in the file: keys and indices, from the outermost.
+
+    Raises:
+        InputError: With one line per fault.
+    """
+    start = f"{source}: " if source else ""
+    try:
+        tables = schema.model_validate(data)
+    except ValidationError as error:
+        raise InputError(*(f"{start}{line}" for line in _list_faults(error, schema, place))) from None
+    if faults := [f"{start}{line}" for line in _list_own_faults(tables, format_place(place))]:
+        raise InputError(*faults)
+    return tables
+
+
+def format_place(place: Sequence[int | str]) -> str:
+    """Format a place in a file as text, such as `cover.layer[0].thickness`.
+
+    Args:
+        place: Keys of tables and indices of lists, from the outermost.
+    """
+    text = ""
+    for part in place:
+        if isinstance(part, int):
+            text += f"[{part}]"
+        elif "[" not in part:  # names with a bracket are those of the members of a union, not keys
+            key = part if _BARE_KEY.fullmatch(part) else json.dumps(part)
+            text += f".{key}" if text else key
+    return text
+
+
+def _list_own_faults(table: Table, place: str) -> Iterator[str]:
+    """Yield one line per fault that a table, or a table in it, finds between several of its keys."""
+    for key, text in table.list_faults():
+        where = ".".join(filter(None, (place, key)))
+        yield f"{where}: {text}" if where else text
+    for name in type(table).model_fields:
+        value = getattr(table, name)
+        inner = f"{place}.{name}" if place else name
+        if isinstance(value, Table):
+            yield from _list_own_faults(value, inner)
+        elif isinstance(value, list | tuple):
+            for number, item in enumerate(value):
+                if isinstance(item, Table):
+                    yield from _list_own_faults(item, f"{inner}[{number}]")
+
+
+def _list_faults(error: ValidationError, schema: type[Table], place: Sequence[int | str]) -> list[str]:
+    """Return one line of text per fault that pydantic found."""
+    lines: dict[str, None] = {}
+    found = error.errors(include_url=False)
+    for details in found:
+        if details["type"] == "too_short" and any(details["loc"] == each["loc"][:-1] for each in found):
+            continue  # the list is too short only because its entries have faults
+        where = format_place([*place, *details["loc"]])
+        for text in _explain(details, schema):
+            line = f"{where}: {text}" if where else text
+            lines.setdefault(line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]}...")
+    listed = list(lines)
+    return listed if len(listed) <= _MOST_FAULTS else [*listed[:_MOST_FAULTS], f"and {len(listed) - _MOST_FAULTS} more"]
+
+
+def _explain(details: ErrorDetails, schema: type[Table]) -> tuple[str, ...]:
+    """Describe a fault that pydantic found, and name accepted values; several lines if a text has several faults."""
+    kind, given, place = details["type"], _shorten(details["input"]), details["loc"]
+    key = str(place[-1]) if place else ""
+    if kind == "value_error":
+        raised = details["ctx"]["error"]
+        return raised.faults if isinstance(raised, InputError) else (str(raised),)
+    if kind == "extra_forbidden":
+        return (f"unknown key; {nearest(_KEYS_BY_SYMBOL.get(key, key), _follow(schema, place[:-1]).model_fields)}",)
+    fields = _follow(schema, place[:-1]).model_fields
+    example = _show_example(place, fields[key]) if key in fields else ""
+    remedy = example and f"; write for example {example}"
+    if kind == "missing":
+        return (f"is missing{remedy}",)
+    if kind in ("too_short", "too_long"):
+        limits = details["ctx"]
+        wanted = f"at most {limits['max_length']}" if "max_length" in limits else f"at least {limits['min_length']}"
+        return (f"must have {wanted} entries, not {limits['actual_length']}{remedy}",)
+    if kind in ("model_type", "model_attributes_type", "dict_type", "list_type", "tuple_type", "string_type"):
+        wanted = {"list_type": "a list", "tuple_type": "a list", "string_type": "a text"}.get(kind, "a table")
+        return (f"must be {wanted}, not {given}{remedy}",)
+    return (f"{details['msg'][0].lower()}{details['msg'][1:]}, not {given}{remedy}",)
+
+
+def _show_example(place: Sequence[int | str], field: FieldInfo) -> str:
+    """Return an accepted line of TOML for the key at a place; empty if its field has no example."""
+    if field.examples:
+        return f"{place[-1]} = {json.dumps(field.examples[0])}"
+    if not any(_find_tables(field.annotation, field.metadata)):
+        return ""
+    name = format_place([part for part in place if isinstance(part, str)])
+    return f"the tables [[{name}]]" if typing.get_origin(field.annotation) in (list, tuple) else f"the table [{name}]"
+
+
+def _follow(schema: type[Table], place: Sequence[int | str]) -> type[Table]:
+    """Return the class of the table at a place; indices, keys of free tables and members of unions are passed over."""
+    found = schema
+    tables: list[type[Table]] = []
+    for part in place:
+        if isinstance(part, str) and part in found.model_fields:
+            field = found.model_fields[part]
+            tables = list(_find_tables(field.annotation, field.metadata))
+            found = tables[0] if tables else found
+        elif isinstance(part, str) and part.startswith("["):
+            found = next((table for table in tables if f"[{table.__name__}]" == part), found)
+    return found
+
+
+def _find_tables(annotation: Any, metadata: Sequence[Any] = ()) -> Iterator[type[Table]]:  # noqa: ANN401 -- a type
+    """Yield the classes of tables in an annotation, those first that its metadata name."""
+    for item in metadata:
+        if (table := getattr(item, "table", None)) is not None:
+            yield table
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        yield annotation
+    for inner in typing.get_args(annotation):
+        if not isinstance(inner, Mapping):
+            yield from _find_tables(inner, [inner] if hasattr(inner, "table") else ())
+
+
+def _shorten(value: object) -> str:
+    """Return a value as text for a message, cut if it is long."""
+    text = repr(value) if isinstance(value, str | int | float | bool | None) else f"a {type(value).__name__}"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."

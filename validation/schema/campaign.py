@@ -1,0 +1,200 @@
+"""Tables of a campaign file: cases, what is compared, and what is required of the fast model."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+from pydantic import Field, PrivateAttr, create_model, model_validator
+
+from validation.metrics import Score
+from validation.schema import Table
+from validation.schema.types import (
+    LIMITS,
+    Between,
+    Friction,
+    Indenter,
+    Length,
+    Load,
+    Name,
+    OneByOne,
+    Pressure,
+    choice,
+    percentage,
+    quantity,
+)
+
+#: Metrics that a campaign can compare.
+METRICS = tuple(field.name for field in dataclasses.fields(Score))
+#: Metrics that count or compare areas: their limits are plain numbers.
+_PLAIN = ("pixels_changed", "pixels_changed_line", "pixels_lit_line", "active_area_iou")
+#: Metrics that are no errors, so that no limit from above makes sense.
+_NOT_ERRORS = ("pixels_lit_line", "active_area_iou")
+#: Largest number of loads in one table, and of cases [-].
+_MOST_LOADS, _MOST_CASES = 100, 1000
+#: Of these keys of a case exactly one is given.
+_LOADS = ("load", "loads", "path")
+
+
+def _find_kind(metric: str) -> Any:  # noqa: ANN401 -- an annotation
+    """Return the annotation of a limit on a metric: a number, a length or a percentage, which its name says."""
+    if metric in _PLAIN:
+        return Annotated[float, Between(0, LIMITS.number)]
+    return Annotated[
+        float, quantity("length", positive=False, most=LIMITS.longest) if metric.endswith("_m") else percentage()
+    ]
+
+
+class _LimitsBase(Table):
+    """Largest accepted values by metric."""
+
+    _order: tuple[str, ...] = PrivateAttr(())
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _keep_order(cls, data: Any, handler: Callable[[Any], Self]) -> Self:  # noqa: ANN401 -- content of a file
+        """Keep the order of the file, in which reports list the limits."""
+        made = handler(data)
+        made._order = tuple(data) if isinstance(data, Mapping) else ()  # noqa: SLF001 -- of this class
+        return made
+
+    def list_limits(self) -> dict[str, float]:
+        """Return the stated limits as the metrics have them: fractions, metres, percent where the name says so."""
+        return {
+            name: 100 * value if name.endswith("_percent") else value
+            for name in self._order
+            if (value := getattr(self, name)) is not None
+        }
+
+
+if TYPE_CHECKING:
+    LimitsTable = _LimitsBase
+else:
+    _FIELDS = {name: (_find_kind(name) | None, None) for name in METRICS if name not in _NOT_ERRORS}
+    LimitsTable = create_model("LimitsTable", __base__=_LimitsBase, __doc__=_LimitsBase.__doc__, **_FIELDS)
+
+
+class RequiredTable(Table):
+    """What is required of the fast model.
+
+    Attributes:
+        mean: Largest accepted mean of each metric over the cases, including its interval.
+        each: Largest accepted value of each metric in every single case.
+    """
+
+    mean: LimitsTable = LimitsTable()
+    each: LimitsTable = LimitsTable()
+
+    def list_faults(self) -> Iterator[tuple[str, str]]:
+        """Yield a fault if no limit is stated."""
+        if not self.mean.model_fields_set and not self.each.model_fields_set:
+            yield "", "states no limit; write for example mean = { misplaced_force = '3 %' }"
+
+
+class InputsTable(Table):
+    """Standard uncertainties of the inputs of a comparison.
+
+    Attributes:
+        modulus: Of every modulus, where the material states no spread.
+        poisson_ratio: Of every Poisson ratio, where the material states no spread.
+        thickness: Of every layer.
+        position: Of the indenter's axis, along x and along y.
+        yaw: Of the rotation of the indenter about its axis.
+        friction: Upper bound of the friction coefficient, or "no-slip"; the lower bound is zero.
+        data: Of measured forces; 0 if the reference is the data.
+    """
+
+    modulus: Annotated[float, percentage(1)] | None = None
+    poisson_ratio: Annotated[float, Between(0, 1)] | None = None
+    thickness: Annotated[float, percentage(1)] | None = None
+    position: Annotated[float, quantity("length", positive=False, most=1)] | None = None
+    yaw: Annotated[float, quantity("angle", positive=False, most=1)] | None = None
+    friction: Friction | None = None
+    data: Annotated[float, percentage(1)] | None = None
+
+
+class LoadsForTable(Table):
+    """The cover for which the loads are written; they are scaled for the stiffness of another curved cover.
+
+    Attributes:
+        modulus: Young's modulus.
+        thickness: Thickness.
+    """
+
+    modulus: Pressure = Field(examples=["1 MPa"])
+    thickness: Length = Field(examples=["2 mm"])
+
+
+class CaseTable(Table):
+    """One indentation that is scored; a list of loads or a loading path makes one case for each load.
+
+    Attributes:
+        name: Short name, unique in the campaign.
+        indenter: The rigid body that presses on the cover.
+        load: The load.
+        loads: Loads that are each applied at once.
+        path: Ascending loads of one loading path.
+        at: A named place, or the coordinates of the indenter's axis.
+        direction: On a curved cover, the direction of the motion: a name, or three numbers.
+        yaw: Rotation of the indenter about its axis.
+        tilt: Rotations about the x and y axes of the indenter's frame.
+        compared: Metrics that are pooled over cases; all when left out.
+        required: Largest accepted values in this case, which replace those of the campaign.
+        quick: Whether `--quick` runs the case.
+    """
+
+    name: Name = Field(examples=["ball"])
+    indenter: Indenter = Field(examples=["sphere:radius=5mm"])
+    load: Load | None = None
+    loads: Annotated[list[Load], Field(min_length=1, max_length=_MOST_LOADS)] | None = None
+    path: Annotated[list[Load], Field(min_length=1, max_length=_MOST_LOADS)] | None = None
+    at: str | None = None
+    direction: str | None = None
+    yaw: str | None = None
+    tilt: str | None = None
+    compared: Annotated[tuple[Annotated[str, choice(*METRICS)], ...], Field(min_length=1)] | None = None
+    required: LimitsTable = LimitsTable()
+    quick: Annotated[bool, Field(strict=True)] = False
+
+    @property
+    def all_loads(self) -> list[float]:
+        """The loads, of whichever key is given [N]."""
+        return [self.load] if self.load is not None else self.loads or self.path or []
+
+    def list_faults(self) -> Iterator[tuple[str, str]]:
+        """Yield what is wrong with the loads, and limits on metrics that are not compared."""
+        given = [key for key in _LOADS if getattr(self, key) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "nothing"
+            yield "load", f"give one of load, loads (each applied at once) and path (ascending), not {found}"
+            return
+        loads = self.all_loads
+        for number, load in enumerate(loads):
+            if load in loads[:number]:
+                yield f"{given[0]}[{number}]", f"{load:.4g} N is listed twice"
+            elif self.path and number and load < loads[number - 1]:
+                yield f"path[{number}]", "the loads of a path must ascend, because unloading is not computed"
+        if self.compared is not None:
+            for name in sorted(self.required.model_fields_set - set(self.compared)):
+                yield f"required.{name}", "is not in `compared`; add it there, or remove the limit"
+
+
+class CampaignTables(Table):
+    """Cases in which the fast model is scored, its intended use, and what is required of it.
+
+    Attributes:
+        name: Name of the campaign.
+        intended_use: What the fast model is to be used for.
+        required: The acceptance criterion.
+        inputs: Standard uncertainties of the inputs.
+        loads_for: The cover for which the loads are written.
+        case: The cases.
+    """
+
+    name: Annotated[str, Field(min_length=1)]
+    intended_use: Annotated[str, Field(min_length=1)]
+    required: RequiredTable
+    inputs: InputsTable = InputsTable()
+    loads_for: LoadsForTable | None = None
+    case: Annotated[list[Any], OneByOne(CaseTable, most=_MOST_CASES)]

@@ -1,0 +1,198 @@
+"""Tables of a data-set file: recordings under known loads, and the splits by which models are scored on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Annotated, Any, ClassVar
+
+from pydantic import AfterValidator, Field
+
+from validation.schema import Table
+from validation.schema.types import LIMITS, Between, OneOrMore, Read, TableOr, choice
+from validation.text.quantity import Kind, read_quantity
+
+#: Word of a data-set file for a pose that is found from the recordings.
+FITTED = "fitted"
+#: Words for the source of a load: the labels of each recording, or its force channel.
+LABELS, FORCE = "labels", "force"
+_TEXT = {"type": "string"}
+_PAIR_JSON = {"anyOf": [{"enum": [FITTED]}, {"type": "array", "items": _TEXT, "minItems": 2, "maxItems": 2}]}
+
+
+def _read_load(value: object) -> float:
+    number = read_quantity(value, "force")
+    if number < 0:
+        raise ValueError(f"must be 0 or more, not {value!r}")
+    return number
+
+
+def _fitted_or_pair(kind: Kind, example: str) -> Read:
+    """Make the annotation of the word `fitted` or a pair of quantities along or about x and y."""
+
+    def convert(value: object) -> tuple[float, float] | str:
+        if value == FITTED:
+            return FITTED
+        if not isinstance(value, list) or len(value) != 2:  # noqa: PLR2004 -- x and y
+            raise ValueError(f"must be {FITTED!r} or a pair such as {example}, not {str(value)[:80]!r}")
+        first, second = (read_quantity(part, kind) for part in value)
+        return first, second
+
+    return Read(convert, _PAIR_JSON)
+
+
+def _check_window(value: list[float]) -> tuple[float, float]:
+    if len(value) != 2 or not 0 <= value[0] < value[1]:  # noqa: PLR2004 -- from, to
+        raise ValueError(f"must be two times after loading in seconds, such as [6, 9], not {value}")
+    return value[0], value[1]
+
+
+def _read_selection(value: object, read_table: Callable[[Any], Any]) -> Any:  # noqa: ANN401 -- a table
+    return read_table({"series": value} if isinstance(value, str) else value)
+
+
+_Text = Annotated[str, Field(strict=True)]
+_Load = Annotated[float, Read(_read_load)]
+_AnyLoad = Annotated[float | str, Read(lambda value: value if value in (LABELS, FORCE) else _read_load(value))]
+_Position = Annotated[tuple[float, float] | str, _fitted_or_pair("length", '["1.7 mm", "-3.4 mm"]')]
+_Tilt = Annotated[tuple[float, float] | str, _fitted_or_pair("angle", '["1 deg", "0 deg"]')]
+_Yaw = Annotated[float | str, Read(lambda value: FITTED if value == FITTED else read_quantity(value, "angle"))]
+_Window = Annotated[list[float], AfterValidator(_check_window)]
+_Texts = Annotated[tuple[str, ...], OneOrMore(), Field(max_length=LIMITS.entries)]
+_Uses = Annotated[tuple[Annotated[str, choice("fit", "score")], ...], OneOrMore()]
+
+
+class CommonKeys(Table):
+    """Keys that stand in the data-set file for all series, or in a series for that series.
+
+    Attributes:
+        indenter: The indenter, such as "box:size=10mmx10mmx5mm".
+        load: Load, or where it is stated: "labels" of each recording, or its "force" channel.
+        array: Index of the pressed array; the one that is pressed most when left out.
+        threshold: Counts that the firmware subtracted; what the labels say when left out.
+        window: First and last time after loading between which frames are averaged, in seconds.
+        temperature_channel: Index of the temperature sensor, negative ones from the end.
+        at: Position of the indenter's axis, or "fitted".
+        yaw: Rotation of the indenter about its axis, or "fitted".
+        tilt: Tilt of the indenter about x and y, or "fitted".
+    """
+
+    indenter: _Text | None = None
+    load: _AnyLoad | None = None
+    array: Annotated[int, Between(0, 1000)] | None = None
+    threshold: Annotated[float, Between(0, 1e9)] | None = None
+    window: _Window | None = None
+    temperature_channel: Annotated[int, Between(-1000, 1000)] | None = None
+    at: _Position | None = None
+    yaw: _Yaw | None = None
+    tilt: _Tilt | None = None
+
+
+class FileTable(Table):
+    """One recording; its keys replace those of the series.
+
+    Attributes:
+        path: Path of the recording.
+        load: Load, or where it is stated.
+        temperature: Temperature in degrees Celsius that replaces that of the recording.
+        at: Position of the indenter's axis, or "fitted".
+        yaw: Rotation of the indenter about its axis, or "fitted".
+        placement: Name of the placement; recordings with the same name share a pose.
+    """
+
+    path: str = Field(examples=["press1.csv"])
+    load: _AnyLoad | None = None
+    temperature: float | None = None
+    at: _Position | None = None
+    yaw: _Yaw | None = None
+    placement: str | None = None
+
+
+class SeriesTable(CommonKeys):
+    """Recordings that belong together.
+
+    Attributes:
+        name: Name of the series.
+        files: Patterns of the names of recordings.
+        file: Recordings with keys of their own.
+        loads: Loads by pattern of the names of recordings.
+        placement: Name of the placement; series with the same name share a pose.
+        use: What the recordings may be used for.
+    """
+
+    name: str = Field(examples=["room"])
+    files: _Texts = ()
+    file: Annotated[tuple[FileTable, ...], Field(max_length=LIMITS.entries)] = ()
+    loads: dict[str, _Load] = Field(default_factory=dict)
+    placement: str | None = None
+    use: _Uses = ("fit", "score")
+
+
+class SelectionTable(Table):
+    """Recordings of a series: all, those between two loads, or those whose file name matches a pattern.
+
+    Attributes:
+        series: Name of the series.
+        files: Patterns of the names of recordings.
+        least: Least load.
+        most: Greatest load.
+    """
+
+    series: str = Field(examples=["room"])
+    files: _Texts = ()
+    least: _Load | None = None
+    most: _Load | None = None
+
+
+_Selections = Annotated[
+    tuple[Annotated[SelectionTable, TableOr(SelectionTable, _read_selection, _TEXT)], ...], OneOrMore()
+]
+
+
+class SplitTable(Table):
+    """A division of the recordings.
+
+    Attributes:
+        name: Name of the split.
+        fit: Recordings to which electronics, gains and poses are fitted.
+        score: Recordings that are scored.
+        place: Recordings to which only the poses of the scored recordings are fitted.
+        about: What the split tests.
+    """
+
+    name: str = Field(examples=["warmer"])
+    fit: _Selections = Field(examples=[["room"]])
+    score: _Selections = Field(examples=[["warm"]])
+    place: _Selections = ()
+    about: str = ""
+
+
+class DataSetTables(CommonKeys):
+    """Recordings under known loads, and the splits by which models are scored on them.
+
+    Attributes:
+        series: Recordings that belong together.
+        split: Divisions into fitted and scored recordings.
+        name: Name of the data set; that of the file when left out.
+        source: Where the recordings were published.
+        sensor: Sensor file or built-in sensor that made the recordings.
+        path: Folder of the recordings, from that of the file.
+    """
+
+    MOST_BYTES: ClassVar[int] = 2**22
+
+    series: Annotated[list[SeriesTable], Field(min_length=1, max_length=LIMITS.entries)]
+    split: tuple[SplitTable, ...] = ()
+    name: str | None = None
+    source: str = ""
+    sensor: str | None = None
+    path: str | None = None
+
+    def list_faults(self) -> Iterator[tuple[str, str]]:
+        """Yield names of series and splits that stand twice."""
+        for key, tables in (("series", self.series), ("split", self.split)):
+            names = [table.name for table in tables]
+            yield from ((key, f"the name {name!r} stands twice; each needs its own") for name in _find_twice(names))
+
+
+def _find_twice(names: Sequence[str]) -> list[str]:
+    return sorted({name for name in names if names.count(name) > 1})

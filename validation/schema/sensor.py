@@ -1,0 +1,296 @@
+"""Tables of a sensor file: array, cover, contact, filter, spread and electronics of a tactile sensor."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+
+from fastmodel.signal.electronics import TEXEL_FORCE
+from meshes.surfaces.files import SURFACES, TETRAHEDRA
+from validation.errors import InputError
+from validation.schema import Table
+from validation.schema.types import (
+    AnyMaterial,
+    Between,
+    Count,
+    Frequency,
+    Friction,
+    LayerTable,
+    Length,
+    Lengths,
+    LengthUnit,
+    Number,
+    Read,
+    TexelCount,
+    choice,
+    quantity,
+)
+from validation.text.quantity import read_quantity
+
+#: Largest radius of a calibration tip: one that is wider presses on several texels of any array [m].
+_WIDEST_TIP = 0.02
+#: Form of the key `calibrated` for a characteristic of the force that a tip applies through the cover: a number and a
+#: unit follow.
+_THROUGH_COVER = re.compile(r"through the cover, tip (\S{1,20} ?[a-zA-Z\u00b5\u03bc]{1,20})")
+#: Largest length of a wrong value in a message, which leaves room for what is accepted [characters].
+_LONGEST = 80
+#: Number of coefficients of the electronics' characteristic, a polynomial of degree 5 [-].
+_COEFFICIENTS = 6
+
+
+def _read_mask(value: object) -> list[list[str]]:
+    """Return the entries of a mask, given as texts of 0 and 1 or as lists of them, one for each row."""
+    lines: list[Any] = value if isinstance(value, list) else [None]
+    if not all(isinstance(line, str | list) for line in lines):
+        raise ValueError("must be a list of texts of 0 and 1, one for each row of texels, row 0 (smallest y) first")
+    return [[str(entry)[:2] for entry in line] for line in lines]
+
+
+def _refuse_free_edges(value: object) -> None:
+    raise ValueError(
+        f"a cover with a size has free side edges, one without is wide; remove the key, not {str(value)[:_LONGEST]!r}"
+    )
+
+
+def _refuse_even(value: int) -> int:
+    if value % 2 == 0:
+        raise ValueError(f"must be odd, not {value}")
+    return value
+
+
+def _refuse_other_degrees(coefficients: list[float]) -> list[float]:
+    if len(coefficients) != _COEFFICIENTS:
+        raise ValueError(f"takes {_COEFFICIENTS} numbers c0..c5 [1/N^k]")
+    return coefficients
+
+
+def _read_calibration(value: object) -> str:
+    """Read what a characteristic was calibrated against, and return it as `Electronics.calibrated` has it."""
+    accepted = f"accepted: '{TEXEL_FORCE}' or 'through the cover, tip 1 mm' (radius of the tip's hemispherical end)"
+    if value == TEXEL_FORCE:
+        return TEXEL_FORCE
+    tip = _THROUGH_COVER.fullmatch(value) if isinstance(value, str) else None
+    if tip is None:
+        text = repr(value)
+        text = text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+        raise ValueError(f"{text} is not what a characteristic can be calibrated against; {accepted}")
+    try:
+        radius = read_quantity(tip[1], "length")
+    except InputError as error:
+        raise ValueError(f"{'; '.join(error.faults)}; {accepted}") from None
+    if not 0 < radius <= _WIDEST_TIP:
+        raise ValueError(f"the radius of the tip must lie in 0..{1e3 * _WIDEST_TIP:g} mm, not {tip[1]!r}; {accepted}")
+    return f"through the cover, tip {1e3 * radius:.9g} mm"
+
+
+_OddCount = Annotated[TexelCount, AfterValidator(_refuse_even)]
+_Sigma = Annotated[float, Between(1e-3, 100)]
+_Counts = Annotated[float, Between(0, 1e9)]
+_MASK_JSON = {"type": "array", "items": {"anyOf": [{"type": "string"}, {"type": "array", "items": {"enum": [0, 1]}}]}}
+
+
+class ArrayTable(Table):
+    """Texels on a grid of given rows, columns and pitch, or at positions that another file lists.
+
+    Attributes:
+        rows: Number of rows, along y.
+        columns: Number of columns, along x.
+        pitch: Distance between the centres of texels, or [x, y].
+        positions: CSV file with the centres of the texels, instead of a grid.
+        unit: Unit of the file of positions; metres when left out.
+        project: Whether texels are moved to the base of a curved cover.
+        texel_size: Sensitive rectangle of a texel, or [x, y]; the pitch when left out.
+        mask: One text of 0 and 1 for each row, smallest y first; 0 marks a missing texel.
+        name: Name of the array.
+    """
+
+    rows: TexelCount | None = Field(examples=[14])
+    columns: TexelCount | None = Field(examples=[6])
+    pitch: Lengths | None = Field(examples=["3.4 mm"])
+    positions: str | None = None
+    unit: LengthUnit | None = None
+    project: Annotated[bool, Field(strict=True)] = False
+    texel_size: Lengths | None = None
+    mask: Annotated[list[list[str]], Read(_read_mask, _MASK_JSON)] | None = None
+    name: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _allow_positions_alone(cls, data: object) -> object:
+        """Set missing keys of a grid to None if the table has the key `positions`, which replaces the grid."""
+        if isinstance(data, Mapping) and "positions" in data:
+            return dict.fromkeys(("rows", "columns", "pitch")) | dict(data)
+        return data
+
+
+class FlatCoverTable(Table):
+    """A cover of flat layers.
+
+    Attributes:
+        layer: Layers from bottom to top.
+        base: How the bottom is held: glued ("bonded", when left out), or sliding without friction.
+        size: Size along x and y, centred on the array, with free side edges; infinitely wide when left out.
+        free_edges: Is refused with an explanation.
+    """
+
+    layer: Annotated[list[LayerTable], Field(min_length=1)]
+    base: Annotated[Literal["bonded", "sliding"], choice("bonded", "sliding")] = "bonded"
+    size: Lengths | None = None
+    free_edges: Annotated[None, Read(_refuse_free_edges, {"not": {}})] = None
+
+
+class CurvedCoverTable(Table):
+    """A cover of one material whose shape is in files.
+
+    Attributes:
+        material: Name of a material of the catalogue, or a table of a material model and its parameters.
+        surface: File of the outer surface.
+        base: File of the surface to which the cover is bonded.
+        mesh: File of tetrahedra, instead of surfaces.
+        thickness: Thickness below the outer surface, or above the base.
+        unit: Unit of the files.
+        element_size: Size of the elements of the finer mesh.
+        base_distance: Distance up to which a surface counts as bonded.
+    """
+
+    material: AnyMaterial = Field(examples=["dragon-skin-30"])
+    surface: str | None = None
+    base: str | None = None
+    mesh: str | None = None
+    thickness: Length | None = None
+    unit: LengthUnit | None = None
+    element_size: Length | None = None
+    base_distance: Length | None = None
+
+    def list_faults(self) -> Iterator[tuple[str, str]]:
+        """Yield keys that are missing or do not go together."""
+        own = self.mesh is not None and self.mesh.lower().endswith(".npz")
+        if self.mesh is not None:
+            if self.surface is not None or self.thickness is not None:
+                yield "mesh", "replaces surface and thickness; leave them out"
+            if not own and self.base is None:
+                yield "base", 'is missing; write for example base = "core.stl", the surface to which the mesh is bonded'
+        elif self.surface is None and self.base is None:
+            yield "surface", 'is missing; write for example surface = "outer.stl" with thickness or base'
+        elif (self.thickness is None) == (self.surface is None or self.base is None):
+            yield "thickness", 'give surface and base, or one of them and thickness = "2 mm"'
+        if self.unit is None and not own:
+            yield "unit", 'is missing, and the files do not state it; write for example unit = "mm"'
+        for name in ("surface", "base", "mesh"):
+            kinds = (".npz", *TETRAHEDRA) if name == "mesh" else SURFACES
+            value = getattr(self, name)
+            if value is not None and not value.lower().endswith(kinds):
+                yield name, f"{value[:_LONGEST]!r} has an unknown ending; accepted: {', '.join(kinds)}"
+
+
+class ContactTable(Table):
+    """Contact between indenter and cover.
+
+    Attributes:
+        friction: Coulomb's coefficient in the finite elements, or "no-slip"; the fast model has no friction.
+    """
+
+    friction: Friction = 0.0
+
+
+class FilterTable(Table):
+    """Butterworth low-pass filter before the electronics.
+
+    Attributes:
+        cutoff: Cutoff frequency.
+        order: Order.
+    """
+
+    cutoff: Frequency = Field(examples=["40 Hz"])
+    order: Annotated[int, Between(1, 20)] = 2
+
+
+class SpreadTable(Table):
+    """A Gaussian kernel that replaces the kernel that `softcover derive` fits.
+
+    Attributes:
+        sigma_x: Standard deviation along x, in texel pitches.
+        sigma_y: Standard deviation along y, in texel pitches.
+        ksize_x: Size of the kernel along x, an odd number of texels.
+        ksize_y: Size of the kernel along y, an odd number of texels.
+    """
+
+    sigma_x: _Sigma = Field(examples=[0.5])
+    sigma_y: _Sigma = Field(examples=[0.5])
+    ksize_x: _OddCount = Field(examples=[5])
+    ksize_y: _OddCount = Field(examples=[5])
+
+
+class ElectronicsTable(Table):
+    """Conversion of texel forces to counts; what is left out is assumed and labelled so.
+
+    Attributes:
+        rate: Frames per second.
+        sensitivity: Slope of the characteristic, counts = sensitivity * force + offset.
+        offset: Counts without a touch.
+        output_max: Counts at saturation; 2^bits - 1 when left out.
+        bits: Bits of the converter.
+        noise: Standard deviation of the noise on each texel force.
+        threshold: Counts that the firmware subtracts; less becomes 0.
+        saturation_band: Counts below output_max over which the curve bends into saturation.
+        characteristic: Coefficients c0..c5 of counts = sum of c_k force^k, instead of sensitivity.
+        gains: One factor for each texel.
+        calibrated: Force of the characteristic: "texel force", or "through the cover, tip 1 mm".
+    """
+
+    rate: Frequency | None = None
+    sensitivity: Annotated[float, quantity("per force")] | None = None
+    offset: Number = 0.0
+    output_max: Count | None = None
+    bits: Annotated[int, Between(1, 32)] = 12
+    noise: Annotated[float, quantity("force", positive=False)] = 0.0
+    threshold: _Counts = 0.0
+    saturation_band: _Counts = 0.0
+    characteristic: Annotated[list[Number], AfterValidator(_refuse_other_degrees)] | None = None
+    gains: list[Number] | None = None
+    calibrated: Annotated[str, Read(_read_calibration)] = TEXEL_FORCE
+
+    def list_faults(self) -> Iterator[tuple[str, str]]:
+        """Yield two characteristics, and a largest output that the converter cannot have."""
+        largest = 2**self.bits - 1
+        if self.sensitivity is not None and self.characteristic is not None:
+            yield "", "give either sensitivity (a line, '2665.7 1/N') or characteristic (c0..c5 [1/N^k]), not both"
+        if self.output_max is not None and self.output_max > largest:
+            yield "output_max", f"{self.output_max} does not fit {self.bits} bits; accepted: 1..{largest}"
+
+
+def _find_kind_of_cover(value: Any) -> str:  # noqa: ANN401 -- a table or its content
+    """Return the tag of the table of a cover: that of a curved one if its shape is in files."""
+    if isinstance(value, Mapping) and (
+        any(name in value for name in ("surface", "mesh", "unit")) or "." in str(value.get("base", ""))
+    ):
+        return "[CurvedCoverTable]"
+    return "[FlatCoverTable]"
+
+
+class SensorTables(Table):
+    """A tactile sensor: its array, its cover and its electronics.
+
+    Attributes:
+        array: Texels of the sensor.
+        cover: Elastic cover over the texels: flat layers, or a shape in files.
+        electronics: Conversion of texel forces to counts.
+        contact: Contact between indenter and cover.
+        filter: Low-pass filter before the electronics.
+        spread: Kernel that replaces the fitted one.
+        name: Name of the sensor in tables and reports; the name of the file when left out.
+    """
+
+    array: ArrayTable
+    cover: Annotated[
+        Annotated[FlatCoverTable, Tag("[FlatCoverTable]")] | Annotated[CurvedCoverTable, Tag("[CurvedCoverTable]")],
+        Discriminator(_find_kind_of_cover),
+    ]
+    electronics: ElectronicsTable = ElectronicsTable()
+    contact: ContactTable = ContactTable()
+    filter: FilterTable | None = None
+    spread: SpreadTable | None = None
+    name: str | None = None

@@ -1,0 +1,425 @@
+"""Types of the values in files: quantities with units, choices, numbers with limits, and materials.
+
+A type is an annotation of a field.  It reads a value of the file, converts it to SI units, and describes itself in the
+JSON Schema of the format.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any
+
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+from meshes.array import MOST_TEXELS
+from meshes.catalogue import MATERIALS
+from meshes.hardness import HardnessModulus
+from meshes.material import MODELS, SERIES_MODELS, Material
+from validation.errors import InputError, match_name, nearest
+from validation.schema import Table
+from validation.text.friction import read_friction
+from validation.text.hardness import material_from_hardness, read_hardness
+from validation.text.indenter import read_indenter, read_load
+from validation.text.quantity import Kind, read_quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Limits on values in all files.
+
+    Attributes:
+        longest: Greatest length, such as a pitch or a thickness [m]; greater ones must have a wrong unit.
+        shortest: Least positive length [m]; an atom is larger.
+        exponent: Greatest absolute exponent of the Ogden model [-]; larger ones overflow at moderate stretches.
+        number: Greatest absolute value of a plain number [-].
+        entries: Largest number of entries in a list [-].
+        name: Largest number of characters of a name [-].
+    """
+
+    longest: float = 1.0
+    shortest: float = 1e-10
+    exponent: float = 100.0
+    number: float = 1e12
+    entries: int = 10_000
+    name: int = 80
+
+
+LIMITS = Limits()
+#: Names of the parameters of all material models.
+PARAMETERS = tuple(dict.fromkeys(name for parameters in MODELS.values() for name in parameters))
+_TEXT = {"type": "string"}
+_NUMBER_WITH_UNIT = r"^\s*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*\S.*$"
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """Annotation: a function reads the value of the file.
+
+    Attributes:
+        read: Converts the value, and raises a `ValueError` that says what is wrong and what would be accepted.
+        json: What the JSON Schema says about the value.
+    """
+
+    read: Callable[[Any], Any]
+    json: Mapping[str, Any] = field(default_factory=lambda: _TEXT)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        """Return the schema with which pydantic calls the function."""
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON Schema of the value."""
+        return dict(self.json)
+
+
+@dataclass(frozen=True, eq=False)
+class TableOr:
+    """Annotation: a table, or a text that stands for one.
+
+    Attributes:
+        table: Class of the table.
+        read: Converts the value, given a function that reads a table.
+        json: What the JSON Schema says about the text.
+    """
+
+    table: type[Table]
+    read: Callable[[Any, Callable[[Any], Any]], Any]
+    json: Mapping[str, Any] = field(default_factory=lambda: _TEXT)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        """Return the schema with which pydantic calls the function."""
+        return core_schema.no_info_wrap_validator_function(self.read, handler.generate_schema(self.table))
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON Schema of the text or the table."""
+        return {"anyOf": [dict(self.json), handler(core)]}
+
+
+@dataclass(frozen=True)
+class Between:
+    """Annotation of an int or a float: a number from `least` to `most`; `note` ends the message."""
+
+    least: float
+    most: float
+    note: str = ""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        """Return the schema of the number with a check of its limits."""
+        kinds, wanted = (int, "a whole number") if source is int else (int | float, "a number")
+        limits = f"in {self.least:.10g}..{self.most:.10g}{self.note}"
+
+        def check(value: object) -> float:
+            if isinstance(value, bool) or not isinstance(value, kinds):
+                raise InputError(f"must be {wanted} {limits}, not {_shorten(value)}")
+            if not self.least <= value <= self.most:
+                raise ValueError(f"must lie {limits}, not {value:.10g}")
+            converted: float = source(value)
+            return converted
+
+        return core_schema.no_info_plain_validator_function(
+            check, metadata={"pydantic_js_extra": {"type": "integer" if source is int else "number"}}
+        )
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON Schema of the number."""
+        kind: Any = core.get("metadata", {}).get("pydantic_js_extra", {})
+        limits = {"minimum": self.least, "maximum": self.most}
+        return dict(kind) | {name: limit for name, limit in limits.items() if math.isfinite(limit)}
+
+
+@dataclass(frozen=True, eq=False)
+class OneByOne:
+    """Annotation: a list of 1 to `most` tables that are checked later, one by one, so that a fault costs one of them.
+
+    Attributes:
+        table: Class of the tables.
+        most: Largest number of tables.
+    """
+
+    table: type[Table]
+    most: int
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        """Return the schema of a list of anything."""
+
+        def check(value: object) -> list[Any]:
+            if not isinstance(value, list) or not value:
+                raise InputError("must be a list of at least one table")
+            if len(value) > self.most:
+                raise ValueError(f"{len(value)} tables; at most {self.most} are accepted")
+            return value
+
+        return core_schema.no_info_plain_validator_function(check)
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON Schema of a list of tables."""
+        return {"type": "array", "items": handler(self.table.__pydantic_core_schema__), "minItems": 1}
+
+
+class OneOrMore:
+    """Annotation of a list: one entry alone stands for a list of it."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        """Return the schema of the list."""
+        return core_schema.no_info_before_validator_function(
+            lambda value: value if isinstance(value, list) else [value], handler(source)
+        )
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Return the JSON Schema of one entry or a list."""
+        found = handler(core)
+        return {"anyOf": [found["items"], found]}
+
+
+def quantity(kind: Kind, *, positive: bool = True, most: float | None = None) -> Read:
+    """Make the annotation of a quantity with a unit, which becomes a number in SI units.
+
+    Args:
+        kind: Kind of quantity.
+        positive: Whether the quantity must be positive, and a length within the limits on lengths.
+        most: Greatest value in SI units; the least is then 0; None for no other limits.
+    """
+
+    def convert(value: object) -> float:
+        number = read_quantity(value, kind)
+        if positive and number <= 0:
+            raise ValueError(f"must be positive, not {value!r}")
+        if kind == "length" and number > LIMITS.longest:
+            raise ValueError(f"must be at most {LIMITS.longest:g} m, not {value!r}")
+        if positive and kind == "length" and number < LIMITS.shortest:
+            raise ValueError(f"must be at least {LIMITS.shortest:g} m, not {value!r}")
+        if most is not None and not 0 <= number <= most:
+            raise ValueError(f"must lie in 0..{most:g} (SI units), not {value!r}")
+        return number
+
+    return Read(convert, {"type": "string", "pattern": _NUMBER_WITH_UNIT, "description": f"{kind} with its unit"})
+
+
+def choice(*names: str) -> Read:
+    """Make the annotation of one of the given texts."""
+
+    def check(value: object) -> str:
+        if not isinstance(value, str) or value not in names:
+            raise ValueError(f"{_shorten(value)} is unknown; {nearest(str(value)[: LIMITS.name], names)}")
+        return value
+
+    return Read(check, {"enum": list(names)})
+
+
+def text(read: Callable[..., Any], example: str) -> Read:
+    """Make the annotation of a text that a function of `validation.text` reads.
+
+    Args:
+        read: The function; it takes the text and, as `place`, the start of its error messages.
+        example: A text that it accepts.
+    """
+
+    def convert(value: object) -> Any:  # noqa: ANN401 -- what the function returns
+        if not isinstance(value, str):
+            raise InputError(f"must be a text, not {_shorten(value)}; write for example {example!r}")
+        try:
+            return read(value, place="")
+        except InputError as error:
+            raise InputError(*(fault.removeprefix(": ") for fault in error.faults)) from None
+
+    return Read(convert, {"type": "string", "examples": [example]})
+
+
+def read_percentage(value: object) -> float:
+    """Read a percentage such as `3 %`, and return it as a fraction [-].
+
+    Raises:
+        ValueError: If the value is no percentage from 0 on.
+    """
+    number = str(value).strip().removesuffix("%") if isinstance(value, str) and value.rstrip().endswith("%") else ""
+    try:
+        share = float(number) / 100 if len(number) <= LIMITS.name and "_" not in number else -1.0
+    except ValueError:
+        share = -1.0
+    if not 0 <= share < float("inf"):
+        raise ValueError(f"{_shorten(value)} is no percentage; write for example '3 %'")
+    return share
+
+
+def percentage(most: float = float("inf")) -> Read:
+    """Make the annotation of a percentage, which becomes a fraction from 0 to `most`."""
+
+    def convert(value: object) -> float:
+        share = read_percentage(value)
+        if share > most:
+            raise ValueError(f"must lie in 0..{100 * most:g} %, not {value!r}")
+        return share
+
+    return Read(convert, {"type": "string", "pattern": r"^\s*[0-9.]+([eE][-+]?[0-9]+)?\s*%\s*$", "examples": ["3 %"]})
+
+
+def _read_name(value: object) -> str:
+    if not isinstance(value, str) or not value.strip() or len(value) > LIMITS.name:
+        raise ValueError(f"must be a text of 1 to {LIMITS.name} characters, not {_shorten(value)}")
+    return value.strip()
+
+
+def _read_pair(value: object) -> tuple[float, float]:
+    """Read a pair of lengths along x and y, given as one length for the two directions or as a list [m]."""
+    pair = value if isinstance(value, list) else [value, value]
+    if len(pair) != 2:  # noqa: PLR2004 -- x and y
+        raise ValueError(f"must be one length or [x, y], not {_shorten(value)}")
+    x, y = (_LENGTH.read(part) for part in pair)
+    return (x, y)
+
+
+def _read_number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < abs(value) <= LIMITS.exponent:
+        raise ValueError(f"must be a number other than 0, or a list of them, not {_shorten(value)}")
+    return float(value)
+
+
+def _terms(read_one: Callable[[object], float], one: Mapping[str, Any]) -> Read:
+    """Make the annotation of a material parameter: one number, or a list with one number per term of the energy."""
+    return Read(
+        lambda value: tuple(read_one(part) for part in (value if isinstance(value, list) else [value])),
+        {"anyOf": [dict(one), {"type": "array", "items": dict(one)}]},
+    )
+
+
+def _shorten(value: object) -> str:
+    shown = repr(value)
+    return shown if len(shown) <= LIMITS.name else f"{shown[: LIMITS.name]}..."
+
+
+_LENGTH = quantity("length")
+Length = Annotated[float, _LENGTH]
+_PAIR_JSON = {"anyOf": [_LENGTH.json, {"type": "array", "items": _LENGTH.json, "minItems": 2, "maxItems": 2}]}
+Lengths = Annotated[tuple[float, float], Read(_read_pair, _PAIR_JSON)]
+LengthUnit = Annotated[float, Read(lambda value: read_quantity(f"1 {value}", "length"))]
+Pressure = Annotated[float, quantity("pressure")]
+AnyPressure = Annotated[float, quantity("pressure", positive=False)]
+Force = Annotated[float, quantity("force")]
+Frequency = Annotated[float, quantity("frequency")]
+Friction = Annotated[
+    float,
+    Read(
+        lambda value: read_friction(value, example="friction = 0.4 or friction = 'no-slip'"),
+        {"anyOf": [{"type": "number", "minimum": 0}, {"enum": ["no-slip"]}]},
+    ),
+]
+Indenter = Annotated[Any, text(read_indenter, "sphere:radius=5mm")]
+Load = Annotated[float, text(read_load, "4.9 N")]
+Name = Annotated[str, Read(_read_name, {"type": "string", "minLength": 1, "maxLength": LIMITS.name})]
+Count = Annotated[int, Between(1, 2**32)]
+TexelCount = Annotated[int, Between(1, MOST_TEXELS)]
+Number = Annotated[float, Between(-LIMITS.number, LIMITS.number)]
+PoissonRatio = Annotated[float, Between(0, 0.5, " (0.5 is incompressible)")]
+
+
+class MaterialTable(Table):
+    """A material model and its parameters; each model needs its own parameters and refuses those of other models.
+
+    Attributes:
+        model: Name of the material model.
+        poisson_ratio: Poisson ratio at small strain; 0.5, incompressible, when left out, except for linear-elastic.
+        youngs_modulus: Young's modulus of linear-elastic.
+        shear_modulus: Shear modulus of neo-hookean.
+        c10: First parameter of mooney-rivlin.
+        c01: Second parameter of mooney-rivlin.
+        c1: First parameter of yeoh.
+        c2: Second parameter of yeoh.
+        c3: Third parameter of yeoh.
+        mu: Moduli of ogden, one for each term.
+        alpha: Exponents of ogden, one for each term.
+        hardness: Shore hardness such as "30 shore-a", which stands for the modulus.
+        name: Name of the material in tables.
+        source: Origin of the parameters.
+        spread: Relative spread of the modulus between sources.
+        poisson_spread: Spread of the Poisson ratio between sources.
+    """
+
+    model: Annotated[str, choice(*MODELS)] = Field(examples=["linear-elastic"])
+    poisson_ratio: PoissonRatio | None = None
+    youngs_modulus: Pressure | None = None
+    shear_modulus: Pressure | None = None
+    c10: Pressure | None = None
+    c01: AnyPressure | None = None
+    c1: Pressure | None = None
+    c2: AnyPressure | None = None
+    c3: AnyPressure | None = None
+    mu: Annotated[tuple[float, ...], _terms(lambda value: read_quantity(value, "pressure"), _TEXT)] | None = None
+    alpha: Annotated[tuple[float, ...], _terms(_read_number, {"type": "number"})] | None = None
+    hardness: Annotated[HardnessModulus, Read(read_hardness)] | None = None
+    name: str = ""
+    source: str | None = None
+    spread: Annotated[float, Between(0, 10)] | None = None
+    poisson_spread: PoissonRatio = 0.0
+
+    def make(self) -> Material:
+        """Make the material that the table describes.
+
+        Raises:
+            ValueError: If a parameter of the model is missing, or a parameter of another model is given.
+        """
+        given = {name: value for name in PARAMETERS if (value := getattr(self, name)) is not None}
+        if self.poisson_ratio is None and self.model == "linear-elastic":
+            raise ValueError("poisson_ratio is missing; write for example poisson_ratio = 0.49")
+        if self.hardness is None:
+            made = self._from_parameters(given)
+        elif given:
+            raise ValueError(f"hardness replaces the modulus; give it or {', '.join(sorted(given))}, not both")
+        else:
+            made = material_from_hardness(self.hardness, self.model, poisson_ratio=self.poisson_ratio, name=self.name)
+        return replace(
+            made,
+            source=made.source if self.source is None else self.source,
+            spread=made.spread if self.spread is None else self.spread,
+            poisson_spread=self.poisson_spread,
+        )
+
+    def _from_parameters(self, given: Mapping[str, Any]) -> Material:
+        wanted = MODELS[self.model]
+        if set(given) != set(wanted):
+            listed = ", ".join(f"{name} [{unit}]" for name, unit in wanted.items())
+            terms = " (one number, or a list with one for each term)" if self.model in SERIES_MODELS else ""
+            names = ", ".join(sorted(given)) or "nothing"
+            raise ValueError(f"{self.model} takes {listed}{terms} and poisson_ratio, not {names}")
+        return Material(
+            name=self.name or self.model,
+            model=self.model,
+            parameters=given,
+            poisson_ratio=0.5 if self.poisson_ratio is None else self.poisson_ratio,
+        )
+
+
+def read_material_name(value: str) -> Material:
+    """Return the material of the catalogue with a name, in any case and with any separators.
+
+    Raises:
+        ValueError: If the name is unknown.
+    """
+    name = match_name(value, MATERIALS)
+    if name not in MATERIALS:
+        raise ValueError(f"unknown material {_shorten(value)}; {nearest(name[: LIMITS.name], MATERIALS)}")
+    return MATERIALS[name]
+
+
+def _read_material(value: object, read_table: Callable[[Any], Any]) -> Material:
+    if isinstance(value, str):
+        return read_material_name(value)
+    made: Material = read_table(value).make()
+    return made
+
+
+AnyMaterial = Annotated[Material, TableOr(MaterialTable, _read_material, {"enum": list(MATERIALS)})]
+
+
+class LayerTable(Table):
+    """One layer of a cover.
+
+    Attributes:
+        thickness: Thickness of the layer.
+        material: Name of a material of the catalogue, or a table of a material model and its parameters.
+    """
+
+    thickness: Length = Field(examples=["2 mm"])
+    material: AnyMaterial = Field(examples=["dragon-skin-30"])
