@@ -163,7 +163,7 @@ def refine_press(cover: Cover, array: TexelArray, indenter: Indenter, depth: flo
     Its error is the estimate of these grids, or half of the change from the coarse ones where that is smaller.
     """
     found, before = (
-        press(cover, array, indenter, depth=depth, at=pose.at, accuracy=accuracy) for accuracy in (1e-9, 0.999)
+        press(cover, array, indenter, depth=depth, pose=pose, accuracy=accuracy) for accuracy in (1e-9, 0.999)
     )
     peak = int(np.argmax(np.abs(found.texel_forces)))
     area, force, texel = found.contact_area, found.total_force, float(found.texel_forces[peak])

@@ -114,7 +114,7 @@ def solve_cubic(case: Case) -> Truth:
     """Return the frictionless force times the ratio of the forces with and without slip on elements of order 3."""
     assert isinstance(case.indenter, Box)
     free = press(case.cover, ARRAY, case.indenter, depth=case.depth)
-    slides, sticks = press_face(case.cover, case.indenter, Pose.planar(), CUBIC)
+    slides, sticks = press_face(case.cover, case.indenter, Pose(), CUBIC)
     return Truth(source="cubic elements", force=free.total_force * sticks.force / slides.force, peak=None)
 
 

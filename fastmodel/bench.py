@@ -136,7 +136,7 @@ def indent(
         at: Position of the indenter's axis in the array's frame, if no pose is given [m].
         yaw: Rotation of the indenter about that axis, if no pose is given [rad].
         pose: Orientation of the indenter, and a position on its way, in the array's frame.
-        direction: Direction of motion, any length, shape (3,); by default that in which the indenter looks.
+        direction: Direction of motion, any length, shape (3,); by default that of the pose.
         method: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default the best method that the
             parameters allow (see `choose_method`).
 

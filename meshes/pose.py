@@ -1,4 +1,4 @@
-"""Pose of an indenter in space, in the frame of a texel array."""
+"""Pose and motion of an indenter in the frame of a texel array."""
 
 from __future__ import annotations
 
@@ -11,194 +11,182 @@ import numpy.typing as npt
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 
-#: Largest deviation of a rotation matrix from orthogonality [-].
-_ORTHOGONAL = 1e-9
-#: Largest difference between a yaw and a multiple of 90 degrees that counts as rounding, over 90 degrees [-].
+#: Largest difference between a yaw and a multiple of 90 degrees that counts as rounding, over 90 degrees, and largest
+#: deviation of a rotation matrix from orthogonality [-].
 _ROUNDING = 1e-9
-#: Largest tilt that counts as rounding [rad].
-_UPRIGHT = 1e-12
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Position and orientation of an indenter.
+    """Where an indenter touches, the direction in which it moves, and how it is turned about and against it.
+
+    Without tilt the indenter looks along its direction: its z axis points against it, and at yaw 0 its y axis is
+    closest to the array's y axis.  The default is the pose on a flat cover above the middle of the array.
 
     Attributes:
-        position: Origin of the indenter's frame, the lowest point on its axis, in the array's frame, shape (3,) [m].
-        rotation: Rotation matrix whose columns are the indenter's x, y and z axes in the array's frame, shape (3, 3).
+        point: Position of the lowest point on the indenter's axis in the array's frame; on a flat cover z has no
+            meaning, because the motion along z begins at first touch [m].
+        direction: Unit direction of the motion; any length is accepted [-].
+        yaw: Rotation of the indenter about the axis of the motion, counterclockwise as seen against it [rad].
+        tilt: Rotation vector of the indenter along the x and y axes of its own frame, before the yaw, about the
+            point [rad].
     """
 
-    position: FloatArray
-    rotation: FloatArray
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    yaw: float = 0.0
+    tilt: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        """Check the position and the rotation.
+        """Convert to tuples of floats and normalise the direction.
 
         Raises:
-            ValueError: If a shape is wrong, a number is not finite, or the matrix is no rotation.
+            ValueError: If a shape is wrong, a number is not finite, or the direction is zero.
         """
-        position, rotation = np.array(self.position, dtype=float), np.array(self.rotation, dtype=float)
-        if position.shape != (3,) or rotation.shape != (3, 3) or not np.isfinite([*position, *rotation.ravel()]).all():
-            raise ValueError("a pose needs a position of 3 finite numbers and a rotation of 3 x 3")
-        if np.abs(rotation @ rotation.T - np.eye(3)).max() > _ORTHOGONAL or np.linalg.det(rotation) < 0:
-            raise ValueError("the rotation of a pose must be a right-handed orthogonal matrix")
-        # Adding zero removes the sign of zeros, which would give equal poses different keys in the result store.
-        object.__setattr__(self, "position", position + 0.0)
-        object.__setattr__(self, "rotation", rotation + 0.0)
+        shapes = {"point": 3, "direction": 3, "tilt": 2}
+        values = {name: np.array(getattr(self, name), dtype=float) for name in shapes}
+        for name, count in shapes.items():
+            if values[name].shape != (count,) or not np.isfinite(values[name]).all():
+                raise ValueError(f"the {name} of a pose must be {count} finite numbers, not {getattr(self, name)}")
+        length = float(np.linalg.norm(values["direction"]))
+        if not length > 0:
+            raise ValueError("the direction of a pose must not be zero")
+        if not np.isfinite(self.yaw):
+            raise ValueError(f"the yaw of a pose must be finite, not {self.yaw}")
+        values["direction"] /= length
+        for name, value in values.items():
+            object.__setattr__(self, name, tuple(value.tolist()))
+        object.__setattr__(self, "yaw", float(self.yaw))
 
     @classmethod
     def planar(
         cls, at: tuple[float, float] = (0.0, 0.0), yaw: float = 0.0, tilt: tuple[float, float] = (0.0, 0.0)
     ) -> Pose:
-        """Place an indenter over a planar array, so that it looks along the normal, against z, unless it is tilted.
-
-        The rotation is exact for yaws that are multiples of 90 degrees, so that mirrored poses remain mirror images.
+        """Place an indenter above a flat cover, moving along -z.
 
         Args:
             at: Position (x, y) of the indenter's axis in the array's frame [m].
-            yaw: Rotation of the indenter about its axis, counterclockwise as seen from above [rad].
-            tilt: Rotation vector along the x and y axes of the indenter's frame, applied before the yaw [rad].
+            yaw: Rotation of the indenter about its axis [rad].
+            tilt: Rotations about the indenter's x and y axes, before the yaw [rad].
         """
-        quarters = 2 * yaw / np.pi
-        c, s = float(np.cos(yaw)), float(np.sin(yaw))
-        if abs(quarters - round(quarters)) < _ROUNDING:
-            c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(quarters) % 4]
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        return cls(position=np.array([*at, 0.0], dtype=float), rotation=turn @ rotate_by(tilt) if any(tilt) else turn)
+        return cls(point=(at[0], at[1], 0.0), yaw=yaw, tilt=tilt)
 
     @classmethod
-    def facing(cls, position: npt.ArrayLike, direction: npt.ArrayLike, *, spin: float = 0.0) -> Pose:
-        """Place an indenter so that its lower side looks along a direction.
+    def facing(cls, point: npt.ArrayLike, direction: npt.ArrayLike, *, spin: float = 0.0) -> Pose:
+        """Place an indenter so that its lower side looks along its direction of motion.
 
         Args:
-            position: Position of the lowest point on its axis, shape (3,) [m].
-            direction: Direction in which the indenter looks, against its z axis, any length, shape (3,).
-            spin: Rotation about its z axis; at 0 the indenter's y axis is closest to the array's y axis [rad].
+            point: Position of the lowest point on its axis, shape (3,) [m].
+            direction: Direction of motion, any length, shape (3,).
+            spin: Rotation about its axis [rad].
 
         Raises:
-            ValueError: If the direction is zero.
+            ValueError: If a shape is wrong or the direction is zero.
         """
-        towards = np.array(direction, dtype=float)
-        length = float(np.linalg.norm(towards))
-        if not (np.isfinite(length) and length > 0):
-            raise ValueError("the direction of a pose must not be zero")
-        z = -towards / length
-        reference = np.array([0.0, 1.0, 0.0]) if abs(z[1]) < 1 - _ORTHOGONAL else np.array([0.0, 0.0, -np.sign(z[1])])
-        y = reference - (reference @ z) * z
-        y /= np.linalg.norm(y)
-        x = np.cross(y, z)
-        c, s = np.cos(spin), np.sin(spin)
-        axes = np.stack([c * x + s * y, c * y - s * x, z], axis=1)
-        return cls(position=np.array(position, dtype=float), rotation=axes)
+        place, towards = (tuple(np.array(each, dtype=float).tolist()) for each in (point, direction))
+        return cls(point=place, direction=towards, yaw=spin)
+
+    @classmethod
+    def from_rotation(cls, point: npt.ArrayLike, rotation: npt.ArrayLike) -> Pose:
+        """Place an indenter, given by a rotation matrix, that moves against its own z axis.
+
+        Args:
+            point: Position of the lowest point on its axis, shape (3,) [m].
+            rotation: Matrix whose columns are the indenter's axes in the array's frame, shape (3, 3).
+
+        Raises:
+            ValueError: If the matrix is no right-handed rotation.
+        """
+        axes = np.array(rotation, dtype=float)
+        if axes.shape != (3, 3) or not np.isfinite(axes).all():
+            raise ValueError("the rotation of a pose must be 3 x 3 finite numbers")
+        if np.abs(axes @ axes.T - np.eye(3)).max() > _ROUNDING or np.linalg.det(axes) < 0:
+            raise ValueError("the rotation of a pose must be a right-handed orthogonal matrix")
+        upright = cls.facing(point, -axes[:, 2])
+        x, y = upright.rotation[:, 0], upright.rotation[:, 1]
+        return cls.facing(point, -axes[:, 2], spin=float(np.arctan2(axes[:, 0] @ y, axes[:, 0] @ x)))
 
     @property
     def at(self) -> tuple[float, float]:
-        """Position (x, y) of the lowest point on the indenter's axis, in the array's frame [m]."""
-        x, y, _ = self.position.tolist()
-        return x, y
+        """Position (x, y) of the point [m]."""
+        return self.point[:2]
+
+    @property
+    def position(self) -> FloatArray:
+        """The point as an array, shape (3,) [m]."""
+        return np.array(self.point)
+
+    @property
+    def towards(self) -> FloatArray:
+        """The direction as an array, shape (3,) [-]."""
+        return np.array(self.direction)
 
     @cached_property
-    def heading(self) -> tuple[float, float]:
-        """Cosine and sine of the yaw [-]."""
-        turn = rotate_by(self._lean).T @ self.rotation if any(self._lean) else self.rotation
-        c, s = float(turn[0, 0]), float(turn[1, 0])
-        whole = (float(round(c)), float(round(s)))
-        return whole if abs(c - whole[0]) + abs(s - whole[1]) < _ROUNDING else (c, s)
-
-    @property
-    def yaw(self) -> float:
-        """Rotation about the normal of the array, which follows the tilt, in (-pi, pi] [rad]."""
-        c, s = self.heading
-        return float(np.arctan2(s, c))
-
-    @property
-    def tilt(self) -> tuple[float, float]:
-        """Rotation vector against the normal of the array, along the x and y axes of the indenter, before the yaw.
-
-        Components below 1e-12 are zero [rad].
-        """
-        c, s = self.heading
-        x, y = self._lean
-        about_x, about_y = (value if abs(value) > _UPRIGHT else 0.0 for value in (c * x + s * y, c * y - s * x))
-        return about_x, about_y
+    def rotation(self) -> FloatArray:
+        """Rotation matrix whose columns are the indenter's x, y and z axes in the array's frame, shape (3, 3)."""
+        x, y, z = self._axes
+        c, s = self.cosines
+        axes = np.stack([c * x + s * y, c * y - s * x, z], axis=1)
+        angle = float(np.hypot(*self.tilt))
+        if angle == 0:
+            return axes
+        u, v = self.tilt[0] / angle, self.tilt[1] / angle
+        cross = np.array([[0, 0, v], [0, 0, -u], [-v, u, 0]])  # Rodrigues' formula
+        return np.asarray(axes @ (np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross))
 
     @cached_property
-    def _lean(self) -> tuple[float, float]:
-        """Rotation vector, along x and y of the array, that turns its normal to the axis of the indenter [rad]."""
-        axis = self.rotation[:, 2]
-        sine = float(np.hypot(axis[0], axis[1]))
-        angle = float(np.arctan2(sine, axis[2]))
-        if angle < _UPRIGHT:
-            return 0.0, 0.0
-        if sine == 0:
-            return angle, 0.0
-        return -angle * float(axis[1]) / sine, angle * float(axis[0]) / sine
+    def _axes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Axes of an indenter that looks along the direction, before yaw and tilt, shape (3,) each."""
+        z = -self.towards
+        reference = np.array([0.0, 1.0, 0.0]) if abs(z[1]) < 1 - _ROUNDING else np.array([0.0, 0.0, -np.sign(z[1])])
+        y = reference - (reference @ z) * z
+        y /= np.linalg.norm(y)
+        return np.cross(y, z), y, z
 
     @property
-    def upright(self) -> Pose:
-        """The same pose over a planar array without its tilt."""
-        c, s = self.heading
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        return Pose(position=self.position, rotation=turn)
-
-    def moved(self, at: tuple[float, float]) -> Pose:
-        """Return the same orientation at another position (x, y) [m]."""
-        return Pose(position=np.array([*at, self.position[2]], dtype=float), rotation=self.rotation)
+    def is_planar(self) -> bool:
+        """Whether the indenter moves along -z."""
+        return self.direction == (0.0, 0.0, -1.0)
 
     @property
     def is_aligned(self) -> bool:
-        """Whether the indenter's axes are parallel to those of a planar array: the yaw is a multiple of 90 degrees."""
-        return 0.0 in self.heading
+        """Whether the yaw is a multiple of 90 degrees."""
+        quarters = 2 * self.yaw / np.pi
+        return abs(quarters - round(quarters)) < _ROUNDING
 
-    def plan_to_array(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Transform points of a plan view from the indenter's frame to the array's frame.
+    def is_close_to(self, other: Pose) -> bool:
+        """Whether two poses are the same up to rounding: 1 nm, 1e-9 rad."""
+        mine, others = ((*each.point, *each.direction, each.yaw, *each.tilt) for each in (self, other))
+        return np.allclose(mine, others, rtol=0, atol=_ROUNDING)
 
-        Args:
-            x: x coordinates in the indenter's frame, any shape [m].
-            y: y coordinates in the indenter's frame, same shape [m].
+    @property
+    def cosines(self) -> tuple[float, float]:
+        """Cosine and sine of the yaw [-].
 
-        Returns:
-            x and y coordinates in the array's frame, each of the same shape [m].
+        For multiples of 90 degrees the values are exact, so that mirrored poses remain mirror images.
         """
-        c, s = self.heading
-        at_x, at_y = self.at
-        return at_x + c * x - s * y, at_y + s * x + c * y
+        if self.is_aligned:
+            return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[round(2 * self.yaw / np.pi) % 4]
+        return float(np.cos(self.yaw)), float(np.sin(self.yaw))
 
-    def plan_to_indenter(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Transform points of a plan view from the array's frame to the indenter's frame; inverts `plan_to_array`.
+    def to_array(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Transform x and y of a planar pose from the indenter's frame to the array's frame, any shape each [m]."""
+        c, s = self.cosines
+        return self.point[0] + c * x - s * y, self.point[1] + s * x + c * y
 
-        Args:
-            x: x coordinates in the array's frame, any shape [m].
-            y: y coordinates in the array's frame, same shape [m].
-
-        Returns:
-            x and y coordinates in the indenter's frame, each of the same shape [m].
-        """
-        c, s = self.heading
-        x, y = x - self.at[0], y - self.at[1]
+    def to_indenter(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Transform x and y of a planar pose to the indenter's frame, any shape each [m]; inverse of `to_array`."""
+        c, s = self.cosines
+        x, y = x - self.point[0], y - self.point[1]
         return c * x + s * y, c * y - s * x
 
-    def to_indenter(self, points: FloatArray) -> FloatArray:
+    def points_to_indenter(self, points: FloatArray) -> FloatArray:
         """Transform points of the array's frame to the indenter's frame, shape (..., 3) [m]."""
-        return (points - self.position) @ self.rotation
+        return np.asarray((points - self.position) @ self.rotation)
 
-    def turn_to_indenter(self, vectors: FloatArray) -> FloatArray:
+    def vectors_to_indenter(self, vectors: FloatArray) -> FloatArray:
         """Turn vectors of the array's frame to the indenter's frame, shape (..., 3)."""
-        return vectors @ self.rotation
-
-
-def rotate_by(tilt: tuple[float, float]) -> FloatArray:
-    """Return the matrix of a rotation about a horizontal axis, shape (3, 3) (Rodrigues' formula).
-
-    Args:
-        tilt: Components of the rotation vector along x and y [rad].
-    """
-    angle = float(np.hypot(*tilt))
-    if angle == 0:
-        return np.eye(3)
-    x, y = np.array(tilt) / angle
-    cross = np.array([[0, 0, y], [0, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+        return np.asarray(vectors @ self.rotation)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from meshes.array_types import FloatArray
 from meshes.indenters.indenter import Indenter, Primitive, quantity_field
 from meshes.indenters.shapes import Sphere
-from meshes.pose import rotate_by
 
 #: Largest tilt about either axis, 10 degrees.  At small strain the contact solvers neglect the horizontal part of the
 #: contact pressure, the sine of the tilt times the pressure, and always the contact of side walls [rad].
@@ -120,8 +119,13 @@ class TiltedIndenter(Indenter):
 
     @cached_property
     def _rotation(self) -> FloatArray:
-        """Rotation matrix of the tilt, shape (3, 3)."""
-        return rotate_by(self.tilt)
+        """Rotation matrix of the tilt, shape (3, 3) (Rodrigues' formula)."""
+        angle = float(np.hypot(*self.tilt))
+        if angle == 0:
+            return np.eye(3)
+        x, y = np.array(self.tilt) / angle
+        cross = np.array([[0, 0, y], [0, 0, -x], [-y, x, 0]])
+        return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
 
     def _height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Compute the height of the rotated surface over the centre of rotation; inf where there is none [m].

@@ -318,7 +318,7 @@ def press_points(
     """
     if not 0 < load < np.inf:
         raise FastModelError(f"load must be positive, not {load} N")
-    towards = -pose.rotation[:, 2] if direction is None else np.array(direction, dtype=float)
+    towards = pose.towards if direction is None else np.array(direction, dtype=float)
     outward = -towards / np.linalg.norm(towards)
     wrench = Wrench(
         force=load, moment=np.zeros(3), tilts=False, vector=load * outward, directions=outward[None], rotates=False

@@ -245,8 +245,8 @@ def _measure_travel(
     points: FloatArray, normals: FloatArray, indenter: Indenter, pose: Pose, direction: FloatArray
 ) -> FloatArray:
     """Measure how far the indenter moves until it meets each of k points; inf where normals look away."""
-    back = np.broadcast_to(pose.turn_to_indenter(-direction), points.shape)
+    back = np.broadcast_to(pose.vectors_to_indenter(-direction), points.shape)
     # Start far behind the points, so that an indenter that has passed a point is found too.
     far = float(np.ptp(points, axis=0).max()) * 2 + float(np.linalg.norm(pose.position - points.mean(axis=0)))
-    found = measure_gaps(indenter, pose.to_indenter(points) - far * back, back) - far
+    found = measure_gaps(indenter, pose.points_to_indenter(points) - far * back, back) - far
     return np.where(normals @ direction < 0, found, np.inf)

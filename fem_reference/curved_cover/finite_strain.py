@@ -99,7 +99,7 @@ def press_curved_finite(
         ConvergenceError: If the loading path stops early; the message states the load and depth that were reached.
     """
     target, control = choose_target(load, depth)
-    towards = -pose.rotation[:, 2] if direction is None else np.array(direction, dtype=float)
+    towards = pose.towards if direction is None else np.array(direction, dtype=float)
     if -pose.rotation[:, 2] @ towards < _ALONG * np.linalg.norm(towards):
         raise ValueError("at finite strain the indenter moves along its own axis; turn it to look along the direction")
     if friction:

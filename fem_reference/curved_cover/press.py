@@ -133,7 +133,7 @@ def press_curved(
         ConvergenceError: If the contact or the load is not found.
     """
     target, control = choose_target(load, depth)
-    towards = -pose.rotation[:, 2] if direction is None else np.array(direction, dtype=float)
+    towards = pose.towards if direction is None else np.array(direction, dtype=float)
     towards = towards / np.linalg.norm(towards)
     if friction not in (0.0, np.inf):
         raise ValueError(f"friction on curved covers must be 0, or inf for no slip; not {friction}")

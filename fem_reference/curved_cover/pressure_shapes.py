@@ -120,8 +120,8 @@ class GapSampler:
     def _measure(self, travel: float) -> FloatArray:
         """Measure the gaps of all points along their normals; inf where these look away, shape (f, q) [m]."""
         points, normals = self._points.reshape(-1, 3), self._normals.reshape(-1, 3)
-        places = self._pose.to_indenter(points - travel * self._direction)
-        turned = self._pose.turn_to_indenter(normals)
+        places = self._pose.points_to_indenter(points - travel * self._direction)
+        turned = self._pose.vectors_to_indenter(normals)
         gap = measure_gaps(self._indenter, places, turned, behind=self._deepest)
         return np.where(normals @ self._direction < 0, gap, np.inf).reshape(self._weight.shape)
 

@@ -93,7 +93,7 @@ class CoverFields:
 
     def to_array(self, pose: Pose) -> CoverFields:
         """Transform fields from the frame of an indenter to the frame of the array."""
-        c, s = (1.0, 0.0) if self.axisymmetric else pose.heading
+        c, s = (1.0, 0.0) if self.axisymmetric else pose.cosines
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return replace(
             self,

@@ -216,17 +216,17 @@ def _read_solution(
     base = data[f"x_{key}"], data[f"y_{key}"], data[f"pressure_{key}"] / path.load_scale
     x, y, *forces = data[f"contact_{key}"].T
     normal, *shear = np.array(forces) / path.load_scale
-    turn = model.pose.moved((0.0, 0.0))
+    turn = replace(model.pose, point=(0.0, 0.0, 0.0))
     return GridSolution(
         size=size,
         total_force=force,
         depth=depth / path.load_scale,
         area=area,
         overlap=overlap,
-        contact=np.column_stack([*model.pose.plan_to_indenter(x, y), normal]),
+        contact=np.column_stack([*model.pose.to_indenter(x, y), normal]),
         base_forces=model.integrate(base),
         energy=energy / path.load_scale**2,
-        shear=np.column_stack(turn.plan_to_indenter(*shear)) if path.friction else None,
+        shear=np.column_stack(turn.to_indenter(*shear)) if path.friction else None,
         fields=CoverFields.unpack(data, f"fields_{key}"),
     )
 

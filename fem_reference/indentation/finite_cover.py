@@ -128,7 +128,7 @@ def lay_out_cover(path: LoadingPath, pose: Pose, contact: FloatArray, grid: Soli
     """
     cover, indenter = path.cover, path.indenter
     unit = path.units.length
-    placed = np.stack(pose.plan_to_array(*contact.T)) / unit
+    placed = np.stack(pose.to_array(*contact.T)) / unit
     ends = np.array(cover.size) / 2 / unit
     low, high = np.maximum(placed.min(axis=1), -ends), np.minimum(placed.max(axis=1), ends)
     size = min(1.0, float((high - low).min())) / grid.count

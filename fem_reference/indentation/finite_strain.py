@@ -97,7 +97,7 @@ def study_path(
         solutions = _solve_axisymmetric(path.at_model_strain, contact, progress, refinement)
     return GridStudy(
         solutions=solutions,
-        edge_safety=choose_edge_safety(path, Pose.planar()),
+        edge_safety=choose_edge_safety(path, Pose()),
         least_order=2.0 if corrected and not path.has_friction_effect else 1.0,
         least_overlap=OVERLAP,
         least_error=_choose_least_error(path),
@@ -146,7 +146,7 @@ def _solve_pair(
     model = BlockModel(
         kind="finite-press",
         inputs={},
-        pose=Pose.planar(),
+        pose=Pose(),
         grids=choose_solid_grids(cover.thickness, indenter, in_turn=path.refines_in_turn),
         lay_out=lay_out_grid,
         recover_pressure=recover_gauss_pressure,
@@ -161,7 +161,7 @@ def integrate_spline(base: BasePressure, array: TexelArray, pose: Pose) -> Float
     half = np.array(array.texel_size) / 2
     offset = np.stack(np.meshgrid(nodes * half[0], nodes * half[1]), axis=-1).reshape(-1, 2)
     position = array.centres[:, None, :2] + offset
-    x, y = pose.plan_to_indenter(position[..., 0], position[..., 1])
+    x, y = pose.to_indenter(position[..., 0], position[..., 1])
     grid_x, grid_y, pressure = base
     inside = (x > grid_x[0]) & (x < grid_x[-1]) & (y > grid_y[0]) & (y < grid_y[-1])
     spline = RectBivariateSpline(grid_x, grid_y, pressure)

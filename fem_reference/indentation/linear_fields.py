@@ -126,7 +126,7 @@ def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: Pose, dept
     """Solve for the fields in a whole cover of limited size, in the frame of the array."""
     size = min(path.cover.thickness, *np.ptp(contact[:, :2], axis=0)) / _SOLID_COUNT
     block = lay_out_cover(path, pose, contact[:, :2], SolidGrid(count=_SOLID_COUNT, fillet=size))
-    return _solve_block(path, np.column_stack([*pose.plan_to_array(*contact[:, :2].T), contact[:, 2]]), block, depth)
+    return _solve_block(path, np.column_stack([*pose.to_array(*contact[:, :2].T), contact[:, 2]]), block, depth)
 
 
 def _solve_block(path: LoadingPath, contact: FloatArray, block: Block, depth: float) -> CoverFields:
@@ -144,7 +144,7 @@ def _solve_block(path: LoadingPath, contact: FloatArray, block: Block, depth: fl
     load = np.zeros(elements.displacements + elements.pressures)
     load[3 * top + 2] = -forces[block.find_nodes(x[top], y[top])]
     constrained = find_constrained(block, elements, bonded=path.cover.base == "bonded")
-    face, place = path.indenter, block.surface.pose.plan_to_indenter(x[top] * units.length, y[top] * units.length)
+    face, place = path.indenter, block.surface.pose.to_indenter(x[top] * units.length, y[top] * units.length)
     inside = face.signed_distance(*place) / units.length if isinstance(face, FlatPunch) else np.zeros(len(top))
     sticking = _Sticking(nodes=top[inside > -_ON_BOUNDARY], depth=depth / units.length)
     return _solve(path, elements, load, constrained, sticking).unfold(block.symmetric)

@@ -8,6 +8,7 @@ other face is solved in three dimensions and corrects the accurate frictionless 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -77,7 +78,7 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
     if wide and path.indenter.axisymmetric:
         return _study_disk(path, progress)
     assert isinstance(path.indenter, FlatPunch)  # noqa: S101 -- for the type checker
-    pose = Pose.planar() if wide else place.pose
+    pose = Pose() if wide else place.pose
     accurate = small_strain.study_path(path, None if wide else place, progress)
     pairs = _solve_faces(path, pose, progress)
     if max(face.tension for pair in pairs for face in pair) > _SEPARATES:
@@ -135,15 +136,15 @@ def _build_solution(path: LoadingPath, face: PressedFace, pose: Pose, size: floa
     wide = path.cover.size is None
     base: BasePressure = (recover_gauss_pressure if wide else recover_nodal_pressure)(state)
     x, y, normal, *shear = state.contact.T
-    turn = pose.moved((0.0, 0.0))
+    turn = replace(pose, point=(0.0, 0.0, 0.0))
     return GridSolution(
         size=size,
         total_force=face.force,
         depth=1.0,
         area=0.0,
         overlap=0.0,
-        contact=np.column_stack([*pose.plan_to_indenter(x, y), normal]),
-        shear=np.column_stack(turn.plan_to_indenter(*shear)),
+        contact=np.column_stack([*pose.to_indenter(x, y), normal]),
+        shear=np.column_stack(turn.to_indenter(*shear)),
         energy=face.force / 2,
         base_forces=partial(integrate_spline if wide else integrate_nodal, base),
     )

@@ -108,8 +108,8 @@ def combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place
     errors["total_force" if by_load else "depth"] = 0.0
     x, y, force = finest.contact.T
     scale = total / force.sum()
-    turn = place.pose.moved((0.0, 0.0))
-    shear = None if finest.shear is None else np.column_stack(turn.plan_to_array(*finest.shear.T)) * scale
+    turn = replace(place.pose, point=(0.0, 0.0, 0.0))
+    shear = None if finest.shear is None else np.column_stack(turn.to_array(*finest.shear.T)) * scale
     missing = state_missing_fields(path, place.pose) if path.fields else ""
     fields = _find_fields(finest, path, place, scale) if path.fields and not missing else None
     return Indentation(
@@ -119,7 +119,7 @@ def combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place
         balance=balance,
         depth=float(study.combine(grids, lambda each: each.depth)),
         contact_area=finest.area,
-        contact=np.column_stack([*place.pose.plan_to_array(x, y), force * scale]),
+        contact=np.column_stack([*place.pose.to_array(x, y), force * scale]),
         shear=shear,
         energy=float(study.combine(grids, lambda each: each.energy)),
         fields=fields,

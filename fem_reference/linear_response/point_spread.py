@@ -559,7 +559,7 @@ def superpose(contact: FloatArray, base_response: TexelInfluence, array: TexelAr
     """
     x, y, force = contact.T
     step = base_response.thickness * _GRID_STEP
-    (grid_x, along), (grid_y, across) = (_interpolate(each, step) for each in pose.plan_to_array(x, y))
+    (grid_x, along), (grid_y, across) = (_interpolate(each, step) for each in pose.to_array(x, y))
     loads = (along.T @ sp.diags_array(force) @ across).toarray()
     return base_response.base_forces(array, grid_x, grid_y, loads)
 

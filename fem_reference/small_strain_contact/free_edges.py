@@ -83,7 +83,7 @@ class SideEdges:
         middle, half = np.zeros(2), self.half
         if not (self.pose.is_aligned and self.indenter.is_flat):
             return middle, half
-        corners = self.pose.plan_to_indenter(*self._box)
+        corners = self.pose.to_indenter(*self._box)
         low, high = (np.array([pick(*axis) for axis in corners]) for pick in (min, max))
         return (low + high) / 2, (high - low) / 2
 
@@ -95,7 +95,7 @@ class SideEdges:
 
     def contain(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Return whether points in the frame of the indenter [m] lie on the cover."""
-        u, v = self.pose.plan_to_array(x, y)
+        u, v = self.pose.to_array(x, y)
         return np.asarray((np.abs(u) <= self._side[0]) & (np.abs(v) <= self._side[1]))
 
     def add_compliance(self, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
@@ -110,7 +110,7 @@ class SideEdges:
         """
         if not self.near:
             return np.zeros_like
-        places = np.stack(self.pose.plan_to_array(x, y), axis=-1)
+        places = np.stack(self.pose.to_array(x, y), axis=-1)
         lines, chosen, flexibilities = self._difference
         along = [line.at(np.abs(places[:, i]) / self.cover.thickness)[:, chosen[i]] for i, line in enumerate(lines)]
         side = np.where(places < 0, -1.0, 1.0)
@@ -130,10 +130,8 @@ class SideEdges:
 
     def clip_to_cover(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Move points in the frame of the indenter that lie outside the cover onto its side edges [m]."""
-        u, v = self.pose.plan_to_array(x, y)
-        return self.pose.plan_to_indenter(
-            *(np.clip(c, -side, side) for c, side in zip((u, v), self._side, strict=True))
-        )
+        u, v = self.pose.to_array(x, y)
+        return self.pose.to_indenter(*(np.clip(c, -side, side) for c, side in zip((u, v), self._side, strict=True)))
 
     @cached_property
     def _side(self) -> FloatArray:
@@ -144,7 +142,7 @@ class SideEdges:
     def _box(self) -> tuple[FloatArray, FloatArray]:
         """Bounds along x and y, in the frame of the array, of the part of the contact rectangle on the cover [m]."""
         signs = np.array([[1, 1, -1, -1], [1, -1, 1, -1]])
-        corners = np.stack(self.pose.plan_to_array(*(signs * self.half[:, None])))
+        corners = np.stack(self.pose.to_array(*(signs * self.half[:, None])))
         low, high = np.maximum(corners.min(axis=1), -self._side), np.minimum(corners.max(axis=1), self._side)
         return np.array([low[0], high[0]]), np.array([low[1], high[1]])
 

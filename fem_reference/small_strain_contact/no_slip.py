@@ -204,7 +204,7 @@ def press_face(cover: Cover, face: FlatPunch, pose: Pose, grid: FaceGrid) -> tup
     upper = solid.assemble_upper()
     matrix = (upper + sp.triu(upper, 1).T).tocsr()
     x, y, _ = (line.nodes * unit for line in solid.lines)
-    inside = np.asarray(face.signed_distance(*pose.plan_to_indenter(*np.meshgrid(x, y, indexing="ij"))))
+    inside = np.asarray(face.signed_distance(*pose.to_indenter(*np.meshgrid(x, y, indexing="ij"))))
     touched = inside > -_SAME * unit
     positions = [each[touched] for each in np.meshgrid(x, y, indexing="ij")]
     number = [
@@ -298,7 +298,7 @@ class _Lines:
             corners = np.concatenate([np.array(polygon, dtype=float) for polygon in self.face.polygons])
         else:
             corners = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) * self.face.footprint
-        return np.column_stack(self.pose.plan_to_array(*corners.T)) / self.cover.thickness
+        return np.column_stack(self.pose.to_array(*corners.T)) / self.cover.thickness
 
     def across(self, axis: int) -> FloatArray:
         """Place element edges along x (axis 0) or y (axis 1), from 0 outwards if that is a plane of symmetry."""

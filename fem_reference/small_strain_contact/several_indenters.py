@@ -56,12 +56,12 @@ class Body:
     def corners(self) -> FloatArray:
         """Corners of the indenter's footprint in the frame of the array, shape (4, 2) [m]."""
         signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
-        return np.column_stack(self.pose.plan_to_array(*(signs * self.indenter.footprint).T))
+        return np.column_stack(self.pose.to_array(*(signs * self.indenter.footprint).T))
 
     @property
     def weight_point(self) -> FloatArray:
         """Point where the weight acts, in the frame of the array, shape (2,) [m]."""
-        return np.array(self.pose.plan_to_array(*np.array(self.centre)))
+        return np.array(self.pose.to_array(*np.array(self.centre)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,7 +105,7 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> S
     diagonal = float(np.hypot(*np.ptp(corners, axis=0)))
     surface = surface_compliance(cover, max(_DIAGONALS * diagonal, _DECAY_LENGTHS * decay_length(cover)))
     solved = [_solve(surface, bodies, corners, cover.thickness / count) for count in CELLS]
-    coarse, fine = (superpose(contact, spread, array, Pose.planar()) for contact, _ in solved)
+    coarse, fine = (superpose(contact, spread, array, Pose()) for contact, _ in solved)
     # The error of the forces is proportional to the cell size, so they are extrapolated to cell size zero.
     forces = fine + (fine - coarse) / (CELLS[1] / CELLS[0] - 1)
     contact, motion = solved[-1]
@@ -139,7 +139,7 @@ def _solve(
     # The grid starts at the lowest corner, so that edges of footprints along the axes coincide with cell edges.
     count = np.maximum(1, np.ceil((high - low) / cell - 1e-9)).astype(int)
     x, y = np.meshgrid(*(low[i] + (np.arange(count[i]) + 0.5) * cell for i in range(2)), indexing="ij")
-    gaps = np.array([body.indenter.gap(*body.pose.plan_to_indenter(x, y)) for body in bodies])
+    gaps = np.array([body.indenter.gap(*body.pose.to_indenter(x, y)) for body in bodies])
     gap, owner = gaps.min(axis=0), gaps.argmin(axis=0)
     touching = np.any([guess_touching(np.where(owner == i, gap, np.inf), None) for i in range(len(bodies))], axis=0)
     columns, loads, mover = _constrain_bodies(bodies, np.where(np.isfinite(gap), owner, -1), x, y)

@@ -82,7 +82,7 @@ class PressedCells:
         points, weights = place_gauss_points(self.corners, _TEXEL_POINTS)
         x, y = points.reshape(-1, 2).T
         if pose is not None:
-            x, y = pose.plan_to_array(x, y)
+            x, y = pose.to_array(x, y)
         return superpose(self.cover, array, x, y, (self.pressure[:, None] * weights).ravel())
 
 

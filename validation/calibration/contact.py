@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import meshes
 from fastmodel import Parameters, indent
 from fastmodel.contact.methods import DEFAULT, choose_method
 from fastmodel.errors import MissedArrayError
@@ -145,7 +146,9 @@ def make_reference_method(cover: Cover, array: TexelArray) -> ContactMethod:
         if not spread:
             spread.append(point_spread(linear))
         if key not in contacts:
-            pressed = press(linear, array, indenter, load=load, tilt=(pose.tilt_x, pose.tilt_y))
+            pressed = press(
+                linear, array, indenter, load=load, pose=meshes.Pose.planar(tilt=(pose.tilt_x, pose.tilt_y))
+            )
             contacts[key] = _bin_forces(pressed.contact, _BIN * min(array.pitch))
         points, forces = contacts[key]
         c, s = np.cos(pose.yaw), np.sin(pose.yaw)

@@ -21,7 +21,7 @@ def print_comparison(comparison: Comparison) -> None:
 
     console = make_console()
     case, sensor, array = comparison.case, comparison.sensor, comparison.sensor.array
-    console.print(escape(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.pose}"), markup=False)
+    console.print(escape(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.place}"), markup=False)
     if isinstance(sensor, SensorDescription):
         console.print(escape(f"cover: {describe_cover(sensor.cover)}") + "\n", markup=False)
     images = list(list_images(comparison))

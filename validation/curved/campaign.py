@@ -17,14 +17,13 @@ from validation.campaign.results import CampaignResult, CaseResult, Reference
 from validation.campaign.run import predict, run_cases, summarise
 from validation.curved.derive import CurvedDerivation
 from validation.curved.fast import press_fast
-from validation.curved.reference import press_case, require_touch
+from validation.curved.reference import press_case
 from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
     from fastmodel.surface import CoverPoints
     from meshes.solids import SolidMesh
-    from validation.curved.touch import Touch
     from validation.sensor_file import SensorDescription
 
 #: Names of the scored models of a curved cover, with a description of each for tables.
@@ -88,26 +87,25 @@ class CurvedCampaign:
             ValueError: If a model cannot compute the case.
             ConvergenceError: If the finite elements did not converge.
         """
-        touch = require_touch(case)
         reference = Reference.of(press_case(self.derivation.sensor, self.meshes, case))
-        forces = self._compute_models(case, touch)
+        forces = self._compute_models(case)
         predictions = predict(
             reference, {name: (each, 0.0) for name, each in forces.items()}, case.load, self.parameters
         )
         return CaseResult(case=case, reference=reference, predictions=predictions, warnings=())
 
-    def _compute_models(self, case: Case, touch: Touch) -> dict[str, FloatArray]:
+    def _compute_models(self, case: Case) -> dict[str, FloatArray]:
         """Compute the texel forces of each model, shape (n,) [N]."""
         from fastmodel.contact.points import find_first_contact
 
         cover, array, gaussian = self.require_fast_model(), self.derivation.sensor.array, self.derivation.gaussian
-        fast = press_fast(cover, case.indenter, touch, case.load)
+        fast = press_fast(cover, case.indenter, case.pose, case.load)
         pressed = np.flatnonzero(fast.forces)
         spread = gaussian.spread(array, cover.points[pressed], cover.normals[pressed])
-        first = find_first_contact(cover, case.indenter, touch.pose, touch.direction, within=_FIRST * cover.thickness)
+        first = find_first_contact(cover, case.indenter, case.pose, case.pose.towards, within=_FIRST * cover.thickness)
         points, normals = cover.points[first], cover.normals[first]
         # Equal forces along the normals whose components against the motion sum to the load.
-        share = case.load / float(-(normals @ touch.direction).sum())
+        share = case.load / float(-(normals @ case.pose.towards).sum())
         apart = np.linalg.norm(points[:, None] - array.centres[None], axis=2)
         nearest = np.bincount(apart.argmin(axis=1), minlength=array.count)
         return {

@@ -15,10 +15,9 @@ from validation.sensor_file import SensorDescription
 if TYPE_CHECKING:
     from fastmodel.surface import CoverPoints
     from fem_reference.curved_cover import CurvedIndentation
-    from meshes import Indenter
+    from meshes import Indenter, Pose
     from meshes.array_types import FloatArray
     from meshes.solids import SolidMesh
-    from validation.curved.touch import Touch
 
 #: Largest number of nodes of the top, middles of edges included, on which the fast model is derived: it needs one
 #: solution per node, and keeps the displacement of each under a force on each [-].
@@ -90,14 +89,14 @@ def derive_fast_model(
 
 
 def press_fast(
-    cover: CoverPoints, indenter: Indenter, touch: Touch, load: float, known: CurvedIndentation | None = None
+    cover: CoverPoints, indenter: Indenter, pose: Pose, load: float, known: CurvedIndentation | None = None
 ) -> FastPress:
     """Press an indenter by the fast model.
 
     Args:
         cover: Arrays of the fast model.
         indenter: The indenter.
-        touch: Place and direction.
+        pose: Place and direction.
         load: Force along the direction [N].
         known: Result of the finite elements under the same load, with which the texel forces are compared.
 
@@ -109,7 +108,7 @@ def press_fast(
 
     started = time.perf_counter()
     try:
-        found = press_points(cover, indenter, touch.pose, load=load, direction=touch.direction)
+        found = press_points(cover, indenter, pose, load=load, direction=pose.towards)
     except FastModelError as error:
         raise InputError(f"fast model: {error}") from None
     seconds = time.perf_counter() - started

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import Field, PrivateAttr, create_model, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
 
 from validation.metrics import Score
 from validation.schema import Table
@@ -180,6 +180,11 @@ class CaseTable(Table):
                 yield f"required.{name}", "is not in `compared`; add it there, or remove the limit"
 
 
+def _require_nothing(schema: dict[str, Any]) -> None:
+    """Say in a JSON Schema that no key is required: those of the default campaign replace what is left out."""
+    del schema["required"]
+
+
 class CampaignTables(Table):
     """Cases in which the fast model is scored, its intended use, and what is required of it.
 
@@ -191,6 +196,8 @@ class CampaignTables(Table):
         loads_for: The cover for which the loads are written.
         case: The cases.
     """
+
+    model_config = ConfigDict(json_schema_extra=_require_nothing)
 
     name: Annotated[str, Field(min_length=1)]
     intended_use: Annotated[str, Field(min_length=1)]

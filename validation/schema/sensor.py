@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from fastmodel.signal.electronics import TEXEL_FORCE
 from meshes.surfaces.files import SURFACES, TETRAHEDRA
@@ -92,6 +92,11 @@ _Counts = Annotated[float, Between(0, 1e9)]
 _MASK_JSON = {"type": "array", "items": {"anyOf": [{"type": "string"}, {"type": "array", "items": {"enum": [0, 1]}}]}}
 
 
+def _allow_positions_in_json(schema: dict[str, Any]) -> None:
+    """Say in a JSON Schema that `positions` replaces the keys of a grid."""
+    schema["anyOf"] = [{"required": schema.pop("required")}, {"required": ["positions"]}]
+
+
 class ArrayTable(Table):
     """Texels on a grid of given rows, columns and pitch, or at positions that another file lists.
 
@@ -106,6 +111,8 @@ class ArrayTable(Table):
         mask: One text of 0 and 1 for each row, smallest y first; 0 marks a missing texel.
         name: Name of the array.
     """
+
+    model_config = ConfigDict(json_schema_extra=_allow_positions_in_json)
 
     rows: TexelCount | None = Field(examples=[14])
     columns: TexelCount | None = Field(examples=[6])

@@ -61,7 +61,7 @@ def test_a_flat_pad_agrees_with_the_planar_solution():
     pose = Pose.facing([0.5e-3, 0.33e-3, 5e-3], DOWN)
     ours = press_curved_finite(cover.meshes(), cover.texels, NEO, BALL, pose, load=3.0)
     planar = Cover(layers=(Layer(thickness=2e-3, material=NEO),), size=(14e-3, 14e-3))
-    known = press(planar, cover.texels, BALL, load=3.0, at=(0.5e-3, 0.33e-3))
+    known = press(planar, cover.texels, BALL, load=3.0, pose=Pose.planar(at=(0.5e-3, 0.33e-3)))
     difference = np.abs(ours.texel_forces - known.texel_forces).max() / known.texel_forces.max()
     assert difference < ours.error_estimate["texel_forces"] + known.error_estimate["peak_texel"]
     assert difference < 0.03

@@ -126,7 +126,7 @@ def test_a_box_on_a_flat_pad_agrees_with_the_planar_solution_without_slip():
     pose = Pose.facing([0.4e-3, 0.3e-3, 5e-3], DOWN)
     ours = press_curved(cover.meshes(), cover.texels, material, BOX, pose, load=0.3, friction=np.inf)
     planar = Cover(layers=(Layer(thickness=2e-3, material=material),), size=(10e-3, 10e-3))
-    known = press(planar, cover.texels, BOX, load=0.3, at=(0.4e-3, 0.3e-3), friction=np.inf)
+    known = press(planar, cover.texels, BOX, load=0.3, pose=Pose.planar(at=(0.4e-3, 0.3e-3)), friction=np.inf)
     difference = np.abs(ours.texel_forces - known.texel_forces).max() / known.texel_forces.max()
     assert difference < min(0.03, ours.error_estimate["texel_forces"])
     assert abs(ours.depth / known.depth - 1) < min(0.08, ours.error_estimate["depth"])

@@ -207,7 +207,7 @@ def test_a_touch_below_the_resolution_is_refused():
 def test_a_steep_side_beside_an_edge_does_not_lift_the_mean_gap():
     top = build_compliance(flat_pad(size=(8e-3, 8e-3), rows=2).mesh(1e-3, layers=2), RUBBER).top
     tilted = Rotation.from_euler("y", 5, degrees=True).as_matrix()
-    pose = Pose(position=np.array([0.13e-3, 0, 5e-3]), rotation=tilted)
+    pose = Pose.from_rotation(np.array([0.13e-3, 0, 5e-3]), tilted)
     down = np.array([0, 0, -1.0])
     box = Box(size=(4e-3, 3e-3, 6e-3))
     travel = find_touch(top, box, pose, down) + 0.1e-3
@@ -288,7 +288,7 @@ def test_a_flat_pad_under_a_ball_agrees_with_the_planar_solution():
     cover = flat_pad(size=(14e-3, 14e-3), rows=3)
     ours = press_curved(cover.meshes(), cover.texels, RUBBER, BALL, Pose.facing([1e-3, 0, 5e-3], [0, 0, -1]), load=0.3)
     planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=(14e-3, 14e-3))
-    known = press(planar, cover.texels, BALL, load=0.3, at=(1e-3, 0))
+    known = press(planar, cover.texels, BALL, load=0.3, pose=Pose.planar(at=(1e-3, 0)))
     peak = known.texel_forces.max()
     difference = np.abs(ours.texel_forces - known.texel_forces).max() / peak
     assert difference < 0.01

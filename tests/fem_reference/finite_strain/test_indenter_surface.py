@@ -51,7 +51,7 @@ def test_a_pose_moves_and_turns_the_surface():
     here = IndenterSurface(indenter=SHAPES[2], fillet=0.4)
     there = IndenterSurface(indenter=SHAPES[2], fillet=0.4, pose=POSE)
     x, y = draw_points()
-    assert there.height(*POSE.plan_to_array(x, y)) == pytest.approx(here.height(x, y), abs=1e-12)
+    assert there.height(*POSE.to_array(x, y)) == pytest.approx(here.height(x, y), abs=1e-12)
 
 
 def test_a_pose_is_given_in_metres_and_positions_in_units():

@@ -133,8 +133,8 @@ def test_solutions_on_blocks_are_read_in_units_of_the_indenter_and_fields_on_the
     def make_state(path, target, count):
         """A state whose numbers are those of its target and grid."""
         value = path.load_scale * target * count
-        x, y = pose.plan_to_array(*place.T)
-        shear = pose.moved((0.0, 0.0)).plan_to_array(*push.T)
+        x, y = pose.to_array(*place.T)
+        shear = replace(pose, point=(0.0, 0.0, 0.0)).to_array(*push.T)
         return SimpleNamespace(
             load=2 * value, depth=value, area=1e-6 * count, overlap=0.01 * value, energy=path.load_scale**2 * 5 * count,
             contact=np.column_stack([x, y, [3 * value], value * shear[0], value * shear[1]]), base=4 * value,

@@ -26,7 +26,7 @@ def test_a_polynomial_pressure_is_integrated_over_oblong_texels_and_the_rest(pos
     assert felt.shape == (7,)
     steps = [((np.arange(200) + 0.5) / 200 - 0.5) * edge for edge in ARRAY.texel_size]
     for force, centre, active in zip(felt, ARRAY.centres, ARRAY.active, strict=False):
-        x, y = pose.plan_to_indenter(*np.meshgrid(centre[0] + steps[0], centre[1] + steps[1]))
+        x, y = pose.to_indenter(*np.meshgrid(centre[0] + steps[0], centre[1] + steps[1]))
         inside = (np.abs(x) < 8e-3) & (np.abs(y) < 7e-3)
         expected = np.where(inside, pressure(x, y), 0.0).mean() * np.prod(ARRAY.texel_size)
         assert force == pytest.approx(expected if active else 0.0, rel=1e-4 if inside.all() else 0.08)

@@ -54,7 +54,7 @@ CASES = pytest.mark.parametrize(
 
 def find_middle(fields, indenter, pose):
     """Nodes under the middle of the face, two thicknesses from its sides, and their positions in its frame."""
-    x, y = pose.plan_to_indenter(*fields.position[:, :2].T)
+    x, y = pose.to_indenter(*fields.position[:, :2].T)
     rest = np.array(indenter.footprint) - 2 * THICKNESS
     return (np.abs(x) < rest[0]) & (np.abs(y) < rest[1]), np.column_stack([x, y])
 
@@ -88,7 +88,7 @@ def test_a_uniform_pressure_compresses_the_middle_without_lateral_strain(indente
 @CASES
 def test_a_face_without_slip_takes_the_top_along(indenter, pose, size):
     fields = solve(indenter, pose, size=size, friction=np.inf)
-    x, y = pose.plan_to_indenter(*fields.position[:, :2].T)
+    x, y = pose.to_indenter(*fields.position[:, :2].T)
     top = fields.position[:, 2] > THICKNESS * (1 - 1e-9)
     half = np.array(indenter.footprint) * (1 + 1e-9)
     under = top & (
@@ -106,8 +106,8 @@ def test_a_face_without_slip_takes_the_top_along(indenter, pose, size):
 def test_a_sliding_cover_of_limited_size_needs_a_load_that_mirrors():
     cover = make_cover(NU, "linear-elastic", size=(20e-3, 20e-3), base="sliding")
     path = LoadingPath(cover=cover, indenter=BOX, targets=(DEPTH,), control="depth")
-    assert state_missing_fields(path, Pose.planar()) == ""
+    assert state_missing_fields(path, Pose()) == ""
     assert "press its middle or bond its base" in state_missing_fields(path, Pose.planar(at=(1e-3, 0.0)))
     with pytest.raises(ValueError, match="no fields: those of a cover of limited size that slides"):
         solve(BOX, Pose.planar(at=(1e-3, 0.0)), size=(20e-3, 20e-3), base="sliding")
-    assert len(solve(BOX, Pose.planar(), size=(20e-3, 20e-3), base="sliding").position)
+    assert len(solve(BOX, Pose(), size=(20e-3, 20e-3), base="sliding").position)

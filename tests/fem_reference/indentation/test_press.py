@@ -62,7 +62,7 @@ def test_axis_beside_the_cover_is_refused(bonded):
             TexelArray.grid(1, 2, 3e-3),
             Sphere(radius=4e-3),
             load=1.0,
-            at=(4.1e-3, 0.0),
+            pose=Pose.planar(at=(4.1e-3, 0.0)),
         )
 
 
@@ -105,5 +105,5 @@ def test_a_contact_near_any_side_is_not_taken_for_one_on_a_wide_cover(at, far, m
 def test_fields_are_computed_up_to_the_sides():
     cover = make_cover(0.45, size=(40e-3, 30e-3))
     path = LoadingPath(cover=cover, indenter=Sphere(radius=4e-3), targets=(1e-4,), control="depth", fields=True)
-    place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=Pose.planar())
+    place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=Pose())
     assert not _is_far_from_sides(path, place, None)

@@ -29,7 +29,7 @@ def test_clipping_moves_points_onto_the_cover_and_keeps_those_on_it(bonded, at, 
     clipped = np.stack(sides.clip_to_cover(x, y))
     on_cover = sides.contain(x, y)
     assert clipped[:, on_cover] == pytest.approx(np.stack([x, y])[:, on_cover], abs=1e-12)
-    u, v = sides.pose.plan_to_array(*clipped)
+    u, v = sides.pose.to_array(*clipped)
     assert np.abs(u).max() <= SIZE[0] / 2 * (1 + 1e-9)
     assert np.abs(v).max() <= SIZE[1] / 2 * (1 + 1e-9)
     assert (np.hypot(*(clipped - [x, y]))[~on_cover] > 0).all()
