@@ -1,9 +1,6 @@
 """Cost and accuracy of curved covers: `python benchmarks/curved_covers.py [PART ...]`.
 
-shells     texel forces of layers on a cylinder and on a sphere against closed forms
 pads       responses of a flat pad: hexahedra against the planar solution with free edges, and eight tetrahedral meshes
-radius     responses of cylinder segments of growing radius against the flat pad
-balance    force and moment on the base of each built-in cover against those of the indenter
 responses  time, memory and error estimates of the responses of all texels of each built-in cover
 estimates  error estimates against true errors: responses of a cylinder, and presses of flat pads
 no-slip    presses of a flat pad without slip against the planar solution with free edges
@@ -16,26 +13,23 @@ from __future__ import annotations
 
 import os
 import resource
-import runpy
 import statistics
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fastmodel.curved.press import press_curved as press_fast
+from fastmodel.contact.points import press_points as press_fast
 from fem_reference import press
 from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import press_curved, texel_responses
 from fem_reference.linear_response.finite_cover import solid_influence
-from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Roller, Sphere, TexelArray
+from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Roller, Sphere
 from meshes.pose import Pose
-from meshes.solids import SweptCover, fingertip, flat_pad, phalanx, sweep
-from meshes.solids.swept import cylinder_surface
+from meshes.solids import fingertip, flat_pad, phalanx
 from meshes.solids.tetrahedra import check_tetrahedra, fill_with_tetrahedra
 from tests.exact.spots import SpotLoad, touch_cylinder
 from validation.derivation.curved import derive_curved_cover
@@ -123,20 +117,6 @@ def rubber(poisson_ratio: float = 0.49) -> Material:
     )
 
 
-def compare_shells() -> None:
-    """Compare the elements with the closed forms of layers on a cylinder and on a sphere."""
-    # The meshes and closed forms are those of the slow tests.
-    cases = runpy.run_path(str(Path(__file__).parents[1] / "tests" / "verification" / "test_curved_solid.py"))
-    print("| layer | thickness / radius | nu | largest error [% of the load] | CPU s |\n|---|---|---|---|---|")
-    for ratio in (0.1, 0.25, 0.5):
-        for poisson_ratio in (0.3, 0.49, 0.5):
-            for name, solve in (("cylinder", cases["solve_tube"]), ("sphere", cases["solve_sphere"])):
-                start = time.process_time()
-                found, expected, load = solve(ratio, poisson_ratio)
-                error, spent = 100 * np.abs(found - expected).max() / load, time.process_time() - start
-                print(f"| {name} | {ratio} | {poisson_ratio} | {error:.3f} | {spent:.0f} |", flush=True)
-
-
 def compare_pads() -> None:
     """Compare hexahedra with the planar solution, and with tetrahedra."""
     print("| pad | mesh | difference [% of the peak texel] | estimate [%] | range over 8 meshes [%] |")
@@ -178,49 +158,6 @@ def _compare_tetrahedra(size: float, meshes: int = 8) -> str:
         f"hexahedra | {error:.2g} | {100 * known.error_estimate['any_texel']:.2g} | "
         f"{100 * np.ptp(values, axis=0).max() / peak:.2g} |"
     )
-
-
-def compare_radii() -> None:
-    """Compare cylinder segments of growing radius with the flat pad."""
-    print("| radius of the base [mm] | difference from the flat pad [% of the peak texel] |\n|---|---|")
-    flat = flat_pad(size=(10e-3, 10e-3), rows=3, pitch=2.5e-3)
-    expected = texel_responses(flat.mesh(), flat.texels, rubber()).matrix
-    for radius in (10e-3, 20e-3, 40e-3, 80e-3, 160e-3):
-        angle, y = flat.texels.centres[:, 0] / radius, flat.texels.centres[:, 1]
-        normals = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
-        texels = TexelArray(
-            centres=radius * normals + y[:, None] * np.array([0, 1.0, 0]),
-            normals=normals,
-            texel_size=flat.texels.texel_size,
-            pitch=flat.texels.pitch,
-            rows=3,
-            columns=3,
-            active=flat.texels.active,
-        )
-        mesh = sweep(cylinder_surface(radius, 10e-3 / radius, 10e-3, 1e-3), 2e-3)
-        difference = np.abs(texel_responses(mesh, texels, rubber()).matrix - expected).max() / expected.max()
-        print(f"| {1e3 * radius:g} | {100 * difference:.2g} |", flush=True)
-
-
-def check_balance() -> None:
-    """Compare the force and moment of the indenter with the reactions of the base."""
-    print("| cover | place | load [N] | force [% of the load] | moment [% of load x 8 mm] |\n|---|---|---|---|---|")
-    down, aside = [0.0, 0, -1], [-1.0, -1, -1]
-    covers: dict[str, tuple[SweptCover, dict[str, tuple[list[float], list[float]]]]] = {
-        "flat pad": (flat_pad(), {"middle": ([0, 0], down), "edge": ([9, 0], down), "oblique": ([0, 0], [1, 0.5, -2])}),
-        "phalanx": (phalanx(), {"middle": ([0, 0], down), "edge": ([0, 9], down), "oblique": ([0, 0], [-1, 0.5, -1])}),
-        "fingertip": (fingertip(), {"middle": ([0, -7], down), "edge": ([0, -13], down), "oblique": ([0, -1], aside)}),
-    }
-    for name, (cover, places) in covers.items():
-        mesh = cover.mesh()
-        for place, (at, direction) in places.items():
-            start = np.array([*at, 0]) * 1e-3 - 30e-3 * np.array(direction)
-            pose = Pose.facing(start, direction)
-            found = press_curved(mesh, cover.texels, rubber(), Sphere(radius=5e-3), pose, depth=DEPTH)
-            size = float(np.linalg.norm(found.force))
-            force = np.linalg.norm(found.base_force - found.force) / size
-            moment = np.linalg.norm(found.base_moment - found.moment) / (size * 8e-3)
-            print(f"| {name} | {place} | {found.load:.3g} | {100 * force:.1e} | {100 * moment:.1e} |", flush=True)
 
 
 def measure_responses() -> None:
@@ -352,10 +289,7 @@ def score_fast_model() -> None:
 
 
 PARTS = {
-    "shells": compare_shells,
     "pads": compare_pads,
-    "radius": compare_radii,
-    "balance": check_balance,
     "responses": measure_responses,
     "estimates": compare_estimates,
     "no-slip": compare_no_slip,
