@@ -20,7 +20,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fastmodel.curved.press import press_curved as press_fast
+from fastmodel.contact.points import press_points as press_fast
 from fem_reference import press
 from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import press_curved, texel_responses

@@ -62,7 +62,7 @@ def parameters(poisson_ratio: float) -> Parameters:
     uniform = ARRAY.image(spread.texel_response(ARRAY, load="uniform"))
     fit = fastmodel.fit_gaussian(uniform, (ARRAY.rows // 2, ARRAY.columns // 2))
     cells = cover_cells(cover(poisson_ratio), ARRAY, spread)
-    return Parameters(array=ARRAY, spread=fit.gaussian, electronics=WTS_0614_34, cells=cells)
+    return Parameters(array=ARRAY, spread=fit.gaussian, electronics=WTS_0614_34, surface=cells)
 
 
 def misplaced(reference, found, load: float) -> float:  # noqa: ANN001 -- any two results with texel forces

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from validation.results.report import Report
     from validation.simulator_models import Exported
     from validation.weiss.continuity import Gap
-    from validation.weiss.frames import Reading
+    from validation.weiss.protocol import Reading
 
 Progress = Callable[[str], None]
 #: What a verb takes as a sensor: what `load` returns, a path, or the name of a built-in sensor.

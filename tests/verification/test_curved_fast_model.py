@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fastmodel.curved.press import press_curved as press_fast
+from fastmodel.contact.points import press_points as press_fast
 from fem_reference.curved_cover import press_curved
 from meshes import Box, Material, Sphere
 from meshes.pose import Pose

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import meshes
-from fastmodel import MissedArrayError, Parameters, indent
-from fastmodel.contact.methods import DEFAULT
+from fastmodel import Parameters, indent
+from fastmodel.contact.methods import DEFAULT, choose_method
+from fastmodel.errors import MissedArrayError
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
 from meshes.array_types import FloatArray
 from validation.calibration.observations import Pose
@@ -101,7 +102,7 @@ def make_fast_method(parameters: Parameters, method: str = DEFAULT, *, name: str
             return np.zeros(parameters.array.count)
         return found.texel_forces
 
-    chosen = ("cover" if parameters.cells is not None else "boxes") if method == DEFAULT else method
+    chosen = choose_method(method, parameters)[0]
     return ContactMethod(
         name=name or f"fast model, {chosen}",
         about=_ABOUT.get(chosen, chosen),

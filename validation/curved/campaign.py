@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fastmodel.surface import CoverPoints
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes.array_types import FloatArray
 from validation.campaign.case import Case
@@ -21,7 +22,7 @@ from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from fastmodel.curved.cover import CurvedCover
+    from fastmodel.surface import CoverPoints
     from meshes.solids import SolidMesh
     from validation.sensor_file import SensorDescription
 
@@ -56,18 +57,21 @@ class CurvedCampaign:
         """Parameters of the fast model."""
         return self.derivation.parameters
 
-    def require_fast_model(self) -> CurvedCover:
+    def require_fast_model(self) -> CoverPoints:
         """Return the arrays of the fast model.
 
         Raises:
             InputError: If the meshes are too fine for the fast model.
         """
-        if self.parameters.curved is None:
+        from fastmodel.surface import CoverPoints
+
+        surface = self.parameters.surface
+        if not isinstance(surface, CoverPoints):
             raise InputError(
                 f"{self.derivation.sensor.source}: the meshes of this cover are too fine for the fast model, so there "
                 "is nothing to validate; state a larger cover.element_size"
             )
-        return self.parameters.curved
+        return surface
 
     def run(
         self, cases: Sequence[Case], plan: Plan, progress: Callable[[int, int, str], None] | None
@@ -92,7 +96,7 @@ class CurvedCampaign:
 
     def _compute_models(self, case: Case) -> dict[str, FloatArray]:
         """Compute the texel forces of each model, shape (n,) [N]."""
-        from fastmodel.curved.press import find_first_contact
+        from fastmodel.contact.points import find_first_contact
 
         cover, array, gaussian = self.require_fast_model(), self.derivation.sensor.array, self.derivation.gaussian
         fast = press_fast(cover, case.indenter, case.pose, case.load)

@@ -13,7 +13,7 @@ from validation.errors import InputError
 from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
-    from fastmodel.curved.cover import CurvedCover
+    from fastmodel.surface import CoverPoints
     from fem_reference.curved_cover import CurvedIndentation
     from meshes import Indenter, Pose
     from meshes.array_types import FloatArray
@@ -70,7 +70,7 @@ def choose_mesh(meshes: tuple[SolidMesh, ...]) -> SolidMesh | None:
 
 def derive_fast_model(
     sensor: SensorDescription, meshes: tuple[SolidMesh, ...], progress: Callable[[str], None] | None = None
-) -> CurvedCover | None:
+) -> CoverPoints | None:
     """Derive the arrays of the fast model; None if even the coarsest mesh has too many nodes on its top.
 
     Args:
@@ -89,7 +89,7 @@ def derive_fast_model(
 
 
 def press_fast(
-    cover: CurvedCover, indenter: Indenter, pose: Pose, load: float, known: CurvedIndentation | None = None
+    cover: CoverPoints, indenter: Indenter, pose: Pose, load: float, known: CurvedIndentation | None = None
 ) -> FastPress:
     """Press an indenter by the fast model.
 
@@ -103,12 +103,12 @@ def press_fast(
     Raises:
         InputError: If the indenter never touches, or the contact was not found.
     """
-    from fastmodel.curved.press import press_curved
+    from fastmodel.contact.points import press_points
     from fastmodel.errors import FastModelError
 
     started = time.perf_counter()
     try:
-        found = press_curved(cover, indenter, pose, load=load, direction=pose.towards)
+        found = press_points(cover, indenter, pose, load=load, direction=pose.towards)
     except FastModelError as error:
         raise InputError(f"fast model: {error}") from None
     seconds = time.perf_counter() - started

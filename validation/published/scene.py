@@ -13,8 +13,8 @@ import numpy as np
 from fastmodel import BoxTexels, FastIndentation, Parameters, indent
 from fastmodel.contact.boxes import BoxReader, find_boxes
 from fastmodel.contact.interface import Reading
-from fastmodel.pose import Pose
-from fastmodel.pressure.cover_kernels import CoverCells
+from fastmodel.pose import Mount
+from fastmodel.surface import Surface
 from fem_reference.closed_form.influence import TexelResponse
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray, IntArray
@@ -211,8 +211,10 @@ class _RecordingBoxes:
     recorded: list[Contacts] = field(default_factory=list)
 
     costly: ClassVar[bool] = False
+    computes_spread: ClassVar[bool] = False
+    takes_overlaps: ClassVar[bool] = False
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add one box geom per texel; see `TexelContact.attach`."""
         self.boxes.attach(body, array, pose, name)
 
@@ -222,7 +224,7 @@ class _RecordingBoxes:
         array: TexelArray,
         name: str,
         *,
-        cells: CoverCells | None = None,  # noqa: ARG002
+        surface: Surface | None = None,  # noqa: ARG002
     ) -> _RecordingReader:
         """Find the boxes in the compiled model; see `TexelContact.bind`."""
         return _RecordingReader(model, find_boxes(model, array, name), array, name, self.recorded)

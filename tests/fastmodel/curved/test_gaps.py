@@ -6,8 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from fastmodel.curved.gaps import measure_gaps
-from fastmodel.curved.press import pose_indenter
+from fastmodel.contact.points import measure_gaps, pose_indenter
 from fastmodel.pressure.gap import CAPSULE, CYLINDER, Solid
 from fastmodel.pressure.gap_sampling import BodyShape, PosedBody
 from meshes import Box, Cone, Sphere

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fastmodel.curved.press import press_curved as press_fast
+from fastmodel.contact.points import press_points as press_fast
 from fem_reference import result_store
 from fem_reference.curved_cover import press_curved, texel_responses
 from fem_reference.curved_cover.pressure_shapes import evaluate_hats

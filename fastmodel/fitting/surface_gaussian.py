@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import ndtr
 
-from fastmodel.errors import ShapeError
+from fastmodel.errors import FastModelError
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.texels import tangent_axes
@@ -55,10 +55,10 @@ def fit_surface_gaussian(array: TexelArray, response: FloatArray) -> SurfaceGaus
         response: Force on each texel (column) per unit force over each texel (row), shape (n, n) [-].
 
     Raises:
-        ShapeError: If the response is for another number of texels.
+        FastModelError: If the response is for another number of texels.
     """
     if response.shape != (array.count, array.count):
-        raise ShapeError(f"a response of {array.count} texels has shape {(array.count,) * 2}, not {response.shape}")
+        raise FastModelError(f"a response of {array.count} texels has shape {(array.count,) * 2}, not {response.shape}")
     place = unroll(array)
     pairs = np.ix_(array.active, array.active)
     place, wanted = place[pairs], response[pairs]

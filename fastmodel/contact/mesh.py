@@ -1,4 +1,4 @@
-"""Contact method of curved covers in MuJoCo: one rigid mesh geom, and the contact pressure on the curved surface.
+"""Contact method for points of a cover in MuJoCo: one rigid mesh geom, and the contact pressure on the curved surface.
 
 MuJoCo collides the convex hull of the cover's top, which gives the force of each body.  The forces on the points of the
 surface follow from the shapes of the bodies and the compliance of the cover.  Friction is not used: the tangential
@@ -11,7 +11,7 @@ is uncertain by about half a facet.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import mujoco
@@ -23,13 +23,12 @@ from fastmodel.contact.geoms import EVERY, check_box, find_geoms
 from fastmodel.contact.interface import Reading
 from fastmodel.contact.joints import Joints
 from fastmodel.contact.panels import Wrench
-from fastmodel.curved.cover import CurvedCover
-from fastmodel.curved.pressure import CurvedPressure, solve_pressure
-from fastmodel.errors import FastModelError
-from fastmodel.pose import Pose, rotate
-from fastmodel.pressure.cover_kernels import CoverCells
+from fastmodel.contact.points import PointPressure, solve_pressure
+from fastmodel.errors import FastModelError, ParametersError
+from fastmodel.pose import Mount, rotate
 from fastmodel.pressure.gap_sampling import PosedBody
 from fastmodel.state import State, pack, take_array, unpack
+from fastmodel.surface import CoverPoints, Surface
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
@@ -46,20 +45,23 @@ _COLOUR = (0.25, 0.27, 0.3, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CurvedContact:
-    """Contact method that distributes the force of each body over a curved cover by the cover's compliance.
+class MeshContact:
+    """Contact method that distributes the force of each body over points of a cover by the cover's compliance.
 
     Attributes:
-        cover: Arrays of the cover.
+        surface: Points of the cover; None takes those of the parameters.
         contype: Collision mask of the mesh geom, 31 bits [-].
         conaffinity: Mask of the geoms that it meets, 31 bits [-].
     """
 
-    cover: CurvedCover
+    surface: CoverPoints | None = None
     contype: int = EVERY
     conaffinity: int = EVERY
 
     costly: ClassVar[bool] = True
+    computes_spread: ClassVar[bool] = True
+    #: The influence divides the force where texels overlap.
+    takes_overlaps: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the masks and that the top is convex.
@@ -68,25 +70,41 @@ class CurvedContact:
             ValueError: If a mask is not of 31 bits.
             FastModelError: If the top has dents, into which no body would reach in MuJoCo.
         """
-        check_box(self.cover.thickness, self.contype, self.conaffinity)
-        points = self.cover.points
-        planes = ConvexHull(_list_vertices(self.cover)).equations
-        depth = -(points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-        if depth.max() > _DENT * self.cover.thickness:
+        check_box(1.0, self.contype, self.conaffinity)
+        if self.surface is None:
+            return
+        most = _DENT * self.surface.thickness
+        planes = ConvexHull(_list_vertices(self.surface)).equations
+        depth = -(self.surface.points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        if depth.max() > most:
             raise FastModelError(
                 f"the top of the cover has dents {1e3 * depth.max():.3g} mm deep; MuJoCo collides convex hulls, so "
-                f"the contact method 'curved' takes dents of at most {1e3 * _DENT * self.cover.thickness:.2g} mm"
+                f"the contact method 'curved' takes dents of at most {1e3 * most:.2g} mm"
             )
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def adapt(self, surface: Surface | None) -> MeshContact:
+        """Return the method for the points of a cover.
+
+        Raises:
+            ParametersError: If the surface is none of points.
+            FastModelError: If the top has dents.
+        """
+        if not isinstance(surface, CoverPoints):
+            raise ParametersError(
+                "the contact method 'curved' needs a curved cover, which these parameters do not hold"
+            )
+        return replace(self, surface=surface)
+
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add the mesh geom to a body of the spec; see `TexelContact.attach`.
 
         Raises:
-            ShapeError: If the cover is for another number of texels.
+            ParametersError: If the method has no points.
+            FastModelError: If the cover is for another number of texels.
         """
-        self.cover.check(array)
+        surface = self._require_surface(array)
         child = mujoco.MjSpec()
-        child.add_mesh(name="plate", uservert=_list_vertices(self.cover).ravel().tolist())
+        child.add_mesh(name="plate", uservert=_list_vertices(surface).ravel().tolist())
         frame = child.worldbody.add_frame(pos=pose.position.tolist(), quat=pose.quaternion.tolist())
         geom = child.worldbody.add_geom(name="plate", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="plate", mass=0.0)
         geom.contype, geom.conaffinity, geom.rgba[:] = self.contype, self.conaffinity, _COLOUR
@@ -99,18 +117,24 @@ class CurvedContact:
         array: TexelArray,
         name: str,
         *,
-        cells: CoverCells | None = None,  # noqa: ARG002
-    ) -> CurvedReader:
-        """Find the mesh geom in the compiled model; see `TexelContact.bind`.  The data in `cells` are not used.
+        surface: Surface | None = None,  # noqa: ARG002
+    ) -> MeshReader:
+        """Find the mesh geom in the compiled model; see `TexelContact.bind`.  The points are those of the method.
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
         """
-        self.cover.check(array)
-        return CurvedReader(self.cover, model, array, name)
+        return MeshReader(self._require_surface(array), model, array, name)
+
+    def _require_surface(self, array: TexelArray) -> CoverPoints:
+        """Return the points, checked against an array."""
+        if self.surface is None:
+            raise ParametersError("the contact method 'curved' needs points: give its name or MeshContact(surface=...)")
+        self.surface.check(array)
+        return self.surface
 
 
-def _list_vertices(cover: CurvedCover) -> FloatArray:
+def _list_vertices(cover: CoverPoints) -> FloatArray:
     """Return the points whose convex hull MuJoCo collides: those of the top, and below a flat top those of the base."""
     points = cover.points
     extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
@@ -119,17 +143,17 @@ def _list_vertices(cover: CurvedCover) -> FloatArray:
     return np.concatenate([points, points - cover.thickness * cover.normals])
 
 
-class CurvedReader:
+class MeshReader:
     """Reader that computes texel forces from the bodies that press on a curved cover."""
 
-    def __init__(self, cover: CurvedCover, model: mujoco.MjModel, array: TexelArray, name: str) -> None:
+    def __init__(self, cover: CoverPoints, model: mujoco.MjModel, array: TexelArray, name: str) -> None:
         """Find the mesh geom, and the nearest texel of every point.
 
         Args:
             cover: Arrays of the cover.
             model: The compiled model.
             array: The array that was attached.
-            name: Name of the sensor, as given to `CurvedContact.attach`.
+            name: Name of the sensor, as given to `MeshContact.attach`.
         """
         self._cover, self._model, self._array = cover, model, array
         geoms = find_geoms(model, [f"{name}/plate"], name)
@@ -137,8 +161,7 @@ class CurvedReader:
         self._bodies = Bodies(model, geoms, name)
         self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
         self._points = cKDTree(cover.points)
-        above = array.centres + cover.thickness * array.normals
-        self._texel = np.asarray(cKDTree(above).query(cover.points)[1])
+        self._texel = cover.find_texels(array)
         self.at_rest(np.zeros(array.count))
 
     def compile_kernels(self, data: mujoco.MjData) -> None:  # noqa: ARG002
@@ -225,7 +248,7 @@ class CurvedReader:
         self._reading = Reading(np.zeros(self._array.count), np.zeros(self._array.count), 0.0)
         return self._reading
 
-    def _solve(self, bodies: list[PosedBody], loads: list[Wrench]) -> CurvedPressure:
+    def _solve(self, bodies: list[PosedBody], loads: list[Wrench]) -> PointPressure:
         """Find the forces of all bodies; bodies whose moments no pressure can have keep only their force.
 
         Where that fails too, the forces of the last step of the search stand.
@@ -276,7 +299,7 @@ class CurvedReader:
         return out
 
 
-def misses_load(cover: CurvedCover, found: CurvedPressure, loads: list[Wrench]) -> bool:
+def misses_load(cover: CoverPoints, found: PointPressure, loads: list[Wrench]) -> bool:
     """Return whether the force of a body that touches differs from its load by more than a hundredth along the load."""
     for number, load in enumerate(loads):
         force = np.where(found.owner == number, found.forces, 0.0) @ cover.normals
