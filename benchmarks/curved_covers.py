@@ -24,14 +24,12 @@ from fastmodel.contact.points import press_points as press_fast
 from fem_reference import press
 from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import press_curved, texel_responses
-from meshes import Box, Cover, Indenter, Layer, Material, Sphere
+from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Roller, Sphere
 from meshes.pose import Pose
 from meshes.solids import fingertip, flat_pad, phalanx
 from tests.exact.spots import SpotLoad, touch_cylinder
 from validation.derivation.curved import derive_curved_cover
 
-#: Depth of the presses of `balance` [m].
-DEPTH = 0.2e-3
 #: Shapes of the 40 presses, the angle about their y axis by which they are turned [rad], and the load [N].
 SHAPES: dict[str, tuple[Indenter, float, float]] = {
     "ball 3 mm": (Sphere(radius=3e-3), 0.0, 0.25),
@@ -68,6 +66,7 @@ FLAT: list[tuple[str, Indenter, float, tuple[float, float], float, tuple[float, 
     ("box 8 x 14 mm", Box(size=(8e-3, 14e-3, 8e-3)), 0.3, (-3.0, 0.1), 0.0, (0.0, 9.9)),
     ("box 8 x 14 mm", Box(size=(8e-3, 14e-3, 8e-3)), 0.3, (-2.3, 0.1), 25.0, (0.0, 9.9)),
 ]  # fmt: skip
+CUBE, PIN = Box(size=(6e-3, 6e-3, 6e-3)), Sphere(radius=3e-3)
 #: Presses of flat pads whose contact is small or narrow beside the elements, as `FLAT`.
 NARROW: list[tuple[str, Indenter, float, tuple[float, float], float, tuple[float, float]]] = [
     *(("ball 3 mm", PIN, 10.0**-n, place, 0.0, (0.0, 0.0)) for n in (1, 2, 3, 4) for place in ((0.0, 0.0), (0.2, 0.1))),
