@@ -32,8 +32,7 @@ def read_legend(axes):
 @pytest.mark.parametrize(("name", "factor", "unit"), [("dragon-skin-30", 1e-3, "kPa"), ("pet", 1e-6, "MPa")])
 def test_a_curve_of_a_material_has_the_range_of_its_modulus_around_it(saved, tmp_path, name, factor, unit):
     material = MATERIALS[name]
-    assert write_curve(material, tmp_path) == ("material.csv", "material.svg", "material.png")
-    assert list(saved) == ["material.svg", "material.png"]
+    write_curve(material, tmp_path / "material.svg")
     figure = saved["material.svg"]
     (axes,) = figure.axes
     assert figure.get_size_inches().tolist() == [6, 4]

@@ -125,7 +125,7 @@ class LayeredBench(Bench):
         parameters, array = self.fast, self.fast.array
         reference = Reference.of(press_reference(self.cover, array, case, friction=self.friction))
         turned = case.turned
-        press = partial(indent, parameters, turned.indenter, load=case.load, at=case.at, yaw=case.yaw)
+        press = partial(indent, parameters, turned.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw)
         fast, area = press(method="default"), press(method="area")
         published: Mapping[str, tuple[FloatArray, float]] = {}
         if self.published is None:
@@ -174,7 +174,7 @@ class LayeredBench(Bench):
     def classify(self, result: CaseResult) -> Mapping[str, str]:
         """Return load, shape and pose of a case as words."""
         case, outside = result.case, result.reference.outside / result.case.load
-        turned = math.degrees(case.yaw) % 90 != 0
+        turned = math.degrees(case.pose.yaw) % 90 != 0
         return {
             "load": "below 2 N" if case.load < _HEAVY else "2 N and more",
             "shape": case.shape.split(":")[0],

@@ -15,7 +15,7 @@ import numpy as np
 
 from meshes import Cover, Cylinder, Material, Sphere, TexelArray
 from meshes.array_types import FloatArray
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 from validation.results import Column, Number, Result, result_model
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def check_contact(cover: Cover, array: TexelArray) -> list[Check]:
     from fem_reference.indentation.small_strain import study_path
 
     depth = _DEPTH * cover.thickness
-    place = Place(array=array, pose=PlanarPose(at=(0.21 * array.pitch[0], -0.32 * array.pitch[1]), yaw=0.0))
+    place = Place(array=array, pose=Pose.planar(at=(0.21 * array.pitch[0], -0.32 * array.pitch[1]), yaw=0.0))
     out = []
     for name, indenter, order in (
         ("flat cylinder", Cylinder(radius=_CYLINDER * cover.thickness), 0.7),

@@ -23,14 +23,14 @@ from validation.credibility.input_uncertainty import InputUncertainty
 from validation.credibility.solid_verification import check_finer_mesh, check_shell
 from validation.curved.derive import CurvedDerivation
 from validation.curved.fast import press_fast
-from validation.curved.reference import press_case, require_touch
+from validation.curved.reference import press_case
 from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from fastmodel.curved.cover import CurvedCover
+    from fastmodel.surface import CoverPoints
+    from meshes import Pose
     from meshes.solids import SolidMesh
-    from validation.curved.touch import Touch
     from validation.sensor_file import SensorDescription
 
 #: Names of the scored models of a curved cover, with a description of each for tables.
@@ -66,8 +66,8 @@ class SolidBench(Bench):
         ),
         (
             "The error is not divided into stages: the pressures of the reference would have to be solved again on the "
-            "mesh of the fast model, as long as the campaign; the row “gaussian” of the table of models shows the spread "
-            "to the texels."
+            "mesh of the fast model, as long as the campaign; the row “gaussian” of the table of models shows the "
+            "spread to the texels."
         ),
         "Published models are not scored: they are stated for planar arrays.",
         "Recordings are not scored: none of a curved array under known loads is public.",
@@ -85,18 +85,21 @@ class SolidBench(Bench):
         """Parameters of the fast model."""
         return self.derivation.parameters
 
-    def require_fast_model(self) -> CurvedCover:
+    def require_fast_model(self) -> CoverPoints:
         """Return the arrays of the fast model.
 
         Raises:
             InputError: If the meshes are too fine for the fast model.
         """
-        if self.parameters.curved is None:
+        from fastmodel.surface import CoverPoints
+
+        surface = self.parameters.surface
+        if not isinstance(surface, CoverPoints):
             raise InputError(
                 f"{self.derivation.sensor.source}: the meshes of this cover are too fine for the fast model, so there "
                 "is nothing to validate; state a larger cover.element_size"
             )
-        return self.parameters.curved
+        return surface
 
     def plan(self, cases: Sequence[Case]) -> Plan:
         """Find out which presses are missing from the store, and how long the cases take."""
@@ -109,9 +112,8 @@ class SolidBench(Bench):
             ValueError: If a model cannot compute the case.
             ConvergenceError: If the finite elements did not converge.
         """
-        touch = require_touch(case)
         reference = Reference.of(press_case(self.derivation.sensor, self.meshes, case))
-        forces = self._compute_models(case, touch)
+        forces = self._compute_models(case)
         predictions = predict(
             reference, {name: (each, 0.0) for name, each in forces.items()}, case.load, self.parameters
         )
@@ -129,25 +131,25 @@ class SolidBench(Bench):
 
         A linear cover of modulus c E under the load F has c times the forces of one of modulus E under F / c.
         """
-        cover, touch, load = self.require_fast_model(), require_touch(case), case.load
+        cover, pose, load = self.require_fast_model(), case.pose, case.load
 
-        def press(where: Touch, factor: float = 1.0) -> FloatArray:
+        def press(where: Pose, factor: float = 1.0) -> FloatArray:
             return factor * press_fast(cover, case.indenter, where, load / factor).texel_forces
 
         def move(direction: FloatArray) -> Callable[[float], FloatArray]:
-            return lambda by: press(replace(touch, point=touch.point + by * direction))
+            return lambda by: press(replace(pose, point=tuple((pose.position + by * direction).tolist())))
 
-        across = touch.pose.rotation[:, :2].T
+        across = pose.rotation[:, :2].T
         changes: dict[str, tuple[float, Callable[[float], FloatArray]]] = {
-            "modulus [relative]": (inputs.modulus, lambda by: press(touch, float(np.exp(by)))),
+            "modulus [relative]": (inputs.modulus, lambda by: press(pose, float(np.exp(by)))),
             "position x [m]": (inputs.position, move(across[0])),
             "position y [m]": (inputs.position, move(across[1])),
-            "yaw [rad]": (inputs.yaw, lambda by: press(replace(touch, yaw=touch.yaw + by))),
+            "yaw [rad]": (inputs.yaw, lambda by: press(replace(pose, yaw=pose.yaw + by))),
         }
         return InputUncertainty(
             load=load,
             uncertainties={name: each for name, (each, _) in changes.items() if each},
-            image=press(touch),
+            image=press(pose),
             effects={name: (image(each) - image(-each)) / 2 for name, (each, image) in changes.items() if each},
             note="thickness, Poisson ratio and friction are not propagated on solid covers",
         )
@@ -170,18 +172,18 @@ class SolidBench(Bench):
             "obliquity_rad": measure_obliquity(result),
         }
 
-    def _compute_models(self, case: Case, touch: Touch) -> dict[str, FloatArray]:
+    def _compute_models(self, case: Case) -> dict[str, FloatArray]:
         """Compute the texel forces of each model, shape (n,) [N]."""
-        from fastmodel.curved.press import find_first_contact
+        from fastmodel.contact.points import find_first_contact
 
         cover, array, gaussian = self.require_fast_model(), self.derivation.sensor.array, self.derivation.gaussian
-        fast = press_fast(cover, case.indenter, touch, case.load)
+        fast = press_fast(cover, case.indenter, case.pose, case.load)
         pressed = np.flatnonzero(fast.forces)
         spread = gaussian.spread(array, cover.points[pressed], cover.normals[pressed])
-        first = find_first_contact(cover, case.indenter, touch.pose, touch.direction, within=_FIRST * cover.thickness)
+        first = find_first_contact(cover, case.indenter, case.pose, case.pose.towards, within=_FIRST * cover.thickness)
         points, normals = cover.points[first], cover.normals[first]
         # Equal forces along the normals whose components against the motion sum to the load.
-        share = case.load / float(-(normals @ touch.direction).sum())
+        share = case.load / float(-(normals @ case.pose.towards).sum())
         apart = np.linalg.norm(points[:, None] - array.centres[None], axis=2)
         nearest = np.bincount(apart.argmin(axis=1), minlength=array.count)
         return {
@@ -195,9 +197,9 @@ class SolidBench(Bench):
 
 def measure_obliquity(result: CaseResult) -> float:
     """Return the angle between the motion of the indenter and the normal of the cover where it is placed [rad]."""
-    touch, top = require_touch(result.case), result.reference.found.top
-    normal = top.normals[int(np.argmin(np.linalg.norm(top.nodes - touch.point, axis=1)))]
-    return float(np.arccos(np.clip(-normal @ touch.direction, -1.0, 1.0)))
+    pose, top = result.case.pose, result.reference.found.top
+    normal = top.normals[int(np.argmin(np.linalg.norm(top.nodes - pose.position, axis=1)))]
+    return float(np.arccos(np.clip(-normal @ pose.towards, -1.0, 1.0)))
 
 
 def plan_presses(sensor: SensorDescription, meshes: tuple[SolidMesh, ...], cases: Sequence[Case]) -> Plan:

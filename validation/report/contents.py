@@ -237,7 +237,7 @@ def _tabulate_cases(campaign: CampaignResult, shown: Mapping[str, Column], *, cu
         scores = [each if each.value == each.value else Cell(text=each.text) for each in scores]
         rows.append(
             [
-                Cell(text=result.case.name, small=f"{result.case.shape} at {result.case.pose}"),
+                Cell(text=result.case.name, small=f"{result.case.shape} at {result.case.place}"),
                 number(result.case.load),
                 *scores,
                 number(result.predictions["no-spread"].score.misplaced_force, 100),

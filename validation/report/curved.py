@@ -13,7 +13,6 @@ import numpy as np
 from validation.campaign.evaluation import Evaluation
 from validation.campaign.results import CaseResult
 from validation.curved.derive import CurvedDerivation
-from validation.curved.reference import require_touch
 from validation.curved.touch import find_middle
 from validation.extras import MissingExtraError
 from validation.render.image import Scale, colour_bar, tactile_image
@@ -71,7 +70,7 @@ def draw_cases(evaluation: Evaluation, folder: Path) -> Pictures:
 
 
 def _draw(evaluation: Evaluation, result: CaseResult, path: Path, write: Any) -> None:  # noqa: ANN401 -- a function
-    direction = require_touch(result.case).direction
+    direction = result.case.pose.towards
     title = f"{result.case.name}: {result.case.shape}, {result.case.load:.3g} N"
     write(show_curved(result.reference.found, evaluation.sensor.array, direction=direction, title=title), path)
 

@@ -166,7 +166,7 @@ def test_the_table_of_cases_prints_the_fast_model_and_the_reference(page, evalua
     _, *rows = page.tables["case-table"]
     for row, result in zip(rows, evaluation.campaign.cases, strict=True):
         fast, bare = result.predictions["fast"].score, result.predictions["no-spread"].score
-        assert row[0][1] == [result.case.name, f"{result.case.shape} at {result.case.pose}"]
+        assert row[0][1] == [result.case.name, f"{result.case.shape} at {result.case.place}"]
         assert is_printed(row[1][1][0], result.case.load)
         expected = [getattr(fast, metric) for metric in TABULATED]
         assert [float(number) for number, _ in row[2:11]] == expected

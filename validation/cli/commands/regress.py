@@ -112,9 +112,10 @@ def _refuse_curved(source: SensorDescription | Parameters, sensor: str) -> Senso
     Raises:
         InputError: If it is.
     """
+    from fastmodel.surface import CoverPoints
     from validation.sensor_file import SensorDescription
 
-    if not isinstance(source, SensorDescription) and source.curved is not None:
+    if not isinstance(source, SensorDescription) and isinstance(source.surface, CoverPoints):
         raise InputError(
             f"{sensor}: is of a curved cover, and the guarded quantities are those of flat arrays; "
             "`softcover validate` with the sensor file scores it"
