@@ -20,8 +20,7 @@ from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.campaign.cost import Plan, plan_solves
 from validation.campaign.reference_press import press_reference
-from validation.campaign.results import MODELS, CaseResult, Reference
-from validation.campaign.run import predict
+from validation.campaign.results import MODELS, CaseResult, Reference, predict
 
 if TYPE_CHECKING:
     from fastmodel import Parameters

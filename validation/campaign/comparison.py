@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from meshes import tilt_indenter
 from validation.campaign.case import Case, tabulate_pose
-from validation.campaign.results import Reference
-from validation.campaign.run import score_forces
+from validation.campaign.results import Reference, score_forces
 from validation.errors import InputError
 from validation.metrics import Score
 from validation.sensor_file import SensorDescription

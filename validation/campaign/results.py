@@ -10,15 +10,20 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from validation.campaign.case import Case
 from validation.campaign.pooling import Pooled
 from validation.json_values import to_json_values
-from validation.metrics import Score
+from validation.metrics import Score, published_line, score
 from validation.results import Array, Number, Result, Unread, renamed, result_model
+
+if TYPE_CHECKING:
+    from fastmodel import Parameters
+    from fem_reference.indentation.result import Indentation
+    from meshes.array_types import FloatArray
 
 #: Names of the scored models, with a description of each for tables.
 MODELS: Mapping[str, str] = {
@@ -257,3 +262,54 @@ def describe_reference_error(campaign: CampaignResult) -> str:
     if math.isnan(campaign.reference_error):
         return "not known, there is one mesh only"
     return f"{100 * campaign.reference_error:.2g} % of {name_texel_error(campaign.noise_floor)}"
+
+
+def predict(
+    reference: Reference | Indentation,
+    forces: Mapping[str, tuple[FloatArray, float]],
+    load: float,
+    parameters: Parameters,
+) -> dict[str, Prediction]:
+    """Score the texel forces of several models in one case.
+
+    Args:
+        reference: Result of the finite elements.
+        forces: Forces on the n texels, shape (n,) [N], and force that no active texel measures [N], by model.
+        load: Applied force [N].
+        parameters: Texels and electronics of the sensor.
+    """
+    return {
+        name: Prediction(
+            texel_forces=texel_forces,
+            outside=outside,
+            score=score_forces(reference, texel_forces, outside, load, parameters),
+        )
+        for name, (texel_forces, outside) in forces.items()
+    }
+
+
+def score_forces(
+    reference: Reference | Indentation,
+    texel_forces: FloatArray,
+    outside: float,
+    load: float,
+    parameters: Parameters,
+) -> Score:
+    """Score the texel forces of a model against the finite-element result of the same indentation.
+
+    Args:
+        reference: Result of the finite elements.
+        texel_forces: Forces on the n texels by the model, shape (n,) [N].
+        outside: Force that no active texel measures, by the model [N].
+        load: Applied force [N].
+        parameters: Texels and electronics of the sensor.
+    """
+    return score(
+        reference.texel_forces,
+        texel_forces,
+        reference_outside=reference.outside,
+        outside=outside,
+        load=load,
+        array=parameters.array,
+        line=published_line(parameters.electronics),
+    )

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshes.array_types import FloatArray
 from validation.campaign.case import Case
 from validation.campaign.cost import Clock, Plan
 from validation.campaign.pooling import Pooled, pool, skill
@@ -21,16 +20,13 @@ from validation.campaign.results import (
     CampaignResult,
     CaseResult,
     Prediction,
-    Reference,
     RowScores,
     SkippedCase,
 )
 from validation.errors import InputError
-from validation.metrics import TABULATED, Score, published_line, score
+from validation.metrics import TABULATED
 
 if TYPE_CHECKING:
-    from fastmodel import Parameters
-    from fem_reference.indentation.result import Indentation
     from validation.campaign.bench import Bench
     from validation.published.calibration import ComparisonModels
 
@@ -117,57 +113,6 @@ def run_cases(
     if not results:
         raise InputError(*(f"{each.name} ({each.indenter}): {each.reason}" for each in skipped))
     return Run(results=results, skipped=skipped, interrupted=interrupted)
-
-
-def predict(
-    reference: Reference | Indentation,
-    forces: Mapping[str, tuple[FloatArray, float]],
-    load: float,
-    parameters: Parameters,
-) -> dict[str, Prediction]:
-    """Score the texel forces of several models in one case.
-
-    Args:
-        reference: Result of the finite elements.
-        forces: Forces on the n texels, shape (n,) [N], and force that no active texel measures [N], by model.
-        load: Applied force [N].
-        parameters: Texels and electronics of the sensor.
-    """
-    return {
-        name: Prediction(
-            texel_forces=texel_forces,
-            outside=outside,
-            score=score_forces(reference, texel_forces, outside, load, parameters),
-        )
-        for name, (texel_forces, outside) in forces.items()
-    }
-
-
-def score_forces(
-    reference: Reference | Indentation,
-    texel_forces: FloatArray,
-    outside: float,
-    load: float,
-    parameters: Parameters,
-) -> Score:
-    """Score the texel forces of a model against the finite-element result of the same indentation.
-
-    Args:
-        reference: Result of the finite elements.
-        texel_forces: Forces on the n texels by the model, shape (n,) [N].
-        outside: Force that no active texel measures, by the model [N].
-        load: Applied force [N].
-        parameters: Texels and electronics of the sensor.
-    """
-    return score(
-        reference.texel_forces,
-        texel_forces,
-        reference_outside=reference.outside,
-        outside=outside,
-        load=load,
-        array=parameters.array,
-        line=published_line(parameters.electronics),
-    )
 
 
 def summarise(

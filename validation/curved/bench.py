@@ -16,8 +16,7 @@ from validation.campaign.bench import Bench
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.campaign.cost import Plan
-from validation.campaign.results import CaseResult, Reference
-from validation.campaign.run import predict
+from validation.campaign.results import CaseResult, Reference, predict
 from validation.credibility.code_verification import Check
 from validation.credibility.input_uncertainty import InputUncertainty
 from validation.credibility.solid_verification import check_finer_mesh, check_shell

@@ -8,8 +8,8 @@ import pytest
 from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import Criterion, read_campaign
 from validation.campaign.case import Case
-from validation.campaign.results import SkippedCase
-from validation.campaign.run import run_campaign, score_forces, summarise
+from validation.campaign.results import SkippedCase, score_forces
+from validation.campaign.run import run_campaign, summarise
 from validation.campaign.verdict import judge
 
 CASES = (
