@@ -22,7 +22,7 @@ import numpy as np
 from fem_reference.indentation.press import press, press_path
 from fem_reference.indentation.result import Indentation
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
-from meshes import Box, Cover, Cylinder, Layer, LetterH, Material, Nut, TexelArray
+from meshes import Box, Cover, Cylinder, Layer, LetterH, Material, Nut, Pose, TexelArray
 from meshes.constants import STANDARD_GRAVITY
 
 NU, E = 0.49, 1e6
@@ -64,9 +64,9 @@ def two_squares(array: TexelArray) -> dict[str, object]:
         for name, load, y in (("big square", LOADS[1], -8e-3), ("small square", LOADS[0], 8e-3))
     ]
     finite, small = cover("neo-hookean"), cover("linear-elastic")
-    alone = [press_path(finite, array, body.indenter, loads=LOADS, at=body.at) for body in bodies]
+    alone = [press_path(finite, array, body.indenter, loads=LOADS, pose=Pose.planar(at=body.at)) for body in bodies]
     deep = [path[LOADS.index(body.load)] for path, body in zip(alone, bodies, strict=True)]
-    flat = [press(small, array, body.indenter, load=body.load, at=body.at) for body in bodies]
+    flat = [press(small, array, body.indenter, load=body.load, pose=Pose.planar(at=body.at)) for body in bodies]
     both = press_together(small, array, bodies)
     forces = both.texel_forces + sum(d.texel_forces - f.texel_forces for d, f in zip(deep, flat, strict=True))
     peak = int(np.argmax(forces))
@@ -87,7 +87,9 @@ def work(names: list[str]) -> None:
         shape, turns = SHAPES[name]
         clock, started = time.perf_counter(), time.process_time()
         for turn in turns:
-            path = press_path(cover("neo-hookean"), array, shape, loads=LOADS, yaw=float(np.radians(turn)))
+            path = press_path(
+                cover("neo-hookean"), array, shape, loads=LOADS, pose=Pose.planar(yaw=float(np.radians(turn)))
+            )
             rows += [row(name, load, turn, found) for load, found in zip(LOADS, path, strict=True)]
         seconds[name] = time.perf_counter() - clock, time.process_time() - started
         print(f"{name}: {seconds[name][0]:.1f} s, {seconds[name][1]:.1f} s of CPU, {rows[-1]}", file=sys.stderr)

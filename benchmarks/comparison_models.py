@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from campaign import LOADS, SHAPES, cover
 
-from meshes import TexelArray
+from meshes import Pose, TexelArray
 from validation.campaign.campaign_file import default_cases
 from validation.campaign.case import Case
 from validation.campaign.pooling import Pooled
@@ -40,7 +40,7 @@ def report_cases() -> tuple[Case, ...]:
             indenter=shape,
             shape=name,
             load=load,
-            yaw=float(np.radians(turn)),
+            pose=Pose.planar(yaw=float(np.radians(turn))),
         )
         for name, (shape, turns) in SHAPES.items()
         for turn in turns

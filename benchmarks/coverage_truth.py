@@ -20,7 +20,7 @@ from fem_reference.closed_form import LayerContact, indent
 from fem_reference.closed_form.influence import tabulate_excess
 from meshes import Box, Cover, Cylinder, FlatPunch, Indenter, Nut, Roller, TexelArray, tilt_indenter
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.exact.boundary import PressedCells, measure_areas, pressed_shape
 from tests.exact.no_slip import stuck_punch, stuck_shape
 from tests.exact.outline import assemble_compliance, press_face, split_face
@@ -74,7 +74,7 @@ def solve_truth(  # noqa: PLR0911 -- one for each kind of truth
     indenter: Indenter,
     depth: float,
     *,
-    pose: PlanarPose,
+    pose: Pose,
     friction: float,
     tilt: tuple[float, float] = (0.0, 0.0),
 ) -> Truth:
@@ -113,9 +113,7 @@ def solve_truth(  # noqa: PLR0911 -- one for each kind of truth
     raise ValueError(f"no independent truth for {type(indenter).__name__}")
 
 
-def squeeze_pad(
-    cover: Cover, array: TexelArray, plate: Box, depth: float, *, pose: PlanarPose, friction: float
-) -> Truth:
+def squeeze_pad(cover: Cover, array: TexelArray, plate: Box, depth: float, *, pose: Pose, friction: float) -> Truth:
     """Squeeze a pad of one layer under a wider plate that slides on both faces, or at Poisson ratio 0: exact.
 
     The stress is uniaxial, F = E A depth / h, and each texel carries its part of the area.
@@ -159,13 +157,13 @@ def press_tilted(cover: Cover, box: Indenter, tilt: tuple[float, float], depth: 
     return PressedCells(cover=cover, depth=depth, corners=corners, pressure=pressure, contact_area=area)
 
 
-def refine_press(cover: Cover, array: TexelArray, indenter: Indenter, depth: float, pose: PlanarPose) -> Truth:
+def refine_press(cover: Cover, array: TexelArray, indenter: Indenter, depth: float, pose: Pose) -> Truth:
     """Compute the truth at finite strain: the finest grids of the same code, for want of another one.
 
     Its error is the estimate of these grids, or half of the change from the coarse ones where that is smaller.
     """
     found, before = (
-        press(cover, array, indenter, depth=depth, at=pose.at, accuracy=accuracy) for accuracy in (1e-9, 0.999)
+        press(cover, array, indenter, depth=depth, pose=pose, accuracy=accuracy) for accuracy in (1e-9, 0.999)
     )
     peak = int(np.argmax(np.abs(found.texel_forces)))
     area, force, texel = found.contact_area, found.total_force, float(found.texel_forces[peak])
@@ -231,7 +229,7 @@ def find_root(ratio: Callable[[float], float], start: float) -> float:
     raise RuntimeError("the contact radius was not found")
 
 
-def _refine_round(pair: tuple[LayerContact, LayerContact], array: TexelArray, pose: PlanarPose, source: str) -> Truth:
+def _refine_round(pair: tuple[LayerContact, LayerContact], array: TexelArray, pose: Pose, source: str) -> Truth:
     """Compute the truth from two solutions of a contact of revolution."""
     coarse, fine = pair
     forces = [each.texel_forces(array, pose.at) for each in pair]
@@ -258,7 +256,7 @@ def _refine_round(pair: tuple[LayerContact, LayerContact], array: TexelArray, po
     )
 
 
-def _refine_rings(rings: list[RingContact], array: TexelArray, pose: PlanarPose, *, flat: bool) -> Truth:
+def _refine_rings(rings: list[RingContact], array: TexelArray, pose: Pose, *, flat: bool) -> Truth:
     """Compute the truth from ring elements of two widths; a flat punch converges with order 2."""
     table = np.array(
         [[each.force, np.pi * each.contact_radius**2, *each.texel_forces(array, pose.at)] for each in rings]
@@ -292,9 +290,7 @@ def extrapolate(table: FloatArray, cells: Sequence[int]) -> FloatArray:
     return np.asarray(table[2] + (table[2] - table[1]) / ((sizes[1] / sizes[2]) ** order - 1))
 
 
-def _refine_cells(
-    solved: list[PressedCells], array: TexelArray, pose: PlanarPose, cells: tuple[int, ...] | None
-) -> Truth:
+def _refine_cells(solved: list[PressedCells], array: TexelArray, pose: Pose, cells: tuple[int, ...] | None) -> Truth:
     """Compute the truth from boundary elements on successive grids; extrapolate if `cells` is given.
 
     Each three grids give the order of convergence of the force, and one extrapolation of all values.

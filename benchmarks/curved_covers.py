@@ -1,12 +1,7 @@
 """Cost and accuracy of curved covers: `python benchmarks/curved_covers.py [PART ...]`.
 
-shells     texel forces of layers on a cylinder and on a sphere against closed forms
-pads       responses of a flat pad: hexahedra against the planar solution with free edges, and eight tetrahedral meshes
-radius     responses of cylinder segments of growing radius against the flat pad
-balance    force and moment on the base of each built-in cover against those of the indenter
 responses  time, memory and error estimates of the responses of all texels of each built-in cover
 estimates  error estimates against true errors: responses of a cylinder, and presses of flat pads
-no-slip    presses of a flat pad without slip against the planar solution with free edges
 scores     40 presses of the fingertip: time of the reference, its error estimate, and what the fast model misplaces
 
 Each part prints a table; `curved_covers.md` holds them.
@@ -16,32 +11,25 @@ from __future__ import annotations
 
 import os
 import resource
-import runpy
 import statistics
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fastmodel.curved.press import press_curved as press_fast
+from fastmodel.contact.points import press_points as press_fast
 from fem_reference import press
 from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import press_curved, texel_responses
-from fem_reference.linear_response.finite_cover import solid_influence
-from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Roller, Sphere, TexelArray
-from meshes.solids import SweptCover, fingertip, flat_pad, phalanx, sweep
-from meshes.solids.swept import cylinder_surface
-from meshes.solids.tetrahedra import check_tetrahedra, fill_with_tetrahedra
-from meshes.spatial_pose import SpatialPose
+from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Roller, Sphere
+from meshes.pose import Pose
+from meshes.solids import fingertip, flat_pad, phalanx
 from tests.exact.spots import SpotLoad, touch_cylinder
 from validation.derivation.curved import derive_curved_cover
 
-#: Depth of the presses of `balance` [m].
-DEPTH = 0.2e-3
 #: Shapes of the 40 presses, the angle about their y axis by which they are turned [rad], and the load [N].
 SHAPES: dict[str, tuple[Indenter, float, float]] = {
     "ball 3 mm": (Sphere(radius=3e-3), 0.0, 0.25),
@@ -50,12 +38,6 @@ SHAPES: dict[str, tuple[Indenter, float, float]] = {
     "box 12 x 12 mm": (Box(size=(12e-3, 12e-3, 6e-3)), 0.0, 1.0),
     "edge of a box": (Box(size=(8e-3, 14e-3, 8e-3)), np.pi / 4, 0.15),
 }
-#: Poisson ratios and shapes of `no-slip`.
-STICKING: tuple[tuple[float, Indenter], ...] = (
-    (0.0, Sphere(radius=5e-3)), (0.45, Sphere(radius=5e-3)), (0.49, Sphere(radius=8e-3)),
-    (0.0, Box(size=(2e-3, 4e-3, 2e-3))), (0.45, Box(size=(3e-3, 3e-3, 2e-3))), (0.49, Box(size=(3e-3, 3e-3, 2e-3))),
-    (0.3, Cylinder(radius=1e-3)), (0.5, Cylinder(radius=2e-3)),
-)  # fmt: skip
 #: Presses of `estimates`: name, indenter, load [N], place [mm], yaw and tilts about x and y [deg].
 FLAT: list[tuple[str, Indenter, float, tuple[float, float], float, tuple[float, float]]] = [
     (name, indenter, load, place, 0.0, (0.0, 0.0))
@@ -123,106 +105,6 @@ def rubber(poisson_ratio: float = 0.49) -> Material:
     )
 
 
-def compare_shells() -> None:
-    """Compare the elements with the closed forms of layers on a cylinder and on a sphere."""
-    # The meshes and closed forms are those of the slow tests.
-    cases = runpy.run_path(str(Path(__file__).parents[1] / "tests" / "verification" / "test_curved_solid.py"))
-    print("| layer | thickness / radius | nu | largest error [% of the load] | CPU s |\n|---|---|---|---|---|")
-    for ratio in (0.1, 0.25, 0.5):
-        for poisson_ratio in (0.3, 0.49, 0.5):
-            for name, solve in (("cylinder", cases["solve_tube"]), ("sphere", cases["solve_sphere"])):
-                start = time.process_time()
-                found, expected, load = solve(ratio, poisson_ratio)
-                error, spent = 100 * np.abs(found - expected).max() / load, time.process_time() - start
-                print(f"| {name} | {ratio} | {poisson_ratio} | {error:.3f} | {spent:.0f} |", flush=True)
-
-
-def compare_pads() -> None:
-    """Compare hexahedra with the planar solution, and with tetrahedra."""
-    print("| pad | mesh | difference [% of the peak texel] | estimate [%] | range over 8 meshes [%] |")
-    print("|---|---|---|---|---|")
-    for poisson_ratio in (0.3, 0.49, 0.5):
-        cover = flat_pad(size=(14e-3, 14e-3), rows=3)
-        response = texel_responses(cover.meshes(), cover.texels, rubber(poisson_ratio))
-        planar = Cover(layers=(Layer(thickness=2e-3, material=rubber(poisson_ratio)),), size=(14e-3, 14e-3))
-        known = solid_influence(planar, cover.texels)
-        expected = known.texel_influence(cover.texels, cover.texels.centres[:, :2])
-        error = 100 * np.abs(response.matrix - expected).max() / expected.max()
-        print(
-            f"| 14 mm, nu {poisson_ratio} | hexahedra against free edges | {error:.2g} | "
-            f"{100 * response.error_estimate['any_texel']:.2g} | - |",
-            flush=True,
-        )
-    for size in (0.8e-3, 0.55e-3):
-        print(_compare_tetrahedra(size), flush=True)
-
-
-def _compare_tetrahedra(size: float, meshes: int = 8) -> str:
-    import trimesh
-
-    cover = flat_pad(size=(10e-3, 10e-3), rows=2)
-    box = trimesh.creation.box(extents=(10e-3, 10e-3, 2e-3))
-    box.apply_translation([0, 0, 1e-3])
-    surface = np.array(box.triangles)
-    base = surface[(surface[..., 2] == 0).all(axis=1)]
-    known = texel_responses(cover.meshes(), cover.texels, rubber())
-    found = []
-    for _ in range(meshes):
-        mesh = fill_with_tetrahedra(surface, base, size)
-        found.append(texel_responses(mesh, cover.texels, rubber()).matrix)
-    values, peak = np.array(found), known.matrix.max()
-    error = 100 * np.abs(values.mean(axis=0) - known.matrix).max() / peak
-    through = check_tetrahedra(mesh, base).through
-    return (
-        f"| 10 mm, nu 0.49 | tetrahedra of {1e3 * size:g} mm ({len(mesh.cells)}, {through:.2g} through) against "
-        f"hexahedra | {error:.2g} | {100 * known.error_estimate['any_texel']:.2g} | "
-        f"{100 * np.ptp(values, axis=0).max() / peak:.2g} |"
-    )
-
-
-def compare_radii() -> None:
-    """Compare cylinder segments of growing radius with the flat pad."""
-    print("| radius of the base [mm] | difference from the flat pad [% of the peak texel] |\n|---|---|")
-    flat = flat_pad(size=(10e-3, 10e-3), rows=3, pitch=2.5e-3)
-    expected = texel_responses(flat.mesh(), flat.texels, rubber()).matrix
-    for radius in (10e-3, 20e-3, 40e-3, 80e-3, 160e-3):
-        angle, y = flat.texels.centres[:, 0] / radius, flat.texels.centres[:, 1]
-        normals = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
-        texels = TexelArray(
-            centres=radius * normals + y[:, None] * np.array([0, 1.0, 0]),
-            normals=normals,
-            texel_size=flat.texels.texel_size,
-            pitch=flat.texels.pitch,
-            rows=3,
-            columns=3,
-            active=flat.texels.active,
-        )
-        mesh = sweep(cylinder_surface(radius, 10e-3 / radius, 10e-3, 1e-3), 2e-3)
-        difference = np.abs(texel_responses(mesh, texels, rubber()).matrix - expected).max() / expected.max()
-        print(f"| {1e3 * radius:g} | {100 * difference:.2g} |", flush=True)
-
-
-def check_balance() -> None:
-    """Compare the force and moment of the indenter with the reactions of the base."""
-    print("| cover | place | load [N] | force [% of the load] | moment [% of load x 8 mm] |\n|---|---|---|---|---|")
-    down, aside = [0.0, 0, -1], [-1.0, -1, -1]
-    covers: dict[str, tuple[SweptCover, dict[str, tuple[list[float], list[float]]]]] = {
-        "flat pad": (flat_pad(), {"middle": ([0, 0], down), "edge": ([9, 0], down), "oblique": ([0, 0], [1, 0.5, -2])}),
-        "phalanx": (phalanx(), {"middle": ([0, 0], down), "edge": ([0, 9], down), "oblique": ([0, 0], [-1, 0.5, -1])}),
-        "fingertip": (fingertip(), {"middle": ([0, -7], down), "edge": ([0, -13], down), "oblique": ([0, -1], aside)}),
-    }
-    for name, (cover, places) in covers.items():
-        mesh = cover.mesh()
-        for place, (at, direction) in places.items():
-            start = np.array([*at, 0]) * 1e-3 - 30e-3 * np.array(direction)
-            pose = SpatialPose.facing(start, direction)
-            found = press_curved(mesh, cover.texels, rubber(), Sphere(radius=5e-3), pose, depth=DEPTH)
-            size = float(np.linalg.norm(found.force))
-            force = np.linalg.norm(found.base_force - found.force) / size
-            moment = np.linalg.norm(found.base_moment - found.moment) / (size * 8e-3)
-            print(f"| {name} | {place} | {found.load:.3g} | {100 * force:.1e} | {100 * moment:.1e} |", flush=True)
-
-
 def measure_responses() -> None:
     """Measure time and memory of the responses of all texels."""
     print("| cover | texels | hexahedra, finest | CPU s | s | GiB, so far | estimate, peak texel [%] | any texel [%] |")
@@ -262,15 +144,10 @@ def compare_estimates() -> None:
     )
     print("|---|---|---|---|---|---|")
     for name, indenter, load, (x, y), yaw, tilts in FLAT + NARROW:
-        turn = Rotation.from_euler("z", yaw, degrees=True) * Rotation.from_rotvec([*tilts, 0.0], degrees=True)
-        pose = SpatialPose(position=np.array([1e-3 * x, 1e-3 * y, 5e-3]), rotation=turn.as_matrix())
-        down = [0.0, 0.0, -1.0]
-        found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load, direction=down)
         about_x, about_y = np.radians(tilts).tolist()
-        exact = press(
-            planar, cover.texels, indenter, load=load, at=(1e-3 * x, 1e-3 * y), yaw=float(np.radians(yaw)),
-            tilt=(about_x, about_y),
-        )  # fmt: skip
+        pose = Pose(point=(1e-3 * x, 1e-3 * y, 5e-3), yaw=float(np.radians(yaw)), tilt=(about_x, about_y))
+        found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load)
+        exact = press(planar, cover.texels, indenter, pose, load=load)
         difference = np.abs(found.texel_forces - exact.texel_forces)
         errors = {
             "misplaced_force": difference.sum() / (2 * load),
@@ -290,38 +167,13 @@ def compare_estimates() -> None:
     )
 
 
-def compare_no_slip() -> None:
-    """Compare presses without slip with the planar solution with free edges, with their estimates."""
-    cover = flat_pad(size=(10e-3, 10e-3), rows=2)
-    print("| shape | nu | misplaced force: error, estimate [%] | texel forces | depth | CPU s | planar CPU s |")
-    print("|---|---|---|---|---|---|---|")
-    for ratio, indenter in STICKING:
-        material = rubber(ratio)
-        planar = Cover(layers=(Layer(thickness=2e-3, material=material),), size=(10e-3, 10e-3))
-        pose, load = SpatialPose.facing([0.4e-3, 0.3e-3, 5e-3], [0.0, 0.0, -1.0]), 0.3
-        times = [time.process_time()]
-        found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load, friction=np.inf)
-        times.append(time.process_time())
-        exact = press(planar, cover.texels, indenter, load=load, at=(0.4e-3, 0.3e-3), friction=np.inf)
-        times.append(time.process_time())
-        difference = np.abs(found.texel_forces - exact.texel_forces)
-        errors = {
-            "misplaced_force": difference.sum() / (2 * load),
-            "texel_forces": difference.max() / exact.texel_forces.max(),
-            "depth": abs(found.depth / exact.depth - 1),
-        }
-        cells = " | ".join(f"{100 * each:.2f}, {100 * found.error_estimate[key]:.2f}" for key, each in errors.items())
-        seconds = " | ".join(f"{each:.0f}" for each in np.diff(times))
-        print(f"| {type(indenter).__name__.lower()} | {ratio:g} | {cells} | {seconds} |", flush=True)
-
-
-def list_presses() -> Iterator[tuple[str, str, Indenter, SpatialPose, list[float], float]]:
+def list_presses() -> Iterator[tuple[str, str, Indenter, Pose, list[float], float]]:
     """Shape, place, indenter, pose, direction and load of the 40 presses."""
     for shape, (indenter, tilt, load) in SHAPES.items():
         turn = Rotation.from_euler("y", tilt).as_matrix()
         for place, (at, direction) in PLACES.items():
-            pose = SpatialPose.facing(1e-3 * np.array(at) - 20e-3 * np.array(direction), direction)
-            turned = SpatialPose(position=pose.position, rotation=pose.rotation @ turn)
+            pose = Pose.facing(1e-3 * np.array(at) - 20e-3 * np.array(direction), direction)
+            turned = Pose.from_rotation(pose.position, pose.rotation @ turn)
             yield shape, place, indenter, turned, list(direction), load
 
 
@@ -357,13 +209,8 @@ def score_fast_model() -> None:
 
 
 PARTS = {
-    "shells": compare_shells,
-    "pads": compare_pads,
-    "radius": compare_radii,
-    "balance": check_balance,
     "responses": measure_responses,
     "estimates": compare_estimates,
-    "no-slip": compare_no_slip,
     "scores": score_fast_model,
 }
 

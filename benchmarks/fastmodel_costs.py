@@ -22,7 +22,7 @@ import numpy as np
 
 import fastmodel
 from fastmodel import WTS_0614_34, Butterworth, Gaussian, Parameters, Plate
-from fastmodel.pose import Pose
+from fastmodel.pose import Mount
 from fem_reference import point_spread
 from meshes import (
     Box,
@@ -61,7 +61,7 @@ SPEED = 20e-3
 def parameters(array: TexelArray) -> Parameters:
     """An array under 2 mm of rubber."""
     cells = cover_cells(COVER, array, point_spread(COVER))
-    return Parameters(array=array, spread=Gaussian.from_sigma(0.7), electronics=WTS_0614_34, cells=cells)
+    return Parameters(array=array, spread=Gaussian.from_sigma(0.7), electronics=WTS_0614_34, surface=cells)
 
 
 class Scene:
@@ -72,7 +72,7 @@ class Scene:
         spec = mujoco.MjSpec()
         fastmodel.recommend_options(spec)
         spec.option.timestep = 1e-3
-        here = Pose.of((0, 0, 0), (1, 0, 0, 0))
+        here = Mount.of((0, 0, 0), (1, 0, 0, 0))
         self.sensor = None
         if method is None:
             Plate().attach(spec.worldbody, settings.array, here, "plate")

@@ -21,7 +21,7 @@ from fastmodel import WTS_0614_34, Parameters, Placement
 from fastmodel.signal.electronics import grey_levels
 from fem_reference import point_spread, press
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
-from meshes import Box, Cover, Cylinder, Indenter, Layer, LetterH, Material, Nut, TexelArray
+from meshes import Box, Cover, Cylinder, Indenter, Layer, LetterH, Material, Nut, Pose, TexelArray
 from meshes.catalogue import ARRAYS
 from meshes.constants import STANDARD_GRAVITY
 from validation.derivation.cover_kernels import cover_cells
@@ -62,7 +62,7 @@ def parameters(poisson_ratio: float) -> Parameters:
     uniform = ARRAY.image(spread.texel_response(ARRAY, load="uniform"))
     fit = fastmodel.fit_gaussian(uniform, (ARRAY.rows // 2, ARRAY.columns // 2))
     cells = cover_cells(cover(poisson_ratio), ARRAY, spread)
-    return Parameters(array=ARRAY, spread=fit.gaussian, electronics=WTS_0614_34, cells=cells)
+    return Parameters(array=ARRAY, spread=fit.gaussian, electronics=WTS_0614_34, surface=cells)
 
 
 def misplaced(reference, found, load: float) -> float:  # noqa: ANN001 -- any two results with texel forces
@@ -83,7 +83,7 @@ def single(ratio: float, shapes=tuple(SHAPES), loads=LOADS, yaws=YAWS, places=PL
     fast = parameters(ratio)
     for name, load, yaw, at in itertools.product(shapes, loads, yaws, places):
         shape = SHAPES[name]
-        reference = press(cover(ratio), ARRAY, shape, load=load, at=at, yaw=yaw)
+        reference = press(cover(ratio), ARRAY, shape, load=load, pose=Pose.planar(at=at, yaw=yaw))
         for method in METHODS:
             found = fastmodel.indent(fast, shape, load=load, at=at, yaw=yaw, method=method)
             yield _row(ratio, name, method, reference, found, load, at, yaw)

@@ -91,7 +91,7 @@ def main() -> None:
             array=array,
             spread=Gaussian(sigma_x=0.5, sigma_y=0.5, ksize_x=3, ksize_y=3),
             electronics=WTS_0614_34,
-            cells=cover_cells(cover, array, spread),
+            surface=cover_cells(cover, array, spread),
         )
         stretched = state_range(plain, cover, spread, press_ball_on_array(cover, array, None))
         print(f"{name}: misplaced [%] without and with tables under load, worst of {len(PLACES)} positions")

@@ -161,7 +161,7 @@ def parameters(pitch: float) -> Parameters:
         array=array,
         spread=fastmodel.Gaussian.from_sigma(0.7),
         electronics=electronics,
-        cells=cover_cells(COVER, array, spread),
+        surface=cover_cells(COVER, array, spread),
     )
 
 

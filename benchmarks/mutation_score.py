@@ -1,135 +1,190 @@
 """Mutation score of the default tests: the share of small changes of the code that a test notices.
 
-    python benchmarks/mutation_score.py --cases 300 --seed 12 --out benchmarks/mutation_score.md
-    python benchmarks/mutation_score.py --planted
+    python benchmarks/mutation_score.py --cases 150 --seed 21
+    python benchmarks/mutation_score.py --cases 150 --seed 21 --paths fem_reference fastmodel validation/metrics.py
 
-A seeded sample is drawn from all mutants (`mutants.py`) of the four packages, so each package takes part in proportion
-to its size.  For each mutant, the tests that run its line (`coverage_by_test.py`) run in a copy of the repository
-(`isolated_tests.py`) up to the first failure: those of its package first, and each kind fastest first.  Lines that
-coverage does not see, in compiled kernels and outside functions, are found through the lines that use their names.  A
-mutant whose tests need more than about ten times their processor time counts as killed.
+A seeded sample is drawn from all mutants (`mutants.py`) of the named folders and files.  First the default tests run
+once under coverage.py, whose contexts are the tests.  Then each mutant is planted in a copy of the repository, and the
+tests that run its line run there up to the first failure: those of its package first, each kind fastest first, up to a
+budget of time.  Lines that coverage does not see, in compiled kernels and outside functions, are found through the
+lines that use their names.  A run that exceeds its time limit counts as noticed.  Finished mutants are kept in a file
+of JSON lines, and a second run of the same code goes on from there.
 
 Neither mutmut nor cosmic-ray fits: mutmut 3 leaves decorated functions out and chooses among its mutants inside the
 process, where numba has compiled one; cosmic-ray changes the files of the tree itself and runs one fixed command.
-
-After changes of tests alone, `--survivors` runs only the mutants that no test has noticed yet.
-
-`--planted` plants the defects of `planted_defects.toml` instead, each of which its tests must notice.
 """
 
 from __future__ import annotations
 
+import argparse
+import hashlib
+import json
+import os
 import random
 import re
+import shutil
+import subprocess
 import sys
 import tempfile
-import tomllib
-from argparse import Namespace
-from functools import cache, partial
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from keyword import iskeyword
 from pathlib import Path
+from queue import Queue
 from typing import Any
 
-from coverage_by_test import TEST_FILES, measure_file
-from isolated_tests import PACKAGES, ROOT, copied_tree, run_tests
+import coverage
+import pytest
 from mutants import Mutant, find_mutants
-from resumable import Record, hash_code, read_options, read_records, run_cases, state_code
 
-HERE = Path(__file__).resolve().parent
-#: Tests that run against one mutant take at most this processor time without it [s].
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("meshes", "fem_reference", "fastmodel", "validation")
+#: Files of tests that read the sources as text, so that they notice changes that change no behaviour.
+READERS = ("test_house.py", "test_imports.py", "test_dependencies.py", "test_documents.py", "test_base_install.py")
+#: Tests that run against one mutant take at most this time without it [s].
 BUDGET = 30.0
-#: Tests are collected in batches; limits between them [s].
-BATCHES = (2.0, 10.0)
-#: Processor time that a test may take besides, to compile changed kernels, or to compute finite-element results anew:
-#: kept results are those of unchanged `meshes` and `fem_reference` [s].
-RENEWAL = 120.0
+#: A run may take this many times as long as its tests without a mutant, plus a constant for imports and kernels [s].
+FACTOR, CONSTANT = 10.0, 180.0
 #: Number of steps from a name to the names of the functions that use it.
 STEPS = 4
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "CI": "1"}
 
 
 @cache
-def list_mutants(seed: int) -> list[Mutant]:
-    """List all mutants in an order drawn with a seed."""
-    found = find_mutants(ROOT, PACKAGES)
-    random.Random(seed).shuffle(found)  # noqa: S311 -- no secret
-    return found
-
-
-@cache
-def _read_sources() -> dict[str, str]:
+def read_sources() -> dict[str, str]:
+    """Read the sources of the packages by their path."""
     files = sorted(file for package in PACKAGES for file in (ROOT / package).rglob("*.py"))
     return {file.relative_to(ROOT).as_posix(): file.read_text() for file in files}
 
 
-class Chooser:
-    """Chooses tests for a mutant, from the records of `coverage_by_test.measure_file`.
+def copy_tree(folder: Path) -> Path:
+    """Copy the repository without what only stands in the way."""
+    skip = shutil.ignore_patterns(".git", ".venv", ".hypothesis", ".*_cache", "build", "dist")
+    return Path(shutil.copytree(ROOT, folder / "tree", ignore=skip))
+
+
+def run_python(tree: Path, arguments: list[str], seconds: float | None = None) -> int:
+    """Run Python in a copy of the repository; raises `subprocess.TimeoutExpired` after a time."""
+    environment = os.environ | ONE_THREAD | {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(tree.parent / "kernels")}
+    command, quiet = [sys.executable, *arguments], subprocess.DEVNULL
+    done = subprocess.run(command, cwd=tree, env=environment, check=False, timeout=seconds, stdout=quiet, stderr=quiet)
+    return done.returncode
+
+
+class _Contexts:
+    """Pytest plug-in: one context of coverage.py per test and per shared fixture, and the time of each test."""
+
+    def __init__(self, measured: coverage.Coverage) -> None:
+        self._measured, self._names = measured, [""]
+        self.tests: dict[str, dict[str, Any]] = {}
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        self._names = [item.nodeid]
+        self._measured.switch_context(item.nodeid)
+        started = time.perf_counter()
+        result = yield
+        found = self.tests.setdefault(item.nodeid, {"passed": False})
+        found |= {"seconds": time.perf_counter() - started, "fixtures": list(getattr(item, "fixturenames", ()))}
+        return result
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef[Any]) -> Iterator[None]:
+        self._names.append(self._names[-1] if fixturedef.scope == "function" else f"fixture {fixturedef.argname}")
+        self._measured.switch_context(self._names[-1])
+        try:
+            return (yield)
+        finally:
+            self._names.pop()
+            self._measured.switch_context(self._names[-1])
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "call":
+            self.tests[report.nodeid] = {"passed": report.passed}
+
+
+def measure(folder: Path, tests: list[str]) -> None:
+    """Run tests under coverage.py in this process, and write what runs which lines into a folder."""
+    measured = coverage.Coverage(data_file=str(folder / "coverage"), source=list(PACKAGES), config_file=False)
+    measured.start()
+    contexts = _Contexts(measured)
+    options = ["-q", "-n", "0", "-p", "no:cacheprovider", *[f"--ignore=tests/{name}" for name in READERS]]
+    pytest.main([*options, *tests], plugins=[contexts])
+    measured.stop()
+    measured.save()
+    passed = {name: found for name, found in contexts.tests.items() if found["passed"] and "seconds" in found}
+    (folder / "tests.json").write_text(json.dumps({"root": str(ROOT), "tests": passed}))
+
+
+class Coverage:
+    """Which tests run which lines, and how long they take.
 
     Attributes:
-        seconds: Processor time of each test [s].
+        seconds: Time of each test [s].
     """
 
-    def __init__(self, records: list[Record]) -> None:
-        tests = {name: found for record in records for name, found in record["tests"].items()}
-        self.seconds: dict[str, float] = {name: seconds for name, (seconds, _) in tests.items()}
-        self._lines: dict[str, list[tuple[str, int]]] = {}
-        for name, (_, files) in tests.items():
-            for path, bits in files.items():
-                self._lines.setdefault(path, []).append((name, int(bits, 16)))
+    def __init__(self, folder: Path, tests: list[str]) -> None:
+        """Run the tests under coverage in a folder, unless it holds the record of an earlier run."""
+        if not (folder / "tests.json").exists():
+            with tempfile.TemporaryDirectory() as place:
+                tree = copy_tree(Path(place))
+                run_python(tree, [f"{tree}/benchmarks/mutation_score.py", "--measure", str(folder), "--tests", *tests])
+        known = json.loads((folder / "tests.json").read_text())
+        self._root, self._tests = known["root"], known["tests"]
+        self._data = coverage.CoverageData(str(folder / "coverage"))
+        self._data.read()
+        self.seconds = {name: found["seconds"] for name, found in self._tests.items()}
+        self._lines: dict[str, dict[int, list[str]]] = {}
 
-    def _covering(self, path: str, bits: int) -> set[str]:
-        return {name for name, lines in self._lines.get(path, ()) if lines & bits}
+    def cover(self, path: str, lines: tuple[int, ...]) -> set[str]:
+        """Return the tests that run any of some lines of a file, themselves or by a fixture that they share."""
+        if path not in self._lines:
+            self._lines[path] = self._data.contexts_by_lineno(f"{self._root}/{path}")
+        names = {name for line in lines for name in self._lines[path].get(line, ())}
+        shared = {name.removeprefix("fixture ") for name in names if name.startswith("fixture ")}
+        users = {name for name, found in self._tests.items() if shared & set(found["fixtures"])} if shared else set()
+        return users | names & set(self.seconds)
 
     def choose(self, mutant: Mutant) -> list[str]:
         """Return tests that may notice a mutant within the budget: its package's first, each kind fastest first."""
-        found: set[str] = set()
-        if mutant.runs:
-            found = self._covering(mutant.path, sum(1 << line for line in mutant.lines))
+        found = self.cover(mutant.path, mutant.lines) if mutant.runs else set()
         if not found or is_compiled(mutant.path):
-            found |= self._find_users(mutant)
+            found |= self._find_users(mutant.owner)
         chosen, used = [], 0.0
-        near = (f"tests/{mutant.path.split('/')[0]}/", "tests/verification/")
+        near = (f"tests/{mutant.path.split('/', maxsplit=1)[0]}/", "tests/verification/")
         for name in sorted(found, key=lambda name: (not name.startswith(near), self.seconds[name], name)):
             used += self.seconds[name]
             if used <= BUDGET or not chosen:
                 chosen.append(name)
         return chosen
 
-    def _find_users(self, mutant: Mutant) -> set[str]:
-        """Find tests of lines that use the function, class or constant, directly or through what no test covers."""
+    def _find_users(self, owner: str) -> set[str]:
+        """Find tests of lines that use a function, class or constant, directly or through what no test covers."""
         found: set[str] = set()
-        names, seen = {mutant.owner}, {"", "__init__", "__post_init__"}
+        names, seen = {owner}, {"", "__init__", "__post_init__"}
         for _ in range(STEPS):
             further: set[str] = set()
             for name in names - seen:
-                for path, line, owner, runs in _find_uses(name):
+                for path, line, user, runs in find_uses(name):
                     # A line outside functions runs in whichever test loads the file first.
-                    tests = self._covering(path, 1 << line) if runs else set()
+                    tests = self.cover(path, (line,)) if runs else set()
                     found |= tests
                     # Tests that run a kernel as Python may be few, and compare it with itself.
-                    further |= set() if tests and not is_compiled(path) else {owner}
+                    further |= set() if tests and not is_compiled(path) else {user}
             seen |= names
             names = further
         return found
 
-    def batches(self, tests: list[str]) -> list[list[str]]:
-        """Divide tests into batches by the sum of their times."""
-        batches: list[list[str]] = [[] for _ in range(len(BATCHES) + 1)]
-        used = 0.0
-        for name in tests:
-            used += self.seconds[name]
-            batches[sum(used > limit for limit in BATCHES)].append(name)
-        return [batch for batch in batches if batch]
-
 
 @cache
-def _find_uses(name: str) -> list[tuple[str, int, str, bool]]:
+def find_uses(name: str) -> list[tuple[str, int, str, bool]]:
     """Find the lines that use a name: path, line, function, class or constant, and whether it is a function."""
     found = []
-    for path, source in _read_sources().items():
-        if name not in source:
-            continue
+    for path, source in read_sources().items():
         owner, runs = "", False
-        for number, line in enumerate(source.splitlines(), start=1):
+        for number, line in enumerate(source.splitlines() if name in source else (), start=1):
             if start := re.match(r"\s*def (\w+)", line):
                 owner, runs = start[1], True
             elif line and not line[0].isspace() and line[0] not in ")@":
@@ -143,153 +198,101 @@ def _find_uses(name: str) -> list[tuple[str, int, str, bool]]:
 @cache
 def is_compiled(path: str) -> bool:
     """Whether numba compiles functions of a file, or of a file that imports it."""
-    sources = _read_sources()
     module = path.removesuffix(".py").replace("/", ".")
-    return "called_by_kernels" in sources[path] or any(
-        "called_by_kernels" in source and f"from {module} import" in source for source in sources.values()
+    return "called_by_kernels" in read_sources()[path] or any(
+        "called_by_kernels" in source and f"from {module} import" in source for source in read_sources().values()
     )
 
 
-def try_change(path: str, source: str, batches: list[list[str]], seconds: dict[str, float]) -> dict[str, Any]:
-    """Run tests in a copy of the repository in which one file has another source."""
-    kernels = path.endswith(".py") and is_compiled(path)
-    renewed = kernels or path.startswith(("meshes/", "fem_reference/"))
-    with tempfile.TemporaryDirectory() as own, copied_tree(compiled=Path(own) if kernels else None) as tree:
-        (tree / path).write_text(source)
-        return run_tests(tree, batches, seconds, extra=RENEWAL if renewed else 0.0)
-
-
-@cache
-def _load_chooser(lines: Path, code: str) -> Chooser:
-    records = read_records(lines)
-    latest = {record["file"]: record for record in sorted(records, key=lambda record: record["code"] == code)}
-    return Chooser([record for name, record in latest.items() if name in TEST_FILES])
-
-
-def _describe(path: str, line: int, source: str, changed: str) -> dict[str, Any]:
-    """Describe a change by its first different lines."""
-    before, after = source.splitlines(), changed.splitlines()
-    return {"path": path, "line": line, "before": before[line - 1].strip(), "after": after[line - 1].strip()}
-
-
-def try_mutant(seed: int, number: int, *, lines: Path, coverage: Path, code: str) -> Record:
-    """Run the tests chosen for one mutant; the test that killed it in an earlier run goes first."""
-    mutant, chooser = list_mutants(seed)[number], _load_chooser(coverage, code)
-    source = _read_sources()[mutant.path]
+def try_mutant(mutant: Mutant, known: Coverage, tree: Path) -> dict[str, Any]:
+    """Run the tests chosen for a mutant in a copy of the repository, and mend the copy."""
+    source = read_sources()[mutant.path]
     changed = mutant.apply(source)
-    record = _describe(mutant.path, mutant.line, source, changed)
-    earlier = [old["test"] for old in read_records(lines)
-               if old["outcome"] == "failed" and all(old[key] == record[key] for key in record)]  # fmt: skip
-    tests = chooser.choose(mutant)
-    batches = [[name] for name in earlier[-1:] if name in chooser.seconds] + chooser.batches(tests)
-    record["sources"] = hash_code(*PACKAGES)
-    if not batches:
-        return record | {"outcome": "no test", "test": "", "text": "", "cpu": 0.0, "tests": 0}
-    return record | try_change(mutant.path, changed, batches, chooser.seconds) | {"tests": len(tests)}
+    before, after = (text.splitlines()[mutant.line - 1].strip() for text in (source, changed))
+    record = {"path": mutant.path, "line": mutant.line, "before": before, "after": after, "outcome": "no test"}
+    tests = known.choose(mutant)
+    if tests:
+        (tree / mutant.path).write_text(changed)
+        try:
+            limit = FACTOR * sum(known.seconds[name] for name in tests) + CONSTANT
+            command = ["-m", "pytest", "-q", "-n", "0", "-x", "-p", "no:cacheprovider", *tests]
+            record["outcome"] = "failed" if run_python(tree, command, limit) else "passed"
+        except subprocess.TimeoutExpired:
+            record["outcome"] = "time"
+        finally:
+            (tree / mutant.path).write_text(source)
+    return record
 
 
-def read_planted() -> list[dict[str, Any]]:
-    """Read the planted defects: `kind`, `path`, `before`, `after`, `tests`."""
-    defects: list[dict[str, Any]] = tomllib.loads((HERE / "planted_defects.toml").read_text())["defect"]
-    return defects
-
-
-def plant(defect: dict[str, Any]) -> str:
-    """Return the source of a file with a planted defect; the text that it replaces must occur once."""
-    source = (ROOT / defect["path"]).read_text()
-    if source.count(defect["before"]) != 1:
-        message = f"{defect['path']}: {defect['before']!r} occurs {source.count(defect['before'])} times, not once"
-        raise ValueError(message)
-    return source.replace(defect["before"], defect["after"])
-
-
-def try_planted(_seed: int, number: int) -> Record:
-    """Run the tests of one planted defect."""
-    defect = read_planted()[number]
-    return {"kind": defect["kind"], "path": defect["path"]} | try_change(
-        defect["path"], plant(defect), [defect["tests"]], {}
-    )
-
-
-def read_equivalent() -> list[dict[str, str]]:
-    """Read the mutants that change no behaviour: `path`, `before`, `after`, `reason`."""
-    mutants: list[dict[str, str]] = tomllib.loads((HERE / "equivalent_mutants.toml").read_text()).get("mutant", [])
-    return mutants
-
-
-def _make_row(name: str, records: list[Record]) -> str:
+def make_row(name: str, records: list[dict[str, Any]]) -> str:
     """Make a row of the table: counts, score and its 95 % interval after Wilson."""
     from scipy.stats import binomtest
 
-    counts = [sum(record["outcome"] == outcome for record in records)
-              for outcome in ("failed", "time", "passed", "no test", "equivalent")]  # fmt: skip
-    killed, tried = counts[0] + counts[1], len(records) - counts[4]
+    counts = [sum(record["outcome"] == each for record in records) for each in ("failed", "time", "passed", "no test")]
     cells = [name, str(len(records)), *map(str, counts)]
-    if tried:
-        low, high = binomtest(killed, tried).proportion_ci(0.95, method="wilson")
-        return " | ".join(["", *cells, f"{100 * killed / tried:.1f} %", f"{100 * low:.1f}..{100 * high:.1f} %", ""])
-    return " | ".join(["", *cells, "-", "-", ""])
+    if not records:
+        return f"| {' | '.join(cells)} | - | - |"
+    noticed = counts[0] + counts[1]
+    low, high = binomtest(noticed, len(records)).proportion_ci(0.95, method="wilson")
+    score = f"{100 * noticed / len(records):.1f} % | {100 * low:.1f}..{100 * high:.1f} %"
+    return f"| {' | '.join(cells)} | {score} |"
 
 
-def write_score(records: list[Record], code: str) -> str:
-    """Write the table by package, and the survivors as differences."""
-    known = {(entry["path"], entry["before"], entry["after"]) for entry in read_equivalent()}
-    for record in records:
-        if record["outcome"] == "passed" and (record["path"], record["before"], record["after"]) in known:
-            record["outcome"] = "equivalent"
-    lines = [
-        state_code(records, code),
-        "",
-        "| package | mutants | failed | time | survived | no test | equivalent | score | 95 % interval |",
-        "|---|---|---|---|---|---|---|---|---|",
-        *(_make_row(name, [record for record in records if record["path"].startswith(name)]).strip()
-          for name in PACKAGES),
-        _make_row("all", records).strip(),
-        "",
-    ]  # fmt: skip
+def write_score(records: list[dict[str, Any]]) -> str:
+    """Write the table by package, and the survivors as differences, to be read for those that change nothing."""
+    lines = ["| package | mutants | failed | time | survived | no test | score | 95 % interval |", "|---" * 8 + "|"]
+    lines += [make_row(name, [r for r in records if r["path"].startswith(name)]) for name in PACKAGES]
+    lines += [make_row("all", records), ""]
     for record in records:
         if record["outcome"] in ("passed", "no test"):
-            lines += [f"{record['path']}:{record['line']} ({record['outcome']}, mutant {record['number']})"]
-            lines += [f"    - {record['before']}", f"    + {record['after']}"]
+            head = f"{record['path']}:{record['line']} ({record['outcome']})"
+            lines += [head, f"    - {record['before']}", f"    + {record['after']}"]
     return "\n".join(lines)
 
 
-def main() -> int:
+def main() -> None:
     """Run the command line."""
-    given = read_options(
-        (__doc__ or "").split("\n\n")[0],
-        name="mutation-score",
-        cases=300,
-        switches={
-            "--survivors": "run no mutant again that tests noticed before the tests changed",
-            "--planted": "plant the listed defects",
-            "--known": "use the coverage of other code",
-        },
-    )
-    code = hash_code(*PACKAGES, "tests")
-    if given.planted:
-        given.cases, given.lines = len(read_planted()), given.lines.with_name("softcover-planted.jsonl")
-        records = run_cases(try_planted, given, code)
-        survived = [record for record in records if record["outcome"] == "passed"]
-        print(f"{len(records)} defects planted, {len(records) - len(survived)} noticed")
-        print("\n".join(f"  {record['kind']}: {record['path']}" for record in survived))
-        return int(bool(survived))
-    coverage = given.lines.with_name("softcover-coverage-by-test.jsonl")
-    if not given.known:
-        wanted = {"first": 0, "cases": len(TEST_FILES), "lines": coverage}
-        run_cases(partial(measure_file, lines=coverage), Namespace(**vars(given) | wanted), code)
-    work = partial(try_mutant, lines=given.lines, coverage=coverage, code=code)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--cases", type=int, default=150)
+    parser.add_argument("--seed", type=int, default=21)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--paths", nargs="*", default=list(PACKAGES), help="folders and files to change")
+    parser.add_argument("--tests", nargs="*", default=["tests"], help="tests that may notice")
+    parser.add_argument("--measure", type=Path, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.measure:
+        measure(given.measure, given.tests)
+        return
+    texts = [path.read_bytes() for path in sorted((ROOT / "tests").rglob("*.py"))]
+    code = hashlib.sha256("".join([*read_sources().values(), *given.tests]).encode() + b"".join(texts)).hexdigest()
+    folder = Path(tempfile.gettempdir()) / f"softcover-mutants-{code[:10]}"
+    folder.mkdir(exist_ok=True)
+    known = Coverage(folder, given.tests)
+    mutants = [each for each in find_mutants(ROOT, PACKAGES) if each.path.startswith(tuple(given.paths))]
+    random.Random(given.seed).shuffle(mutants)  # noqa: S311 -- no secret
+    kept = folder / f"{given.seed}-{hashlib.sha256(' '.join(given.paths).encode()).hexdigest()[:6]}.jsonl"
+    records = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
+    done = {record["number"] for record in records}
+    left = [number for number in range(min(given.cases, len(mutants))) if number not in done]
+    with tempfile.TemporaryDirectory() as place, kept.open("a") as file, ThreadPoolExecutor(given.processes) as pool:
+        trees: Queue[Path] = Queue()
+        for number in range(given.processes):
+            trees.put(copy_tree(Path(place) / str(number)))
 
-    def holds(record: Record) -> bool:
-        noticed = record["outcome"] in ("failed", "time") and record.get("sources") == hash_code(*PACKAGES)
-        return bool(given.survivors) and noticed
+        def work(number: int) -> dict[str, Any]:
+            tree = trees.get()
+            try:
+                return {"number": number} | try_mutant(mutants[number], known, tree)
+            finally:
+                trees.put(tree)
 
-    text = write_score(run_cases(work, given, code, holds=holds), code)
-    print(text)
-    if given.out:
-        given.out.write_text(text + "\n")
-    return 0
+        for record in pool.map(work, left):
+            file.write(json.dumps(record) + "\n")
+            file.flush()
+            records.append(record)
+            print(f"{len(records)}: {record['path']}:{record['line']} {record['outcome']}", file=sys.stderr)
+    print(write_score(sorted(records, key=lambda record: record["number"])[: given.cases]))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 import fastmodel
 import fem_reference
 from fem_reference import closed_form
-from meshes import Box
+from meshes import Box, Pose
 from validation.derivation.derive import Derivation, derive
 from validation.sensor_file import load
 
@@ -30,7 +30,9 @@ def main() -> None:
     """Solve, press, and write the picture beside this file."""
     derivation = derive(load("wts-0614-34"))
     array = derivation.parameters.array
-    reference = fem_reference.press(derivation.sensor.cover, array, INDENTER, load=LOAD, at=PLACE, yaw=YAW)
+    reference = fem_reference.press(
+        derivation.sensor.cover, array, INDENTER, load=LOAD, pose=Pose.planar(at=PLACE, yaw=YAW)
+    )
     fast = fastmodel.indent(derivation.parameters, INDENTER, load=LOAD, at=PLACE, yaw=YAW)
     figure, axes = plt.subplots(
         1, 4, figsize=(10, 3.6), layout="constrained", gridspec_kw={"width_ratios": [1.9, 1, 1, 1]}

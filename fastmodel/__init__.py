@@ -42,30 +42,20 @@ from importlib.metadata import version
 
 from fastmodel.adapters.batch import Batch
 from fastmodel.attachment import attach, recommend_options
-from fastmodel.bench import FastIndentation, Placement, add_geoms, add_indenter, indent, indent_together
+from fastmodel.bench import FastIndentation, Placement, add_indenter, indent, indent_together
 from fastmodel.check import OptionWarning
 from fastmodel.contact.area import AreaTexels
 from fastmodel.contact.boxes import BoxTexels
 from fastmodel.contact.cover import CoverContact, Foundation
+from fastmodel.contact.geoms import add_geoms
 from fastmodel.contact.interface import TexelContact
+from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.methods import METHODS
 from fastmodel.contact.plate import Plate
-from fastmodel.errors import (
-    ArgumentTypeError,
-    FastModelError,
-    FilterError,
-    LifeCycleError,
-    MissedArrayError,
-    OverlapError,
-    ParametersError,
-    ShapeError,
-    StateError,
-    UnknownNameError,
-)
+from fastmodel.errors import FastModelError
 from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit, fit_contact, fit_foundation
 from fastmodel.fitting.gaussian import Fit, fit_gaussian
 from fastmodel.parameters import Parameters, list_sensors, load
-from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.running import RangeWarning
 from fastmodel.sensor import Sensor
 from fastmodel.signal.butterworth import Butterworth, FilterBank
@@ -73,6 +63,7 @@ from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.frame import Frame
 from fastmodel.signal.functions import ChainFunctions, ChainOutput, ChainState
 from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated, outside_share
+from fastmodel.surface import CoverCells, CoverPoints
 from fastmodel.validity import Validity
 
 __version__ = version("softcover")
@@ -81,7 +72,6 @@ __all__ = [
     "METHODS",
     "WTS_0614_34",
     "AreaTexels",
-    "ArgumentTypeError",
     "Batch",
     "BoxTexels",
     "Butterworth",
@@ -91,32 +81,26 @@ __all__ = [
     "ContactFit",
     "CoverCells",
     "CoverContact",
+    "CoverPoints",
     "Electronics",
     "FastIndentation",
     "FastModelError",
     "FilterBank",
-    "FilterError",
     "Fit",
     "Foundation",
     "FoundationFit",
     "Frame",
     "Gaussian",
-    "LifeCycleError",
-    "MissedArrayError",
+    "MeshContact",
     "OptionWarning",
-    "OverlapError",
     "Parameters",
-    "ParametersError",
     "Placement",
     "Plate",
     "RangeWarning",
     "Sensor",
-    "ShapeError",
     "Spread",
-    "StateError",
     "Tabulated",
     "TexelContact",
-    "UnknownNameError",
     "Validity",
     "add_geoms",
     "add_indenter",

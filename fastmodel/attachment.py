@@ -11,11 +11,10 @@ import numpy.typing as npt
 
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.methods import DEFAULT, choose_method
-from fastmodel.curved.contact import CurvedContact
-from fastmodel.errors import FastModelError, UnknownNameError, check_type
+from fastmodel.errors import FastModelError, check_type, name_unknown
 from fastmodel.overlap import refuse_overlaps
 from fastmodel.parameters import Parameters
-from fastmodel.pose import Pose
+from fastmodel.pose import Mount
 from fastmodel.sensor import Sensor
 
 #: Attributes of an explicit pair that its copies share.
@@ -66,9 +65,9 @@ def attach(
         The sensor, which must be bound to the compiled model.
 
     Raises:
-        ArgumentTypeError: If an argument has a wrong type.
-        UnknownNameError: If the body or site, the contact method, or a geom to replace does not exist.
-        OverlapError: If texels overlap, unless the cover is curved.
+        FastModelError: If an argument has a wrong type.
+        FastModelError: If the body or site, the contact method, or a geom to replace does not exist.
+        FastModelError: If texels overlap, unless the cover is curved.
         FastModelError: If the body, site or geom belongs to another spec, another sensor has this name, `every` is not
             a positive whole number, or position and quaternion are not a pose.
     """
@@ -78,11 +77,11 @@ def attach(
     _, method = choose_method(contact, parameters)
     _check_every(every)
     _check_name(spec, name)
-    if not isinstance(method, CurvedContact):  # the influence of a curved cover shares overlaps among the texels
+    if not method.takes_overlaps:
         refuse_overlaps(parameters.array)
     carrier, origin = _find_carrier(spec, body)
     replaced = _find_replaced(spec, carrier, replaces)
-    method.attach(carrier, parameters.array, origin.transform(Pose.of(position, quaternion)), name)
+    method.attach(carrier, parameters.array, origin.transform(Mount.of(position, quaternion)), name)
     _switch_off(spec, replaced, [geom.name for geom in carrier.geoms if geom.name.startswith(f"{name}/")])
     return Sensor(name=name, parameters=parameters, contact=method, every=every)
 
@@ -97,7 +96,7 @@ def recommend_options(spec: mujoco.MjSpec) -> None:
         spec: The spec to edit.
 
     Raises:
-        ArgumentTypeError: If the argument has a wrong type.
+        FastModelError: If the argument has a wrong type.
     """
     _check_spec(spec)
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -126,7 +125,7 @@ def _check_every(every: int | None) -> None:
             raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
 
 
-def _find_carrier(spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.MjsSite) -> tuple[mujoco.MjsBody, Pose]:
+def _find_carrier(spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.MjsSite) -> tuple[mujoco.MjsBody, Mount]:
     """Find the body that carries an array, and the pose in this body to which the array's pose is relative.
 
     Args:
@@ -139,17 +138,17 @@ def _find_carrier(spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.Mjs
         found = spec.body(wanted) or spec.site(wanted)
         if found is None:
             kind = "body or site" if spec.sites else "body"
-            raise UnknownNameError(kind, wanted, _list_names([*spec.bodies, *spec.sites]))
+            raise name_unknown(kind, wanted, _list_names([*spec.bodies, *spec.sites]))
         wanted = found
     elif wanted not in (spec.bodies if isinstance(wanted, mujoco.MjsBody) else spec.sites):
         kind = "body" if isinstance(wanted, mujoco.MjsBody) else "site"
         raise FastModelError(f"{kind} {wanted.name!r} belongs to another spec than the one to attach to")
     if isinstance(wanted, mujoco.MjsBody):
-        return wanted, Pose.of((0, 0, 0), (1, 0, 0, 0))
+        return wanted, Mount.of((0, 0, 0), (1, 0, 0, 0))
     return wanted.parent, _find_pose(wanted)
 
 
-def _find_pose(site: mujoco.MjsSite) -> Pose:
+def _find_pose(site: mujoco.MjsSite) -> Mount:
     """Compute the pose of a site in the frame of its body.
 
     MuJoCo's compiler does the same, but a spec that arrays are being attached to may not be ready to compile.
@@ -157,15 +156,15 @@ def _find_pose(site: mujoco.MjsSite) -> Pose:
     Args:
         site: The site.  It may be within `<frame>` elements, and given by `fromto`.
     """
-    pose = Pose.of(site.pos, _find_orientation(site))
+    pose = Mount.of(site.pos, _find_orientation(site))
     if np.isfinite(site.fromto).all():
         start, end = site.fromto[:3], site.fromto[3:]
         along = np.zeros(4)
         mujoco.mju_quatZ2Vec(along, start - end)
-        pose = Pose.of((start + end) / 2, along)
+        pose = Mount.of((start + end) / 2, along)
     frame = site.frame
     while frame is not None:
-        pose = Pose.of(frame.pos, _find_orientation(frame)).transform(pose)
+        pose = Mount.of(frame.pos, _find_orientation(frame)).transform(pose)
         frame = frame.frame
     return pose
 
@@ -198,7 +197,7 @@ def _find_replaced(
         if geom is None:
             unnamed = sum(not known.name for known in body.geoms)
             note = f"; it has {unnamed} geoms without a name, which are given as mujoco.MjsGeom" if unnamed else ""
-            raise UnknownNameError(f"geom of body {body.name!r}", each, _list_names(body.geoms), note)
+            raise name_unknown(f"geom of body {body.name!r}", each, _list_names(body.geoms), note)
         if geom not in spec.geoms:
             raise FastModelError(f"geom {geom.name!r} belongs to another spec than the one to attach to")
         if geom.parent != body:

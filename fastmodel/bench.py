@@ -14,18 +14,25 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 from fastmodel.attachment import recommend_options
 from fastmodel.compiled import report_slow_compilation
+from fastmodel.contact.geoms import add_geoms
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact
+from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.methods import DEFAULT, choose_method
+from fastmodel.contact.points import press_points
 from fastmodel.errors import FastModelError, MissedArrayError, check_type
 from fastmodel.parameters import Parameters
-from fastmodel.pose import Pose, make_z_rotation
+from fastmodel.pose import Mount, make_z_rotation
+from fastmodel.surface import CoverPoints
 from fastmodel.validity import describe_limits
 from meshes import Indenter
 from meshes.array_types import FloatArray
 from meshes.constants import STANDARD_GRAVITY
+from meshes.pose import Pose
+from meshes.tilt import tilt_indenter
 
 #: Timestep of the simulated bench tests [s].
 TIMESTEP = 1e-3
@@ -45,14 +52,6 @@ GYRATION_RADIUS = 1e-3
 _LEAST_LOAD = 1e-7
 #: Name of the sensor in a simulated bench test, which is the prefix of the names of its geoms.
 _ARRAY = "array"
-#: MuJoCo's geom type for each kind of primitive of an indenter.
-_GEOMS = {
-    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
-    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
-    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
-    "box": mujoco.mjtGeom.mjGEOM_BOX,
-    "hull": mujoco.mjtGeom.mjGEOM_MESH,
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +61,8 @@ class FastIndentation:
     Attributes:
         contact_forces: Force that presses on each texel before spread, shape (n,) [N].
         texel_forces: Force on each texel after spread, shape (n,); masked texels are zero [N].
-        outside: Force after spread that no texel measures [N].
+        outside: Force after spread that no texel measures; zero for a press along a direction, where the texels' own
+            directions differ [N].
         total_force: Total force that presses on the array and its margin; it equals the weight of the indenters [N].
         chatter: Standard deviation of the total force over time, divided by the load.  Zero if the indenters came to
             rest; otherwise all forces are means over time [-].
@@ -73,6 +73,8 @@ class FastIndentation:
             without cells [-].
         warnings: Sentences about reasons not to rely on the result.
         seconds: Wall-clock time of the simulation [s].
+        force: Force of the indenter on the cover, shape (3,); None for a simulation [N].
+        points: Force on each of m points of the surface against its normal, shape (m,); None for a simulation [N].
     """
 
     contact_forces: FloatArray
@@ -85,6 +87,8 @@ class FastIndentation:
     fewest_cells: int | None
     warnings: tuple[str, ...]
     seconds: float
+    force: FloatArray | None = None
+    points: FloatArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,28 +120,58 @@ def indent(
     load: float,
     at: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
+    pose: Pose | None = None,
+    direction: npt.ArrayLike | None = None,
     method: str | TexelContact = DEFAULT,
 ) -> FastIndentation:
-    """Simulate one guided indenter that is lowered onto the array, until the indenter is at rest.
+    """Press one guided indenter on the array until it rests under a load.
+
+    With a direction, and where the cover has points, the indenter moves without a simulation.  Otherwise it is lowered
+    along the normal of the array in a simulation, and its weight is the load; the pose must then lie over the array.
 
     Args:
         parameters: The array and its cover.
         indenter: The shape.
-        load: Weight of the indenter [N].
-        at: Position of the indenter's axis in the array's frame [m].
-        yaw: Rotation of the indenter about that axis [rad].
+        load: Force along the direction of motion [N].
+        at: Position of the indenter's axis in the array's frame, if no pose is given [m].
+        yaw: Rotation of the indenter about that axis, if no pose is given [rad].
+        pose: Orientation of the indenter, and a position on its way, in the array's frame.
+        direction: Direction of motion, any length, shape (3,); by default that of the pose.
         method: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default the best method that the
             parameters allow (see `choose_method`).
 
     Raises:
-        ArgumentTypeError: If an argument has a wrong type.
-        FastModelError: If the load is not positive or a number is not finite.
-        MissedArrayError: If no texel is under the indenter, or the texels do not carry the load.
-        UnknownNameError: If no contact method has this name.
-        ParametersError: If the method needs cover data that the parameters lack.
+        FastModelError: If an argument has a wrong type, the load is not positive, a number is not finite, no contact
+            method has this name, the method needs cover data that the parameters lack, no texel is under the indenter,
+            the texels do not carry the load, or a direction is given for a cover without points.
     """
-    placement = Placement(indenter=indenter, load=load, at=at, yaw=yaw)
-    return indent_together(parameters, [placement], method=method)
+    check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
+    name, chosen = choose_method(method, parameters)
+    if not isinstance(chosen, MeshContact) or chosen.surface is None or (pose is None and direction is None):
+        if direction is not None:
+            raise FastModelError(f"the contact method {name!r} presses along the array's normal; give no direction")
+        if pose is not None:
+            at, yaw, indenter = pose.at, pose.yaw, tilt_indenter(indenter, pose.tilt) if any(pose.tilt) else indenter
+        return indent_together(parameters, [Placement(indenter=indenter, load=load, at=at, yaw=yaw)], method=method)
+    pose = pose or Pose.planar(at, yaw)
+    started, array, surface = time.perf_counter(), parameters.array, chosen.surface
+    found = press_points(surface, indenter, pose, load=load, direction=direction)
+    contact_forces = np.bincount(surface.find_texels(array), found.forces, array.count).astype(np.float64)
+    reading = Reading(contact_forces, found.texel_forces, load, np.array([found.depth]), fewest_cells=found.points)
+    return FastIndentation(
+        contact_forces=contact_forces,
+        texel_forces=found.texel_forces,
+        outside=0.0,
+        total_force=load,
+        chatter=0.0,
+        depth=found.depth,
+        method=name,
+        fewest_cells=found.points,
+        warnings=describe_limits(reading, parameters.validity),
+        seconds=time.perf_counter() - started,
+        force=found.force,
+        points=found.forces,
+    )
 
 
 def indent_together(
@@ -151,10 +185,10 @@ def indent_together(
         method: Contact method, as for `indent`.
 
     Raises:
-        ArgumentTypeError: If an argument has a wrong type.
+        FastModelError: If an argument has a wrong type.
         FastModelError: If a load is not positive or a number is not finite.
         MissedArrayError: If no texel is under an indenter, or the texels do not carry the load.
-        UnknownNameError: If no contact method has this name.
+        FastModelError: If no contact method has this name.
         ParametersError: If the method needs cover data that the parameters lack.
     """
     check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
@@ -165,7 +199,7 @@ def indent_together(
         _check_placement(placement)
     name, chosen = choose_method(method, parameters)
     model = _build_model(parameters, placements, chosen)
-    reader = chosen.bind(model, parameters.array, _ARRAY, cells=parameters.cells)
+    reader = chosen.bind(model, parameters.array, _ARRAY, surface=parameters.surface)
     with report_slow_compilation("simulated bench test"):
         reader.compile_kernels(mujoco.MjData(model))
     started = time.perf_counter()
@@ -222,30 +256,6 @@ def add_indenter(
     return body
 
 
-def add_geoms(spec: mujoco.MjSpec, body: mujoco.MjsBody, indenter: Indenter, *, name: str = "indenter") -> None:
-    """Add the solids of an indenter to a body, as geoms without mass.
-
-    Args:
-        spec: The spec to edit.  Shapes that are no MuJoCo primitive become meshes of the spec.
-        body: A body of the spec.
-        indenter: The shape.
-        name: Prefix of the meshes' names.
-    """
-    for number, primitive in enumerate(indenter.primitives()):
-        mesh = ""
-        if primitive.vertices:
-            mesh = f"{name}/part{number}"
-            spec.add_mesh(name=mesh, uservert=np.ravel(primitive.vertices).tolist())
-        body.add_geom(
-            type=_GEOMS[primitive.kind],
-            size=[*primitive.size, 0.0, 0.0, 0.0][:3],
-            pos=primitive.position,
-            quat=primitive.quaternion,
-            meshname=mesh,
-            mass=0.0,
-        )
-
-
 def _check_placement(placement: Placement) -> None:
     """Check the types and values of an indenter's load and pose."""
     numbers = [placement.load, *placement.at, placement.yaw, *placement.centre]
@@ -270,7 +280,7 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
     spec.option.timestep = TIMESTEP
     spec.option.gravity[:] = [0, 0, -STANDARD_GRAVITY]
     spec.option.tolerance = SOLVER_TOLERANCE
-    method.attach(spec.worldbody, parameters.array, Pose.of((0, 0, 0), (1, 0, 0, 0)), _ARRAY)
+    method.attach(spec.worldbody, parameters.array, Mount.of((0, 0, 0), (1, 0, 0, 0)), _ARRAY)
     for number, placement in enumerate(placements):
         height = _choose_height(parameters, placement)
         name = f"indenter{number}"
@@ -294,8 +304,8 @@ def _choose_height(parameters: Parameters, placement: Placement) -> float:
     On a flat array this is the surface.  On a curved array it is a height at which the indenter touches no texel yet.
     """
     array = parameters.array
-    if parameters.curved is not None:
-        return float(parameters.curved.points[:, 2].max())
+    if isinstance(parameters.surface, CoverPoints):
+        return float(parameters.surface.points[:, 2].max())
     if array.planar:
         return 0.0
     reach = np.hypot(*placement.indenter.footprint) + max(array.pitch)

@@ -13,11 +13,11 @@ import mujoco
 import numpy as np
 
 from fastmodel.contact.geoms import Reasons, find_obstacles
-from fastmodel.curved.contact import find_frame
-from fastmodel.curved.cover import CurvedCover
+from fastmodel.contact.mesh import find_frame
 from fastmodel.obstruction import find_span, sample_top
 from fastmodel.parameters import Parameters
 from fastmodel.signal.point_spread import Gaussian
+from fastmodel.surface import CoverPoints
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Thickness of plates and boxes below which soft bodies may pass through them; a rope and a cloth of 50 g that fell
@@ -183,7 +183,7 @@ def _may_sleep(model: mujoco.MjModel, geom: int) -> bool:
 
 
 def check_surroundings(
-    model: mujoco.MjModel, geoms: IntArray, name: str, *, inset: float, spacing: float, cover: CurvedCover | None = None
+    model: mujoco.MjModel, geoms: IntArray, name: str, *, inset: float, spacing: float, cover: CoverPoints | None = None
 ) -> Iterator[str]:
     """Find geoms that carry part of the force on an array, and geoms that never touch it; yield a sentence about each.
 

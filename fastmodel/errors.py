@@ -12,54 +12,31 @@ _PACKAGE = Path(__file__).parent
 
 
 class FastModelError(ValueError):
-    """Base of all errors that this package raises about its input."""
-
-
-class ArgumentTypeError(FastModelError, TypeError):
-    """An argument has a wrong type."""
+    """An input that this package refuses; the only public error, of which the others here are kinds."""
 
 
 class ParametersError(FastModelError):
     """Parameters cannot be read, have values out of range, or lack data that a contact method needs."""
 
 
-class FilterError(FastModelError):
-    """A low-pass filter has a bad order or cut-off, or a cut-off not below half the sampling rate."""
-
-
-class ShapeError(FastModelError):
-    """A numeric array has a shape that does not fit the texel array or the other inputs."""
-
-
-class UnknownNameError(FastModelError):
-    """A given name does not exist in the MuJoCo model or in this package."""
-
-    def __init__(self, kind: str, name: str, valid: Iterable[str], note: str = "") -> None:
-        """Compose the message from the given name and the valid names.
-
-        Args:
-            kind: Kind of the named object, for example "body".
-            name: The name that was given.
-            valid: The names that exist.
-            note: What follows the valid names in the message.
-        """
-        super().__init__(f"no {kind} named {name!r}; valid names: {', '.join(sorted(valid)) or '(none)'}{note}")
-
-
 class LifeCycleError(FastModelError):
     """A sensor is not bound, is bound to another model, or was not stepped once after every physics step."""
 
 
-class OverlapError(FastModelError):
-    """Two texels of an array overlap, so that one force would be measured twice."""
-
-
-class StateError(FastModelError):
-    """A force in the simulation, or a given force to start from, is not finite."""
-
-
 class MissedArrayError(FastModelError):
     """An indenter did not come to rest on the texels, for example because it lies beside them."""
+
+
+def name_unknown(kind: str, name: str, valid: Iterable[str], note: str = "") -> FastModelError:
+    """Make the error about a name that does not exist, which lists those that do.
+
+    Args:
+        kind: Kind of the named object, for example "body".
+        name: The name that was given.
+        valid: The names that exist.
+        note: What follows the valid names in the message.
+    """
+    return FastModelError(f"no {kind} named {name!r}; valid names: {', '.join(sorted(valid)) or '(none)'}{note}")
 
 
 def check_type(name: str, value: object, expected: type | tuple[type, ...], wanted: str) -> None:
@@ -72,10 +49,10 @@ def check_type(name: str, value: object, expected: type | tuple[type, ...], want
         wanted: The accepted types in words, for the message.
 
     Raises:
-        ArgumentTypeError: If the value has another type.
+        FastModelError: If the value has another type.
     """
     if not isinstance(value, expected):
-        raise ArgumentTypeError(f"{name} must be {wanted}, not {type(value).__name__}")
+        raise FastModelError(f"{name} must be {wanted}, not {type(value).__name__}")
 
 
 def warn_user(message: str, category: type[Warning]) -> None:

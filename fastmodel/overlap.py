@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from fastmodel.errors import OverlapError
+from fastmodel.errors import FastModelError
 from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
 
@@ -24,7 +24,7 @@ def refuse_overlaps(array: TexelArray) -> None:
         array: The texels.
 
     Raises:
-        OverlapError: If texels overlap; the message names the first pair.
+        FastModelError: If texels overlap; the message names the first pair.
     """
     size = np.array(array.texel_size)
     pairs = cKDTree(array.centres).query_pairs(float(np.hypot(*size)), output_type="ndarray")
@@ -39,7 +39,7 @@ def refuse_overlaps(array: TexelArray) -> None:
     on_top = (inside & alike & (along[2] < size.min() / 2)).nonzero()[0]
     if len(on_top):
         a, b = first[on_top[0]], second[on_top[0]]
-        raise OverlapError(
+        raise FastModelError(
             f"array {array.name!r}: texels {a} and {b} overlap ({len(on_top)} pairs in all); centres must lie at least "
             f"a texel's size of {tuple(size.tolist())} m apart along x or y"
         )

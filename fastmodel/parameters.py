@@ -21,13 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from fastmodel.curved.cover import CurvedCover
-from fastmodel.errors import ParametersError, ShapeError, check_type
+from fastmodel.errors import FastModelError, ParametersError, check_type
 from fastmodel.parameter_files import NPZ_NAME, TOML_NAME, read_tables, read_values, replace_pair
-from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import Electronics
 from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated
+from fastmodel.surface import CoverCells, CoverPoints, Surface
 from fastmodel.validity import Validity
 from meshes import TexelArray
 from meshes.array import MOST_TEXELS, check_texel_count
@@ -44,16 +43,53 @@ _MOST_BITS = 32
 SENSORS = Path(__file__).parent / "sensors"
 #: Name of the spread operator among the tables of the npz file.
 _OPERATOR = "operator"
-#: Attributes of `CoverCells` that are arrays.
-_CELL_ARRAYS = ("compliance", "influence", "table", "loads", "load_depths", "loaded_compliance", "loaded_influence")
-#: Attributes of `CoverCells` that are stored in the npz file, with the names of their tables there.
-_CELL_TABLES = {name: f"cells_{name}" for name in _CELL_ARRAYS}
-#: Attributes of `CurvedCover` that are arrays, with the names of their tables in the npz file.
-_CURVED_TABLES = {name: f"curved_{name}" for name in ("points", "normals", "influence", "compliance")}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Section:
+    """How one kind of surface is stored.
+
+    Attributes:
+        name: Section of the TOML file, which holds the fields that are no arrays.
+        surface: The class.
+        tables: Fields that are arrays, with the names of their tables in the npz file.
+        number: Type of the numbers of these tables.  The compliance of points is dense; four bytes for each number
+            halve the file, with an error of 1e-7.
+    """
+
+    name: str
+    surface: type[CoverCells | CoverPoints]
+    tables: Mapping[str, str]
+    number: type[np.floating[Any]]
+
+
+def _name_tables(prefix: str, *fields: str) -> dict[str, str]:
+    """Name the table in the npz file of each field."""
+    return {name: f"{prefix}_{name}" for name in fields}
+
+
+#: How the surfaces are stored.  The names of the sections are those of the first version of the format.
+_SECTIONS = (
+    _Section(
+        name="cells",
+        surface=CoverCells,
+        tables=_name_tables(
+            "cells",
+            *("compliance", "influence", "table", "loads", "load_depths", "loaded_compliance", "loaded_influence"),
+        ),
+        number=np.float64,
+    ),
+    _Section(
+        name="curved",
+        surface=CoverPoints,
+        tables=_name_tables("curved", "points", "normals", "influence", "compliance"),
+        number=np.float32,
+    ),
+)
 #: Value of `validity` in the TOML file if the range of the fast model is not stated.
 _NOT_STATED = "not stated"
 #: Names of tables that the format itself uses; further tables must not have them.
-_RESERVED = (_OPERATOR, *_CELL_TABLES.values(), *_CURVED_TABLES.values())
+_RESERVED = (_OPERATOR, *(table for section in _SECTIONS for table in section.tables.values()))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,10 +103,9 @@ class Parameters:
         filter: Low-pass filter on the force of every texel; None for no filter.
         provenance: Origin of the numbers: estimator, versions, hashes, assumptions.
         tables: Further arrays about the cover, by name, that are stored in `cover.npz`, for example a point response.
-        cells: Compliance and influence of the cover between cells smaller than a texel, for the contact methods
-            `cover` and `foundation`; None if unknown.
+        surface: Compliance and influence of the cover: between cells smaller than a texel of a flat array, for the
+            contact methods `cover` and `foundation`, or between points of a mesh, for `curved`; None if unknown.
         validity: The range in which the contact method `cover` agrees with the finite elements; None if not stated.
-        curved: Compliance and influence of a curved cover, for the contact method `curved`; None if the cover is flat.
     """
 
     array: TexelArray
@@ -79,16 +114,15 @@ class Parameters:
     filter: Butterworth | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     tables: Mapping[str, FloatArray] = field(default_factory=dict)
-    cells: CoverCells | None = None
+    surface: Surface | None = None
     validity: Validity | None = None
-    curved: CurvedCover | None = None
 
     def __post_init__(self) -> None:
-        """Check that spread operator, gains and cells fit the array.
+        """Check that spread operator, gains and surface fit the array.
 
         Raises:
-            ArgumentTypeError: If a part has a wrong type.
-            ShapeError: If spread operator, gains or cells are for another array.
+            FastModelError: If a part has a wrong type.
+            FastModelError: If spread operator, gains or surface are for another array.
             ParametersError: If a table has a name that the format uses itself.
         """
         check_type("array", self.array, TexelArray, "a meshes.TexelArray")
@@ -98,11 +132,9 @@ class Parameters:
             self.spread.operator(self.array)
         gains = self.electronics.gains
         if gains is not None and len(gains) != self.array.count:
-            raise ShapeError(f"there are gains for {len(gains)} texels; the array has {self.array.count}")
-        if self.cells is not None:
-            self.cells.check(self.array)
-        if self.curved is not None:
-            self.curved.check(self.array)
+            raise FastModelError(f"there are gains for {len(gains)} texels; the array has {self.array.count}")
+        if self.surface is not None:
+            self.surface.check(self.array)
         for name in _RESERVED:
             if name in self.tables:
                 raise ParametersError(f"a table must not be named {name!r}; the format uses that name itself")
@@ -125,12 +157,11 @@ class Parameters:
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
         tables = {_OPERATOR: self.spread.operator(self.array), **self.tables}
-        for name, stored in _CELL_TABLES.items():
-            if (table := getattr(self.cells, name, None)) is not None:
-                tables[stored] = table
-        for name, stored in _CURVED_TABLES.items():
-            if self.curved is not None:
-                tables[stored] = getattr(self.curved, name).astype(np.float32)  # half the size; the error is 1e-7
+        if self.surface is not None:
+            section = _section_of(self.surface)
+            for name, stored in section.tables.items():
+                if (table := getattr(self.surface, name)) is not None:
+                    tables[stored] = table.astype(section.number)
         packed = pack_npz(tables)
         text = tomli_w.dumps(_describe(self, hashlib.sha256(packed).hexdigest()))
         replace_pair(target, packed, text.encode())
@@ -151,7 +182,7 @@ def load(sensor: str | Path) -> Parameters:
             sensor; write `./name` for the folder.
 
     Raises:
-        ArgumentTypeError: If the argument is neither a text nor a path.
+        FastModelError: If the argument is neither a text nor a path.
         ParametersError: If the name is unknown, or a file is missing, damaged, of another format, or holds bad values.
     """
     check_type("sensor", sensor, (str, os.PathLike), "the name of a sensor or the path of a parameters folder")
@@ -183,10 +214,16 @@ def load(sensor: str | Path) -> Parameters:
         electronics = _build_electronics(document)
     with document.section("filter"):
         low_pass = Butterworth(**document.take("filter")) if "filter" in document.values else None
-    with document.section("cells"):
-        cells = _build_cells(document.take("cells"), tables) if "cells" in document.values else None
-    with document.section("curved"):
-        curved = _build_curved(document.take("curved"), tables) if "curved" in document.values else None
+    surface = None
+    for section in _SECTIONS:
+        if section.name in document.values:
+            with document.section(section.name):
+                stored: dict[str, Any] = {name: tables[key] for name, key in section.tables.items() if key in tables}
+                values: dict[str, Any] = {
+                    key: tuple(value) if isinstance(value, list) else value
+                    for key, value in document.take(section.name).items()
+                }
+                surface = section.surface(**values, **stored)
     with document.section("validity"):
         stated = document.values.get("validity", _NOT_STATED)
         validity = None if stated == _NOT_STATED else Validity(**stated)
@@ -197,9 +234,8 @@ def load(sensor: str | Path) -> Parameters:
             electronics=electronics,
             filter=low_pass,
             provenance=dict(document.values.get("provenance", {})),
-            cells=cells,
+            surface=surface,
             validity=validity,
-            curved=curved,
             tables={name: table for name, table in tables.items() if name not in _RESERVED},
         )
 
@@ -252,11 +288,15 @@ def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
     }
     if parameters.filter is not None:
         document["filter"] = _describe_dataclass(parameters.filter)
-    if parameters.cells is not None:
-        values = _describe_dataclass(parameters.cells)
-        document["cells"] = {name: value for name, value in values.items() if name not in _CELL_TABLES}
-    if parameters.curved is not None:
-        document["curved"] = {"thickness": float(parameters.curved.thickness)}
+    if parameters.surface is not None:
+        section = _section_of(parameters.surface)
+        document[section.name] = _convert_values(
+            {
+                each.name: getattr(parameters.surface, each.name)
+                for each in dataclasses.fields(parameters.surface)
+                if each.name not in section.tables
+            }
+        )
     document["validity"] = _NOT_STATED if parameters.validity is None else _describe_dataclass(parameters.validity)
     if parameters.provenance:
         document["provenance"] = _convert_values(parameters.provenance)
@@ -339,16 +379,9 @@ def _build_electronics(document: _Document) -> Electronics:
     return Electronics(**values)
 
 
-def _build_cells(table: Mapping[str, Any], tables: Mapping[str, FloatArray]) -> CoverCells:
-    """Build the cover data between cells from the section `[cells]` and the tables of the npz file."""
-    stored: dict[str, Any] = {name: tables[key] for name, key in _CELL_TABLES.items() if key in tables}
-    return CoverCells(**{**table, "cell": tuple(table["cell"])}, **stored)
-
-
-def _build_curved(table: Mapping[str, Any], tables: Mapping[str, FloatArray]) -> CurvedCover:
-    """Build a curved cover from the section `[curved]` and the tables of the npz file."""
-    stored: dict[str, Any] = {name: tables[key] for name, key in _CURVED_TABLES.items()}
-    return CurvedCover(**table, **stored)
+def _section_of(surface: Surface) -> _Section:
+    """Return how a surface is stored."""
+    return next(section for section in _SECTIONS if isinstance(surface, section.surface))
 
 
 def _describe_dataclass(instance: Any) -> dict[str, Any]:  # noqa: ANN401 -- any dataclass instance

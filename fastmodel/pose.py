@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.errors import ArgumentTypeError, FastModelError
+from fastmodel.errors import FastModelError
 from meshes.array_types import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Pose:
+class Mount:
     """Position and orientation of one frame in another frame.
 
     Attributes:
@@ -25,7 +25,7 @@ class Pose:
     quaternion: FloatArray
 
     @classmethod
-    def of(cls, position: npt.ArrayLike, quaternion: npt.ArrayLike) -> Pose:
+    def of(cls, position: npt.ArrayLike, quaternion: npt.ArrayLike) -> Mount:
         """Make a pose from numbers, and normalise the quaternion.
 
         Args:
@@ -33,13 +33,13 @@ class Pose:
             quaternion: Orientation of the frame, scalar first, of any length but zero, shape (4,) [-].
 
         Raises:
-            ArgumentTypeError: If position or quaternion are not numbers.
+            FastModelError: If position or quaternion are not numbers.
             FastModelError: If a shape is wrong, a number not finite, or the quaternion zero.
         """
         try:
             origin, rotation = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise ArgumentTypeError(
+            raise FastModelError(
                 f"a pose takes 3 and 4 numbers, [m] and [-], not {position!r} and {quaternion!r}"
             ) from error
         if origin.shape != (3,) or rotation.shape != (4,):
@@ -51,13 +51,13 @@ class Pose:
             )
         return cls(position=origin, quaternion=rotation / length)
 
-    def transform(self, inner: Pose) -> Pose:
+    def transform(self, inner: Mount) -> Mount:
         """Return the pose, in the other frame, of a frame whose pose in the first frame is given.
 
         Args:
-            inner: Pose in the first frame.
+            inner: Mount in the first frame.
         """
-        return Pose(
+        return Mount(
             position=self.position + rotate(self.quaternion, inner.position[None])[0],
             quaternion=multiply(self.quaternion, inner.quaternion),
         )

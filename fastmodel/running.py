@@ -10,7 +10,7 @@ import numpy as np
 
 from fastmodel.check import list_options
 from fastmodel.contact.interface import ContactReader, Reading
-from fastmodel.errors import LifeCycleError, StateError, check_type, warn_user
+from fastmodel.errors import FastModelError, LifeCycleError, check_type, warn_user
 from fastmodel.parameters import Parameters
 from fastmodel.signal.chain import SignalChain
 from fastmodel.signal.frame import Frame
@@ -67,13 +67,13 @@ class RunningSensor:
     def reset(self, contact_forces: FloatArray) -> None:
         """Restart the sensor under constant contact forces, see `Sensor.reset`."""
         if contact_forces.shape not in {(), (self._count,)}:
-            raise StateError(
+            raise FastModelError(
                 f"sensor {self._name!r}: contact_forces to start from must be a number or one force for each of "
                 f"{self._count} texels, not of shape {contact_forces.shape}"
             )
         settled = np.broadcast_to(contact_forces, (self._count,))
         if not (np.isfinite(settled) & (settled >= 0)).all():
-            raise StateError(f"sensor {self._name!r}: contact forces to start from must be finite and not negative")
+            raise FastModelError(f"sensor {self._name!r}: contact forces to start from must be finite and not negative")
         self.reading: Reading = self._reader.at_rest(settled)
         self.chain.settle(self.reading)
         self._steps = self._frames = 0
@@ -92,7 +92,7 @@ class RunningSensor:
         if self._steps % self.every == 0:
             reading = self._reader.read(data)
             if not math.isfinite(reading.carried):
-                raise StateError(f"sensor {self._name!r}: contact forces are not finite at t = {now:g} s")
+                raise FastModelError(f"sensor {self._name!r}: contact forces are not finite at t = {now:g} s")
             self.chain.take(reading)
             self.reading, self._sampled_at = reading, now
             if self._validity is not None and self._validity.is_exceeded(reading):
@@ -130,20 +130,20 @@ class RunningSensor:
             self._restore(state)
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
             self._restore(before)
-            raise error if isinstance(error, StateError) else StateError(f"state: {error}") from error
+            raise error if isinstance(error, FastModelError) else FastModelError(f"state: {error}") from error
 
     def _restore(self, state: State) -> None:
         """Restore a state of the sensor."""
         clock = take_array(state, "clock", np.zeros(5)).tolist()
         method, own = str(take_array(state, "method")), type(self._reader).__name__
         if method != own:
-            raise StateError(f"state: it belongs to a sensor with a {method}; this sensor has a {own}")
+            raise FastModelError(f"state: it belongs to a sensor with a {method}; this sensor has a {own}")
         for name, like in (("reading/contact_forces", np.zeros(self._count)), ("frame/counts", self.frame.counts)):
             if not np.isfinite(take_array(state, name, like)).all():
-                raise StateError(f"state: {name!r} is not finite")
+                raise FastModelError(f"state: {name!r} is not finite")
         reading, frame = (unpack(state, name, (Reading, Frame)) for name in ("reading", "frame"))
         if not isinstance(reading, Reading) or not isinstance(frame, Frame) or not math.isfinite(reading.carried):
-            raise StateError("state: reading or frame is not complete or not finite")
+            raise FastModelError("state: reading or frame is not complete or not finite")
         steps, frames = int(clock[0]), int(clock[1])
         self.chain.set_state(select(state, "chain"))
         self._reader.set_state(select(state, "contact"))

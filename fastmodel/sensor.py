@@ -23,8 +23,8 @@ from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.cover import CoverContact, Foundation
 from fastmodel.contact.geoms import NameInModel
 from fastmodel.contact.interface import TexelContact
-from fastmodel.curved.contact import CurvedContact
-from fastmodel.errors import LifeCycleError, StateError, check_type, warn_user
+from fastmodel.contact.mesh import MeshContact
+from fastmodel.errors import FastModelError, LifeCycleError, check_type, warn_user
 from fastmodel.parameters import Parameters
 from fastmodel.running import CLOCK_TOLERANCE, RunningSensor
 from fastmodel.signal.frame import Frame
@@ -105,11 +105,11 @@ class Sensor:
             The sensor itself.
 
         Raises:
-            ArgumentTypeError: If an argument has a wrong type.
+            FastModelError: If an argument has a wrong type.
             LifeCycleError: If the model was not compiled from the spec with this array, or names in the model have
                 another prefix or suffix.
             ParametersError: If the contact method needs cover data that the parameters lack.
-            FilterError: If the filter's cut-off is not below half the sampling rate.
+            FastModelError: If the filter's cut-off is not below half the sampling rate.
         """
         check_type("model", model, mujoco.MjModel, "a mujoco.MjModel, as spec.compile() returns it")
         prefix = self._prefix if prefix is None else prefix
@@ -126,7 +126,7 @@ class Sensor:
         """Find the array in a model, compile the kernels, and start the sensor at rest; see `bind`."""
         name, parameters = NameInModel(f"{prefix}{self.name}", suffix), self.parameters
         try:
-            reader = self._contact.bind(model, parameters.array, name, cells=parameters.cells)
+            reader = self._contact.bind(model, parameters.array, name, surface=parameters.surface)
         except LifeCycleError as error:
             raise LifeCycleError(f"{error}{self._suggest_names(model, prefix, suffix)}") from error
         with report_slow_compilation(f"sensor {self.name!r}"):
@@ -149,7 +149,7 @@ class Sensor:
             One sentence for each finding, which also says what to do; none if nothing was found.
 
         Raises:
-            ArgumentTypeError: If the argument has a wrong type.
+            FastModelError: If the argument has a wrong type.
             LifeCycleError: If the array is not in the model.
         """
         check_type("model", model, mujoco.MjModel, "a mujoco.MjModel, as spec.compile() returns it")
@@ -161,11 +161,11 @@ class Sensor:
         every = self._every or _choose_interval(self.parameters, self._contact, model.opt.timestep)
         pitch = min(array.pitch)
         margin = self._contact.plate.margin if isinstance(self._contact, CoverContact | Foundation) else 0
-        cover = self._contact.cover if isinstance(self._contact, CurvedContact) else None
+        cover = self._contact.surface if isinstance(self._contact, MeshContact) else None
         around = check_surroundings(
             model, geoms, f"{name}{self._suffix}", inset=margin * pitch, spacing=_POINTS_APART * pitch, cover=cover
         )
-        spread = () if isinstance(self._contact, CoverContact | CurvedContact) else check_calibration(self.parameters)
+        spread = () if self._contact.computes_spread else check_calibration(self.parameters)
         return (*check_options(self.parameters, model, every, geoms), *spread, *around)
 
     def step(self, data: mujoco.MjData) -> bool:
@@ -178,10 +178,10 @@ class Sensor:
             Whether the sensor made a new frame.
 
         Raises:
-            ArgumentTypeError: If the argument has a wrong type.
+            FastModelError: If the argument has a wrong type.
             LifeCycleError: If the sensor is not bound to the model of this state, or the simulation time did not
                 advance by one timestep since the previous call.
-            StateError: If a contact force is not finite.
+            FastModelError: If a contact force is not finite.
         """
         return self._bound().step(data)
 
@@ -230,11 +230,11 @@ class Sensor:
                 noise.  By default the noise continues; after `bind` it starts from `Electronics.seed`.
 
         Raises:
-            ArgumentTypeError: If the seed has a wrong type.
+            FastModelError: If the seed has a wrong type.
             LifeCycleError: If the sensor is not bound.
-            StateError: If a force is negative or not finite, or there is not one force for each texel.
+            FastModelError: If a force is negative or not finite, or there is not one force for each texel.
             FastModelError: If the seed is negative.
-            FilterError: If the timestep of the model has changed, and the filter's cut-off is not below half the
+            FastModelError: If the timestep of the model has changed, and the filter's cut-off is not below half the
                 new sampling rate.
         """
         running = self._bound()
@@ -246,7 +246,9 @@ class Sensor:
         try:
             forces = np.array(contact_forces, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise StateError(f"sensor {self.name!r}: contact_forces must be numbers, not {contact_forces!r}") from error
+            raise FastModelError(
+                f"sensor {self.name!r}: contact_forces must be numbers, not {contact_forces!r}"
+            ) from error
         running.reset(forces)
         if seed is not None:
             running.seed(seed)
@@ -273,7 +275,7 @@ class Sensor:
 
         Raises:
             LifeCycleError: If the sensor is not bound.
-            StateError: If an array is missing or has a wrong shape.
+            FastModelError: If an array is missing or has a wrong shape.
         """
         self._bound().set_state(state)
 

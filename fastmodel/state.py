@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.errors import FastModelError, StateError, check_type
+from fastmodel.errors import FastModelError, check_type
 
 #: A state: arrays by name.
 State = dict[str, npt.NDArray[Any]]
@@ -62,18 +62,20 @@ def unpack(state: Mapping[str, npt.NDArray[Any]], name: str, types: Iterable[typ
         The value; None if the state holds no such key.
 
     Raises:
-        StateError: If the arrays are not those of a value of these types.
+        FastModelError: If the arrays are not those of a value of these types.
     """
     known = {each.__name__: each for each in types}
     if f"{name}/{_TYPE}" in state:
         kind = known.get(str(state[f"{name}/{_TYPE}"]))
         if kind is None:
-            raise StateError(f"state: {name!r} is of the type {state[f'{name}/{_TYPE}']}, not one of {sorted(known)}")
+            raise FastModelError(
+                f"state: {name!r} is of the type {state[f'{name}/{_TYPE}']}, not one of {sorted(known)}"
+            )
         fields = kind._fields if hasattr(kind, "_fields") else [each.name for each in dataclasses.fields(kind)]
         try:
             return kind(**{field: unpack(state, f"{name}/{field}", types) for field in fields})
         except (TypeError, ValueError, AttributeError) as error:
-            raise StateError(f"state: {name!r} is not a {kind.__name__}: {error}") from error
+            raise FastModelError(f"state: {name!r} is not a {kind.__name__}: {error}") from error
     if f"{name}/{_LENGTH}" in state:
         return tuple(unpack(state, f"{name}/{index}", types) for index in range(int(state[f"{name}/{_LENGTH}"])))
     if name not in state:
@@ -93,15 +95,15 @@ def take_array(
         like: An array of the expected shape and type; None for any.
 
     Raises:
-        StateError: If the array is missing or has another shape.
+        FastModelError: If the array is missing or has another shape.
     """
     if name not in state:
-        raise StateError(f"state: {name!r} is missing; give a dict as Sensor.get_state() returns it")
+        raise FastModelError(f"state: {name!r} is missing; give a dict as Sensor.get_state() returns it")
     if like is None:
         return np.array(state[name])
     array = np.array(state[name], dtype=like.dtype)
     if array.shape != like.shape:
-        raise StateError(f"state: {name!r} has shape {array.shape}; this sensor has {like.shape}")
+        raise FastModelError(f"state: {name!r} has shape {array.shape}; this sensor has {like.shape}")
     return array
 
 
@@ -125,7 +127,7 @@ def make_generator(seed: int | np.random.SeedSequence, name: str) -> np.random.G
         name: Name of the sensor in its model.
 
     Raises:
-        ArgumentTypeError: If the seed is neither a whole number nor a seed sequence.
+        FastModelError: If the seed is neither a whole number nor a seed sequence.
         FastModelError: If the seed is negative.
     """
     check_type("seed", seed, (int, np.integer, np.random.SeedSequence), "a whole number or a numpy.random.SeedSequence")

@@ -16,6 +16,7 @@ from meshes.indenters.punches import LetterH, Nut, Prism
 from meshes.indenters.shapes import Box, Cone, Cylinder, Roller, RoundedTip, Sphere
 from meshes.indenters.triangle_mesh import TriangleMesh
 from meshes.material import Material
+from meshes.pose import Pose
 from meshes.surfaces.files import read_stl
 from meshes.tilt import TiltedIndenter, tilt_indenter
 
@@ -30,6 +31,7 @@ __all__ = [
     "LetterH",
     "Material",
     "Nut",
+    "Pose",
     "Primitive",
     "Prism",
     "Roller",

@@ -1,41 +1,167 @@
-"""Pose of an indenter over an array, in the plane of the array."""
+"""Pose and motion of an indenter in the frame of a texel array."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from meshes.array import TexelArray
+from meshes.array_types import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
-
-#: Largest difference between a yaw and a multiple of 90 degrees that counts as rounding, over 90 degrees [-].
+#: Largest difference between a yaw and a multiple of 90 degrees that counts as rounding, over 90 degrees, and largest
+#: deviation of a rotation matrix from orthogonality [-].
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanarPose:
-    """Position of an indenter's vertical axis in the array's frame, and rotation of the indenter about this axis.
+class Pose:
+    """Where an indenter touches, the direction in which it moves, and how it is turned about and against it.
+
+    Without tilt the indenter looks along its direction: its z axis points against it, and at yaw 0 its y axis is
+    closest to the array's y axis.  The default is the pose on a flat cover above the middle of the array.
 
     Attributes:
-        at: Position (x, y) of the indenter's axis in the array's frame [m].
-        yaw: Rotation of the indenter about its axis, counterclockwise as seen from above [rad].
+        point: Position of the lowest point on the indenter's axis in the array's frame; on a flat cover z has no
+            meaning, because the motion along z begins at first touch [m].
+        direction: Unit direction of the motion; any length is accepted [-].
+        yaw: Rotation of the indenter about the axis of the motion, counterclockwise as seen against it [rad].
+        tilt: Rotation vector of the indenter along the x and y axes of its own frame, before the yaw, about the
+            point [rad].
     """
 
-    at: tuple[float, float] = (0.0, 0.0)
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
     yaw: float = 0.0
+    tilt: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Convert to tuples of floats and normalise the direction.
+
+        Raises:
+            ValueError: If a shape is wrong, a number is not finite, or the direction is zero.
+        """
+        shapes = {"point": 3, "direction": 3, "tilt": 2}
+        values = {name: np.array(getattr(self, name), dtype=float) for name in shapes}
+        for name, count in shapes.items():
+            if values[name].shape != (count,) or not np.isfinite(values[name]).all():
+                raise ValueError(f"the {name} of a pose must be {count} finite numbers, not {getattr(self, name)}")
+        length = float(np.linalg.norm(values["direction"]))
+        if not length > 0:
+            raise ValueError("the direction of a pose must not be zero")
+        if not np.isfinite(self.yaw):
+            raise ValueError(f"the yaw of a pose must be finite, not {self.yaw}")
+        values["direction"] /= length
+        for name, value in values.items():
+            object.__setattr__(self, name, tuple(value.tolist()))
+        object.__setattr__(self, "yaw", float(self.yaw))
+
+    @classmethod
+    def planar(
+        cls, at: tuple[float, float] = (0.0, 0.0), yaw: float = 0.0, tilt: tuple[float, float] = (0.0, 0.0)
+    ) -> Pose:
+        """Place an indenter above a flat cover, moving along -z.
+
+        Args:
+            at: Position (x, y) of the indenter's axis in the array's frame [m].
+            yaw: Rotation of the indenter about its axis [rad].
+            tilt: Rotations about the indenter's x and y axes, before the yaw [rad].
+        """
+        return cls(point=(at[0], at[1], 0.0), yaw=yaw, tilt=tilt)
+
+    @classmethod
+    def facing(cls, point: npt.ArrayLike, direction: npt.ArrayLike, *, spin: float = 0.0) -> Pose:
+        """Place an indenter so that its lower side looks along its direction of motion.
+
+        Args:
+            point: Position of the lowest point on its axis, shape (3,) [m].
+            direction: Direction of motion, any length, shape (3,).
+            spin: Rotation about its axis [rad].
+
+        Raises:
+            ValueError: If a shape is wrong or the direction is zero.
+        """
+        place, towards = (tuple(np.array(each, dtype=float).tolist()) for each in (point, direction))
+        return cls(point=place, direction=towards, yaw=spin)
+
+    @classmethod
+    def from_rotation(cls, point: npt.ArrayLike, rotation: npt.ArrayLike) -> Pose:
+        """Place an indenter, given by a rotation matrix, that moves against its own z axis.
+
+        Args:
+            point: Position of the lowest point on its axis, shape (3,) [m].
+            rotation: Matrix whose columns are the indenter's axes in the array's frame, shape (3, 3).
+
+        Raises:
+            ValueError: If the matrix is no right-handed rotation.
+        """
+        axes = np.array(rotation, dtype=float)
+        if axes.shape != (3, 3) or not np.isfinite(axes).all():
+            raise ValueError("the rotation of a pose must be 3 x 3 finite numbers")
+        if np.abs(axes @ axes.T - np.eye(3)).max() > _ROUNDING or np.linalg.det(axes) < 0:
+            raise ValueError("the rotation of a pose must be a right-handed orthogonal matrix")
+        upright = cls.facing(point, -axes[:, 2])
+        x, y = upright.rotation[:, 0], upright.rotation[:, 1]
+        return cls.facing(point, -axes[:, 2], spin=float(np.arctan2(axes[:, 0] @ y, axes[:, 0] @ x)))
+
+    @property
+    def at(self) -> tuple[float, float]:
+        """Position (x, y) of the point [m]."""
+        return self.point[:2]
+
+    @property
+    def position(self) -> FloatArray:
+        """The point as an array, shape (3,) [m]."""
+        return np.array(self.point)
+
+    @property
+    def towards(self) -> FloatArray:
+        """The direction as an array, shape (3,) [-]."""
+        return np.array(self.direction)
+
+    @cached_property
+    def rotation(self) -> FloatArray:
+        """Rotation matrix whose columns are the indenter's x, y and z axes in the array's frame, shape (3, 3)."""
+        x, y, z = self._axes
+        c, s = self.cosines
+        axes = np.stack([c * x + s * y, c * y - s * x, z], axis=1)
+        angle = float(np.hypot(*self.tilt))
+        if angle == 0:
+            return axes
+        u, v = self.tilt[0] / angle, self.tilt[1] / angle
+        cross = np.array([[0, 0, v], [0, 0, -u], [-v, u, 0]])  # Rodrigues' formula
+        return np.asarray(axes @ (np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross))
+
+    @cached_property
+    def _axes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Axes of an indenter that looks along the direction, before yaw and tilt, shape (3,) each."""
+        z = -self.towards
+        reference = np.array([0.0, 1.0, 0.0]) if abs(z[1]) < 1 - _ROUNDING else np.array([0.0, 0.0, -np.sign(z[1])])
+        y = reference - (reference @ z) * z
+        y /= np.linalg.norm(y)
+        return np.cross(y, z), y, z
+
+    @property
+    def is_planar(self) -> bool:
+        """Whether the indenter moves along -z."""
+        return self.direction == (0.0, 0.0, -1.0)
 
     @property
     def is_aligned(self) -> bool:
-        """Whether the indenter's axes are parallel to those of the array: the yaw is a multiple of 90 degrees."""
+        """Whether the yaw is a multiple of 90 degrees."""
         quarters = 2 * self.yaw / np.pi
         return abs(quarters - round(quarters)) < _ROUNDING
 
+    def is_close_to(self, other: Pose) -> bool:
+        """Whether two poses are the same up to rounding: 1 nm, 1e-9 rad."""
+        mine, others = ((*each.point, *each.direction, each.yaw, *each.tilt) for each in (self, other))
+        return np.allclose(mine, others, rtol=0, atol=_ROUNDING)
+
     @property
-    def direction(self) -> tuple[float, float]:
-        """Direction of the indenter's x axis in the array's frame: cosine and sine of the yaw [-].
+    def cosines(self) -> tuple[float, float]:
+        """Cosine and sine of the yaw [-].
 
         For multiples of 90 degrees the values are exact, so that mirrored poses remain mirror images.
         """
@@ -44,31 +170,23 @@ class PlanarPose:
         return float(np.cos(self.yaw)), float(np.sin(self.yaw))
 
     def to_array(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Transform points from the indenter's frame to the array's frame.
-
-        Args:
-            x: x coordinates in the indenter's frame, any shape [m].
-            y: y coordinates in the indenter's frame, same shape [m].
-
-        Returns:
-            x and y coordinates in the array's frame, each of the same shape [m].
-        """
-        c, s = self.direction
-        return self.at[0] + c * x - s * y, self.at[1] + s * x + c * y
+        """Transform x and y of a planar pose from the indenter's frame to the array's frame, any shape each [m]."""
+        c, s = self.cosines
+        return self.point[0] + c * x - s * y, self.point[1] + s * x + c * y
 
     def to_indenter(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Transform points from the array's frame to the indenter's frame; the inverse of `to_array`.
-
-        Args:
-            x: x coordinates in the array's frame, any shape [m].
-            y: y coordinates in the array's frame, same shape [m].
-
-        Returns:
-            x and y coordinates in the indenter's frame, each of the same shape [m].
-        """
-        c, s = self.direction
-        x, y = x - self.at[0], y - self.at[1]
+        """Transform x and y of a planar pose to the indenter's frame, any shape each [m]; inverse of `to_array`."""
+        c, s = self.cosines
+        x, y = x - self.point[0], y - self.point[1]
         return c * x + s * y, c * y - s * x
+
+    def points_to_indenter(self, points: FloatArray) -> FloatArray:
+        """Transform points of the array's frame to the indenter's frame, shape (..., 3) [m]."""
+        return np.asarray((points - self.position) @ self.rotation)
+
+    def vectors_to_indenter(self, vectors: FloatArray) -> FloatArray:
+        """Turn vectors of the array's frame to the indenter's frame, shape (..., 3)."""
+        return np.asarray(vectors @ self.rotation)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,4 +199,4 @@ class Place:
     """
 
     array: TexelArray
-    pose: PlanarPose
+    pose: Pose

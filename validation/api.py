@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from validation.results.report import Report
     from validation.simulator_models import Exported
     from validation.weiss.continuity import Gap
-    from validation.weiss.frames import Reading
+    from validation.weiss.protocol import Reading
 
 Progress = Callable[[str], None]
 #: What a verb takes as a sensor: what `load` returns, a path, or the name of a built-in sensor.
@@ -213,13 +213,14 @@ def press(
             found, shape, shape=indenter, load=newtons, depth=metres, friction=coefficient, finite=strain == "finite",
             pose=read_pose(pose, "--", planar=found.array.planar), fast="fast" in models, progress=progress,
         )  # fmt: skip
+    from meshes import Pose
     from validation.campaign.case import Case
     from validation.campaign.comparison import compare_models
 
-    case = Case(
-        name="press", indenter=shape, shape=indenter, load=newtons or 0.0, at=texts.read_position(at or "0mm,0mm"),
-        yaw=texts.read_yaw(yaw or "0deg"), tilt=texts.read_tilt(tilt or "0deg,0deg"),
-    )  # fmt: skip
+    placed = Pose.planar(
+        texts.read_position(at or "0mm,0mm"), texts.read_yaw(yaw or "0deg"), texts.read_tilt(tilt or "0deg,0deg")
+    )
+    case = Case(name="press", indenter=shape, shape=indenter, load=newtons or 0.0, pose=placed)
     return compare_models(
         found, case, depth=metres, accuracy=accuracy, models=models, method=method, progress=progress,
         friction=coefficient if coefficient is not None else getattr(found, "friction", 0.0),

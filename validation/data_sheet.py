@@ -345,7 +345,7 @@ def _separate_two_points(parameters: Parameters) -> float | str:
         radius=tables["point_response_radius"],
         pressure_per_force=tables["point_response_pressure"],
         reaction=1.0,
-        thickness=0.0 if parameters.cells is None else parameters.cells.thickness,
+        thickness=0.0 if parameters.surface is None else parameters.surface.thickness,
     )
     found = texel_separation(spread, parameters.array)
     return found if np.isfinite(found) else "no distance up to twelve pitches shows a dip"

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.check import OptionWarning
-from fastmodel.errors import ArgumentTypeError, FastModelError, LifeCycleError, check_type
+from fastmodel.errors import FastModelError, LifeCycleError, check_type
 from fastmodel.sensor import Sensor
 from fastmodel.signal.frame import Frame
 from fastmodel.state import make_generator
@@ -67,7 +67,7 @@ class Batch:
                 `Electronics.seed`.
 
         Raises:
-            ArgumentTypeError: If an argument has a wrong type.
+            FastModelError: If an argument has a wrong type.
             FastModelError: If `worlds` or `processes` is not a positive whole number, or the seed is negative.
             LifeCycleError: If the model was not compiled from the spec with these sensors.
         """
@@ -113,7 +113,7 @@ class Batch:
         Raises:
             FastModelError: If there are several processes, and the function cannot be imported.
             LifeCycleError: If the physics of a world was stepped without its sensors before.
-            StateError: If a contact force is not finite.
+            FastModelError: If a contact force is not finite.
         """
         _check_count("steps", steps, 0)
         if control is not None:
@@ -244,7 +244,7 @@ class _Worlds:
 def _check_function(name: str, function: object, wanted: str) -> None:
     """Raise an error if an argument is not a function."""
     if not callable(function):
-        raise ArgumentTypeError(f"{name} must be {wanted}, not {type(function).__name__}")
+        raise FastModelError(f"{name} must be {wanted}, not {type(function).__name__}")
 
 
 def _check_count(name: str, number: float, least: int) -> None:

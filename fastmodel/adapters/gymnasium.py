@@ -84,7 +84,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
             Nested wrappers share one entry, if their sensors have different names.
 
     Raises:
-        ArgumentTypeError: If an argument has a wrong type.
+        FastModelError: If an argument has a wrong type.
         FastModelError: If the environment has no attributes `model` and `data`, the observation has the name of a
             sensor already, there is no sensor, or `frames` is not a positive whole number; from `reset` and `step`, if
             the environment's `info` has an entry of the name `key`.

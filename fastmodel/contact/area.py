@@ -17,8 +17,8 @@ import numpy as np
 
 from fastmodel.contact.boxes import BoxReader, BoxTexels, find_boxes
 from fastmodel.contact.joints import Joints
-from fastmodel.pose import Pose
-from fastmodel.pressure.cover_kernels import CoverCells
+from fastmodel.pose import Mount
+from fastmodel.surface import Surface
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
@@ -42,10 +42,16 @@ class AreaTexels:
     boxes: BoxTexels = field(default_factory=BoxTexels)
 
     costly: ClassVar[bool] = True
+    computes_spread: ClassVar[bool] = False
+    takes_overlaps: ClassVar[bool] = False
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add one box geom per texel to a body of the spec; see `TexelContact.attach`."""
         self.boxes.attach(body, array, pose, name)
+
+    def adapt(self, surface: Surface | None) -> AreaTexels:  # noqa: ARG002
+        """Return the method as it is: boxes suit every cover."""
+        return self
 
     def bind(
         self,
@@ -53,9 +59,9 @@ class AreaTexels:
         array: TexelArray,
         name: str,
         *,
-        cells: CoverCells | None = None,  # noqa: ARG002
+        surface: Surface | None = None,  # noqa: ARG002
     ) -> AreaReader:
-        """Find the boxes in the compiled model; see `TexelContact.bind`.  The cover data in `cells` are not used.
+        """Find the boxes in the compiled model; see `TexelContact.bind`.  The cover is not used.
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.

@@ -18,10 +18,10 @@ from fastmodel.contact.force_kernels import has_pyramids, imitate_contacts, pres
 from fastmodel.contact.geoms import EVERY, check_box, describe_box, find_geoms
 from fastmodel.contact.interface import Reading
 from fastmodel.contact.net_force import NetForceReader
-from fastmodel.pose import Pose, make_quaternions, multiply, rotate
-from fastmodel.pressure.cover_kernels import CoverCells
+from fastmodel.pose import Mount, make_quaternions, multiply, rotate
 from fastmodel.signal.point_spread import find_tangents
 from fastmodel.state import State
+from fastmodel.surface import Surface
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
@@ -48,6 +48,8 @@ class BoxTexels:
     conaffinity: int = EVERY
 
     costly: ClassVar[bool] = False
+    computes_spread: ClassVar[bool] = False
+    takes_overlaps: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -57,7 +59,7 @@ class BoxTexels:
         """
         check_box(self.height, self.contype, self.conaffinity)
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add one box geom per texel to a body of the spec; see `TexelContact.attach`."""
         axis_x, axis_y = find_tangents(array)
         turns = multiply(pose.quaternion, make_quaternions(np.stack([axis_x, axis_y, array.normals], axis=-1)))
@@ -70,15 +72,19 @@ class BoxTexels:
             if not active:
                 geom.rgba[:] = _MASKED_COLOUR
 
+    def adapt(self, surface: Surface | None) -> BoxTexels:  # noqa: ARG002
+        """Return the method as it is: boxes suit every cover."""
+        return self
+
     def bind(
         self,
         model: mujoco.MjModel,
         array: TexelArray,
         name: str,
         *,
-        cells: CoverCells | None = None,  # noqa: ARG002
+        surface: Surface | None = None,  # noqa: ARG002
     ) -> BoxReader:
-        """Find the boxes in the compiled model; see `TexelContact.bind`.  The cover data in `cells` are not used.
+        """Find the boxes in the compiled model; see `TexelContact.bind`.  The cover is not used.
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.

@@ -8,8 +8,8 @@ one cell also displaces the other cells; `CoverContact` also computes the texel 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
 
 import mujoco
 import numpy as np
@@ -20,14 +20,14 @@ from fastmodel.contact.panels import PanelReader, Wrench
 from fastmodel.contact.plate import Plate, PlateContact, PlateReader
 from fastmodel.contact.stretching import StretchingCover
 from fastmodel.errors import ParametersError
-from fastmodel.pose import Pose
+from fastmodel.pose import Mount
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 from fastmodel.pressure.conjugate_gradient import CoverSolver, Load, PressureSolution
-from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.pressure.gap import Solid
 from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody
 from fastmodel.pressure.winkler import FoundationSolver
 from fastmodel.state import State, pack, take_array, unpack
+from fastmodel.surface import CoverCells, Surface
 from fastmodel.validity import FEWEST_CELLS
 from meshes import TexelArray
 from meshes.array_types import FloatArray
@@ -64,10 +64,18 @@ class _PlateMethod:
     plate: Plate = field(default_factory=Plate)
 
     costly: ClassVar[bool] = True
+    computes_spread: ClassVar[bool] = False
+    takes_overlaps: ClassVar[bool] = False
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add the plate to a body of the spec; see `TexelContact.attach`."""
         self.plate.attach(body, array, pose, name)
+
+    def adapt(self, surface: Surface | None) -> Self:
+        """Return the method with a plate that ends at the texels if the cover has free side edges there."""
+        if not isinstance(surface, CoverCells) or surface.table is None:
+            return self
+        return replace(self, plate=replace(self.plate, margin=0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +93,7 @@ class Foundation(_PlateMethod):
     per_texel: int | None = None
 
     def bind(
-        self, model: mujoco.MjModel, array: TexelArray, name: str, *, cells: CoverCells | None = None
+        self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None
     ) -> ContactReader:
         """Find the plate in the compiled model; see `TexelContact.bind`.
 
@@ -93,16 +101,17 @@ class Foundation(_PlateMethod):
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
             ParametersError: If there is neither a modulus nor cover data.
         """
+        cells = surface if isinstance(surface, CoverCells) else None
         if self.modulus is None and cells is None:
             raise ParametersError(
                 f"sensor {name!r}: the contact method 'foundation' needs the cover's cells or a modulus; derive the "
                 f"parameters anew, or use Foundation(modulus=...)"
             )
         modulus = self.modulus or (cells.foundation_modulus() if cells else 0.0)
-        surface = _Surface.divide(self.plate, array, self.per_texel or (cells.per_texel if cells else _CELLS))
-        solver = FoundationSolver(surface.grid, modulus)
-        reader = surface.build_plate_reader(model, array, name)
-        return _PressureReader(reader, solver, surface, first=_FIRST * min(array.pitch))
+        division = _Division.of(self.plate, array, self.per_texel or (cells.per_texel if cells else _CELLS))
+        solver = FoundationSolver(division.grid, modulus)
+        reader = division.build_plate_reader(model, array, name)
+        return _PressureReader(reader, solver, division, first=_FIRST * min(array.pitch))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,8 +130,10 @@ class CoverContact(_PlateMethod):
     tolerance: float = 2e-3
     steps: int = 100
 
+    computes_spread: ClassVar[bool] = True
+
     def bind(
-        self, model: mujoco.MjModel, array: TexelArray, name: str, *, cells: CoverCells | None = None
+        self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None
     ) -> ContactReader:
         """Find the plate in the compiled model.
 
@@ -130,21 +141,22 @@ class CoverContact(_PlateMethod):
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
             ParametersError: If the parameters hold no cover data for this pitch.
         """
-        if cells is None:
+        if not isinstance(surface, CoverCells):
             raise ParametersError(
                 f"sensor {name!r}: the contact method 'cover' needs the cover's cells, which these parameters do not "
                 f"hold; derive them anew, or use 'boxes' or 'area'"
             )
-        cells.check(array)
-        surface = _Surface.divide(self.plate, array, cells.per_texel, apart=max(cells.compliance.shape))
-        solver = CoverSolver(cells, surface.grid, tolerance=self.tolerance, steps=self.steps)
-        base = StretchingCover(cells, solver, [surface.build_base_forces(each, array) for each in cells.under_loads])
-        reader = surface.build_plate_reader(model, array, name)
-        return _PressureReader(reader, base, surface, base, first=_FIRST * cells.thickness)
+        surface.check(array)
+        division = _Division.of(self.plate, array, surface.per_texel, apart=max(surface.compliance.shape))
+        solver = CoverSolver(surface, division.grid, tolerance=self.tolerance, steps=self.steps)
+        operators = [division.build_base_forces(each, array) for each in surface.under_loads]
+        base = StretchingCover(surface, solver, operators)
+        reader = division.build_plate_reader(model, array, name)
+        return _PressureReader(reader, base, division, base, first=_FIRST * surface.thickness)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Surface:
+class _Division:
     """The cells of an array: one contact grid if the array is flat and regular, else panels on a common contact grid.
 
     Attributes:
@@ -158,7 +170,7 @@ class _Surface:
     layout: PanelLayout | None = None
 
     @classmethod
-    def divide(cls, plate: Plate, array: TexelArray, per_texel: int, *, apart: int = 1) -> _Surface:
+    def of(cls, plate: Plate, array: TexelArray, per_texel: int, *, apart: int = 1) -> _Division:
         """Divide an array and the margin of its plate into cells.
 
         Args:
@@ -201,7 +213,7 @@ class _PressureReader:
         self,
         plate: PlateReader,
         solver: StretchingCover | FoundationSolver,
-        surface: _Surface,
+        division: _Division,
         base: StretchingCover | None = None,
         *,
         first: float,
@@ -211,12 +223,12 @@ class _PressureReader:
         Args:
             plate: Reader that finds the bodies on the plate.
             solver: Solver that computes the forces on cells.
-            surface: The cells of the array.
+            division: The cells of the array.
             base: Operator from forces on cells to forces at the base; None for a method that does not compute them.
             first: Reach at the first contact of a body, see `_FIRST` [m].
         """
-        self._plate, self._solver, self._base, self._grid = plate, solver, base, surface.grid
-        self._coherent, self._regular = surface.coherent, surface.layout is None
+        self._plate, self._solver, self._base, self._grid = plate, solver, base, division.grid
+        self._coherent, self._regular = division.coherent, division.layout is None
         self._first, self._most = first, _MOST * first
         self._reach: dict[int, float] = {}
         self._solved: tuple[PlateContact, Reading] | None = None

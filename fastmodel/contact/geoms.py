@@ -1,4 +1,4 @@
-"""Massless box geoms, of which the texels and plates of contact methods are made, and what can touch them."""
+"""Geoms of texels, plates and indenters in MuJoCo, and what can touch an array."""
 
 from __future__ import annotations
 
@@ -9,12 +9,21 @@ import mujoco
 import numpy as np
 
 from fastmodel.errors import LifeCycleError
+from meshes import Indenter
 from meshes.array_types import IntArray
 
 #: Colour of plates and of boxes of active texels: red, green, blue, opacity [-].
 _COLOUR = (0.25, 0.27, 0.3, 1.0)
 #: Number of bits by which MuJoCo shifts the id of the first body in the signature of an excluded pair of bodies [-].
 _SIGNATURE_BITS = 16
+#: MuJoCo's geom type for each kind of primitive of an indenter.
+_GEOMS = {
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "hull": mujoco.mjtGeom.mjGEOM_MESH,
+}
 #: For every geom of a model, why it never touches an array; "" for geoms that can.
 Reasons = np.ndarray[Any, np.dtype[np.object_]]
 #: Collision mask with every bit [-]; MuJoCo's masks are signed 32-bit numbers.
@@ -125,3 +134,27 @@ def find_obstacles(model: mujoco.MjModel, geoms: IntArray) -> Reasons:
     for one, other in ((model.pair_geom1, model.pair_geom2), (model.pair_geom2, model.pair_geom1)):
         found[one[np.isin(other, geoms)]] = ""
     return found
+
+
+def add_geoms(spec: mujoco.MjSpec, body: mujoco.MjsBody, indenter: Indenter, *, name: str = "indenter") -> None:
+    """Add the solids of an indenter to a body, as geoms without mass.
+
+    Args:
+        spec: The spec to edit.  Shapes that are no MuJoCo primitive become meshes of the spec.
+        body: A body of the spec.
+        indenter: The shape.
+        name: Prefix of the meshes' names.
+    """
+    for number, primitive in enumerate(indenter.primitives()):
+        mesh = ""
+        if primitive.vertices:
+            mesh = f"{name}/part{number}"
+            spec.add_mesh(name=mesh, uservert=np.ravel(primitive.vertices).tolist())
+        body.add_geom(
+            type=_GEOMS[primitive.kind],
+            size=[*primitive.size, 0.0, 0.0, 0.0][:3],
+            pos=primitive.position,
+            quat=primitive.quaternion,
+            meshname=mesh,
+            mass=0.0,
+        )

@@ -10,9 +10,9 @@ from typing import ClassVar, NamedTuple, Protocol
 
 import mujoco
 
-from fastmodel.pose import Pose
-from fastmodel.pressure.cover_kernels import CoverCells
+from fastmodel.pose import Mount
 from fastmodel.state import State
+from fastmodel.surface import Surface
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 
@@ -52,22 +52,26 @@ class TexelContact(Protocol):
     Attributes:
         costly: Whether the contact forces take so much time to compute that they are sampled no more often than frame
             rate and filter require.
+        computes_spread: Whether the readings hold the texel forces after spread.
+        takes_overlaps: Whether texels may overlap.
     """
 
     costly: ClassVar[bool]
+    computes_spread: ClassVar[bool]
+    takes_overlaps: ClassVar[bool]
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add the geoms of the contact method to a body of a spec.
 
         Args:
             body: The body of a `mujoco.MjSpec` that carries the array.
             array: The texels, in the array's frame.
-            pose: Pose of the array's frame in the frame of the body.
+            pose: Mount of the array's frame in the frame of the body.
             name: Name of the sensor, which is the prefix of the names of the geoms.
         """
 
     def bind(
-        self, model: mujoco.MjModel, array: TexelArray, name: str, *, cells: CoverCells | None = None
+        self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None
     ) -> ContactReader:
         """Find the geoms of the contact method in the compiled model.
 
@@ -75,7 +79,7 @@ class TexelContact(Protocol):
             model: The compiled model.
             array: The array that was attached.
             name: Name of the sensor, as given to `attach`.
-            cells: Compliance and influence of the cover, for contact methods that model the cover.
+            surface: Compliance and influence of the cover, for contact methods that model the cover.
 
         Returns:
             The reader, which computes contact forces from states of the model.
@@ -100,7 +104,7 @@ class ContactReader(Protocol):
         """Compute contact forces, net force and tangential forces of the last step from the state after the step.
 
         Raises:
-            StateError: If a contact force is not finite.
+            FastModelError: If a contact force is not finite.
         """
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
@@ -113,5 +117,5 @@ class ContactReader(Protocol):
         """Restore what `get_state` returned, so that the next readings are equal bit for bit.
 
         Raises:
-            StateError: If an array is missing.
+            FastModelError: If an array is missing.
         """

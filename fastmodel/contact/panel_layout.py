@@ -19,8 +19,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from fastmodel.pressure.cell_grid import CellGrid
-from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.signal.point_spread import find_tangents
+from fastmodel.surface import CoverCells
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 

@@ -21,8 +21,8 @@ from fastmodel.contact.geoms import EVERY, check_box, describe_box, find_geoms
 from fastmodel.contact.joints import Joints
 from fastmodel.contact.net_force import NetForceReader
 from fastmodel.contact.panel_layout import Panel, divide_into_panels
-from fastmodel.errors import StateError
-from fastmodel.pose import Pose, make_quaternions, multiply, rotate
+from fastmodel.errors import FastModelError
+from fastmodel.pose import Mount, make_quaternions, multiply, rotate
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.conjugate_gradient import Load
 from fastmodel.pressure.flexes import FlexSurfaces
@@ -72,13 +72,13 @@ class Plate:
         if (self.solref is None) != (self.solimp is None):
             raise ValueError("solref and solimp belong together; give both or neither")
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add the plate to a body of a spec: one box geom for each flat panel of the array.
 
         Args:
             body: The body of a `mujoco.MjSpec` that carries the array.
             array: The array, in its own frame.
-            pose: Pose of the array's frame in the frame of the body.
+            pose: Mount of the array's frame in the frame of the body.
             name: Name of the sensor, which is the prefix of the names of the geoms.
         """
         # with a higher priority, MuJoCo uses the softness of the plate alone and not that of the touching geom
@@ -238,7 +238,7 @@ class PlateReader:
 
         Raises:
             LifeCycleError: If the size of the plate has changed.
-            StateError: If a contact force is not finite.
+            FastModelError: If a contact force is not finite.
         """
         if not data.nefc:
             return None
@@ -248,7 +248,7 @@ class PlateReader:
             return None
         force = contact.beside + sum([load.force for load in contact.loads]) + contact.points[:, 2].sum()
         if not math.isfinite(force):
-            raise StateError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
+            raise FastModelError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
         return contact, sums
 
     def sample_gap(self, contact: PlateContact, reach: Sequence[float]) -> GapSamples:

@@ -14,9 +14,9 @@ import numpy as np
 from fastmodel.contact.panel_layout import ScatteredBaseForces
 from fastmodel.pressure.cell_grid import BaseForces
 from fastmodel.pressure.conjugate_gradient import CoverSolver, Load, PressureSolution
-from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.pressure.gap_sampling import GapSamples
 from fastmodel.state import State, take_array
+from fastmodel.surface import CoverCells
 from meshes.array_types import FloatArray
 
 #: Depth of a body over that of the ball under the same load, above which the tables of this load are used [-].  It

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.contact.plate import Plate
-from fastmodel.errors import FastModelError, ShapeError
-from fastmodel.pose import Pose
+from fastmodel.errors import FastModelError
+from fastmodel.pose import Mount
 from meshes import Indenter, Sphere, TexelArray
 from meshes.array_types import FloatArray
 from meshes.constants import STANDARD_GRAVITY
@@ -101,7 +101,7 @@ def fit_foundation(indenter: Indenter, load: npt.ArrayLike, depth: npt.ArrayLike
         depth: Approaches of the indenter since its first touch of the cover, shape (k,) [m].
 
     Raises:
-        ShapeError: If there are fewer than two points or shapes differ.
+        FastModelError: If there are fewer than two points or shapes differ.
         FastModelError: If a number is not positive and finite.
     """
     force, deep = _check_curve(load, depth)
@@ -136,7 +136,7 @@ def fit_contact(
         timestep: Timestep of the simulation in which the parameters will be used [s].
 
     Raises:
-        ShapeError: If there are fewer than two points or shapes differ.
+        FastModelError: If there are fewer than two points or shapes differ.
         FastModelError: If a number is not positive and finite, or the matched load is not among the loads.
     """
     force, deep = _check_curve(load, depth)
@@ -166,7 +166,7 @@ def _check_curve(load: npt.ArrayLike, depth: npt.ArrayLike) -> tuple[FloatArray,
     """Check k forces [N] and depths [m], and return them as arrays of shape (k,)."""
     force, deep = np.array(load, dtype=np.float64), np.array(depth, dtype=np.float64)
     if force.ndim != 1 or force.shape != deep.shape or len(force) < 2:  # noqa: PLR2004 -- a scatter takes two
-        raise ShapeError(f"load and depth take two or more points of one shape, not {force.shape} and {deep.shape}")
+        raise FastModelError(f"load and depth take two or more points of one shape, not {force.shape} and {deep.shape}")
     for name, values in (("load", force), ("depth", deep)):
         if not (np.isfinite(values).all() and values.min() > 0):
             raise FastModelError(f"{name} must be positive and finite, not {values.tolist()}")
@@ -210,7 +210,7 @@ def _simulate_depth(mass: float, constant: float, impedance: float, timestep: fl
     spec.option.gravity[:] = [0, 0, -STANDARD_GRAVITY]
     spec.option.tolerance = 1e-12
     plate = Plate(solref=(constant, 1.0), solimp=(impedance, impedance, 1e-3, 0.5, 2.0))
-    plate.attach(spec.worldbody, TexelArray.grid(4, 4, 10e-3), Pose.of((0, 0, 0), (1, 0, 0, 0)), "fit")
+    plate.attach(spec.worldbody, TexelArray.grid(4, 4, 10e-3), Mount.of((0, 0, 0), (1, 0, 0, 0)), "fit")
     ball = Sphere(radius=10e-3)
     body = spec.worldbody.add_body()
     body.add_freejoint()

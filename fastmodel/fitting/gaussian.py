@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.errors import FastModelError, ShapeError
+from fastmodel.errors import FastModelError
 from fastmodel.fitting.width_estimators import Pair, estimate_from_image, estimate_from_profile
 from fastmodel.signal.point_spread import Gaussian, find_smallest_kernel, sample_gaussian
 from meshes.array_types import BoolArray, FloatArray
@@ -85,7 +85,7 @@ def fit_gaussian(
         pitch: Texel pitch along x and y, required with `radius` [m].
 
     Raises:
-        ShapeError: If shapes disagree or the loaded texel is not on the image.
+        FastModelError: If shapes disagree or the loaded texel is not on the image.
         FastModelError: If a value is not finite, the load is not positive, or only some of `radius`,
             `pressure_per_force` and `pitch` are given.
     """
@@ -116,12 +116,12 @@ def _check_response(
     """Check a response, and return the response per unit load [-] and the mask, both of shape (rows, columns)."""
     image = np.array(response, dtype=np.float64)
     if image.ndim != 2:  # noqa: PLR2004 -- an image
-        raise ShapeError(f"a response is an image of shape (rows, columns), not {image.shape}")
+        raise FastModelError(f"a response is an image of shape (rows, columns), not {image.shape}")
     mask = np.ones(image.shape, dtype=bool) if active is None else np.array(active, dtype=bool)
     if mask.shape != image.shape:
-        raise ShapeError(f"active has shape {mask.shape} but the response {image.shape}")
+        raise FastModelError(f"active has shape {mask.shape} but the response {image.shape}")
     if not (0 <= loaded[0] < image.shape[0] and 0 <= loaded[1] < image.shape[1]):
-        raise ShapeError(f"loaded texel {loaded} is not on an image of shape {image.shape}")
+        raise FastModelError(f"loaded texel {loaded} is not on an image of shape {image.shape}")
     if not np.isfinite(image).all():
         raise FastModelError("the response holds nan or inf")
     if not 0 < load < np.inf:
@@ -210,7 +210,7 @@ def _estimate_radially(
         raise FastModelError("the radial estimators need radius, pressure_per_force and pitch together")
     r, p = np.asarray(radius, dtype=np.float64), np.asarray(pressure, dtype=np.float64)
     if r.ndim != 1 or r.shape != p.shape or np.any(np.diff(r) <= 0):
-        raise ShapeError(f"radius must rise and match pressure_per_force; shapes {r.shape} and {p.shape}")
+        raise FastModelError(f"radius must rise and match pressure_per_force; shapes {r.shape} and {p.shape}")
     if not (np.isfinite(p).all() and p[0] > 0):
         raise FastModelError("pressure_per_force must be finite and positive at the first radius")
     return {name: (sigma / pitch[0], sigma / pitch[1]) for name, sigma in estimate_from_profile(r, p).items()}

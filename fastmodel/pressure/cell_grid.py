@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fastmodel.pressure.cover_kernels import CoverCells
+from fastmodel.surface import CoverCells
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 

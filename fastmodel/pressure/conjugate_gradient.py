@@ -23,10 +23,10 @@ import numpy as np
 from fastmodel.compiled import compile_kernel
 from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.conjugate_gradient_kernels import minimise_energy
-from fastmodel.pressure.cover_kernels import CoverCells
 from fastmodel.pressure.gap_sampling import GapSamples
 from fastmodel.pressure.preparation_kernels import are_close, find_start, place_cells
 from fastmodel.state import State, take_array
+from fastmodel.surface import CoverCells
 from meshes.array_types import FloatArray, IntArray
 
 #: Displacement at the centre of a square on an elastic half space under uniform pressure of unit force, divided by

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.errors import FilterError, ShapeError
+from fastmodel.errors import FastModelError
 from fastmodel.signal.array_namespace import Array, find_namespace
 from meshes.array_types import FloatArray
 
@@ -38,12 +38,12 @@ class Butterworth:
         """Check the numbers.
 
         Raises:
-            FilterError: If the cut-off is not positive and finite, or the order is not a whole number in 1..20.
+            FastModelError: If the cut-off is not positive and finite, or the order is not a whole number in 1..20.
         """
         if not 0 < self.cutoff_hz < np.inf:
-            raise FilterError(f"cutoff_hz must be positive, not {self.cutoff_hz}")
+            raise FastModelError(f"cutoff_hz must be positive, not {self.cutoff_hz}")
         if self.order != int(self.order) or not 1 <= self.order <= ORDER_MAX:
-            raise FilterError(f"order must be a whole number 1..{ORDER_MAX}, not {self.order}")
+            raise FastModelError(f"order must be a whole number 1..{ORDER_MAX}, not {self.order}")
 
     def sections(self, rate_hz: float) -> FloatArray:
         """Compute the coefficients b0 b1 b2 a0 a1 a2 of each section, shape (ceil(order / 2), 6) [-].
@@ -57,10 +57,12 @@ class Butterworth:
             rate_hz: Sampling rate [Hz].
 
         Raises:
-            FilterError: If the cut-off is not below half the sampling rate.
+            FastModelError: If the cut-off is not below half the sampling rate.
         """
         if not self.cutoff_hz < rate_hz / 2:
-            raise FilterError(f"cutoff_hz {self.cutoff_hz:g} must lie below half the sampling rate of {rate_hz:g} Hz")
+            raise FastModelError(
+                f"cutoff_hz {self.cutoff_hz:g} must lie below half the sampling rate of {rate_hz:g} Hz"
+            )
         K = np.tan(np.pi * self.cutoff_hz / rate_hz)
         rows = [_first_order(K)] if self.order % 2 else []
         # Sections are in order of rising quality factor, so that the signals between sections stay small.
@@ -106,7 +108,7 @@ class LowPass:
             dtype: Floating-point type of the arrays; by default that of the module, for numpy 64 bits.
 
         Raises:
-            FilterError: If the cut-off is not below half the sampling rate.
+            FastModelError: If the cut-off is not below half the sampling rate.
         """
         sections = np.zeros((0, 6)) if design is None else design.sections(rate_hz)
         self._transition = namespace.asarray(_combine(sections), dtype=dtype)
@@ -154,7 +156,7 @@ class FilterBank:
             count: Number of signals [-].
 
         Raises:
-            FilterError: If the cut-off is not below half the sampling rate.
+            FastModelError: If the cut-off is not below half the sampling rate.
         """
         self._filter = LowPass(design, rate_hz)
         self._states = self._filter.settle(np.zeros(count))
@@ -182,10 +184,10 @@ class FilterBank:
             The filtered sample of every signal, shape (count,) [unit of the input].
 
         Raises:
-            ShapeError: If the input has another shape.
+            FastModelError: If the input has another shape.
         """
         if np.shape(values) != self.filtered.shape:
-            raise ShapeError(f"the filter takes samples of shape {self.filtered.shape}, not {np.shape(values)}")
+            raise FastModelError(f"the filter takes samples of shape {self.filtered.shape}, not {np.shape(values)}")
         self._states = self._filter.step(self._states, np.asarray(values, dtype=np.float64))
         return self.filtered.copy()
 

@@ -35,7 +35,7 @@ class SignalChain:
                 base of the cover.
 
         Raises:
-            FilterError: If the filter's cut-off is not below half the sampling rate.
+            FastModelError: If the filter's cut-off is not below half the sampling rate.
         """
         self._area = float(np.prod(parameters.array.texel_size))
         self._functions = ChainFunctions(parameters, rate_hz, spreads=spreads)
@@ -98,7 +98,7 @@ class SignalChain:
         """Restore what `get_state` returned.
 
         Raises:
-            StateError: If an array is missing or has another shape than in this chain.
+            FastModelError: If an array is missing or has another shape than in this chain.
         """
         own = self.get_state()
         found = {name: take_array(state, name, array) for name, array in own.items()}

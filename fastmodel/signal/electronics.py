@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.errors import ShapeError
+from fastmodel.errors import FastModelError
 from fastmodel.signal.array_namespace import Array, as_floats, cast, find_namespace, round_half_to_even
 
 #: Grey level of white in an 8-bit image [-].
@@ -191,7 +191,7 @@ class Electronics:
                 distribution, shape (..., n) [-]; None for counts without noise.
 
         Raises:
-            ShapeError: If the gains are for another number of texels.
+            FastModelError: If the gains are for another number of texels.
         """
         xp = find_namespace(forces)
         measured = as_floats(xp, forces)
@@ -210,7 +210,9 @@ class Electronics:
                 signal = coefficient + signal * applied
         if self.gains is not None:
             if measured.shape[-1:] != (len(self.gains),):
-                raise ShapeError(f"there are gains for {len(self.gains)} texels, but forces of shape {measured.shape}")
+                raise FastModelError(
+                    f"there are gains for {len(self.gains)} texels, but forces of shape {measured.shape}"
+                )
             signal = signal * xp.asarray(self.gains, dtype=signal.dtype)
         if self.threshold:
             signal = signal - self.threshold

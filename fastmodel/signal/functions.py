@@ -89,7 +89,7 @@ class ChainFunctions:
             dtype: Floating-point type of the contact forces; by default 64 bits, with JAX as configured.
 
         Raises:
-            FilterError: If the filter's cut-off is not below half the sampling rate.
+            FastModelError: If the filter's cut-off is not below half the sampling rate.
         """
         array = parameters.array
         self._electronics, self._shape, self._count = parameters.electronics, (array.rows, array.columns), array.count

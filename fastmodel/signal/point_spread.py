@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from fastmodel.errors import ShapeError
+from fastmodel.errors import FastModelError
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 
@@ -131,11 +131,11 @@ class Tabulated:
         """Check the matrix and make it read-only.
 
         Raises:
-            ShapeError: If the matrix is not square.
+            FastModelError: If the matrix is not square.
             ValueError: If an entry is not finite.
         """
         if self.matrix.ndim != 2 or self.matrix.shape[0] != self.matrix.shape[1]:  # noqa: PLR2004 -- a matrix
-            raise ShapeError(f"a spread operator has shape (n, n), not {self.matrix.shape}")
+            raise FastModelError(f"a spread operator has shape (n, n), not {self.matrix.shape}")
         if not np.isfinite(self.matrix).all():
             raise ValueError("a spread operator must be finite; this one holds nan or inf")
         self.matrix.setflags(write=False)
@@ -147,10 +147,10 @@ class Tabulated:
             array: The array of n texels.
 
         Raises:
-            ShapeError: If the matrix is for another number of texels.
+            FastModelError: If the matrix is for another number of texels.
         """
         if len(self.matrix) != array.count:
-            raise ShapeError(
+            raise FastModelError(
                 f"the spread operator has shape {self.matrix.shape} but array {array.name!r} has "
                 f"{array.count} texels; it must have shape {(array.count, array.count)}"
             )

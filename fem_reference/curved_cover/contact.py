@@ -20,8 +20,8 @@ from fem_reference.curved_cover.rays import measure_gaps
 from fem_reference.errors import ConvergenceError
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray
+from meshes.pose import Pose
 from meshes.solids.facets import facet_shape, split_facet
-from meshes.spatial_pose import SpatialPose
 
 #: Largest number of exchanges of hats, and of exchanges of all wrong hats at once without fewer wrong hats [-].
 EXCHANGES, _PATIENCE = 200, 8
@@ -187,7 +187,7 @@ def _find_forces(compliance: NormalCompliance, gaps: MeanGaps) -> tuple[FloatArr
     raise ConvergenceError(f"the contact did not settle in {EXCHANGES} exchanges")
 
 
-def find_touch(top: FacetSurface, indenter: Indenter, pose: SpatialPose, direction: FloatArray) -> float:
+def find_touch(top: FacetSurface, indenter: Indenter, pose: Pose, direction: FloatArray) -> float:
     """Find how far an indenter moves along a direction until it touches the undeformed top.
 
     Only the part of the top that looks against the direction can be touched.
@@ -209,7 +209,7 @@ def find_touch(top: FacetSurface, indenter: Indenter, pose: SpatialPose, directi
     return best
 
 
-def explain_miss(top: FacetSurface, pose: SpatialPose, direction: FloatArray) -> str:
+def explain_miss(top: FacetSurface, pose: Pose, direction: FloatArray) -> str:
     """Say why an indenter does not touch: it passes between the points of the top that are searched, or beside it."""
     facing = np.flatnonzero(top.normals @ direction < 0)
     beside = np.linalg.norm(np.cross(top.nodes[facing] - pose.position, direction), axis=1)
@@ -222,9 +222,7 @@ def explain_miss(top: FacetSurface, pose: SpatialPose, direction: FloatArray) ->
     return "the indenter never touches the cover; check its position and direction"
 
 
-def _search_facet(
-    top: FacetSurface, facet: int, start: FloatArray, motion: tuple[Indenter, SpatialPose, FloatArray]
-) -> float:
+def _search_facet(top: FacetSurface, facet: int, start: FloatArray, motion: tuple[Indenter, Pose, FloatArray]) -> float:
     """Find the smallest travel on one facet by searches in smaller and smaller squares of reference coordinates."""
     count = top.facets.shape[1]
     low, high = (-1.0, 1.0) if count == 9 else (0.0, 1.0)  # noqa: PLR2004
@@ -244,11 +242,11 @@ def _search_facet(
 
 
 def _measure_travel(
-    points: FloatArray, normals: FloatArray, indenter: Indenter, pose: SpatialPose, direction: FloatArray
+    points: FloatArray, normals: FloatArray, indenter: Indenter, pose: Pose, direction: FloatArray
 ) -> FloatArray:
     """Measure how far the indenter moves until it meets each of k points; inf where normals look away."""
-    back = np.broadcast_to(pose.turn_to_indenter(-direction), points.shape)
+    back = np.broadcast_to(pose.vectors_to_indenter(-direction), points.shape)
     # Start far behind the points, so that an indenter that has passed a point is found too.
     far = float(np.ptp(points, axis=0).max()) * 2 + float(np.linalg.norm(pose.position - points.mean(axis=0)))
-    found = measure_gaps(indenter, pose.to_indenter(points) - far * back, back) - far
+    found = measure_gaps(indenter, pose.points_to_indenter(points) - far * back, back) - far
     return np.where(normals @ direction < 0, found, np.inf)

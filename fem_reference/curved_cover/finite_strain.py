@@ -37,9 +37,9 @@ from fem_reference.finite_strain.loading_path import Control, Units
 from fem_reference.indentation.rounding import choose_solid_fillet, state_rounding
 from meshes import Cover, Indenter, Layer, Material, TexelArray
 from meshes.array_types import FloatArray
+from meshes.pose import Pose
 from meshes.solids.facets import area_vectors, facet_shape
 from meshes.solids.solid_mesh import SolidMesh, measure_thickness
-from meshes.spatial_pose import SpatialPose
 
 #: Smallest cosine between the normal of the top and the axis of the indenter at points that can touch [-].
 _LEAST_COSINE = 0.05
@@ -80,7 +80,7 @@ def press_curved_finite(
     texels: TexelArray,
     material: Material,
     indenter: Indenter,
-    pose: SpatialPose,
+    pose: Pose,
     *,
     load: float | None = None,
     depth: float | None = None,
@@ -99,7 +99,7 @@ def press_curved_finite(
         ConvergenceError: If the loading path stops early; the message states the load and depth that were reached.
     """
     target, control = choose_target(load, depth)
-    towards = -pose.rotation[:, 2] if direction is None else np.array(direction, dtype=float)
+    towards = pose.towards if direction is None else np.array(direction, dtype=float)
     if -pose.rotation[:, 2] @ towards < _ALONG * np.linalg.norm(towards):
         raise ValueError("at finite strain the indenter moves along its own axis; turn it to look along the direction")
     if friction:
@@ -140,7 +140,7 @@ def _press_points(
     mesh: SolidMesh,
     texels: TexelArray,
     material: Material,
-    body: tuple[Indenter, SpatialPose],
+    body: tuple[Indenter, Pose],
     target: tuple[float, Control],
 ) -> _Small:
     """Solve at small strain with contact at the Gauss points at which finite strain states it."""
@@ -178,7 +178,7 @@ def _solve(  # noqa: PLR0917
     mesh: SolidMesh,
     texels: TexelArray,
     material: Material,
-    body: tuple[Indenter, SpatialPose],
+    body: tuple[Indenter, Pose],
     small: _Small,
     target: tuple[float, Control],
     progress: Callable[[str], None] | None,
@@ -236,7 +236,7 @@ class _Solved:
 
     mesh: SolidMesh
     own: DisplacementNodes
-    pose: SpatialPose
+    pose: Pose
     units: Units
     top: _Top
     reached: ContactEquilibrium

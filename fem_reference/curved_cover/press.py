@@ -19,8 +19,8 @@ from fem_reference.curved_cover.pressure_shapes import GapSampler
 from fem_reference.curved_cover.responses import build_solid, check_meshes, estimate_error, texel_responses
 from meshes import Indenter, Material, TexelArray
 from meshes.array_types import FloatArray
+from meshes.pose import Pose
 from meshes.solids.solid_mesh import SolidMesh, measure_thickness
-from meshes.spatial_pose import SpatialPose
 
 #: Largest depth over the thickness that is solved, and depth from which a warning states that strains are not small.
 LARGEST_DEPTH, _WARN_DEPTH = 0.8, 0.15
@@ -103,7 +103,7 @@ def press_curved(
     texels: TexelArray,
     material: Material,
     indenter: Indenter,
-    pose: SpatialPose,
+    pose: Pose,
     *,
     load: float | None = None,
     depth: float | None = None,
@@ -133,7 +133,7 @@ def press_curved(
         ConvergenceError: If the contact or the load is not found.
     """
     target, control = choose_target(load, depth)
-    towards = -pose.rotation[:, 2] if direction is None else np.array(direction, dtype=float)
+    towards = pose.towards if direction is None else np.array(direction, dtype=float)
     towards = towards / np.linalg.norm(towards)
     if friction not in (0.0, np.inf):
         raise ValueError(f"friction on curved covers must be 0, or inf for no slip; not {friction}")
@@ -161,7 +161,7 @@ def press_curved(
 
 
 def _begin(
-    mesh: SolidMesh, material: Material, body: tuple[Indenter, SpatialPose], towards: FloatArray, *, sticks: bool
+    mesh: SolidMesh, material: Material, body: tuple[Indenter, Pose], towards: FloatArray, *, sticks: bool
 ) -> GridPress:
     """Prepare the contact of an indenter in a pose that moves in a direction on one mesh, with or without slip."""
     compliance = build_compliance(mesh, material)

@@ -20,8 +20,8 @@ from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.rays import measure_gaps
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.pose import Pose
 from meshes.solids.facets import QUADRILATERAL, area_vectors, facet_shape, split_facet
-from meshes.spatial_pose import SpatialPose
 
 #: Parts of a facet's side at whose middles gaps are measured; even, so that no part crosses a kink of a hat [-].
 _PARTS = 16
@@ -75,7 +75,7 @@ class GapSampler:
         self,
         top: FacetSurface,
         indenter: Indenter,
-        pose: SpatialPose,
+        pose: Pose,
         direction: FloatArray,
         farthest: float,
         deepest: float = 0.0,
@@ -120,8 +120,8 @@ class GapSampler:
     def _measure(self, travel: float) -> FloatArray:
         """Measure the gaps of all points along their normals; inf where these look away, shape (f, q) [m]."""
         points, normals = self._points.reshape(-1, 3), self._normals.reshape(-1, 3)
-        places = self._pose.to_indenter(points - travel * self._direction)
-        turned = self._pose.turn_to_indenter(normals)
+        places = self._pose.points_to_indenter(points - travel * self._direction)
+        turned = self._pose.vectors_to_indenter(normals)
         gap = measure_gaps(self._indenter, places, turned, behind=self._deepest)
         return np.where(normals @ self._direction < 0, gap, np.inf).reshape(self._weight.shape)
 
@@ -168,7 +168,7 @@ class PointSampler(GapSampler):
         self,
         top: FacetSurface,
         indenter: Indenter,
-        pose: SpatialPose,
+        pose: Pose,
         direction: FloatArray,
         farthest: float,
         deepest: float,

@@ -19,7 +19,7 @@ from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.loading_path import Units
 from meshes.array_types import FloatArray, IntArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 #: Corners of quadrilaterals and hexahedra in the order of VTK: for each corner, whether it is the upper one along each
 #: direction.
@@ -91,9 +91,9 @@ class CoverFields:
             axisymmetric=False,
         )
 
-    def to_array(self, pose: PlanarPose) -> CoverFields:
+    def to_array(self, pose: Pose) -> CoverFields:
         """Transform fields from the frame of an indenter to the frame of the array."""
-        c, s = (1.0, 0.0) if self.axisymmetric else pose.direction
+        c, s = (1.0, 0.0) if self.axisymmetric else pose.cosines
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return replace(
             self,

@@ -23,7 +23,7 @@ from scipy import ndimage
 
 from meshes import FlatPunch, Indenter
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +83,7 @@ class IndenterSurface:
     fillet: float
     unit: float = 1.0
     load_scale: float = 1.0
-    pose: PlanarPose = field(default_factory=PlanarPose)
+    pose: Pose = field(default_factory=Pose)
 
     def height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Compute the height of the surface above its lowest point.
@@ -116,7 +116,7 @@ class IndenterSurface:
             np.stack([(east - 2 * height + west) / h**2, mixed], axis=-1),
             np.stack([mixed, (north - 2 * height + south) / h**2], axis=-1),
         ]
-        c, s = self.pose.direction
+        c, s = self.pose.cosines
         turn = np.array([[c, -s], [s, c]])
         curvature = np.einsum("ik,...kl,jl->...ij", turn, np.stack(rows, axis=-2), turn)
         return SurfacePoints(height=height, slope=slope @ turn.T, curvature=curvature)
@@ -124,7 +124,7 @@ class IndenterSurface:
     def _to_local(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Transform positions to the frame of the indenter, in units of length."""
         at_x, at_y = self.pose.at
-        return replace(self.pose, at=(at_x / self.unit, at_y / self.unit)).to_indenter(x, y)
+        return replace(self.pose, point=(at_x / self.unit, at_y / self.unit, 0.0)).to_indenter(x, y)
 
     def _local_height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Compute the height of the surface at positions in the frame of the indenter, in units of length."""

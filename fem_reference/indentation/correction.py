@@ -27,7 +27,7 @@ from fem_reference.indentation.grid_solution import (
 )
 from fem_reference.indentation.rounding import SolidGrid, state_rounding
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 #: Solutions of a loading path on three grids: the baseline, then those with the requested strain and friction.  Both
 #: are lists with one list per target, which holds one solution per grid.
@@ -69,7 +69,7 @@ class BlockModel:
 
     kind: str
     inputs: Mapping[str, Any]
-    pose: PlanarPose
+    pose: Pose
     grids: Sequence[SolidGrid]
     lay_out: Callable[[SolidGrid], Block]
     recover_pressure: Callable[[BlockState], BasePressure]
@@ -216,7 +216,7 @@ def _read_solution(
     base = data[f"x_{key}"], data[f"y_{key}"], data[f"pressure_{key}"] / path.load_scale
     x, y, *forces = data[f"contact_{key}"].T
     normal, *shear = np.array(forces) / path.load_scale
-    turn = replace(model.pose, at=(0.0, 0.0))
+    turn = replace(model.pose, point=(0.0, 0.0, 0.0))
     return GridSolution(
         size=size,
         total_force=force,

@@ -33,7 +33,7 @@ from fem_reference.indentation.rounding import SolidGrid, choose_edge_safety, ch
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from meshes import FlatPunch, TexelArray
 from meshes.array_types import FloatArray
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 
 #: Element size at the edge of a contact: over the radius of the rounded edge where the edge lies on mesh lines, else
 #: over the regular element size, which follows from the number of elements through the cover [-].
@@ -94,7 +94,7 @@ def study_path(path: LoadingPath, place: Place, progress: Callable[[str], None] 
     )
 
 
-def integrate_nodal(base: BasePressure, array: TexelArray, pose: PlanarPose) -> FloatArray:  # noqa: ARG001 -- one signature
+def integrate_nodal(base: BasePressure, array: TexelArray, pose: Pose) -> FloatArray:  # noqa: ARG001 -- one signature
     """Integrate a biquadratic base pressure, given in the frame of the array, over each of n texels and over the rest.
 
     Args:
@@ -117,7 +117,7 @@ def integrate_nodal(base: BasePressure, array: TexelArray, pose: PlanarPose) -> 
     return np.append(force, whole[0] @ pressure @ whole[1] - force.sum())
 
 
-def lay_out_cover(path: LoadingPath, pose: PlanarPose, contact: FloatArray, grid: SolidGrid) -> Block:
+def lay_out_cover(path: LoadingPath, pose: Pose, contact: FloatArray, grid: SolidGrid) -> Block:
     """Choose the element edges of the whole cover, or of its half or quarter, with small elements around the contact.
 
     Args:

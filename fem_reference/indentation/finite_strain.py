@@ -46,7 +46,7 @@ from fem_reference.linear_response.point_spread import PointSpread
 from fem_reference.linear_response.surface_compliance import choose_reach, choose_solid_reach, warn_of_boundary
 from meshes import TexelArray
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 #: Function that is called with a line of text about the progress of a solution, or None.
 Progress = Callable[[str], None] | None
@@ -97,7 +97,7 @@ def study_path(
         solutions = _solve_axisymmetric(path.at_model_strain, contact, progress, refinement)
     return GridStudy(
         solutions=solutions,
-        edge_safety=choose_edge_safety(path, PlanarPose()),
+        edge_safety=choose_edge_safety(path, Pose()),
         least_order=2.0 if corrected and not path.has_friction_effect else 1.0,
         least_overlap=OVERLAP,
         least_error=_choose_least_error(path),
@@ -146,7 +146,7 @@ def _solve_pair(
     model = BlockModel(
         kind="finite-press",
         inputs={},
-        pose=PlanarPose(),
+        pose=Pose(),
         grids=choose_solid_grids(cover.thickness, indenter, in_turn=path.refines_in_turn),
         lay_out=lay_out_grid,
         recover_pressure=recover_gauss_pressure,
@@ -155,7 +155,7 @@ def _solve_pair(
     return solve_block_pair(path, approaches, model, progress)
 
 
-def integrate_spline(base: BasePressure, array: TexelArray, pose: PlanarPose) -> FloatArray:
+def integrate_spline(base: BasePressure, array: TexelArray, pose: Pose) -> FloatArray:
     """Integrate a base pressure, given in the frame of the indenter, over n texels and the rest, shape (n + 1,) [N]."""
     nodes, weights = np.polynomial.legendre.leggauss(_TEXEL_POINTS)
     half = np.array(array.texel_size) / 2

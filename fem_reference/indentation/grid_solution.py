@@ -18,11 +18,11 @@ from fem_reference.finite_strain.loading_path import Control
 from fem_reference.grid_convergence import grid_convergence
 from meshes import TexelArray
 from meshes.array_types import FloatArray
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 
 #: Function that computes, for an array and the pose of the indenter, the normal force on each of n texels and then the
 #: force on the base outside the active texels, shape (n + 1,) [N].
-BaseForces = Callable[[TexelArray, PlanarPose], FloatArray]
+BaseForces = Callable[[TexelArray, Pose], FloatArray]
 
 #: Safety factor on the change between two extrapolations, from which the error of an extrapolated result is estimated;
 #: ASME V&V 20-2009 uses 1.25 for three grids [-].
@@ -268,7 +268,7 @@ def correct_solution(
         depth = share * full.depth
         force = depth * correct(lambda each: each.total_force / each.depth)
 
-    def base_forces(array: TexelArray, pose: PlanarPose) -> FloatArray:
+    def base_forces(array: TexelArray, pose: Pose) -> FloatArray:
         """Compute the corrected forces on n texels and outside them for an array and a pose, shape (n + 1,) [N]."""
         reference, before, after = (
             each.base_forces(array, pose) / each.total_force for each in (accurate, baseline, full)

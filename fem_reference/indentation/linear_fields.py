@@ -28,7 +28,7 @@ from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import FlatPunch
 from meshes.array_types import FloatArray, IntArray
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 
 #: Number of elements through the cover, axisymmetric and in three dimensions [-].
 _COUNT, _SOLID_COUNT = 16, 4
@@ -69,7 +69,7 @@ def solve_linear_fields(path: LoadingPath, contact: FloatArray, place: Place, de
     return _solve_wide_block(path, contact, depth).to_array(place.pose)
 
 
-def state_missing_fields(path: LoadingPath, pose: PlanarPose) -> str:
+def state_missing_fields(path: LoadingPath, pose: Pose) -> str:
     """Say in one line why an indentation has no fields; empty if it has.
 
     A cover of limited size that slides on its base is not held sideways, unless symmetry holds it.
@@ -122,7 +122,7 @@ def _solve_wide_block(path: LoadingPath, contact: FloatArray, depth: float) -> C
     return _solve_block(path, contact, block, depth)
 
 
-def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: PlanarPose, depth: float) -> CoverFields:
+def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: Pose, depth: float) -> CoverFields:
     """Solve for the fields in a whole cover of limited size, in the frame of the array."""
     size = min(path.cover.thickness, *np.ptp(contact[:, :2], axis=0)) / _SOLID_COUNT
     block = lay_out_cover(path, pose, contact[:, :2], SolidGrid(count=_SOLID_COUNT, fillet=size))

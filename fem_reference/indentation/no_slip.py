@@ -42,7 +42,7 @@ from fem_reference.small_strain_contact.no_slip import (
     press_stuck_disk,
 )
 from meshes import FlatPunch
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 
 #: Function that is called with a line of text about the progress of a solution, or None.
 Progress = Callable[[str], None] | None
@@ -78,7 +78,7 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
     if wide and path.indenter.axisymmetric:
         return _study_disk(path, progress)
     assert isinstance(path.indenter, FlatPunch)  # noqa: S101 -- for the type checker
-    pose = PlanarPose() if wide else place.pose
+    pose = Pose() if wide else place.pose
     accurate = small_strain.study_path(path, None if wide else place, progress)
     pairs = _solve_faces(path, pose, progress)
     if max(face.tension for pair in pairs for face in pair) > _SEPARATES:
@@ -120,7 +120,7 @@ def _correct(
     return correct_solution(accurate, baseline=baseline, full=full, control=control, area=accurate.area)
 
 
-def _build_solution(path: LoadingPath, face: PressedFace, pose: PlanarPose, size: float) -> GridSolution:
+def _build_solution(path: LoadingPath, face: PressedFace, pose: Pose, size: float) -> GridSolution:
     """Build the solution at a depth of 1 m, with a given element size; the contact area is set to zero."""
     state = BlockState(
         depth=1.0,
@@ -136,7 +136,7 @@ def _build_solution(path: LoadingPath, face: PressedFace, pose: PlanarPose, size
     wide = path.cover.size is None
     base: BasePressure = (recover_gauss_pressure if wide else recover_nodal_pressure)(state)
     x, y, normal, *shear = state.contact.T
-    turn = replace(pose, at=(0.0, 0.0))
+    turn = replace(pose, point=(0.0, 0.0, 0.0))
     return GridSolution(
         size=size,
         total_force=face.force,
@@ -150,7 +150,7 @@ def _build_solution(path: LoadingPath, face: PressedFace, pose: PlanarPose, size
     )
 
 
-def _solve_faces(path: LoadingPath, pose: PlanarPose, progress: Progress) -> list[tuple[PressedFace, PressedFace]]:
+def _solve_faces(path: LoadingPath, pose: Pose, progress: Progress) -> list[tuple[PressedFace, PressedFace]]:
     """Solve a face on three grids without friction and without slip, or read both from the result store."""
     cover, face = path.cover, path.indenter
     assert isinstance(face, FlatPunch)  # noqa: S101 -- for the type checker

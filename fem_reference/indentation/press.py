@@ -21,9 +21,11 @@ from fem_reference.indentation.grid_solution import GridStudy
 from fem_reference.indentation.result import Indentation, combine_grids
 from fem_reference.indentation.stopped_path import solve_as_far
 from fem_reference.linear_response.surface_compliance import decay_length
-from meshes import Cover, Indenter, TexelArray, tilt_indenter
-from meshes.pose import Place, PlanarPose
+from meshes import Cover, Indenter, Pose, TexelArray, tilt_indenter
+from meshes.pose import Place
 
+#: Pose above the middle of a flat array, along -z.
+FLAT = Pose()
 #: Depth over thickness that is stated as the largest where a load would pierce the cover [-].
 _LARGEST_DEPTH = 0.98
 #: Distance between a contact and the sides of the cover, over the decay length of the cover's response, above which the
@@ -35,12 +37,10 @@ def press(
     cover: Cover,
     array: TexelArray,
     indenter: Indenter,
+    pose: Pose = FLAT,
     *,
     load: float | None = None,
     depth: float | None = None,
-    at: tuple[float, float] = (0.0, 0.0),
-    yaw: float = 0.0,
-    tilt: tuple[float, float] = (0.0, 0.0),
     friction: float = 0.0,
     accuracy: float | None = None,
     fields: bool = False,
@@ -56,12 +56,10 @@ def press(
         cover: Cover; solved at small strain if every layer is `linear-elastic`, else at finite strain.
         array: Array with the texels under the cover.
         indenter: Indenter with its shape.
+        pose: Position of the indenter's axis, yaw, and tilt of at most 10 degrees about either axis; see
+            `tilt_indenter`.  The indenter stays guided along -z; its depth counts from its first touch.
         load: Force along the normal of the array [N].  Give either `load` or `depth`.
         depth: Approach of the indenter from first touch [m].
-        at: Position of the indenter's axis in the frame of the array [m].
-        yaw: Rotation of the indenter about its axis [rad].
-        tilt: Rotations of the indenter about the x and y axes of its frame, before the yaw, at most 10 degrees; see
-            `tilt_indenter`.  The indenter stays guided along the normal; its depth counts from its first touch [rad].
         friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip.  Slip depends on the
             loading history, so problems with friction are solved in small steps and take longer [-].
         accuracy: Wanted relative error.  Finer grids are added until all estimated errors are below it; a result that
@@ -81,11 +79,9 @@ def press(
         cover,
         array,
         indenter,
+        pose,
         loads=None if load is None else [load],
         depths=None if depth is None else [depth],
-        at=at,
-        yaw=yaw,
-        tilt=tilt,
         friction=friction,
         accuracy=accuracy,
         fields=fields,
@@ -97,12 +93,10 @@ def press_path(
     cover: Cover,
     array: TexelArray,
     indenter: Indenter,
+    pose: Pose = FLAT,
     *,
     loads: Sequence[float] | None = None,
     depths: Sequence[float] | None = None,
-    at: tuple[float, float] = (0.0, 0.0),
-    yaw: float = 0.0,
-    tilt: tuple[float, float] = (0.0, 0.0),
     friction: float = 0.0,
     accuracy: float | None = None,
     fields: bool = False,
@@ -116,11 +110,9 @@ def press_path(
         cover: Cover, as for `press`.
         array: Array with the texels under the cover.
         indenter: Indenter with its shape.
+        pose: Pose of the indenter, as for `press`.
         loads: Ascending forces along the normal of the array [N].  Give either `loads` or `depths`.
         depths: Ascending approaches of the indenter from first touch [m].
-        at: Position of the indenter's axis in the frame of the array [m].
-        yaw: Rotation of the indenter about its axis [rad].
-        tilt: Rotations of the indenter about the x and y axes of its frame, as for `press` [rad].
         friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip [-].
         accuracy: Wanted relative error, as for `press` [-].
         fields: Whether the results have displacement and stress in the cover.
@@ -134,13 +126,15 @@ def press_path(
         IncompletePathError: As for `press`.
     """
     targets, control = _check_targets(cover, loads, depths)
-    place = Place(array=array, pose=PlanarPose(at=(float(at[0]), float(at[1])), yaw=float(yaw)))
+    if not pose.is_planar:
+        raise ValueError(f"a flat cover is pressed along -z, not along {pose.direction}; tilt turns the indenter")
+    place = Place(array=array, pose=replace(pose, tilt=(0.0, 0.0)))
     _check_axis(cover, place.pose)
     if not friction >= 0:
         raise ValueError(f"a friction coefficient is zero, positive or inf (no slip), not {friction}")
     if accuracy is not None and not 0 < accuracy < 1:
         raise ValueError(f"an accuracy is a relative error between 0 and 1, such as 0.01, not {accuracy}")
-    indenter = tilt_indenter(indenter, tilt)
+    indenter = tilt_indenter(indenter, pose.tilt)
     path = LoadingPath(
         cover=cover, indenter=indenter, targets=targets, control=control, friction=friction, fields=fields
     )
@@ -326,7 +320,7 @@ def _refuse_load(path: LoadingPath, place: Place, load: float, depth: float) -> 
     )
 
 
-def _check_axis(cover: Cover, pose: PlanarPose) -> None:
+def _check_axis(cover: Cover, pose: Pose) -> None:
     """Raise a ValueError if the indenter's axis is not over the cover."""
     if cover.size is None or all(abs(a) <= edge / 2 for a, edge in zip(pose.at, cover.size, strict=True)):
         return

@@ -108,7 +108,7 @@ def combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place
     errors["total_force" if by_load else "depth"] = 0.0
     x, y, force = finest.contact.T
     scale = total / force.sum()
-    turn = replace(place.pose, at=(0.0, 0.0))
+    turn = replace(place.pose, point=(0.0, 0.0, 0.0))
     shear = None if finest.shear is None else np.column_stack(turn.to_array(*finest.shear.T)) * scale
     missing = state_missing_fields(path, place.pose) if path.fields else ""
     fields = _find_fields(finest, path, place, scale) if path.fields and not missing else None

@@ -15,7 +15,7 @@ from fem_reference.finite_strain.block_path import is_rectangular
 from fem_reference.finite_strain.loading_path import LoadingPath
 from meshes import FlatPunch, Indenter
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 #: Radius of rounded edges over the smaller of cover thickness and half width of the indenter, in axisymmetric meshes
 #: and in three dimensions, where elements are larger [-].
@@ -73,7 +73,7 @@ def choose_solid_grids(thickness: float, indenter: Indenter, *, in_turn: bool) -
     return tuple(SolidGrid(count=n, fillet=scale_fillet(fillet, n, SOLID_GRIDS)) for n in SOLID_GRIDS)
 
 
-def choose_edge_safety(path: LoadingPath, pose: PlanarPose) -> float:
+def choose_edge_safety(path: LoadingPath, pose: Pose) -> float:
     """Choose the safety factor on the change with the radius of edges; 0 if it is not refined in turn [-].
 
     Args:

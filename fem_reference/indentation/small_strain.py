@@ -25,7 +25,7 @@ from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
 from meshes import Cover, Indenter
 from meshes.array_types import FloatArray
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 
 #: Function that is called with a line of text about the progress of a solution, or None.
 Progress = Callable[[str], None] | None
@@ -214,7 +214,7 @@ def _tabulate_surface(cover: Cover, reach: float) -> SurfaceCompliance:
 def _touch_near_sides(
     surface: SurfaceCompliance,
     path: LoadingPath,
-    pose: PlanarPose,
+    pose: Pose,
     *,
     cells: int,
     load: float | None,

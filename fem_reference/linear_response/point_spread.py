@@ -40,7 +40,7 @@ from fem_reference.linear_response.axisymmetric import solve_point_load
 from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Cover, TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -561,7 +561,7 @@ def _find_outline(array: TexelArray) -> tuple[FloatArray, FloatArray, FloatArray
     return x, y, vertical, level
 
 
-def superpose(contact: FloatArray, base_response: TexelInfluence, array: TexelArray, pose: PlanarPose) -> FloatArray:
+def superpose(contact: FloatArray, base_response: TexelInfluence, array: TexelArray, pose: Pose) -> FloatArray:
     """Compute the forces on n texels and then the force outside them due to all contact forces, shape (n + 1,) [N].
 
     Args:

@@ -24,7 +24,7 @@ from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ class SideEdges:
 
     cover: Cover
     indenter: Indenter
-    pose: PlanarPose
+    pose: Pose
     half: FloatArray
 
     @cached_property
@@ -216,7 +216,7 @@ class SideEdges:
         return lines, chosen, [(a + a.T - b - b.T) / 2 for a, b in zip(alone, surrounded, strict=True)]
 
 
-def find_mirror_planes(indenter: Indenter, pose: PlanarPose) -> tuple[bool, bool]:
+def find_mirror_planes(indenter: Indenter, pose: Pose) -> tuple[bool, bool]:
     """Return whether an indenter in a pose is symmetric about the planes x = 0 and y = 0 of the array."""
     if not pose.is_aligned:
         return False, False

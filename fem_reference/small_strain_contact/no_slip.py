@@ -30,7 +30,7 @@ from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Box, Cover, FlatPunch
 from meshes.array_types import FloatArray, IntArray
 from meshes.indenters.punches import PolygonalPunch
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,7 +180,7 @@ class PressedFace:
     tension: float
 
 
-def lies_on_lines(face: FlatPunch, pose: PlanarPose) -> bool:
+def lies_on_lines(face: FlatPunch, pose: Pose) -> bool:
     """Return whether all sides of a face run along the x or y axis of the array."""
     if not pose.is_aligned or not isinstance(face, Box | PolygonalPunch):
         return False
@@ -194,7 +194,7 @@ def lies_on_lines(face: FlatPunch, pose: PlanarPose) -> bool:
     )
 
 
-def press_face(cover: Cover, face: FlatPunch, pose: PlanarPose, grid: FaceGrid) -> tuple[PressedFace, PressedFace]:
+def press_face(cover: Cover, face: FlatPunch, pose: Pose, grid: FaceGrid) -> tuple[PressedFace, PressedFace]:
     """Press a flat face into a cover by a unit depth, without friction and without slip, on one grid.
 
     Contact is two-sided: a face that would separate from the cover has a `tension` above zero.
@@ -290,7 +290,7 @@ class _Lines:
 
     cover: Cover
     face: FlatPunch
-    pose: PlanarPose
+    pose: Pose
     grid: FaceGrid
 
     @cached_property

@@ -18,7 +18,7 @@ from fem_reference.small_strain_contact.constrained_solver import ComplianceOper
 from fem_reference.small_strain_contact.frictionless import guess_touching
 from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray, IntArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 #: Number of cells per cover thickness on the two grids; under sharp edges the error is proportional to cell size [-].
 CELLS = (8, 16)
@@ -48,9 +48,9 @@ class Body:
     centre: tuple[float, float] = (0.0, 0.0)
 
     @property
-    def pose(self) -> PlanarPose:
+    def pose(self) -> Pose:
         """Position and rotation of the indenter in the frame of the array."""
-        return PlanarPose(at=self.at, yaw=self.yaw)
+        return Pose.planar(at=self.at, yaw=self.yaw)
 
     @property
     def corners(self) -> FloatArray:
@@ -105,7 +105,7 @@ def press_together(cover: Cover, array: TexelArray, bodies: Sequence[Body]) -> S
     diagonal = float(np.hypot(*np.ptp(corners, axis=0)))
     surface = surface_compliance(cover, max(_DIAGONALS * diagonal, _DECAY_LENGTHS * decay_length(cover)))
     solved = [_solve(surface, bodies, corners, cover.thickness / count) for count in CELLS]
-    coarse, fine = (superpose(contact, spread, array, PlanarPose()) for contact, _ in solved)
+    coarse, fine = (superpose(contact, spread, array, Pose()) for contact, _ in solved)
     # The error of the forces is proportional to the cell size, so they are extrapolated to cell size zero.
     forces = fine + (fine - coarse) / (CELLS[1] / CELLS[0] - 1)
     contact, motion = solved[-1]

@@ -19,7 +19,7 @@ import numpy as np
 from fem_reference.closed_form.influence import superpose, tabulate_excess
 from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.exact.active_set import solve_active_set
 
 #: Distance of the two Gauss points on a side of a cell from the middle of the side, over the length of the side [-].
@@ -69,7 +69,7 @@ class PressedCells:
         """Centres (x, y) of the quadrangles, shape (m, 2) [m]."""
         return np.asarray(self.corners.mean(axis=1))
 
-    def texel_forces(self, array: TexelArray, pose: PlanarPose | None = None) -> FloatArray:
+    def texel_forces(self, array: TexelArray, pose: Pose | None = None) -> FloatArray:
         """Compute the forces on the n texels of an array by superposition of exact texel responses.
 
         Args:

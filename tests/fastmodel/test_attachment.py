@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import WTS_0614_34, FastModelError, Gaussian, LifeCycleError, Parameters, UnknownNameError
+from fastmodel import WTS_0614_34, FastModelError, Gaussian, Parameters
+from fastmodel.errors import LifeCycleError
 from fastmodel.pose import rotate
 from meshes import TexelArray
 
@@ -155,7 +156,7 @@ def test_sites_and_geoms_of_another_spec_are_refused():
         fastmodel.attach(spec, other.site("drawn"), PARAMETERS)
     with pytest.raises(FastModelError, match="geom 'pad' belongs to another spec"):
         fastmodel.attach(spec, "finger", PARAMETERS, replaces=other.geom("pad"))
-    with pytest.raises(UnknownNameError, match="no body or site named 'figner'; valid names: crossed, drawn, finger"):
+    with pytest.raises(FastModelError, match="no body or site named 'figner'; valid names: crossed, drawn, finger"):
         fastmodel.attach(spec, "figner", PARAMETERS)
 
 

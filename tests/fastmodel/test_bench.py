@@ -5,17 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from fastmodel import (
-    WTS_0614_34,
-    BoxTexels,
-    FastModelError,
-    Gaussian,
-    MissedArrayError,
-    Parameters,
-    UnknownNameError,
-    bench,
-    indent,
-)
+from fastmodel import WTS_0614_34, BoxTexels, FastModelError, Gaussian, Parameters, bench, indent
+from fastmodel.errors import MissedArrayError
 from meshes import Box, Cylinder, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
@@ -185,7 +176,7 @@ def test_bad_input_raises_an_error_that_names_the_fault():
         indent(PARAMETERS, sphere, load=1.0, at=(np.nan, 0.0))
     with pytest.raises(MissedArrayError, match="'at' must lie on the array"):
         indent(PARAMETERS, sphere, load=1.0, at=(0.1, 0.0))
-    with pytest.raises(UnknownNameError, match="no contact method named 'bricks'; valid names: area, boxes, cover"):
+    with pytest.raises(FastModelError, match="no contact method named 'bricks'; valid names: area, boxes, cover"):
         indent(PARAMETERS, sphere, load=1.0, method="bricks")
     with pytest.raises(ValueError, match="height"):
         BoxTexels(height=0.0)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fastmodel.errors import ParametersError, ShapeError
+from fastmodel.errors import FastModelError, ParametersError
 from fastmodel.parameters import Parameters, list_sensors, load
 from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import WTS_0614_34, Electronics
@@ -229,9 +229,9 @@ def test_a_matching_pair_remains_when_any_rename_or_flush_fails(tmp_path, monkey
 
 
 def test_parts_that_do_not_fit_are_refused():
-    with pytest.raises(ShapeError, match="78 texels"):
+    with pytest.raises(FastModelError, match="78 texels"):
         make(spread=Tabulated(matrix=np.eye(84)))
-    with pytest.raises(ShapeError, match="gains for 3"):
+    with pytest.raises(FastModelError, match="gains for 3"):
         make(electronics=dataclasses.replace(WTS_0614_34, gains=(1.0, 1.0, 1.0)))
     with pytest.raises(ParametersError, match="must not be named"):
         make(tables={"operator": np.eye(78)})
@@ -243,7 +243,7 @@ def test_sensors_that_come_with_the_package_load_by_name():
         parameters = load(name)
         np.testing.assert_array_equal(parameters.array.centres, ARRAYS[name].centres)
         np.testing.assert_array_equal(parameters.array.active, ARRAYS[name].active)
-        assert parameters.cells is not None
+        assert parameters.surface is not None
 
 
 def test_a_path_means_a_folder_even_if_a_sensor_has_that_name(tmp_path, monkeypatch):

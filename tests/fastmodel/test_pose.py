@@ -4,7 +4,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from fastmodel.pose import Pose, make_quaternions, make_z_rotation, multiply, rotate
+from fastmodel.pose import Mount, make_quaternions, make_z_rotation, multiply, rotate
 
 
 def test_rotations_equal_scipys():
@@ -20,11 +20,11 @@ def test_rotations_equal_scipys():
 
 
 def test_poses_are_normalised_and_checked():
-    assert Pose.of([0, 0, 0], [2, 0, 0, 0]).quaternion.tolist() == [1, 0, 0, 0]
+    assert Mount.of([0, 0, 0], [2, 0, 0, 0]).quaternion.tolist() == [1, 0, 0, 0]
     with pytest.raises(ValueError, match="3 and 4 numbers"):
-        Pose.of([0, 0], [1, 0, 0, 0])
+        Mount.of([0, 0], [1, 0, 0, 0])
     with pytest.raises(ValueError, match="finite"):
-        Pose.of([0, 0, np.nan], [1, 0, 0, 0])
+        Mount.of([0, 0, np.nan], [1, 0, 0, 0])
 
 
 components = st.floats(-1, 1)

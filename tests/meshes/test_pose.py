@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 LENGTHS = st.floats(-0.1, 0.1)
-POSES = st.builds(PlanarPose, at=st.tuples(LENGTHS, LENGTHS), yaw=st.floats(-20, 20))
+POSES = st.builds(Pose.planar, at=st.tuples(LENGTHS, LENGTHS), yaw=st.floats(-20, 20))
 POINTS = st.lists(st.tuples(LENGTHS, LENGTHS), min_size=1, max_size=5).map(lambda points: np.array(points).T)
 
 
@@ -30,19 +31,73 @@ def test_distances_are_kept_and_the_axis_is_at_its_position(pose, points):
 
 @given(pose=POSES, points=POINTS)
 def test_a_mirrored_pose_moves_mirrored_points_to_the_mirror_image(pose, points):
-    mirrored = PlanarPose(at=(-pose.at[0], pose.at[1]), yaw=-pose.yaw)
+    mirrored = Pose.planar(at=(-pose.at[0], pose.at[1]), yaw=-pose.yaw)
     x, y = pose.to_array(*points)
     np.testing.assert_allclose(mirrored.to_array(-points[0], points[1]), (-x, y), atol=1e-15)
 
 
 @given(quarters=st.integers(-8, 8), points=POINTS)
 def test_quarter_turns_are_exact(quarters, points):
-    pose = PlanarPose(yaw=quarters * np.pi / 2)
+    pose = Pose.planar(yaw=quarters * np.pi / 2)
     assert pose.is_aligned
     x, y = points
     assert np.array_equal(pose.to_array(x, y), ((x, y), (-y, x), (-x, -y), (y, -x))[quarters % 4])
 
 
 def test_the_yaw_turns_counterclockwise():
-    assert PlanarPose(yaw=np.pi / 6).to_array(1.0, 0.0) == pytest.approx((np.sqrt(3) / 2, 0.5))
-    assert not PlanarPose(yaw=np.pi / 6).is_aligned
+    assert Pose.planar(yaw=np.pi / 6).to_array(1.0, 0.0) == pytest.approx((np.sqrt(3) / 2, 0.5))
+    assert not Pose.planar(yaw=np.pi / 6).is_aligned
+
+
+def test_an_indenter_that_looks_down_has_the_axes_of_the_array():
+    pose = Pose.facing([1e-3, 2e-3, 3e-3], [0, 0, -2.0])
+    np.testing.assert_array_equal(pose.rotation, np.eye(3))
+    np.testing.assert_allclose(pose.points_to_indenter(np.array([1e-3, 3e-3, 5e-3])), [0, 1e-3, 2e-3])
+
+
+@pytest.mark.parametrize("direction", [(1, 2, -3), (0, 1, 0), (0, -1, 0), (1, 0, 0)])
+def test_an_indenter_looks_along_its_direction(direction):
+    pose = Pose.facing([0, 0, 0], direction, spin=0.3)
+    np.testing.assert_allclose(-pose.rotation[:, 2], np.array(direction) / np.linalg.norm(direction), atol=1e-15)
+    np.testing.assert_allclose(pose.rotation.T @ pose.rotation, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(pose.vectors_to_indenter(pose.rotation[:, 0]), [1, 0, 0], atol=1e-15)
+
+
+def test_spin_turns_from_x_towards_y():
+    pose = Pose.facing([0, 0, 0], [0, 0, -1], spin=np.pi / 2)
+    np.testing.assert_allclose(pose.rotation[:, 0], [0, 1, 0], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("rotation", "message"),
+    [(np.diag([1.0, 1, -1]), "right-handed"), (2 * np.eye(3), "orthogonal"), (np.eye(2), "3 x 3")],
+)
+def test_a_matrix_that_is_no_rotation_is_refused(rotation, message):
+    with pytest.raises(ValueError, match=message):
+        Pose.from_rotation(np.zeros(3), rotation)
+    with pytest.raises(ValueError, match="must not be zero"):
+        Pose.facing([0, 0, 0], [0, 0, 0])
+
+
+@pytest.mark.parametrize("direction", [(1, 2, -3), (0, -1, 0), (0, 0, -1)])
+def test_a_rotation_is_given_back(direction):
+    pose = Pose(point=(1e-3, 2e-3, 3e-3), direction=direction, yaw=0.4, tilt=(0.2, -0.1))
+    same = Pose.from_rotation(pose.point, pose.rotation)
+    np.testing.assert_allclose(same.rotation, pose.rotation, atol=1e-14)
+    assert same.tilt == (0.0, 0.0)
+
+
+def test_tilt_is_a_rotation_vector_in_the_frame_of_the_indenter():
+    pose = Pose.planar(yaw=0.7, tilt=(0.2, -0.1))
+    wanted = Rotation.from_euler("z", 0.7) * Rotation.from_rotvec([0.2, -0.1, 0.0])
+    np.testing.assert_allclose(pose.rotation, wanted.as_matrix(), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [({"point": (0, 0)}, "3 finite"), ({"tilt": (0, np.nan)}, "2 finite"), ({"yaw": np.inf}, "finite"),
+     ({"direction": (0, 0, 0)}, "zero")],
+)  # fmt: skip
+def test_wrong_poses_are_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        Pose(**wrong)

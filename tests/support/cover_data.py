@@ -36,6 +36,6 @@ def parameters(array=WTS, **changes):
         "spread": Gaussian.from_sigma(0.6),
         "electronics": WTS_0614_34,
         "filter": Butterworth(cutoff_hz=40.0, order=2),
-        "cells": cells(array),
+        "surface": cells(array),
     }
     return Parameters(**(settings | changes))

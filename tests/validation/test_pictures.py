@@ -1,18 +1,14 @@
 """What the pictures of matplotlib show: every curve, image, label and limit, against what it stands for."""
 
-import csv
-
 import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
 
-from matplotlib.colors import to_hex
 
 from meshes import TexelArray
 from meshes.catalogue import MATERIALS
 from validation.calibration.calibrate import HoldOut, draw_hold_out
-from validation.regression.picture import write_verdict
 from validation.report.material_curve import compute_stress, write_curve
 
 
@@ -36,8 +32,7 @@ def read_legend(axes):
 @pytest.mark.parametrize(("name", "factor", "unit"), [("dragon-skin-30", 1e-3, "kPa"), ("pet", 1e-6, "MPa")])
 def test_a_curve_of_a_material_has_the_range_of_its_modulus_around_it(saved, tmp_path, name, factor, unit):
     material = MATERIALS[name]
-    assert write_curve(material, tmp_path) == ("material.csv", "material.svg", "material.png")
-    assert list(saved) == ["material.svg", "material.png"]
+    write_curve(material, tmp_path / "material.svg")
     figure = saved["material.svg"]
     (axes,) = figure.axes
     assert figure.get_size_inches().tolist() == [6, 4]
@@ -106,30 +101,3 @@ def test_one_left_out_recording_without_counts_has_a_scale_of_one(saved, tmp_pat
     draw_hold_out(held, TexelArray.grid(2, 3, 1e-3), tmp_path / "x.png")
     images = [axes.images[0] for axes in saved["x.png"].axes if axes.images]
     assert [image.get_clim() for image in images] == [(0, 1), (0, 1), (-1, 1)]
-
-
-def test_a_dot_of_a_verdict_is_red_to_the_right_of_one(saved, tmp_path):
-    changes = {"b: one": 0.5, "b: two": 1.0, "a: three": 1.5, "a: four": 1e-9, "c: five": np.inf, "c: six": 1e9}
-    assert write_verdict(changes, "some sensor", tmp_path) == ("regress.csv", "regress.svg", "regress.png")
-    with (tmp_path / "regress.csv").open() as file:
-        header, *lines = csv.reader(file)
-    assert header == ["quantity", "change_over_tolerance"]
-    assert {title: float(value) for title, value in lines} == changes
-    figure = saved["regress.svg"]
-    assert figure.get_size_inches() == pytest.approx((7, 1.9))
-    (axes,) = figure.axes
-    within, changed, line = axes.lines
-    assert np.transpose(within.get_data()).tolist() == [[0.5, 1], [1.0, 1], [1e-3, 2]]
-    assert np.transpose(changed.get_data()).tolist() == [[1.5, 2], [1e3, 0], [1e3, 0]]
-    assert [to_hex(each.get_color()) for each in (within, changed)] == [to_hex("tab:blue"), to_hex("tab:red")]
-    assert [(each.get_marker(), each.get_linestyle(), each.get_alpha()) for each in (within, changed)] == [
-        ("o", "None", 0.7), ("x", "None", 0.7)
-    ]  # fmt: skip
-    assert (line.get_xdata(), line.get_linestyle(), line.get_color()) == ([1, 1], ":", "grey")
-    assert [text.get_text() for text in axes.get_yticklabels()] == ["c", "b", "a"]
-    assert axes.get_yticks().tolist() == [0, 1, 2]
-    assert axes.get_xlim() == pytest.approx((5e-4, 2e3))
-    assert (axes.get_xscale(), axes.get_xlabel()) == ("log", "change over tolerance")
-    assert (axes.get_title(), axes.get_ylabel()) == ("regress some sensor", "")
-    assert read_legend(axes) == ["3 within their tolerance", "3 changed"]
-    assert not axes.get_legend().get_frame_on()

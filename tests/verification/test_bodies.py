@@ -9,7 +9,7 @@ import trimesh
 from fem_reference import press
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.frictionless import solve_contact
-from meshes import Cover, Layer, LetterH, Material, Prism, Sphere, TriangleMesh
+from meshes import Cover, Layer, LetterH, Material, Pose, Prism, Sphere, TriangleMesh
 from meshes.catalogue import MATERIALS
 
 HALF = [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)]
@@ -47,7 +47,8 @@ def test_a_ball_of_facets_at_finite_strain(wts):
     """In three dimensions and smoothed, beside the ball around its axis."""
     cover = Cover(layers=(Layer(thickness=2e-3, material=MATERIALS["dragon-skin-30"]),))
     found, wanted = (
-        press(cover, wts, shape, load=5.0, at=(0.7e-3, -1.1e-3)) for shape in (ball(4), Sphere(radius=5e-3))
+        press(cover, wts, shape, load=5.0, pose=Pose.planar(at=(0.7e-3, -1.1e-3)))
+        for shape in (ball(4), Sphere(radius=5e-3))
     )
     assert "facets and edges rounded over" in found.assumptions["surface"]
     assert np.abs(found.texel_forces - wanted.texel_forces).sum() / 10.0 < 0.002

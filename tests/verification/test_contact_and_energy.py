@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem_reference import press, press_path
-from meshes import Box, Roller, Sphere
+from meshes import Box, Pose, Roller, Sphere
 from tests.support.rubber import make_cover
 
 BALL = Sphere(radius=4e-3)
@@ -40,7 +40,7 @@ def test_energy_is_the_work_of_the_load(wts, model, shape):
 @pytest.mark.parametrize("model", ["linear-elastic", pytest.param("neo-hookean", marks=SLOW)])
 def test_contact_forces_add_up_around_the_axis_of_a_ball(wts, model):
     at = (1e-3, -2e-3)
-    found = press(make_cover(0.45, model), wts, BALL, load=0.5, at=at)
+    found = press(make_cover(0.45, model), wts, BALL, load=0.5, pose=Pose.planar(at=at))
     assert found.contact[:, 2].sum() == pytest.approx(found.total_force, rel=1e-9)
     assert find_centre(found) == pytest.approx(at, abs=2e-6)
     assert found.shear is None
@@ -54,7 +54,14 @@ def test_contact_forces_add_up_around_the_axis_of_a_ball(wts, model):
     [(BALL, 0.3), (BALL, np.inf), (BOX, np.inf), pytest.param(BOX, 0.3, marks=pytest.mark.bench)],
 )
 def test_friction_points_along_the_sliding_cover_and_stays_in_the_cone(wts, friction, shape):
-    found = press(make_cover(0.3, "linear-elastic"), wts, shape, load=0.5, at=(1e-3, 0.0), yaw=0.3, friction=friction)
+    found = press(
+        make_cover(0.3, "linear-elastic"),
+        wts,
+        shape,
+        load=0.5,
+        pose=Pose.planar(at=(1e-3, 0.0), yaw=0.3),
+        friction=friction,
+    )
     normal = found.contact[:, 2]
     assert normal.sum() == pytest.approx(found.total_force, rel=1e-9)
     assert found.shear.sum(axis=0) == pytest.approx([0, 0], abs=1e-3 * found.total_force)
@@ -74,7 +81,7 @@ def test_the_contact_of_a_finite_cover_is_in_the_frame_of_the_array():
 
     cover = make_cover(0.45, size=(16e-3, 12e-3))
     at = (2e-3, 1e-3)
-    found = press(cover, TexelArray.grid(3, 4, pitch=3.4e-3), BOX, load=0.3, at=at, yaw=np.pi / 2)
+    found = press(cover, TexelArray.grid(3, 4, pitch=3.4e-3), BOX, load=0.3, pose=Pose.planar(at=at, yaw=np.pi / 2))
     assert found.contact[:, 2].sum() == pytest.approx(found.total_force, rel=1e-9)
     x, y = np.abs(found.contact[:, :2] - at).max(axis=0)
     assert (x, y) == pytest.approx((1.5e-3, 2.5e-3), rel=0.12)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fastmodel.curved.press import press_curved as press_fast
+from fastmodel.contact.points import press_points as press_fast
 from fem_reference.curved_cover import press_curved
 from meshes import Box, Material, Sphere
+from meshes.pose import Pose
 from meshes.solids import fingertip
-from meshes.spatial_pose import SpatialPose
 from validation.derivation.curved import derive_curved_cover
 
 RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
@@ -29,7 +29,7 @@ def test_the_fast_model_misplaces_little_of_the_load():
     finest = COVER.meshes()[-1]
     misplaced = []
     for shape, at, direction, load in PRESSES:
-        pose = SpatialPose.facing(1e-3 * np.array(at) - 25e-3 * np.array(direction), direction)
+        pose = Pose.facing(1e-3 * np.array(at) - 25e-3 * np.array(direction), direction)
         known = press_curved(finest, COVER.texels, RUBBER, shape, pose, load=load)
         found = press_fast(fast, shape, pose, load=load)
         misplaced.append(np.abs(found.texel_forces - known.texel_forces).sum() / (2 * load))

@@ -16,12 +16,12 @@ from pathlib import Path
 from fem_reference.curved_cover import press_curved, press_curved_finite, texel_responses
 from meshes import Material, Sphere
 from meshes.solids import phalanx, read_mesh
-from meshes.spatial_pose import SpatialPose
+from meshes.pose import Pose
 
 meshes = [read_mesh(Path(name)) for name in sys.argv[2:]]
 rubber = Material(name="neo", model="neo-hookean", parameters={"shear_modulus": 3e5}, poisson_ratio=0.49)
 cover, ball = phalanx(length=10e-3, rows=3, columns=3), Sphere(radius=4e-3)
-pose = SpatialPose.facing([1e-3, 0.4e-3, 12e-3], [-0.2, 0, -1])
+pose = Pose.facing([1e-3, 0.4e-3, 12e-3], [-0.2, 0, -1])
 solve = press_curved_finite if sys.argv[1] == "finite" else press_curved
 found = solve(meshes, cover.texels, rubber, ball, pose, load=1.0)
 arrays = (

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import LinearNDInterpolator
 
 from fem_reference import closed_form, press
-from meshes import Box, Cover, Cylinder, Sphere, TexelArray
+from meshes import Box, Cover, Cylinder, Pose, Sphere, TexelArray
 from tests.support.rubber import make_cover
 
 ARRAY = TexelArray.grid(3, 3, pitch=3.4e-3)
@@ -104,7 +104,7 @@ def integrate_base(fields, array, at=(0.0, 0.0)):
 )
 def test_normal_stress_on_the_base_gives_the_texel_forces(model, shape, options, tolerance):
     at = (0.5e-3, -1e-3)
-    found = press(make_cover(0.45, model), ARRAY, shape, at=at, fields=True, **options)
+    found = press(make_cover(0.45, model), ARRAY, shape, pose=Pose.planar(at=at), fields=True, **options)
     forces = integrate_base(found.fields, ARRAY, at)
     assert forces == pytest.approx(found.texel_forces, abs=tolerance * found.texel_forces.max())
     if friction := options.get("friction"):
@@ -115,7 +115,7 @@ def test_normal_stress_on_the_base_gives_the_texel_forces(model, shape, options,
 @pytest.mark.slow
 def test_fields_of_a_cover_of_limited_size_are_in_the_frame_of_the_array():
     cover = make_cover(0.45, "linear-elastic", size=(12e-3, 12e-3))
-    found = press(cover, ARRAY, Box(size=(4e-3, 3e-3, 4e-3)), load=0.3, at=(1e-3, 0.0), fields=True)
+    found = press(cover, ARRAY, Box(size=(4e-3, 3e-3, 4e-3)), load=0.3, pose=Pose.planar(at=(1e-3, 0.0)), fields=True)
     assert np.abs(found.fields.position[:, :2]).max(axis=0) == pytest.approx((6e-3, 6e-3))
     assert integrate_base(found.fields, ARRAY) == pytest.approx(found.texel_forces, abs=0.03 * found.texel_forces.max())
     lowest = found.fields.displacement[:, 2].argmin()

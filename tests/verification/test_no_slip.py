@@ -14,7 +14,7 @@ from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import no_slip
 from fem_reference.small_strain_contact.no_slip import FaceGrid, press_face, press_stuck_disk
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.exact.no_slip import stuck_punch, stuck_shape
 
 THICKNESS = 2e-3
@@ -116,7 +116,7 @@ def test_a_load_without_slip_reaches_the_depth_of_the_exact_stiffness():
 
 def test_a_cylinder_in_three_dimensions_stiffens_like_the_integral_equations():
     grid = FaceGrid(through=2, edge=0.08, growth=1.2, across=8)
-    slides, sticks = press_face(cover(0.49), Cylinder(radius=THICKNESS), PlanarPose(), grid)
+    slides, sticks = press_face(cover(0.49), Cylinder(radius=THICKNESS), Pose(), grid)
     exact = stuck_punch(cover(0.49), THICKNESS).stiffness / punch(cover(0.49), THICKNESS, 1.0).force
     assert sticks.force / slides.force == pytest.approx(exact, rel=5e-3)
 
@@ -125,7 +125,7 @@ def test_a_cylinder_in_three_dimensions_stiffens_like_the_integral_equations():
 def test_a_round_face_without_a_plane_of_symmetry_has_60_percent_of_the_elements_across(at, elements):
     """The mesh of a symmetric face holds a quarter of it."""
     grid = FaceGrid(through=1, edge=0.08, growth=1.2, across=4)
-    face, _ = press_face(cover(0.3), Cylinder(radius=THICKNESS), PlanarPose(at=at), grid)
+    face, _ = press_face(cover(0.3), Cylinder(radius=THICKNESS), Pose.planar(at=at), grid)
     for axis, line in enumerate(face.lines):
         under = line[np.abs(line - at[axis]) < THICKNESS * (1 + 1e-6)]
         assert len(under) == grid.order * elements + 1
@@ -175,7 +175,7 @@ def test_elements_of_order_three_stiffen_alike_without_slip(size):
     box, layer = Box(size=(4e-3, 4e-3, 5e-3)), replace(cover(0.3), size=size)
     sticks, slides = (press(layer, ARRAY, box, depth=1e-5, friction=friction) for friction in (np.inf, 0.0))
     cubic = FaceGrid(through=3, edge=0.008, growth=1.0, across=16, order=3)
-    free, held = press_face(layer, box, PlanarPose(), cubic)
+    free, held = press_face(layer, box, Pose(), cubic)
     assert sticks.total_force / slides.total_force == pytest.approx(
         held.force / free.force, rel=sticks.error_estimate["total_force"]
     )
@@ -189,6 +189,6 @@ def test_a_sliding_base_carries_the_load_of_a_face_without_slip(nu):
         name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=nu, source="assumed"
     )
     cover = Cover(layers=(Layer(thickness=2e-3, material=rubber),), base="sliding")
-    for face in press_face(cover, Box(size=(4e-3, 4e-3, 4e-3)), PlanarPose(), no_slip.FACE_GRIDS[0]):
+    for face in press_face(cover, Box(size=(4e-3, 4e-3, 4e-3)), Pose(), no_slip.FACE_GRIDS[0]):
         whole = face.base.sum() * (1 + face.symmetric[0]) * (1 + face.symmetric[1])
         assert whole == pytest.approx(face.force, rel=1e-6)

@@ -25,7 +25,7 @@ from meshes import (
     Sphere,
     TexelArray,
 )
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.exact import boundary
 from tests.exact.boundary import pressed_shape
 from tests.exact.outline import press_face
@@ -72,7 +72,7 @@ def test_faces_equal_the_older_boundary_elements(bonded):
 def test_a_turned_face_turns_the_texel_forces(bonded):
     face = press_face(bonded(0.45), L_SHAPE, 1e-4, cells=4)
     array = TexelArray.grid(5, 5, 3.4e-3)
-    straight, turned = face.texel_forces(array), face.texel_forces(array, PlanarPose(at=(0.0, 0.0), yaw=np.pi / 2))
+    straight, turned = face.texel_forces(array), face.texel_forces(array, Pose.planar(at=(0.0, 0.0), yaw=np.pi / 2))
     assert np.rot90(array.image(turned)) == pytest.approx(array.image(straight), abs=1e-9)
 
 

@@ -8,7 +8,7 @@ import pytest
 from fem_reference import closed_form, press
 from fem_reference.small_strain_contact import frictionless
 from fem_reference.small_strain_contact.constrained_solver import find_pressures
-from meshes import Box, Cylinder, Nut, Roller, Sphere, TexelArray
+from meshes import Box, Cylinder, Nut, Pose, Roller, Sphere, TexelArray
 
 #: The ends by default, what lies between in the slow tier.
 RATIOS = [0.0, *(pytest.param(nu, marks=pytest.mark.slow) for nu in (0.3, 0.45, 0.49)), 0.5]
@@ -73,19 +73,19 @@ def test_balance_and_linearity(bonded, wts):
 def test_quarter_turn_of_a_square_changes_nothing(bonded, wts):
     shape = Box(size=(8e-3, 8e-3, 5e-3))
     straight = press(bonded(0.4), wts, shape, load=1.0)
-    turned = press(bonded(0.4), wts, shape, load=1.0, yaw=np.pi / 2)
+    turned = press(bonded(0.4), wts, shape, load=1.0, pose=Pose.planar(yaw=np.pi / 2))
     assert turned.texel_forces == pytest.approx(straight.texel_forces, abs=1e-6)
 
 
 def test_mirrored_poses_mirror_the_image(bonded, wts):
     shape = Box(size=(9e-3, 4e-3, 5e-3))
-    left = press(bonded(0.45), wts, shape, load=1.0, at=(-3e-3, 2e-3), yaw=0.4)
-    right = press(bonded(0.45), wts, shape, load=1.0, at=(3e-3, 2e-3), yaw=-0.4)
+    left = press(bonded(0.45), wts, shape, load=1.0, pose=Pose.planar(at=(-3e-3, 2e-3), yaw=0.4))
+    right = press(bonded(0.45), wts, shape, load=1.0, pose=Pose.planar(at=(3e-3, 2e-3), yaw=-0.4))
     assert wts.image(right.texel_forces)[:, ::-1].ravel() == pytest.approx(left.texel_forces, abs=2e-6)
 
 
 def test_force_lands_under_the_indenter(bonded, wts):
-    found = press(bonded(0.3), wts, Sphere(radius=4e-3), depth=0.2e-3, at=(2.1e-3, -5.3e-3))
+    found = press(bonded(0.3), wts, Sphere(radius=4e-3), depth=0.2e-3, pose=Pose.planar(at=(2.1e-3, -5.3e-3)))
     centre = found.texel_forces @ wts.centres[:, :2] / found.texel_forces.sum()
     assert centre == pytest.approx([2.1e-3, -5.3e-3], abs=0.2e-3)
 
@@ -103,7 +103,9 @@ def test_a_ball_far_larger_than_the_cover_is_thick(bonded, wts):
 def test_the_base_carries_the_load_on_arrays_of_narrow_texels_and_of_few(bonded, target):
     """The force on the texels and the force outside them are computed on their own; neither is a difference."""
     for array in (TexelArray.grid(5, 30, (1e-3, 7e-3), texel_size=(0.4e-3, 6e-3)), TexelArray.grid(1, 1, 2e-3)):
-        found = press(bonded(0.49), array, Box(size=(9e-3, 3e-3, 5e-3)), at=(1e-3, -2e-3), yaw=0.3, **target)
+        found = press(
+            bonded(0.49), array, Box(size=(9e-3, 3e-3, 5e-3)), pose=Pose.planar(at=(1e-3, -2e-3), yaw=0.3), **target
+        )
         assert found.texel_forces.sum() + found.outside == pytest.approx(found.total_force, rel=2e-5)
         assert found.balance == pytest.approx(
             (found.texel_forces.sum() + found.outside) / found.total_force - 1, abs=1e-12

@@ -13,7 +13,7 @@ from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges, find_mirror_planes
 from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
 from meshes import Box, Cover, Layer, Material, Prism, Sphere, TexelArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.support.rubber import make_cover
 
 PAD, THICKNESS = (8e-3, 6e-3), 4e-3
@@ -28,7 +28,7 @@ def pad(bonded, nu=0.45, size=PAD):
 
 def sides(cover, indenter, *, at=(0.0, 0.0), yaw=0.0, half=None):
     size = indenter.footprint if half is None else (half, half)
-    return SideEdges(cover=cover, indenter=indenter, pose=PlanarPose(at=at, yaw=yaw), half=np.array(size))
+    return SideEdges(cover=cover, indenter=indenter, pose=Pose.planar(at=at, yaw=yaw), half=np.array(size))
 
 
 def pressed(cover, indenter, *, cells=40, load=1.0, **where):
@@ -98,8 +98,8 @@ def test_mirrored_pose_mirrors_the_contact(bonded):
 @pytest.mark.parametrize(("x", "y"), [(-1, 1), (1, -1), (-1, -1)])
 def test_mirrored_pose_mirrors_the_texel_forces(bonded, x, y):
     array = TexelArray.grid(2, 3, 2.5e-3)
-    here = press(pad(bonded), array, BALL, load=0.5, at=(2.9e-3, 1.7e-3))
-    there = press(pad(bonded), array, BALL, load=0.5, at=(x * 2.9e-3, y * 1.7e-3))
+    here = press(pad(bonded), array, BALL, load=0.5, pose=Pose.planar(at=(2.9e-3, 1.7e-3)))
+    there = press(pad(bonded), array, BALL, load=0.5, pose=Pose.planar(at=(x * 2.9e-3, y * 1.7e-3)))
     assert array.image(there.texel_forces)[::y, ::x] == pytest.approx(array.image(here.texel_forces), abs=1e-7)
 
 
@@ -113,16 +113,16 @@ def test_quarter_turned_shape_on_a_quarter_turned_cover_presses_alike(bonded):
 
 def test_symmetry_is_seen_in_the_pose():
     bar = Box(size=(6e-3, 2e-3, 5e-3))
-    assert find_mirror_planes(bar, PlanarPose()) == (True, True)
-    assert find_mirror_planes(bar, PlanarPose(at=(1e-3, 0.0), yaw=np.pi / 2)) == (False, True)
-    assert find_mirror_planes(bar, PlanarPose(yaw=0.3)) == (False, False)
+    assert find_mirror_planes(bar, Pose()) == (True, True)
+    assert find_mirror_planes(bar, Pose.planar(at=(1e-3, 0.0), yaw=np.pi / 2)) == (False, True)
+    assert find_mirror_planes(bar, Pose.planar(yaw=0.3)) == (False, False)
     arrow = Prism(points=((0.0, 6e-3), (-5e-3, -4e-3), (5e-3, -4e-3)))
     for turns, expected in enumerate([(True, False), (False, True), (True, False), (False, True)]):
-        assert find_mirror_planes(arrow, PlanarPose(yaw=turns * np.pi / 2)) == expected
+        assert find_mirror_planes(arrow, Pose.planar(yaw=turns * np.pi / 2)) == expected
 
 
 def test_pose_there_and_back():
-    pose = PlanarPose(at=(1e-3, -2e-3), yaw=0.7)
+    pose = Pose.planar(at=(1e-3, -2e-3), yaw=0.7)
     x, y = np.random.default_rng(0).normal(size=(2, 50))
     assert np.stack(pose.to_indenter(*pose.to_array(x, y))) == pytest.approx(np.stack([x, y]))
 
@@ -136,11 +136,11 @@ def soft(base="bonded"):
 @pytest.mark.parametrize("nu", [0.0, 0.45, 0.5])
 def test_forces_balance_and_a_large_cover_is_a_wide_one(bonded, nu):
     array = TexelArray.grid(2, 3, 3.4e-3)
-    wide = press(bonded(nu), array, BALL, load=1.0, at=(1e-3, 0.0))
-    large = press(bonded(nu, size=(30e-3, 30e-3)), array, BALL, load=1.0, at=(1e-3, 0.0))
+    wide = press(bonded(nu), array, BALL, load=1.0, pose=Pose.planar(at=(1e-3, 0.0)))
+    large = press(bonded(nu, size=(30e-3, 30e-3)), array, BALL, load=1.0, pose=Pose.planar(at=(1e-3, 0.0)))
     assert np.abs(large.texel_forces - wide.texel_forces).max() < 2e-3
     assert large.depth == pytest.approx(wide.depth, rel=1e-3)
-    covered = press(bonded(nu, size=(10.2e-3, 6.8e-3)), array, BALL, load=1.0, at=(1e-3, 0.0))
+    covered = press(bonded(nu, size=(10.2e-3, 6.8e-3)), array, BALL, load=1.0, pose=Pose.planar(at=(1e-3, 0.0)))
     assert covered.texel_forces.sum() == pytest.approx(1.0, rel=1e-6)
     assert covered.outside == pytest.approx(0.0, abs=1e-6)
 
@@ -150,8 +150,8 @@ def test_forces_balance_and_a_large_cover_is_a_wide_one(bonded, nu):
 def test_finite_strain_meets_small_strain_at_small_load(bonded, at):
     """Two discretisations: compliance with side edges on cells, and elements with a contact search of their own."""
     array = TexelArray.grid(2, 2, 3.4e-3)
-    small = press(pad(bonded), array, BALL, load=2e-3, at=at)
-    finite = press(soft(), array, BALL, load=2e-3, at=at)
+    small = press(pad(bonded), array, BALL, load=2e-3, pose=Pose.planar(at=at))
+    finite = press(soft(), array, BALL, load=2e-3, pose=Pose.planar(at=at))
     assert finite.depth == pytest.approx(small.depth, rel=2e-2)
     assert np.abs(finite.texel_forces - small.texel_forces).max() < 4e-3 * 2e-3
 

@@ -7,7 +7,7 @@ import pytest
 
 from fem_reference import press
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
-from meshes import Box, Sphere
+from meshes import Box, Pose, Sphere
 
 SQUARE = Box(size=(6e-3, 6e-3, 5e-3))
 
@@ -18,7 +18,7 @@ def misplaced(found, reference, load):
 
 def test_one_body_is_what_press_finds(bonded, wts):
     cover, place = bonded(0.49), (0.7e-3, -1.1e-3)
-    alone = press(cover, wts, SQUARE, load=2.0, at=place)
+    alone = press(cover, wts, SQUARE, load=2.0, pose=Pose.planar(at=place))
     found = press_together(cover, wts, [Body(indenter=SQUARE, load=2.0, at=place)])
     assert misplaced(found.texel_forces, alone.texel_forces, 2.0) < 1e-3
     assert found.depths[0] == pytest.approx(alone.depth, rel=0.05)  # its finest grid, not extrapolated

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fastmodel import MissedArrayError, Parameters, indent
-from fastmodel.contact.methods import DEFAULT
+import meshes
+from fastmodel import Parameters, indent
+from fastmodel.contact.methods import DEFAULT, choose_method
+from fastmodel.errors import MissedArrayError
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
 from meshes.array_types import FloatArray
 from validation.calibration.observations import Pose
@@ -100,7 +102,7 @@ def make_fast_method(parameters: Parameters, method: str = DEFAULT, *, name: str
             return np.zeros(parameters.array.count)
         return found.texel_forces
 
-    chosen = ("cover" if parameters.cells is not None else "boxes") if method == DEFAULT else method
+    chosen = choose_method(method, parameters)[0]
     return ContactMethod(
         name=name or f"fast model, {chosen}",
         about=_ABOUT.get(chosen, chosen),
@@ -144,7 +146,9 @@ def make_reference_method(cover: Cover, array: TexelArray) -> ContactMethod:
         if not spread:
             spread.append(point_spread(linear))
         if key not in contacts:
-            pressed = press(linear, array, indenter, load=load, tilt=(pose.tilt_x, pose.tilt_y))
+            pressed = press(
+                linear, array, indenter, load=load, pose=meshes.Pose.planar(tilt=(pose.tilt_x, pose.tilt_y))
+            )
             contacts[key] = _bin_forces(pressed.contact, _BIN * min(array.pitch))
         points, forces = contacts[key]
         c, s = np.cos(pose.yaw), np.sin(pose.yaw)

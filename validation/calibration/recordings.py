@@ -130,5 +130,5 @@ def choose_method(
         return make_reference_method(sensor.cover, sensor.array)
     parameters = find_parameters(sensor, progress)
     if method == "default":
-        method = "area" if parameters.cells is None else "cover"
+        method = "area" if parameters.surface is None else "cover"
     return make_fast_method(parameters, method)

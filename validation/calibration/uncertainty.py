@@ -144,11 +144,6 @@ class Uncertainty:
     covariance: FloatArray
     quantiles: FloatArray
 
-    @property
-    def standard_errors(self) -> FloatArray:
-        """Standard error of each parameter, shape (p,)."""
-        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-
     def half_width(self, gradient: FloatArray) -> float:
         """Return the half width of the interval of a function with these derivatives, shape (p,)."""
         variance = float(gradient @ self.covariance @ gradient)

@@ -14,7 +14,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from meshes import Cover, TexelArray
+from meshes import Cover, Pose, TexelArray
 from validation.campaign.case import Case, name_positions
 from validation.errors import InputError, nearest
 from validation.schema import parse, read_raw
@@ -220,7 +220,7 @@ def _read_case(data: object, number: int, array: TexelArray, curved: CurvedPlace
     """Read one table `[[case]]`; return a case for each of its loads, and whether a quick run has them."""
     given = data if isinstance(data, Mapping) else {}
     faults: list[str] = []
-    pose: dict[str, Any] = {}
+    pose = Pose()
     try:
         table = parse(data, CaseTable, place=("case", number))
     except InputError as error:
@@ -239,13 +239,13 @@ def _read_case(data: object, number: int, array: TexelArray, curved: CurvedPlace
         "path": tuple(table.path or ()),
         "compared": table.compared or (),
         "required": table.required.list_limits(),
-        **pose,
+        "pose": pose,
     }
     return [Case(name=name, load=load, **common) for name, load in zip(names, loads, strict=True)], table.quick
 
 
-def _read_pose(given: Mapping[str, Any], place: str, array: TexelArray, curved: CurvedPlaces | None) -> dict[str, Any]:
-    """Read the pose of a case: `at`, `yaw` and `tilt` on a flat cover, `touch` on a curved one.
+def _read_pose(given: Mapping[str, Any], place: str, array: TexelArray, curved: CurvedPlaces | None) -> Pose:
+    """Read the pose of a case: `at`, `yaw` and `tilt`, and on a curved cover `direction`.
 
     Values that are no texts are left out; the schema refuses them.
     """
@@ -254,8 +254,7 @@ def _read_pose(given: Mapping[str, Any], place: str, array: TexelArray, curved: 
     if curved is not None:
         if "path" in given:
             faults.append(f"{place}.path: a curved cover has no friction, so earlier loads do not matter; write loads")
-        touch = curved.read(texts, place, faults)
-        pose: dict[str, Any] = {"touch": touch}
+        pose = curved.read(texts, place, faults)
     else:
         if "direction" in given:
             faults.append(
@@ -266,14 +265,15 @@ def _read_pose(given: Mapping[str, Any], place: str, array: TexelArray, curved: 
             "yaw": lambda text, where: read_yaw(text, place=where),
             "tilt": lambda text, where: read_tilt(text, place=where),
         }
-        pose = {}
+        parts = {}
         for key, read in readers.items():
             try:
                 if key in texts:
-                    pose[key] = read(texts[key], f"{place}.{key}")
+                    parts[key] = read(texts[key], f"{place}.{key}")
             except InputError as error:
                 faults += error.faults
-    if faults:
+        pose = Pose.planar(**parts)
+    if faults or pose is None:
         raise InputError(*faults)
     return pose
 

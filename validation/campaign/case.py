@@ -5,15 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-
-from meshes import Indenter, TexelArray, tilt_indenter
+from meshes import Indenter, Pose, TexelArray, tilt_indenter
 from validation.text.indenter import read_indenter, read_load, read_position, read_yaw
-
-if TYPE_CHECKING:
-    from validation.curved.touch import Touch
 
 #: Distances along x and y from a texel's centre or the array's centre, over the pitch: 0.7 mm and 1.1 mm on a pitch of
 #: 3.4 mm.  An indenter there is not symmetric to the grid of texels [-].
@@ -28,12 +23,8 @@ class Case:
         name: Short name, unique in its campaign.
         indenter: The rigid body that presses on the cover.
         shape: The indenter as text, for example `sphere:radius=5mm`.
-        load: Applied force along the array's normal [N].
-        at: Position (x, y) of the indenter's axis in the array's frame [m].
-        touch: Place, direction and rotation of the indenter on a curved cover, which replace `at`, `yaw` and `tilt`;
-            None on a flat one.
-        yaw: Rotation of the indenter about its axis [rad].
-        tilt: Rotations about the x and y axes of the indenter's frame [rad].
+        load: Applied force along the direction of the motion [N].
+        pose: Where it touches, the direction in which it moves, and how it is turned.
         path: Ascending loads of the loading path that the load belongs to; empty if it is applied at once [N].
         compared: Names of the metrics that are pooled over cases, fields of `Score`; empty for all.
         required: Largest accepted value of metrics in this case, by name, in SI units or as a fraction.
@@ -43,10 +34,7 @@ class Case:
     indenter: Indenter
     shape: str
     load: float
-    at: tuple[float, float] = (0.0, 0.0)
-    touch: Touch | None = None
-    yaw: float = 0.0
-    tilt: tuple[float, float] = (0.0, 0.0)
+    pose: Pose = dataclasses.field(default_factory=Pose)
     path: tuple[float, ...] = ()
     compared: tuple[str, ...] = ()
     required: Mapping[str, float] = dataclasses.field(default_factory=dict, hash=False)
@@ -70,14 +58,14 @@ class Case:
             indenter=read_indenter(shape),
             shape=shape,
             load=read_load(load),
-            at=read_position(at),
-            yaw=read_yaw(yaw),
+            pose=Pose.planar(at=read_position(at), yaw=read_yaw(yaw)),
         )
 
     @property
     def turned(self) -> Case:
         """The same case with the tilt in the shape of its indenter, for models that know no tilt."""
-        return dataclasses.replace(self, indenter=tilt_indenter(self.indenter, self.tilt), tilt=(0.0, 0.0))
+        upright = dataclasses.replace(self.pose, tilt=(0.0, 0.0))
+        return dataclasses.replace(self, indenter=tilt_indenter(self.indenter, self.pose.tilt), pose=upright)
 
     def has_shape_of(self, other: Case) -> bool:
         """Whether two cases have the same indenter, however its text is written."""
@@ -87,18 +75,15 @@ class Case:
 
     def is_press_of(self, other: Case) -> bool:
         """Whether two cases are the same press: the same indenter, load and pose."""
-        if (self.touch is None) != (other.touch is None):
-            return False
-        if self.touch is not None and other.touch is not None and not self.touch.same_as(other.touch):
-            return False
-        mine, others = ((each.load, each.at, each.yaw, each.tilt, each.path) for each in (self, other))
-        return mine == others and self.has_shape_of(other)
+        mine, others = ((each.load, each.path) for each in (self, other))
+        return mine == others and self.pose.is_close_to(other.pose) and self.has_shape_of(other)
 
     def as_json(self) -> dict[str, Any]:
         """Return the case as a dictionary of JSON values, which `from_json` reads."""
-        pose = {"at": self.at, "yaw": self.yaw, "tilt": self.tilt} if self.touch is None else self.touch.as_json()
         about = {"name": self.name, "indenter": self.shape, "load": self.load}
-        return about | pose | {"path": self.path, "compared": self.compared, "required": self.required}
+        return (
+            about | tabulate_pose(self.pose) | {"path": self.path, "compared": self.compared, "required": self.required}
+        )
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Case:
@@ -107,33 +92,36 @@ class Case:
         Raises:
             InputError: If the indenter's mesh file is not there any more.
         """
-        pose: dict[str, Any] = {"at": tuple(values["at"]), "yaw": values["yaw"], "tilt": tuple(values["tilt"])}
-        if values.get("direction") is not None:
-            from validation.curved.touch import Touch
-
-            at, direction = np.array(values["at"]), np.array(values["direction"])
-            pose = {"touch": Touch(point=at, direction=direction, yaw=pose["yaw"], tilt=pose["tilt"])}
         return cls(
             name=values["name"],
             indenter=read_indenter(values["indenter"]),
             shape=values["indenter"],
             load=values["load"],
+            pose=Pose(point=values["at"], direction=values["direction"], yaw=values["yaw"], tilt=values["tilt"]),
             path=tuple(values["path"]),
             compared=tuple(values["compared"]),
             required=dict(values["required"]),
-            **pose,
         )
 
     @property
-    def pose(self) -> str:
-        """Position and rotation of the indenter as text, in mm and degrees."""
-        if self.touch is not None:
-            return self.touch.describe()
-        x, y = (1e3 * value for value in self.at)
-        tilted = ""
-        if any(self.tilt):
-            tilted = ", tilted {}°, {}°".format(*(_format_number(math.degrees(angle)) for angle in self.tilt))
-        return f"({_format_number(x)}, {_format_number(y)}) mm, {_format_number(math.degrees(self.yaw))}°{tilted}"
+    def place(self) -> str:
+        """Position, direction and rotation of the indenter as text, in mm and degrees."""
+        return describe_pose(self.pose)
+
+
+def describe_pose(pose: Pose) -> str:
+    """Describe a pose in words, in mm and degrees; the direction only where it is not along -z."""
+    place = pose.at if pose.is_planar and pose.point[2] == 0 else pose.point
+    at = ", ".join(_format_number(1e3 * value) for value in place)
+    towards = "" if pose.is_planar else f" along ({', '.join(f'{round(each, 3) + 0.0:g}' for each in pose.direction)})"
+    angles = ", ".join(f"{_format_number(math.degrees(angle))}\u00b0" for angle in pose.tilt)
+    tilted = f", tilted {angles}" if any(pose.tilt) else ""
+    return f"({at}) mm{towards}, {_format_number(math.degrees(pose.yaw))}\u00b0{tilted}"
+
+
+def tabulate_pose(pose: Pose) -> dict[str, Any]:
+    """Return a pose as a dictionary of JSON values: `at` [m], `direction` [-], `yaw` and `tilt` [rad]."""
+    return {"at": list(pose.point), "direction": list(pose.direction), "yaw": pose.yaw, "tilt": list(pose.tilt)}
 
 
 def name_positions(array: TexelArray) -> dict[str, tuple[float, float]]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from meshes import tilt_indenter
-from validation.campaign.case import Case
+from validation.campaign.case import Case, tabulate_pose
 from validation.campaign.results import Reference
 from validation.campaign.run import score_forces
 from validation.errors import InputError
@@ -72,9 +72,7 @@ class Comparison:
             "load": self.case.load,
             "wanted": dict(self.wanted),
             "stopped": self.stopped or None,
-            "at": list(self.case.at),
-            "yaw": self.case.yaw,
-            "tilt": list(self.case.tilt),
+            **tabulate_pose(self.case.pose),
             "models": models,
             "scores": None if self.score is None else self.score.as_json(),
         }
@@ -126,8 +124,8 @@ def compare_models(
         if parameters is None:
             raise ValueError("the fast model needs its parameters")
         tell("indentation by the fast model")
-        indenter = tilt_indenter(case.indenter, case.tilt)
-        fast = indent(parameters, indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
+        indenter = tilt_indenter(case.indenter, case.pose.tilt)
+        fast = indent(parameters, indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw, method=method)
         if friction:
             use = "not used" if fem is None else "used by the finite elements alone"
             sentence = f"the fast model has no friction; {describe_friction(friction)} is {use}"
@@ -195,9 +193,7 @@ def _press(
         case.indenter,
         load=case.load if depth is None else None,
         depth=depth,
-        at=case.at,
-        yaw=case.yaw,
-        tilt=case.tilt,
+        pose=case.pose,
         progress=lambda text: tell(f"finite elements, {text}"),
         **options,
     )

@@ -105,7 +105,7 @@ def plan_solves(cover: Cover, array: TexelArray, cases: Sequence[Case], *, frict
 
 def classify(cover: Cover, case: Case, friction: float) -> str:
     """Return the kind of problem that the reference of a case is, a key of the table of times."""
-    form = "round" if case.indenter.axisymmetric and not any(case.tilt) else "solid"
+    form = "round" if case.indenter.axisymmetric and not any(case.pose.tilt) else "solid"
     if friction:
         return f"friction, {form}"
     if cover.small_strain_only:
@@ -124,6 +124,6 @@ def _share_solution(cover: Cover, case: Case, other: Case) -> bool:
     """Whether the references of two cases share their solution: the same body and load at two poses of a wide cover."""
     return (
         cover.size is None
-        and (case.load, case.path, case.tilt) == (other.load, other.path, other.tilt)
+        and (case.load, case.path, case.pose.tilt) == (other.load, other.path, other.pose.tilt)
         and case.has_shape_of(other)
     )

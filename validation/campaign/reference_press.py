@@ -30,7 +30,12 @@ def press_reference(cover: Cover, array: TexelArray, case: Case, *, friction: fl
 
     loads = case.path or (case.load,)
     results = press_path(
-        cover, array, case.indenter, loads=loads, at=case.at, yaw=case.yaw, tilt=case.tilt, friction=friction
+        cover,
+        array,
+        case.indenter,
+        loads=loads,
+        pose=case.pose,
+        friction=friction,
     )
     return results[loads.index(case.load)]
 

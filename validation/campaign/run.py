@@ -155,7 +155,7 @@ def run_case(
     array = parameters.array
     reference = Reference.of(press_reference(cover, array, case, friction=friction))
     turned = case.turned
-    press_fast = partial(indent, parameters, turned.indenter, load=case.load, at=case.at, yaw=case.yaw)
+    press_fast = partial(indent, parameters, turned.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw)
     fast, area = press_fast(method="default"), press_fast(method="area")
     published: Mapping[str, tuple[FloatArray, float]] = {}
     if comparison is None:

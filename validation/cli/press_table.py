@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from validation.cli.meaning import explain_comparison, print_meaning
 from validation.cli.output import describe_cover, describe_errors, escape, make_console, print_rows
-from validation.metrics import TABULATED
 
 if TYPE_CHECKING:
     from validation.campaign.comparison import Comparison
@@ -21,7 +20,7 @@ def print_comparison(comparison: Comparison) -> None:
 
     console = make_console()
     case, sensor, array = comparison.case, comparison.sensor, comparison.sensor.array
-    console.print(escape(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.pose}"), markup=False)
+    console.print(escape(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.place}"), markup=False)
     if isinstance(sensor, SensorDescription):
         console.print(escape(f"cover: {describe_cover(sensor.cover)}") + "\n", markup=False)
     images = list(list_images(comparison))
@@ -32,6 +31,8 @@ def print_comparison(comparison: Comparison) -> None:
 
 def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
     """Yield name and text of the results of each model and, if there are results of both models, of the scores."""
+    from validation.metrics import TABULATED
+
     fem, fast = comparison.fem, comparison.fast
     if fem is not None and "fem" in comparison.models:
         errors = describe_errors(fem.error_estimate)

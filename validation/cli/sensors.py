@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fastmodel import Parameters
+from fastmodel.surface import CoverPoints
 from validation import api
 from validation.cli.output import note, say
 from validation.errors import InputError
@@ -102,7 +103,7 @@ def check_curved_method(found: SensorDescription | Parameters | None, method: st
     Raises:
         InputError: If the method is not the default.
     """
-    if isinstance(found, Parameters) and found.curved is not None and method != "default":
+    if isinstance(found, Parameters) and isinstance(found.surface, CoverPoints) and method != "default":
         raise InputError(f"--method: {method} is for flat covers, this one is curved; leave --method out")
 
 

@@ -6,17 +6,17 @@ order p is the slope of the logarithm of the error over that of the element size
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
 from meshes import Cover, Cylinder, Material, Sphere, TexelArray
 from meshes.array_types import FloatArray
-from meshes.pose import Place, PlanarPose
-from validation.results import Number, Result, result_model
+from meshes.pose import Place, Pose
+from validation.results import Column, Number, Result, result_model
 
 if TYPE_CHECKING:
     from fem_reference.indentation.grid_solution import GridSolution
@@ -43,13 +43,22 @@ class Check(Result):
         tolerance: Largest accepted error of the result [-].
     """
 
-    name: str
+    name: Annotated[str, Column(heading="what", small="against: {0.exact}")]
     exact: str
     sizes: tuple[float, ...]
-    errors: tuple[Number, ...]
-    result: Number
+    errors: Annotated[
+        tuple[Number, ...], Column(heading="", unit="%", factor=100, digits=2, parts=("coarse", "middle", "fine"))
+    ]
+    result: Annotated[
+        Number,
+        Column(heading="error of the result", unit="%", factor=100, digits=2, small="limit {0.tolerance:.3g}"),
+    ]
     least_order: float
     tolerance: Number
+    printed: ClassVar[Mapping[str, Column]] = {
+        "order": Column(heading="observed order", digits=2, small="at least {0.least_order:g}"),
+        "passed": Column(heading="", words={True: "passed", False: "failed"}, alarms=(False,)),
+    }
     computed = (("observed_order", "order"), ("passed", "passed"))
 
     @property
@@ -139,7 +148,7 @@ def check_contact(cover: Cover, array: TexelArray) -> list[Check]:
     from fem_reference.indentation.small_strain import study_path
 
     depth = _DEPTH * cover.thickness
-    place = Place(array=array, pose=PlanarPose(at=(0.21 * array.pitch[0], -0.32 * array.pitch[1]), yaw=0.0))
+    place = Place(array=array, pose=Pose.planar(at=(0.21 * array.pitch[0], -0.32 * array.pitch[1]), yaw=0.0))
     out = []
     for name, indenter, order in (
         ("flat cylinder", Cylinder(radius=_CYLINDER * cover.thickness), 0.7),

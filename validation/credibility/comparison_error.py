@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -17,13 +18,16 @@ from meshes import TexelArray
 from validation.campaign.results import CaseResult
 from validation.credibility.input_uncertainty import InputUncertainty
 from validation.metrics import centre_of_pressure, second_moments
-from validation.results import Number, Result, result_model
+from validation.results import Column, Number, Result, result_model
 
 #: Grid convergence index over the standard uncertainty, for an error that is skewed to one side (ASME V&V 20-2009,
 #: section 2-4.4) [-].
 _COVERAGE = 1.15
 #: Change of a texel force by the fast model's iteration tolerance, over the load [-].
 _ITERATION = 2e-4
+
+
+_WORDS = {True: "yes", False: "no"}
 
 
 @result_model
@@ -41,14 +45,20 @@ class ComparisonError(Result):
         u_data: Standard uncertainty of the data, in SI units.
     """
 
-    case: str
+    case: Annotated[str, Column(heading="case and quantity", small="{0.quantity}")]
     quantity: str
     factor: float
-    fast: Number
-    reference: Number
-    u_num: Number
-    u_input: Number
-    u_data: Number
+    fast: Annotated[Number, Column(heading="S", digits=4, factor_field="factor")]
+    reference: Annotated[Number, Column(heading="D", digits=4, factor_field="factor")]
+    u_num: Annotated[Number, Column(heading="u_num", digits=2, factor_field="factor")]
+    u_input: Annotated[Number, Column(heading="u_input", digits=2, factor_field="factor")]
+    u_data: Annotated[Number, Column(heading="u_D", digits=2, factor_field="factor")]
+    printed: ClassVar[Mapping[str, Column]] = {
+        "error": Column(heading="E", digits=2, factor_field="factor"),
+        "u_val": Column(heading="u_val", digits=2, factor_field="factor"),
+        "resolved_here": Column(heading="|E| > u_num: resolved here", words=_WORDS),
+        "resolved": Column(heading="|E| > u_val: resolved on a real cover", words=_WORDS),
+    }
     computed = (
         ("E", "error"),
         ("u_val", "u_val"),

@@ -136,7 +136,7 @@ def group_errors(results: Sequence[CaseResult]) -> dict[str, dict[str, dict[str,
         groups["load"]["below 2 N" if case.load < _HEAVY else "2 N and more"].append(result)
         groups["shape"][case.shape.split(":")[0]].append(result)
         outside = result.reference.outside / case.load
-        turned = math.degrees(case.yaw) % 90 != 0
+        turned = math.degrees(case.pose.yaw) % 90 != 0
         pose = "over an edge" if outside > _AT_EDGE else "turned" if turned else "inside, not turned"
         groups["pose"][pose].append(result)
     return pool_groups(groups)

@@ -18,7 +18,6 @@ import numpy as np
 
 from meshes import Cover, Cylinder, Material, TexelArray
 from meshes.array_types import FloatArray
-from meshes.pose import PlanarPose
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.results import Array, Bound, Result, result_model
@@ -109,7 +108,7 @@ def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs
         "centres": array.centres,
         "active": array.active,
         "texel_size": array.texel_size,
-        "case": [case.indenter, case.load, list(case.at), case.yaw],
+        "case": [case.indenter, case.load, list(case.pose.at), case.pose.yaw],
         "inputs": [[name, value] for name, value in listed.items()],
         "cells": CELLS,
         "code": result_store.hash_file(__file__),
@@ -151,7 +150,11 @@ def list_inputs(cover: Cover, inputs: Inputs) -> Iterator[tuple[str, float, Chan
         if inputs.position:
             yield f"position {name} [m]", inputs.position, _move(axis)
     if inputs.yaw:
-        yield "yaw [rad]", inputs.yaw, lambda cover, case, by: (cover, replace(case, yaw=case.yaw + by))
+        yield (
+            "yaw [rad]",
+            inputs.yaw,
+            lambda cover, case, by: (cover, replace(case, pose=replace(case.pose, yaw=case.pose.yaw + by))),
+        )
 
 
 def _spread_modulus(material: Material) -> float:
@@ -192,8 +195,9 @@ def _change_layer(index: int, what: str) -> Change:
 
 def _move(axis: int) -> Change:
     def change(cover: Cover, case: Case, by: float) -> tuple[Cover, Case]:
-        at = (case.at[0] + by, case.at[1]) if axis == 0 else (case.at[0], case.at[1] + by)
-        return cover, replace(case, at=at)
+        x, y, z = case.pose.point
+        point = (x + by, y, z) if axis == 0 else (x, y + by, z)
+        return cover, replace(case, pose=replace(case.pose, point=point))
 
     return change
 
@@ -231,7 +235,7 @@ def simulate_image(cover: Cover, array: TexelArray, case: Case) -> FloatArray:
         case: The indentation, not tilted.
     """
     cells = _solve_cells(cover, case)
-    x, y = PlanarPose(at=case.at, yaw=case.yaw).to_array(cells[0], cells[1])
+    x, y = case.pose.to_array(cells[0], cells[1])
     response = _tabulate_response(cover, array.texel_size)
     out = np.array([response(x - cx, y - cy) @ cells[2] for cx, cy in array.centres[:, :2]])
     return np.where(array.active, out, 0.0)
@@ -299,7 +303,7 @@ def _find_friction_effect(cover: Cover, array: TexelArray, case: Case, friction:
     linear = replace(cover, layers=tuple(replace(each, material=linearise(each.material)) for each in cover.layers))
     try:
         stuck, free = (
-            press(linear, array, body, load=case.load, at=case.at, yaw=case.yaw, friction=each).texel_forces
+            press(linear, array, body, load=case.load, pose=case.pose, friction=each).texel_forces
             for each in (friction, 0.0)
         )
     except (ConvergenceError, ValueError):

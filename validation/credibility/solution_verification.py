@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Annotated
 
 from scipy.optimize import brentq
 
 from validation.campaign.results import CaseResult
-from validation.results import Number, Result, result_model
+from validation.results import Column, Number, Result, result_model
 
 #: Quantities of the table, with unit and factor from SI units to it.
-_QUANTITIES = {"depth": ("um", 1e6), "peak_texel": ("mN", 1e3), "contact_area": ("mm2", 1e6)}
+_QUANTITIES = {"depth": ("µm", 1e6), "peak_texel": ("mN", 1e3), "contact_area": ("mm²", 1e6)}
 #: Range in which an observed order is searched [-].
 _ORDERS = (0.05, 10.0)
 #: Number of grids.
@@ -33,14 +34,16 @@ class Convergence(Result):
         estimate: Estimated relative error of the result (grid convergence index or the like) [-].
     """
 
-    case: str
+    case: Annotated[str, Column(heading="case and quantity", small="{0.quantity} [{0.unit}]")]
     quantity: str
     unit: str
     factor: float
-    values: tuple[Number, ...]
-    result: Number
-    order: Number
-    estimate: Number
+    values: Annotated[
+        tuple[Number, ...], Column(heading="", digits=5, parts=("coarse", "middle", "fine"), factor_field="factor")
+    ]
+    result: Annotated[Number, Column(heading="result", digits=5, factor_field="factor")]
+    order: Annotated[Number, Column(heading="observed order", digits=2)]
+    estimate: Annotated[Number, Column(heading="estimated error", unit="%", factor=100, digits=2)]
 
 
 def verify_solutions(results: Sequence[CaseResult]) -> tuple[Convergence, ...]:

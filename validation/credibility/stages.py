@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fastmodel.surface import CoverCells
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
 from validation.campaign.pooling import Pooled, pool
@@ -26,7 +27,6 @@ from validation.results import Number, Result, result_model
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from fastmodel.pressure.cover_kernels import CoverCells
     from fem_reference.indentation.result import Indentation
 
 #: The stages in the order of the chain, with what each replaces.
@@ -73,8 +73,8 @@ def score_stages(cover: Cover, parameters: Parameters, results: Sequence[CaseRes
     Returns:
         The errors; None if the parameters have no tables of the cover, or the texels form no regular grid.
     """
-    cells, array = parameters.cells, parameters.array
-    if cells is None or not array.regular or cells.table is not None:
+    cells, array = parameters.surface, parameters.array
+    if not isinstance(cells, CoverCells) or not array.regular or cells.table is not None:
         return None
     errors = {result.case.name: _score_case(cover, parameters, cells, result) for result in results}
     return StageErrors(

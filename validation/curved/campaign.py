@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fastmodel.surface import CoverPoints
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes.array_types import FloatArray
 from validation.campaign.case import Case
@@ -16,14 +17,13 @@ from validation.campaign.results import CampaignResult, CaseResult, Reference
 from validation.campaign.run import predict, run_cases, summarise
 from validation.curved.derive import CurvedDerivation
 from validation.curved.fast import press_fast
-from validation.curved.reference import press_case, require_touch
+from validation.curved.reference import press_case
 from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from fastmodel.curved.cover import CurvedCover
+    from fastmodel.surface import CoverPoints
     from meshes.solids import SolidMesh
-    from validation.curved.touch import Touch
     from validation.sensor_file import SensorDescription
 
 #: Names of the scored models of a curved cover, with a description of each for tables.
@@ -57,18 +57,21 @@ class CurvedCampaign:
         """Parameters of the fast model."""
         return self.derivation.parameters
 
-    def require_fast_model(self) -> CurvedCover:
+    def require_fast_model(self) -> CoverPoints:
         """Return the arrays of the fast model.
 
         Raises:
             InputError: If the meshes are too fine for the fast model.
         """
-        if self.parameters.curved is None:
+        from fastmodel.surface import CoverPoints
+
+        surface = self.parameters.surface
+        if not isinstance(surface, CoverPoints):
             raise InputError(
                 f"{self.derivation.sensor.source}: the meshes of this cover are too fine for the fast model, so there "
                 "is nothing to validate; state a larger cover.element_size"
             )
-        return self.parameters.curved
+        return surface
 
     def run(
         self, cases: Sequence[Case], plan: Plan, progress: Callable[[int, int, str], None] | None
@@ -84,26 +87,25 @@ class CurvedCampaign:
             ValueError: If a model cannot compute the case.
             ConvergenceError: If the finite elements did not converge.
         """
-        touch = require_touch(case)
         reference = Reference.of(press_case(self.derivation.sensor, self.meshes, case))
-        forces = self._compute_models(case, touch)
+        forces = self._compute_models(case)
         predictions = predict(
             reference, {name: (each, 0.0) for name, each in forces.items()}, case.load, self.parameters
         )
         return CaseResult(case=case, reference=reference, predictions=predictions, warnings=())
 
-    def _compute_models(self, case: Case, touch: Touch) -> dict[str, FloatArray]:
+    def _compute_models(self, case: Case) -> dict[str, FloatArray]:
         """Compute the texel forces of each model, shape (n,) [N]."""
-        from fastmodel.curved.press import find_first_contact
+        from fastmodel.contact.points import find_first_contact
 
         cover, array, gaussian = self.require_fast_model(), self.derivation.sensor.array, self.derivation.gaussian
-        fast = press_fast(cover, case.indenter, touch, case.load)
+        fast = press_fast(cover, case.indenter, case.pose, case.load)
         pressed = np.flatnonzero(fast.forces)
         spread = gaussian.spread(array, cover.points[pressed], cover.normals[pressed])
-        first = find_first_contact(cover, case.indenter, touch.pose, touch.direction, within=_FIRST * cover.thickness)
+        first = find_first_contact(cover, case.indenter, case.pose, case.pose.towards, within=_FIRST * cover.thickness)
         points, normals = cover.points[first], cover.normals[first]
         # Equal forces along the normals whose components against the motion sum to the load.
-        share = case.load / float(-(normals @ touch.direction).sum())
+        share = case.load / float(-(normals @ case.pose.towards).sum())
         apart = np.linalg.norm(points[:, None] - array.centres[None], axis=2)
         nearest = np.bincount(apart.argmin(axis=1), minlength=array.count)
         return {

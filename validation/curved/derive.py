@@ -18,7 +18,7 @@ from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from fastmodel.curved.gaussian import SurfaceGaussian
+    from fastmodel.fitting.surface_gaussian import SurfaceGaussian
     from fem_reference.curved_cover import TexelResponses
     from meshes.solids import SolidMesh
 
@@ -86,7 +86,7 @@ class CurvedDerivation:
     @cached_property
     def gaussian(self) -> SurfaceGaussian:
         """Gaussian in surface coordinates, fitted to the responses to uniform loads."""
-        from fastmodel.curved.gaussian import fit_surface_gaussian
+        from fastmodel.fitting.surface_gaussian import fit_surface_gaussian
 
         return fit_surface_gaussian(self.sensor.array, self.uniform)
 
@@ -108,7 +108,7 @@ class CurvedDerivation:
             spread=Tabulated(matrix=self.uniform.T.copy(), source="finite elements of the curved cover"),
             filter=sensor.filter,
             electronics=sensor.electronics,
-            curved=derive_fast_model(sensor, tuple(grid.mesh for grid in self.responses.grids)),
+            surface=derive_fast_model(sensor, tuple(grid.mesh for grid in self.responses.grids)),
             provenance={
                 "softcover": version("softcover"),
                 "sensor": sensor.name,

@@ -20,7 +20,7 @@ from validation.campaign.pooling import Pooled
 from validation.campaign.results import CampaignResult, CaseResult
 from validation.credibility.code_verification import Check
 from validation.credibility.evidence import Evidence, pool_groups
-from validation.curved.reference import press_case, require_touch
+from validation.curved.reference import press_case
 from validation.sensor_file import SensorDescription
 
 #: Sections of the report on flat covers that have no meaning here.
@@ -199,9 +199,9 @@ def group_curved_errors(
 
 def measure_obliquity(result: CaseResult) -> float:
     """Return the angle between the motion of the indenter and the normal of the cover where it is placed [rad]."""
-    touch, top = require_touch(result.case), result.reference.found.top
-    normal = top.normals[int(np.argmin(np.linalg.norm(top.nodes - touch.point, axis=1)))]
-    return float(np.arccos(np.clip(-normal @ touch.direction, -1.0, 1.0)))
+    pose, top = result.case.pose, result.reference.found.top
+    normal = top.normals[int(np.argmin(np.linalg.norm(top.nodes - pose.position, axis=1)))]
+    return float(np.arccos(np.clip(-normal @ pose.towards, -1.0, 1.0)))
 
 
 def describe_curved_domain(sensor: SensorDescription, results: Sequence[CaseResult]) -> dict[str, tuple[float, float]]:

@@ -13,12 +13,11 @@ from validation.errors import InputError
 from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
-    from fastmodel.curved.cover import CurvedCover
+    from fastmodel.surface import CoverPoints
     from fem_reference.curved_cover import CurvedIndentation
-    from meshes import Indenter
+    from meshes import Indenter, Pose
     from meshes.array_types import FloatArray
     from meshes.solids import SolidMesh
-    from validation.curved.touch import Touch
 
 #: Largest number of nodes of the top, middles of edges included, on which the fast model is derived: it needs one
 #: solution per node, and keeps the displacement of each under a force on each [-].
@@ -71,7 +70,7 @@ def choose_mesh(meshes: tuple[SolidMesh, ...]) -> SolidMesh | None:
 
 def derive_fast_model(
     sensor: SensorDescription, meshes: tuple[SolidMesh, ...], progress: Callable[[str], None] | None = None
-) -> CurvedCover | None:
+) -> CoverPoints | None:
     """Derive the arrays of the fast model; None if even the coarsest mesh has too many nodes on its top.
 
     Args:
@@ -90,26 +89,26 @@ def derive_fast_model(
 
 
 def press_fast(
-    cover: CurvedCover, indenter: Indenter, touch: Touch, load: float, known: CurvedIndentation | None = None
+    cover: CoverPoints, indenter: Indenter, pose: Pose, load: float, known: CurvedIndentation | None = None
 ) -> FastPress:
     """Press an indenter by the fast model.
 
     Args:
         cover: Arrays of the fast model.
         indenter: The indenter.
-        touch: Place and direction.
+        pose: Place and direction.
         load: Force along the direction [N].
         known: Result of the finite elements under the same load, with which the texel forces are compared.
 
     Raises:
         InputError: If the indenter never touches, or the contact was not found.
     """
-    from fastmodel.curved.press import press_curved
+    from fastmodel.contact.points import press_points
     from fastmodel.errors import FastModelError
 
     started = time.perf_counter()
     try:
-        found = press_curved(cover, indenter, touch.pose, load=load, direction=touch.direction)
+        found = press_points(cover, indenter, pose, load=load, direction=pose.towards)
     except FastModelError as error:
         raise InputError(f"fast model: {error}") from None
     seconds = time.perf_counter() - started

@@ -85,7 +85,7 @@ def write_press(press: CurvedPress, folder: Path) -> tuple[str, ...]:
     _write_table(folder / "contact.csv", names, np.column_stack(columns)[touched])
     write_mesh(folder / MESH_FILE, found.mesh)
     title = f"{press.shape} on {press.sensor.name}, {found.load:.4g} N"
-    scene = show_curved(found, array, direction=press.touch.direction, title=title)
+    scene = show_curved(found, array, direction=press.touch.towards, title=title)
     return ("press.json", "texels.csv", "contact.csv", MESH_FILE, *write_scene(scene, folder))
 
 

@@ -13,11 +13,11 @@ import numpy as np
 
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.responses import find_above, lay_out
-from meshes import TexelArray
+from meshes import Pose, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh
 from meshes.solids.texels import tangent_axes
-from validation.curved.touch import Touch, find_middle, find_touch_place
+from validation.curved.touch import find_middle, find_touch_place
 from validation.errors import InputError, nearest
 from validation.text.indenter import read_yaw
 from validation.text.quantity import read_quantities, read_quantity
@@ -117,7 +117,7 @@ class CurvedPlaces:
             "side": above[int(np.argmax(turned))],
         }
 
-    def read(self, table: Mapping[str, Any], place: str, faults: list[str]) -> Touch | None:
+    def read(self, table: Mapping[str, Any], place: str, faults: list[str]) -> Pose | None:
         """Read `at`, `direction`, `yaw` and `tilt` of a case; None if one of them has a fault.
 
         Args:
@@ -138,7 +138,7 @@ class CurvedPlaces:
             faults += error.faults
             return None
 
-    def find(self, pose: PoseText) -> Touch:
+    def find(self, pose: PoseText) -> Pose:
         """Find the point and the direction of a pose.
 
         Raises:
@@ -148,7 +148,7 @@ class CurvedPlaces:
         try:
             found = find_touch_place(self.mesh, self.texels, at=at)
             if pose.direction != "normal":
-                towards = _turn_aside(pose.direction, -found.direction)
+                towards = _turn_aside(pose.direction, -found.towards)
                 found = find_touch_place(self.mesh, self.texels, at=at, direction=towards)
         except InputError as error:
             raise InputError(*(fault.replace("--at", f"{pose.prefix}at") for fault in error.faults)) from None

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from meshes import Indenter
+from meshes import Indenter, Pose
 from meshes.solids.solid_mesh import check_quality
+from validation.campaign.case import tabulate_pose
 from validation.curved.fast import FastPress, derive_fast_model, press_fast
 from validation.curved.places import CurvedPlaces, PoseText
-from validation.curved.touch import Touch
 from validation.errors import InputError
 from validation.sensor_file import SensorDescription
 
@@ -36,7 +36,7 @@ class CurvedPress:
 
     sensor: SensorDescription
     shape: str
-    touch: Touch
+    touch: Pose
     fem: CurvedIndentation
     seconds: float
     fast: FastPress | None = None
@@ -49,7 +49,7 @@ class CurvedPress:
             "sensor": self.sensor.name,
             "cover": self.sensor.describe_cover(),
             "indenter": self.shape,
-            **self.touch.as_json(),
+            **tabulate_pose(self.touch),
             "load": found.load,
             "models": {
                 "fem": {
@@ -114,10 +114,9 @@ def press_sensor(
         sensor.array,
         sensor.cover.layers[0].material,
         indenter,
-        touch.pose,
+        touch,
         load=load,
         depth=depth,
-        direction=touch.direction,
         friction=coefficient,
         progress=progress,
     )

@@ -18,12 +18,10 @@ from fem_reference.curved_cover.responses import lay_out
 from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh
 from validation.curved.press import choose_friction
-from validation.errors import InputError
 from validation.json_values import json_text
 
 if TYPE_CHECKING:
     from validation.campaign.case import Case
-    from validation.curved.touch import Touch
     from validation.sensor_file import SensorDescription
 
 #: Parts of a result that follow from the mesh and are not stored.
@@ -91,17 +89,6 @@ class CurvedReference:
         }
 
 
-def require_touch(case: Case) -> Touch:
-    """Return the place of a case on a curved cover.
-
-    Raises:
-        InputError: If the case has none.
-    """
-    if case.touch is None:
-        raise InputError(f"{case.name}: has no place on the curved cover")
-    return case.touch
-
-
 def press_case(sensor: SensorDescription, meshes: Sequence[SolidMesh], case: Case) -> CurvedReference:
     """Compute one case by finite elements, or read the result from the store.
 
@@ -115,8 +102,8 @@ def press_case(sensor: SensorDescription, meshes: Sequence[SolidMesh], case: Cas
         ValueError: If the indenter never touches or would go through most of the cover.
         ConvergenceError: If the contact or the load is not found.
     """
-    texels, material, touch = sensor.array, sensor.cover.layers[0].material, require_touch(case)
-    pose, friction = touch.pose, choose_friction(sensor)
+    texels, material = sensor.array, sensor.cover.layers[0].material
+    pose, friction = case.pose, choose_friction(sensor)
 
     def compute() -> dict[str, Any]:
         found = press_curved(
@@ -126,7 +113,6 @@ def press_case(sensor: SensorDescription, meshes: Sequence[SolidMesh], case: Cas
             case.indenter,
             pose,
             load=case.load,
-            direction=touch.direction,
             friction=friction,
         )
         values = {field.name: getattr(found, field.name) for field in fields(found) if field.name not in _FROM_MESH}
@@ -137,7 +123,7 @@ def press_case(sensor: SensorDescription, meshes: Sequence[SolidMesh], case: Cas
 
     inputs = {
         "meshes": [mesh.digest for mesh in meshes], "texels": texels, "material": material, "indenter": case.indenter,
-        "pose": pose, "direction": touch.direction, "load": case.load, "friction": friction,
+        "pose": pose, "load": case.load, "friction": friction,
     }  # fmt: skip
     stored = result_store.fetch("curved-press", inputs, compute)
     values: dict[str, Any] = {

@@ -2,70 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.responses import find_above, find_uncovered, lay_out
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray
+from meshes.pose import Pose
 from meshes.solids import SolidMesh
 from meshes.solids.solid_mesh import measure_thickness
-from meshes.spatial_pose import SpatialPose
 from validation.errors import InputError
 
 #: Largest distance of a wanted place from the top, over the thickness of the cover [-].
 _OFF_TOP = 1.0
 #: Length of a direction below which it is none [-].
 _TINY = 1e-9
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Touch:
-    """Where and along which direction an indenter touches a curved cover.
-
-    Attributes:
-        point: Point of the undeformed top, shape (3,) [m].
-        direction: Unit direction in which the indenter looks and moves, shape (3,) [-].
-        yaw: Rotation of the indenter about its axis [rad].
-        tilt: Rotation vector of the indenter against the direction of motion, along the x and y axes of its frame,
-            about the point [rad].
-    """
-
-    point: FloatArray
-    direction: FloatArray
-    yaw: float
-    tilt: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def pose(self) -> SpatialPose:
-        """Pose of the indenter with the lowest point of its axis at the point."""
-        pose = SpatialPose.facing(self.point, self.direction, spin=self.yaw)
-        if not any(self.tilt):
-            return pose
-        turn = Rotation.from_rotvec([*self.tilt, 0.0]).as_matrix()
-        return SpatialPose(position=pose.position, rotation=pose.rotation @ turn)
-
-    def describe(self) -> str:
-        """Describe place and direction in words."""
-        place = ", ".join(f"{round(1e3 * each, 3) + 0.0:g}" for each in self.point)
-        towards = ", ".join(f"{round(each, 3) + 0.0:g}" for each in self.direction)
-        turned = f", yaw {np.degrees(self.yaw):g} deg" if self.yaw else ""
-        angles = ", ".join(f"{round(each, 2) + 0.0:g}" for each in np.degrees(self.tilt))
-        tilted = f", tilted ({angles}) deg" if any(self.tilt) else ""
-        return f"({place}) mm along ({towards}){turned}{tilted}"
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the place as a dictionary, under the names that the command line prints as JSON."""
-        return {"at": self.point, "direction": self.direction, "yaw": self.yaw, "tilt": list(self.tilt)}
-
-    def same_as(self, other: Touch) -> bool:
-        """Whether two indenters of one shape would be in the same place."""
-        mine, others = ([*each.point, *each.direction, each.yaw, *each.tilt] for each in (self, other))
-        return np.allclose(mine, others, rtol=0, atol=_TINY)
 
 
 def find_touch_place(
@@ -75,7 +26,7 @@ def find_touch_place(
     at: tuple[float, ...] | None = None,
     direction: tuple[float, float, float] | None = None,
     yaw: float = 0.0,
-) -> Touch:
+) -> Pose:
     """Find place and direction of an indenter.
 
     Args:
@@ -113,7 +64,7 @@ def find_touch_place(
     length = float(np.linalg.norm(towards))
     if not length > _TINY:
         raise InputError("--direction: must not be zero; write for example --direction=0,0,-1")
-    return Touch(point=point, direction=towards / length, yaw=yaw)
+    return Pose.facing(point, towards / length, spin=yaw)
 
 
 def _find_covered(top: FacetSurface, texels: TexelArray, thickness: float) -> int:

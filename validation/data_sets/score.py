@@ -109,7 +109,7 @@ def score_recordings(
 def list_methods(sensor: SensorDescription, parameters: Parameters) -> dict[str, ContactMethod]:
     """Return the contact methods that are scored, by name: the fast model's default, its boxes, finite elements."""
     methods = {FAST: make_fast_method(parameters)}
-    if parameters.cells is not None:
+    if parameters.surface is not None:
         methods[f"{FAST}, boxes"] = make_fast_method(parameters, "boxes")
     methods["reference"] = make_reference_method(sensor.cover, sensor.array)
     return methods

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.signal.electronics import Electronics
-from meshes import Cover, Material, RoundedTip, TexelArray
+from meshes import Cover, Material, Pose, RoundedTip, TexelArray
 from validation.derivation.kernel_fit import Influence
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def compute_tip_share(
         array,
         RoundedTip(radius=radius),
         depths=[depth * cover.thickness for depth in _DEPTHS],
-        at=(float(centre[0]), float(centre[1])),
+        pose=Pose.planar(at=(float(centre[0]), float(centre[1]))),
     )
     lightest = float(influence.texel_influence(array, centre)[0, texel])
     loads = np.array([0.0, *(each.total_force for each in path)])

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.pressure.cover_kernels import CoverCells
+from fastmodel.surface import CoverCells
 from meshes import Cover, TexelArray
 from validation.derivation.quadrature import gauss_points
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fastmodel.curved.cover import CurvedCover
+from fastmodel.surface import CoverPoints
 from fem_reference import result_store
 from fem_reference.curved_cover import texel_responses
 from fem_reference.curved_cover.compliance import NormalCompliance
@@ -15,7 +15,7 @@ from meshes.array_types import FloatArray
 from meshes.solids.solid_mesh import SolidMesh, compute_volume, measure_area
 
 
-def derive_curved_cover(mesh: SolidMesh, texels: TexelArray, material: Material) -> CurvedCover:
+def derive_curved_cover(mesh: SolidMesh, texels: TexelArray, material: Material) -> CoverPoints:
     """Compute the arrays of the fast model on the nodes of the top of one mesh, or read them from the store.
 
     The forces of the fast model are those of the reference's pressures (`pressure_shapes`), one around each node of the
@@ -40,7 +40,7 @@ def derive_curved_cover(mesh: SolidMesh, texels: TexelArray, material: Material)
 
     inputs = {"mesh": mesh.digest, "material": material, "code": result_store.hash_file(__file__)}
     found = result_store.fetch("curved-hat-compliance", inputs, compute)
-    return CurvedCover(
+    return CoverPoints(
         points=top.nodes,
         normals=top.normals,
         influence=(responses.finest.normal_influence @ hats) * texels.active[:, None],

@@ -34,7 +34,7 @@ from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fastmodel.parameters import Parameters
-    from fastmodel.pressure.cover_kernels import CoverCells
+    from fastmodel.surface import CoverCells
     from fem_reference.linear_response.point_spread import PointSpread
 
 FloatArray = npt.NDArray[np.float64]
@@ -182,7 +182,7 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
         filter=sensor.filter,
         electronics=dataclasses.replace(sensor.electronics, tip_share=None if tip is None else tip.share),
         provenance=_describe_provenance(sensor, fit, depth, undetermined, tip),
-        cells=cells,
+        surface=cells,
         tables=_tabulate_response(influence),
     )
     return Derivation(
@@ -223,7 +223,7 @@ def _state_range(parameters: Parameters, sensor: SensorDescription, influence: I
     from fem_reference.errors import ConvergenceError
 
     spread = radial_profile(influence)
-    if spread is None or parameters.cells is None:
+    if spread is None or parameters.surface is None:
         return parameters
     tell("range of the fast model, by a ball of one pitch radius")
     try:

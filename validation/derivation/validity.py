@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.pressure.cover_kernels import CoverCells
+from fastmodel.surface import CoverCells
 from fastmodel.validity import FEWEST_CELLS, Validity
 from meshes import Cover, Sphere, TexelArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from validation.derivation.cover_kernels import compliance_kernel, influence_kernel, tabulate_surface
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def press_ball_on_array(cover: Cover, array: TexelArray, progress: Progress | No
     if cover.small_strain_only:
         wanted = LoadingPath(cover=cover, indenter=Sphere(radius=radius), targets=tuple(depths), control="depth")
         found = solve_coarse(wanted, progress)
-        poses = [PlanarPose(at=(float(x), float(y))) for x, y in points]
+        poses = [Pose.planar(at=(float(x), float(y))) for x, y in points]
         return BallPresses(
             radius=radius,
             points=points,
@@ -224,10 +224,10 @@ def state_range(parameters: Parameters, cover: Cover, spread: PointSpread, press
     Raises:
         FastModelError: If the fast model cannot press the ball.
     """
-    if parameters.cells is None:
+    if not isinstance(parameters.surface, CoverCells):
         return parameters
-    cells = add_stretch(parameters.cells, cover, parameters.array, spread, presses)
-    parameters = dataclasses.replace(parameters, cells=cells)
+    cells = add_stretch(parameters.surface, cover, parameters.array, spread, presses)
+    parameters = dataclasses.replace(parameters, surface=cells)
     misplaced, depth, resolved = _repeat_presses(parameters, presses)
     if cells.loads is not None:
         tabulated = np.isin(presses.load, cells.loads)
@@ -252,7 +252,7 @@ def state_range(parameters: Parameters, cover: Cover, spread: PointSpread, press
         largest_load=float(load[-1]),
         strain="small" if presses.path is None else "finite",
     )
-    return dataclasses.replace(parameters, cells=cells, validity=validity)
+    return dataclasses.replace(parameters, surface=cells, validity=validity)
 
 
 def _repeat_presses(

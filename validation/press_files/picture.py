@@ -117,7 +117,7 @@ def _draw_image(axes: Axes, array: TexelArray, title: str, forces: FloatArray, *
 
 def _draw_profile(axes: Axes, comparison: Comparison, fields: CoverFields) -> None:
     case, fem = comparison.case, comparison.fem
-    distance, height = find_profile(fields, case.at, case.yaw)
+    distance, height = find_profile(fields, case.pose.at, case.pose.yaw)
     radius = math.sqrt(fem.contact_area / math.pi) if fem is not None else 0.0
     extent = max(_EXTENT * radius, 2 * float(fields.position[:, 2].max()))
     shown = np.abs(distance) <= extent

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshes import Cover, TexelArray
+from meshes import Cover, Pose, TexelArray
 from meshes.array_types import FloatArray
 from validation.campaign.case import Case
 from validation.metrics import misplaced_force
@@ -104,7 +104,7 @@ class Row:
             "parameters": dict(self.parameters),
             "units": dict(model.units),
             "fitted": list(self.fitted),
-            "fitted_on": [f"{case.shape}, {case.load:g} N at {case.pose}" for case in self.cases],
+            "fitted_on": [f"{case.shape}, {case.load:g} N at {case.place}" for case in self.cases],
             "fit_misplaced_force": self.error,
         }
 
@@ -194,7 +194,7 @@ def choose_calibration(array: TexelArray, cases: Sequence[Case]) -> list[Case]:
         case = Case.read(name, shape, load)
         at = (x * array.pitch[0], y * array.pitch[1])
         if all(case.indenter != scored.indenter for scored in cases):
-            chosen.append(Case(name=name, indenter=case.indenter, shape=shape, load=case.load, at=at))
+            chosen.append(Case(name=name, indenter=case.indenter, shape=shape, load=case.load, pose=Pose.planar(at=at)))
     return chosen
 
 
@@ -309,7 +309,7 @@ def _press(
     from fem_reference.indentation.press import press
 
     try:
-        reference = press(cover, parameters.array, case.indenter, load=case.load, at=case.at, friction=friction)
+        reference = press(cover, parameters.array, case.indenter, load=case.load, pose=case.pose, friction=friction)
         return CalibrationPress(scene=make_scene(cover, parameters, case, response), reference=reference)
     except (ValueError, ConvergenceError):
         return None

@@ -13,12 +13,11 @@ import numpy as np
 from fastmodel import BoxTexels, FastIndentation, Parameters, indent
 from fastmodel.contact.boxes import BoxReader, find_boxes
 from fastmodel.contact.interface import Reading
-from fastmodel.pose import Pose
-from fastmodel.pressure.cover_kernels import CoverCells
+from fastmodel.pose import Mount
+from fastmodel.surface import Surface
 from fem_reference.closed_form.influence import TexelResponse
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray, IntArray
-from meshes.pose import PlanarPose
 from validation.campaign.case import Case
 
 #: Cells of the contact map per texel pitch [-].
@@ -119,8 +118,8 @@ def make_scene(cover: Cover, parameters: Parameters, case: Case, response: Texel
         FastModelError: If the texels do not carry the load.
     """
     method = _RecordingBoxes()
-    boxes = indent(parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw, method=method)
-    array, pose = parameters.array, PlanarPose(at=case.at, yaw=case.yaw)
+    boxes = indent(parameters, case.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw, method=method)
+    array, pose = parameters.array, case.pose
     x, y = pose.to_indenter(array.centres[:, 0], array.centres[:, 1])
     return Scene(
         case=case,
@@ -130,7 +129,7 @@ def make_scene(cover: Cover, parameters: Parameters, case: Case, response: Texel
         contacts=method.contacts(chattering=boxes.chatter > 0),
         response=response,
         texel_gaps=case.indenter.gap(x, y),
-        map=_map_contact(array, case, pose),
+        map=_map_contact(array, case),
     )
 
 
@@ -191,15 +190,15 @@ def bin_on_texels(array: TexelArray, points: FloatArray, forces: FloatArray) -> 
     return np.bincount(index, forces[inside], array.count).astype(np.float64)
 
 
-def _map_contact(array: TexelArray, case: Case, pose: PlanarPose) -> ContactMap:
+def _map_contact(array: TexelArray, case: Case) -> ContactMap:
     reach = float(np.hypot(*case.indenter.footprint))
     spacing = np.array(array.pitch) / CELLS_PER_PITCH
     # cells that divide each texel evenly, around the indenter's axis
-    low = np.floor((np.array(case.at) - reach) / spacing)
-    count = (np.ceil((np.array(case.at) + reach) / spacing) - low).astype(int)
+    low = np.floor((np.array(case.pose.at) - reach) / spacing)
+    count = (np.ceil((np.array(case.pose.at) + reach) / spacing) - low).astype(int)
     x, y = np.meshgrid(*((low[i] + np.arange(count[i]) + 0.5) * spacing[i] for i in (0, 1)))
     points = np.stack([x.ravel(), y.ravel()], axis=-1)
-    gaps = case.indenter.gap(*pose.to_indenter(points[:, 0], points[:, 1]))
+    gaps = case.indenter.gap(*case.pose.to_indenter(points[:, 0], points[:, 1]))
     under = np.isfinite(gaps)
     return ContactMap(points[under], gaps[under], float(spacing.prod()))
 
@@ -212,8 +211,10 @@ class _RecordingBoxes:
     recorded: list[Contacts] = field(default_factory=list)
 
     costly: ClassVar[bool] = False
+    computes_spread: ClassVar[bool] = False
+    takes_overlaps: ClassVar[bool] = False
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Pose, name: str) -> None:
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add one box geom per texel; see `TexelContact.attach`."""
         self.boxes.attach(body, array, pose, name)
 
@@ -223,7 +224,7 @@ class _RecordingBoxes:
         array: TexelArray,
         name: str,
         *,
-        cells: CoverCells | None = None,  # noqa: ARG002
+        surface: Surface | None = None,  # noqa: ARG002
     ) -> _RecordingReader:
         """Find the boxes in the compiled model; see `TexelContact.bind`."""
         return _RecordingReader(model, find_boxes(model, array, name), array, name, self.recorded)

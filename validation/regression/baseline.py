@@ -14,21 +14,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from meshes.bounded_file import FileLimitError, parse_json, read_bytes
 from validation.errors import InputError
 from validation.output_folder import write_text
 from validation.regression.quantities import Reading
+from validation.schema import read
+from validation.schema.baseline import FORMAT, OF_VALUE, BaselineTables
 
-#: Version of the format of baseline files; files of other versions are refused [-].
-FORMAT = 2
-#: Largest accepted size of a baseline [bytes]; that of an array of 10 000 texels takes about a megabyte.
-_MOST_BYTES = 2**24
 #: Packages whose versions a baseline states, because values depend on them.
 _PACKAGES = ("softcover", "mujoco", "numba", "numpy", "scipy")
 #: Smallest tolerance of a number, in its unit; it stands for rounding in files where the number is zero.
 _LEAST = 1e-9
-#: End of a tolerance that is a share of each number.
-_OF_VALUE = " % of value"
 _OPTION = "--baseline"
 
 
@@ -132,15 +127,19 @@ def read_baseline(path: Path, sensor: str) -> Baseline:
     if not path.exists():
         raise InputError(f"{_OPTION}: {path}: no such file; write one with --update")
     try:
-        data = parse_json(read_bytes(path, most=_MOST_BYTES))
-        baseline = _parse(data)
-    except FileLimitError as error:
-        raise InputError(f"{_OPTION}: {path}: {error}; {advice}") from None
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise InputError(f"{_OPTION}: {path}: not a baseline ({error}); {advice}") from None
-    if baseline.sensor != sensor:
-        raise InputError(f"{_OPTION}: {path} belongs to {baseline.sensor!r}, not to {sensor!r}; {advice}")
-    return baseline
+        tables = read(path, BaselineTables)
+    except InputError as error:
+        raise InputError(
+            *(f"{_OPTION}: {fault}" for fault in error.faults[:-1]), f"{_OPTION}: {error.faults[-1]}; {advice}"
+        ) from None
+    if tables.sensor != sensor:
+        raise InputError(f"{_OPTION}: {path} belongs to {tables.sensor!r}, not to {sensor!r}; {advice}")
+    readings = {}
+    for title, entry in tables.quantities.items():
+        relative = isinstance(entry.tolerance, str)
+        tolerance = float(str(entry.tolerance).removesuffix(OF_VALUE)) / (100 if relative else 1)
+        readings[title] = Reading(unit=entry.unit, tolerance=tolerance, relative=relative, numbers=entry.value)
+    return Baseline(sensor=tables.sensor, versions=tables.versions, readings=readings)
 
 
 def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -> list[Change]:
@@ -265,43 +264,9 @@ def _describe_form(reading: Reading) -> str:
     return f"{len(reading.numbers)} x {numbers} numbers [{reading.unit}]" + (f" ({names} ...)" if names else "")
 
 
-def _parse(data: Any) -> Baseline:  # noqa: ANN401 -- JSON
-    """Convert the content of a file to a baseline, with all checks."""
-    if not isinstance(data, dict) or "format" not in data:
-        raise ValueError("it has no format")
-    if data["format"] != FORMAT:
-        raise ValueError(f"its format is {str(data['format'])[:20]!r}; this version reads {FORMAT}")
-    texts = [data["sensor"], *data["versions"], *data["versions"].values()]
-    if not all(isinstance(text, str) for text in texts):
-        raise ValueError("sensor and versions must be texts")
-    readings = {title: _parse_reading(title, entry) for title, entry in data["quantities"].items()}
-    return Baseline(sensor=data["sensor"], versions=data["versions"], readings=readings)
-
-
-def _parse_reading(title: str, entry: Any) -> Reading:  # noqa: ANN401 -- JSON
-    value = entry["value"]
-    labelled = value if isinstance(value, dict) else {"": value}
-    rows = {label: tuple(row) if isinstance(row, list) else (row,) for label, row in labelled.items()}
-    tolerance, relative = _parse_tolerance(entry["tolerance"])
-    numbers = [tolerance, *(number for row in rows.values() for number in row)]
-    for number in numbers:
-        if not isinstance(number, int | float) or isinstance(number, bool) or not math.isfinite(number):
-            raise ValueError(f"{title}: {str(number)[:40]!r} is not a finite number")
-    if not tolerance > 0 or not isinstance(entry["unit"], str):
-        raise ValueError(f"{title}: tolerance must be positive and unit a text")
-    return Reading(unit=entry["unit"], tolerance=tolerance, relative=relative, numbers=rows)
-
-
-def _parse_tolerance(entry: Any) -> tuple[float, bool]:  # noqa: ANN401 -- JSON
-    """Return a stored tolerance, a number or a text like `0.5 % of value`, and whether it is a share of each number."""
-    if isinstance(entry, str) and entry.endswith(_OF_VALUE):
-        return float(entry.removesuffix(_OF_VALUE)) / 100, True
-    return entry, False
-
-
 def _format_tolerance(reading: Reading) -> float | str:
-    """Return a tolerance as `_parse_tolerance` reads it."""
-    return f"{100 * reading.tolerance:.3g}{_OF_VALUE}" if reading.relative else reading.tolerance
+    """Return a tolerance as a baseline states it."""
+    return f"{100 * reading.tolerance:.3g}{OF_VALUE}" if reading.relative else reading.tolerance
 
 
 def _unpack_rows(numbers: Mapping[str, tuple[float, ...]]) -> Any:  # noqa: ANN401 -- JSON

@@ -7,11 +7,13 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.special import ndtr
 
-from fastmodel import METHODS, CoverCells, Electronics, Gaussian, Parameters, indent
+from fastmodel import CoverCells, Electronics, Gaussian, Parameters, indent
 from meshes import Box, Indenter, LetterH, Sphere, TexelArray
 from meshes.array_types import FloatArray
 from validation.regression.subject import Subject, Value, Values, list_texels
 
+#: Contact methods for flat covers.
+FLAT_METHODS = ("boxes", "area", "foundation", "cover")
 #: Mean pressure below the H: that of 500 g on an H of 12 x 16 mm with bars of 4 mm [Pa].
 LETTER_PRESSURE = 34e3
 #: Largest width and height of the H [pitches], and the same over columns and rows; width of its bars over the smaller
@@ -77,11 +79,11 @@ def measure_spread(subject: Subject) -> Values:
     }
     shares = {name: float(image[place]) for name, place in beside.items() if min(place) >= 0}
     lost = 1.0 - operator.sum(axis=0)
-    cells = subject.parameters.cells
+    surface = subject.parameters.surface
     return {
         "share": shares,
         "share outside": {"of the middle texel": float(lost[array.middle]), "of the last texel": float(lost[-1])},
-        "foundation modulus": None if cells is None else cells.foundation_modulus(),
+        "foundation modulus": surface.foundation_modulus() if isinstance(surface, CoverCells) else None,
     }
 
 
@@ -97,7 +99,7 @@ def make_oblong() -> Parameters:
         array=array,
         spread=Gaussian(sigma_x=0.5, sigma_y=0.35, ksize_x=3, ksize_y=3),
         electronics=Electronics(rate_hz=100.0, sensitivity=1000.0),
-        cells=CoverCells(
+        surface=CoverCells(
             per_texel=_CELLS,
             cell=cell,
             compliance=_TOP * cell[0] * cell[1] / distance * np.exp(-distance / _THICKNESS),
@@ -122,12 +124,12 @@ def _press(
     load: float,
     at: tuple[float, float],
     yaw: float = 0.0,
-    methods: Iterable[str] = METHODS,
+    methods: Iterable[str] = FLAT_METHODS,
 ) -> dict[str, Value]:
     """Press an indenter by several contact methods, and take forces and depth."""
     values: dict[str, Value] = {}
     for method in methods:
-        if parameters.cells is None and method in {"foundation", "cover"}:
+        if parameters.surface is None and method in {"foundation", "cover"}:
             continue
         pressed = indent(parameters, indenter, load=load, at=at, yaw=yaw, method=method)
         # before spread, which has quantities of its own; `cover` computes the forces after spread by itself

@@ -11,10 +11,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from fastmodel import METHODS
 from validation.regression.electronics import STAGES, measure_characteristic, measure_stages
 from validation.regression.fixed_images import pool_fixed_scores, score_fixed_images
-from validation.regression.pressing import measure_spread, press_ball, press_letter, press_oblong
+from validation.regression.pressing import FLAT_METHODS, measure_spread, press_ball, press_letter, press_oblong
 from validation.regression.reference import compare_shipped, measure_accuracy, measure_derivation, measure_reference
 from validation.regression.running import (
     measure_frames,
@@ -128,7 +127,7 @@ _TABLE: tuple[tuple[str, str, str, float | str], ...] = (
     ("spread", "foundation modulus", "N/mm3", "0.5 % of each"),
     *(
         (group, f"{method}, {name}", unit, tolerance)
-        for group, methods in (("H", METHODS), ("ball", ("foundation", "cover")), ("oblong texels", METHODS))
+        for group, methods in (("H", FLAT_METHODS), ("ball", ("foundation", "cover")), ("oblong texels", FLAT_METHODS))
         for method in methods
         for name, unit, tolerance in (
             ("force of each texel", "mN", "1 % of largest"),

@@ -64,9 +64,9 @@ def compare_shipped(subject: Subject) -> Values:
         "mask": lambda each: each.array.active.astype(np.float64),
         "spread": lambda each: each.spread.operator(array),
     }
-    if shipped.cells is not None and derived.cells is not None:
-        parts["compliance of the cover"] = lambda each: each.cells.compliance if each.cells else 0.0
-        parts["influence of the cover"] = lambda each: each.cells.influence if each.cells else 0.0
+    if shipped.surface is not None and derived.surface is not None:
+        parts["compliance of the cover"] = lambda each: each.surface.compliance if each.surface else 0.0
+        parts["influence of the cover"] = lambda each: each.surface.influence if each.surface else 0.0
     same = (
         dataclasses.replace(shipped.electronics, tip_share=None)
         == dataclasses.replace(derived.electronics, tip_share=None),

@@ -8,7 +8,7 @@ from typing import Any
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import MODELS, SKILL_METRICS, CampaignResult, RowScores
 from validation.metrics import METRICS
-from validation.report.page_table import Cell, PageTable, head, interval
+from validation.render.table import Cell, Table, interval
 
 #: Metrics of the table.
 _METRICS = (*SKILL_METRICS, "centre_of_pressure_m")
@@ -38,11 +38,11 @@ def comparison_contents(campaign: CampaignResult) -> dict[str, Any] | None:
         return None
     rows = [_own_row(name, campaign.pooled[name]) for name in MODELS]
     rows += [_published_row(scores) for scores in campaign.published]
-    table = PageTable(
+    table = Table(
         name="comparison-table",
         caption="Published models, our own and the null models in the same cases under the same loads: means and 95 % "
         "intervals",
-        headings=("model", "parameters and fit", *(head(METRICS[name]) for name in _METRICS)),
+        headings=("model", "parameters and fit", *(METRICS[name].title for name in _METRICS)),
         rows=[_make_cells(row) for row in rows],
         texts=(1,),
     )

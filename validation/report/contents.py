@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fastmodel.signal.electronics import describe_calibration
+from meshes.array_types import FloatArray
 from validation.campaign.evaluation import Evaluation
 from validation.campaign.pooling import Pooled
 from validation.campaign.results import (
@@ -25,13 +26,13 @@ from validation.data_sets.results import RecordingScores, find_best_null
 from validation.derivation.derive import Derivation
 from validation.json_values import json_text
 from validation.metrics import TABULATED
+from validation.render.image import Scale, colour_bar, tactile_image
+from validation.render.table import Cell, Table, interval, number
 from validation.report.comparison import comparison_contents
 from validation.report.curved import Pictures, curved_contents
 from validation.report.evidence import evidence_contents
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
-from validation.report.page_table import Cell, PageTable, head, interval, number
 from validation.report.recordings import recordings_contents
-from validation.report.tactile_image import FloatArray, Scale, colour_bar, tactile_image
 from validation.results import Column
 
 #: Name of the division of the recordings into fitted and scored weights whose score is shown at the top of the page:
@@ -95,10 +96,10 @@ def _flat_contents(evaluation: Evaluation, derivation: Derivation) -> dict[str, 
     }
 
 
-def _tabulate_estimates(derivation: Derivation) -> PageTable:
+def _tabulate_estimates(derivation: Derivation) -> Table:
     used = derivation.fit.estimator
     pairs = sorted(derivation.fit.estimates.items(), key=lambda item: item[0] != used)
-    return PageTable(
+    return Table(
         name="estimates",
         caption="Sigma by estimator: the value depends on how it is estimated",
         headings=("estimator", "sigma x [pitches]", "sigma y [pitches]"),
@@ -211,7 +212,7 @@ def _case(evaluation: Evaluation, result: CaseResult) -> dict[str, Any]:
     }
 
 
-def _tabulate_models(campaign: CampaignResult, shown: Mapping[str, Column]) -> PageTable:
+def _tabulate_models(campaign: CampaignResult, shown: Mapping[str, Column]) -> Table:
     rows = [
         [
             Cell(text=name, small=meaning),
@@ -219,16 +220,16 @@ def _tabulate_models(campaign: CampaignResult, shown: Mapping[str, Column]) -> P
         ]
         for name, meaning in campaign.models.items()
     ]
-    return PageTable(
+    return Table(
         name="pooled",
         caption=f"Our models and the null models against finite elements: means and 95 % intervals over "
         f"{len(campaign.cases)} cases",
-        headings=("model", *map(head, shown.values())),
+        headings=("model", *(metric.title for metric in shown.values())),
         rows=rows,
     )
 
 
-def _tabulate_cases(campaign: CampaignResult, shown: Mapping[str, Column], *, curved: bool) -> PageTable:
+def _tabulate_cases(campaign: CampaignResult, shown: Mapping[str, Column], *, curved: bool) -> Table:
     rows = []
     for result in campaign.cases:
         fast, reference = result.predictions["fast"].score, result.reference
@@ -236,7 +237,7 @@ def _tabulate_cases(campaign: CampaignResult, shown: Mapping[str, Column], *, cu
         scores = [each if each.value == each.value else Cell(text=each.text) for each in scores]
         rows.append(
             [
-                Cell(text=result.case.name, small=f"{result.case.shape} at {result.case.pose}"),
+                Cell(text=result.case.name, small=f"{result.case.shape} at {result.case.place}"),
                 number(result.case.load),
                 *scores,
                 number(result.predictions["no-spread"].score.misplaced_force, 100),
@@ -245,13 +246,13 @@ def _tabulate_cases(campaign: CampaignResult, shown: Mapping[str, Column], *, cu
                 number(texel_error(reference.error_estimate), 100, 2),
             ]
         )
-    return PageTable(
+    return Table(
         name="case-table",
         caption="Fast model against the reference, case by case",
         headings=(
             "case",
             "load [N]",
-            *map(head, shown.values()),
+            *(metric.title for metric in shown.values()),
             "no spread, misplaced [%]",
             *([] if curved else ["texels lit after the WTS line"]),
             "depth of the reference [mm]",

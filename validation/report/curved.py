@@ -13,12 +13,10 @@ import numpy as np
 from validation.campaign.evaluation import Evaluation
 from validation.campaign.results import CaseResult
 from validation.curved.derive import CurvedDerivation
-from validation.curved.reference import require_touch
 from validation.curved.touch import find_middle
 from validation.extras import MissingExtraError
-from validation.report.page_table import Cell, PageTable, number
-from validation.report.surface_map import surface_map
-from validation.report.tactile_image import Scale, colour_bar
+from validation.render.image import Scale, colour_bar, tactile_image
+from validation.render.table import Cell, Table, number
 from validation.scene.cover_scene import show_curved
 from validation.scene.rendering import RenderingError
 
@@ -72,7 +70,7 @@ def draw_cases(evaluation: Evaluation, folder: Path) -> Pictures:
 
 
 def _draw(evaluation: Evaluation, result: CaseResult, path: Path, write: Any) -> None:  # noqa: ANN401 -- a function
-    direction = require_touch(result.case).direction
+    direction = result.case.pose.towards
     title = f"{result.case.name}: {result.case.shape}, {result.case.load:.3g} N"
     write(show_curved(result.reference.found, evaluation.sensor.array, direction=direction, title=title), path)
 
@@ -95,7 +93,7 @@ def curved_contents(evaluation: Evaluation, derivation: CurvedDerivation, pictur
             "body": derivation.sensor.body.source if derivation.sensor.body else "",
             "texels": int(array.active.sum()),
             "mesh": derivation.mesh,
-            "maps": [(caption, surface_map(array, values, scale, name=caption)) for caption, values, scale in maps],
+            "maps": [(caption, tactile_image(array, values, scale, name=caption)) for caption, values, scale in maps],
             "bars": colour_bar(force) + colour_bar(apart),
             "responses": _tabulate_responses(derivation),
             "missing": pictures.missing,
@@ -111,7 +109,7 @@ def _show_case(evaluation: Evaluation, result: CaseResult, pictures: Pictures) -
     force = Scale(peak=float(max(reference.texel_forces.max(), fast.texel_forces.max())))
     apart = Scale(peak=float(np.abs(difference).max()), difference=True)
     images = [
-        (caption, surface_map(array, values, scale, name=f"{case.name}, {caption}, forces"))
+        (caption, tactile_image(array, values, scale, name=f"{case.name}, {caption}, forces"))
         for caption, values, scale in (
             ("reference", reference.texel_forces, force),
             ("fast", fast.texel_forces, force),
@@ -128,7 +126,7 @@ def _show_case(evaluation: Evaluation, result: CaseResult, pictures: Pictures) -
     }
 
 
-def _tabulate_responses(derivation: CurvedDerivation) -> PageTable:
+def _tabulate_responses(derivation: CurvedDerivation) -> Table:
     """Tabulate the responses of the texels, with the keys of `report.json` below `derive` that hold the numbers."""
     active = derivation.sensor.array.active
     own = derivation.own_shares[active]
@@ -147,7 +145,7 @@ def _tabulate_responses(derivation: CurvedDerivation) -> PageTable:
         [Cell(text=f"estimated error, {name.replace('_', ' ')}", small="% of the peak texel"), number(value, 100, 2)]
         for name, value in derivation.responses.error_estimate.items()
     ]
-    return PageTable(
+    return Table(
         name="responses",
         caption="Responses of the texels to forces on the top",
         headings=("quantity", "value"),

@@ -20,14 +20,13 @@ if TYPE_CHECKING:
 _LOG = logging.getLogger(__name__)
 
 
-def write_derivation(derivation: Derivation, folder: Path) -> tuple[str, ...]:
-    """Write a derivation: `parameters.toml`, `cover.npz`, `derive.json`, and pictures if matplotlib is installed.
-
-    The pictures are `psf.svg` and `psf.png`.
+def write_derivation(derivation: Derivation, folder: Path, picture: str = "png") -> tuple[str, ...]:
+    """Write a derivation: `parameters.toml`, `cover.npz`, `derive.json`, and `psf.png` if matplotlib is installed.
 
     Args:
         derivation: Response of a sensor's cover, and the fast model's parameters fitted to the response.
         folder: An existing folder to write to.
+        picture: Format of the picture, `png` or `svg`.
 
     Returns:
         The names of the written files.
@@ -39,14 +38,14 @@ def write_derivation(derivation: Derivation, folder: Path) -> tuple[str, ...]:
     (folder / "derive.json").write_text(json_text(derivation.result), encoding="utf-8")
     files = ("parameters.toml", "cover.npz", "derive.json")
     try:
-        return (*files, *_plot(derivation, folder))
+        return (*files, _plot(derivation, folder / f"psf.{picture}"))
     except ImportError:
         _LOG.warning("no plot: %s", MissingExtraError("matplotlib"))
         return files
 
 
-def _plot(derivation: Derivation, folder: Path) -> tuple[str, ...]:
-    """Draw the spread of a load over the base and the texels, save the drawing, and return the names of the files.
+def _plot(derivation: Derivation, path: Path) -> str:
+    """Draw the spread of a load over the base and the texels, save the drawing, and return the name of the file.
 
     From left to right: the pressure at the cover's base under a point load; the forces on the middle row of texels
     under a uniform load on the middle one, by finite elements and by the fitted kernel; the image of these forces, row
@@ -69,10 +68,8 @@ def _plot(derivation: Derivation, folder: Path) -> tuple[str, ...]:
     image.set(xlabel="column", ylabel="row")
     label = " (assumed cover)" if sensor.cover.assumed else ""
     figure.suptitle(f"{sensor.name}{label}")
-    names = ("psf.svg", "psf.png")
-    for name in names:
-        figure.savefig(folder / name, dpi=150)
-    return names
+    figure.savefig(path, dpi=150)
+    return path.name
 
 
 def _plot_radial(derivation: Derivation, spread: PointSpread, axes: Axes) -> None:

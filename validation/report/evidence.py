@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 
 from validation.campaign.evaluation import Evaluation
+from validation.credibility.code_verification import Check
+from validation.credibility.comparison_error import ComparisonError
 from validation.credibility.evidence import GROUP_METRICS, Evidence
 from validation.credibility.input_uncertainty import InputUncertainty
+from validation.credibility.solution_verification import Convergence
 from validation.credibility.stages import STAGES
 from validation.metrics import METRICS
-from validation.report.page_table import Cell, PageTable, head, interval, number
+from validation.render.table import Cell, Table, interval, number, tabulate
 
 #: Words for the status of a requirement.
 _STATUS = {"met": "met", "missed": "missed", "open": "not decided"}
@@ -31,9 +34,27 @@ def evidence_contents(evaluation: Evaluation) -> dict[str, Any]:
     evidence = evaluation.evidence
     return {
         "requirements": _tabulate_requirements(evaluation),
-        "codes": _tabulate_codes(evidence, curved=evaluation.sensor.body is not None),
-        "solutions": _tabulate_solutions(evidence),
-        "errors": _tabulate_errors(evidence),
+        "codes": tabulate(
+            "codes",
+            "Code verification: error against closed forms or a finer mesh on three grids, computed for this report",
+            evidence.checks,
+            Check,
+            ("name", "errors", "order", "result", "passed"),
+        ),
+        "solutions": tabulate(
+            "solutions",
+            "Solution verification: the reference on three grids",
+            evidence.convergence,
+            Convergence,
+            ("case", "values", "result", "order", "estimate"),
+        ),
+        "errors": tabulate(
+            "errors-table",
+            "Comparison error E = S - D of the fast model S against the reference D, and validation uncertainty",
+            evidence.errors,
+            ComparisonError,
+            ("case", "fast", "reference", "error", "u_num", "u_input", "u_data", "u_val", "resolved_here", "resolved"),
+        ),
         "inputs": _tabulate_inputs(evidence),
         "stages": _tabulate_stages(evidence),
         "groups": _tabulate_groups(evidence),
@@ -47,7 +68,7 @@ def evidence_contents(evaluation: Evaluation) -> dict[str, Any]:
     }
 
 
-def _tabulate_requirements(evaluation: Evaluation) -> PageTable:
+def _tabulate_requirements(evaluation: Evaluation) -> Table:
     rows = []
     for each in evaluation.verdict.findings:
         metric = METRICS[each.metric]
@@ -62,7 +83,7 @@ def _tabulate_requirements(evaluation: Evaluation) -> PageTable:
                 Cell(text=_STATUS[each.status], bold=each.status != "met"),
             ]
         )
-    return PageTable(
+    return Table(
         name="requirements",
         caption="Acceptance criterion: every requirement, what was found, and whether it is met",
         headings=("requirement", "found (95 % interval)", "at most", "status"),
@@ -71,91 +92,7 @@ def _tabulate_requirements(evaluation: Evaluation) -> PageTable:
     )
 
 
-def _tabulate_codes(evidence: Evidence, *, curved: bool) -> PageTable:
-    rows = [
-        [
-            Cell(text=check.name, small=f"against: {check.exact}"),
-            *(number(error, 100, 2) for error in check.errors),
-            number(check.order, 1, 2, small=f"at least {check.least_order:g}"),
-            number(check.result, 100, 2, small=f"at most {100 * check.tolerance:.3g}"),
-            Cell(text="passed" if check.passed else "failed", bold=not check.passed),
-        ]
-        for check in evidence.checks
-    ]
-    exact = "a closed form and a finer mesh" if curved else "closed forms"
-    return PageTable(
-        name="codes",
-        caption=f"Code verification: error against {exact} on three grids, computed for this report on this cover",
-        headings=(
-            "what",
-            "coarse [%]",
-            "middle [%]",
-            "fine [%]",
-            "observed order",
-            "error of the result [%]",
-            "",
-        ),
-        rows=rows,
-        texts=(6,),
-    )
-
-
-def _tabulate_solutions(evidence: Evidence) -> PageTable:
-    rows = [
-        [
-            Cell(text=each.case, small=f"{each.quantity} [{each.unit.replace('um', 'µm').replace('mm2', 'mm²')}]"),
-            *(number(value, each.factor, 5) for value in each.values),
-            number(each.result, each.factor, 5),
-            number(each.order, 1, 2),
-            number(each.estimate, 100, 2),
-        ]
-        for each in evidence.convergence
-    ]
-    return PageTable(
-        name="solutions",
-        caption="Solution verification: the reference on three grids",
-        headings=("case and quantity", "coarse", "middle", "fine", "result", "observed order", "estimated error [%]"),
-        rows=rows,
-    )
-
-
-def _tabulate_errors(evidence: Evidence) -> PageTable:
-    rows = [
-        [
-            Cell(text=each.case, small=each.quantity),
-            number(each.fast, each.factor, 4),
-            number(each.reference, each.factor, 4),
-            number(each.error, each.factor, 2),
-            number(each.u_num, each.factor, 2),
-            number(each.u_input, each.factor, 2),
-            number(each.u_data, each.factor, 2),
-            number(each.u_val, each.factor, 2),
-            Cell(text="yes" if each.resolved_here else "no"),
-            Cell(text="yes" if each.resolved else "no"),
-        ]
-        for each in evidence.errors
-    ]
-    return PageTable(
-        name="errors-table",
-        caption="Comparison error E = S - D of the fast model S against the reference D, and validation uncertainty",
-        headings=(
-            "case and quantity",
-            "S",
-            "D",
-            "E",
-            "u_num",
-            "u_input",
-            "u_D",
-            "u_val",
-            "|E| > u_num: resolved here",
-            "|E| > u_val: resolved on a real cover",
-        ),
-        rows=rows,
-        texts=(8, 9),
-    )
-
-
-def _tabulate_inputs(evidence: Evidence) -> PageTable:
+def _tabulate_inputs(evidence: Evidence) -> Table:
     names = list(dict.fromkeys(name for each in evidence.inputs.values() for name in each.misplaced))
     rows = [
         [
@@ -165,7 +102,7 @@ def _tabulate_inputs(evidence: Evidence) -> PageTable:
         ]
         for case, each in evidence.inputs.items()
     ]
-    return PageTable(
+    return Table(
         name="inputs",
         caption="Input uncertainty: misplaced force [% of the load] by one standard uncertainty of each input, and all",
         headings=("case", *(name.split(" [")[0] for name in names), "all, in quadrature"),
@@ -173,7 +110,7 @@ def _tabulate_inputs(evidence: Evidence) -> PageTable:
     )
 
 
-def _tabulate_stages(evidence: Evidence) -> PageTable | None:
+def _tabulate_stages(evidence: Evidence) -> Table | None:
     stages = evidence.stages
     if stages is None:
         return None
@@ -182,7 +119,7 @@ def _tabulate_stages(evidence: Evidence) -> PageTable | None:
         [Cell(text=stage, small=what), interval(stages.pooled[stage], metric), _largest(stages.cases, stage)]
         for stage, what in STAGES.items()
     ]
-    return PageTable(
+    return Table(
         name="stages",
         caption="Score by stage: misplaced force [% of the load] when one part of the reference is replaced",
         headings=("stage", "mean over the cases", "largest"),
@@ -195,7 +132,7 @@ def _largest(cases: Any, stage: str) -> Cell:  # noqa: ANN401 -- nested mapping
     return number(cases[name][stage], 100, 2, small=name)
 
 
-def _tabulate_groups(evidence: Evidence) -> PageTable:
+def _tabulate_groups(evidence: Evidence) -> Table:
     rows = [
         [
             Cell(text=member, small=group),
@@ -205,10 +142,10 @@ def _tabulate_groups(evidence: Evidence) -> PageTable:
         for group, members in evidence.groups.items()
         for member, metrics in members.items()
     ]
-    return PageTable(
+    return Table(
         name="groups",
         caption=f"Error of the fast model by {_join(list(evidence.groups))}: means and 95 % intervals",
-        headings=("group", "cases", *(head(METRICS[name]) for name in GROUP_METRICS)),
+        headings=("group", "cases", *(METRICS[name].title for name in GROUP_METRICS)),
         rows=rows,
     )
 
@@ -217,7 +154,7 @@ def _join(names: list[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def _tabulate_domain(evidence: Evidence) -> PageTable:
+def _tabulate_domain(evidence: Evidence) -> Table:
     rows = [
         [
             Cell(text=f"{_RANGES[name][0]} [{_RANGES[name][1]}]"),
@@ -225,7 +162,7 @@ def _tabulate_domain(evidence: Evidence) -> PageTable:
         ]
         for name, ends in evidence.domain.items()
     ]
-    return PageTable(
+    return Table(
         name="domain",
         caption="Range of the cases, where the validated domain ends",
         headings=("quantity", "smallest", "largest"),

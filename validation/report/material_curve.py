@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import logging
 from pathlib import Path
 
 import numpy as np
 
 from meshes import Material
 from meshes.array_types import FloatArray
-from validation.extras import MissingExtraError
-
-_LOG = logging.getLogger(__name__)
+from validation.errors import InputError
+from validation.extras import require
+from validation.output_folder import write_text
 
 #: Strains between which the curve of a rubber, and that of a linear elastic material, is drawn [-].
 _RUBBER_STRAIN, _ELASTIC_STRAIN = (-0.5, 1.0), (-0.3, 0.3)
@@ -64,28 +63,30 @@ def compute_stress(material: Material, strain: FloatArray) -> FloatArray:
             return np.asarray(sum(parts))
 
 
-def write_curve(material: Material, folder: Path) -> tuple[str, ...]:
-    """Write the curve with the range of the modulus as `material.csv`, and, if matplotlib is installed, as pictures.
+def write_curve(material: Material, path: Path) -> None:
+    """Write the curve as a table, or draw it with the range of the modulus.
 
     Args:
         material: The material.
-        folder: An existing folder to write to.
-
-    Returns:
-        The names of the written files.
+        path: A new file, .csv, .svg or .png.
 
     Raises:
-        OSError: If the folder cannot be written.
+        InputError: If the file exists or has another ending.
+        MissingExtraError: If a picture is wanted and matplotlib is not installed.
+        OSError: If the file cannot be written.
     """
+    if path.suffix not in {".csv", ".svg", ".png"}:
+        raise InputError(f"--out: {path} is none of .csv, .svg and .png; write for example --out {material.name}.csv")
+    if path.exists():
+        raise InputError(f"--out: {path} exists; name a new file")
     strain, stress = trace_stress(material)
-    table = np.column_stack([strain, stress])
-    lines = ["strain,nominal_stress_Pa", *(f"{x:.6g},{y:.6g}" for x, y in table.tolist())]
-    (folder / "material.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        _LOG.warning("no picture: %s", MissingExtraError("matplotlib"))
-        return ("material.csv",)
+    if path.suffix == ".csv":
+        lines = [f"{x:.6g},{y:.6g}" for x, y in zip(strain.tolist(), stress.tolist(), strict=True)]
+        write_text(path, "\n".join(["strain,nominal_stress_Pa", *lines]) + "\n")
+        return
+    require("matplotlib")
+    from matplotlib.figure import Figure
+
     low, high = (end / material.youngs_modulus for end in material.modulus_range)
     factor, unit = (1e-3, "kPa") if np.abs(stress).max() < 1e6 else (1e-6, "MPa")  # noqa: PLR2004
     figure = Figure(figsize=(6, 4), layout="constrained")
@@ -96,6 +97,4 @@ def write_curve(material: Material, folder: Path) -> tuple[str, ...]:
     axes.axvline(0, color="grey", linewidth=0.6)
     axes.set(xlabel="strain [%]", ylabel=f"nominal stress [{unit}]", title=f"{material.name}, uniaxial")
     axes.legend(frameon=False)
-    for name in ("material.svg", "material.png"):
-        figure.savefig(folder / name, dpi=150)
-    return ("material.csv", "material.svg", "material.png")
+    figure.savefig(path, dpi=150)

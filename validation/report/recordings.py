@@ -9,19 +9,16 @@ from typing import Any
 import numpy as np
 
 from meshes import TexelArray
-from validation.data_sets.results import RecordingExample, RecordingRow, RecordingScores, find_best_null
+from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores, find_best_null
 from validation.data_sets.score import FAST
-from validation.report.tactile_image import Scale, colour_bar, tactile_image
+from validation.render.image import Scale, colour_bar, tactile_image
+from validation.render.table import Cell, Table, interval, number
+from validation.results import Column, columns
 
-#: Columns of the tables: name of the metric, heading, factor from the metric's value to the printed unit, printed unit.
-COLUMNS = (
-    ("image_changed_percent", "image changed", 1.0, "%"),
-    ("relative_l2", "relative L2", 100.0, "%"),
-    ("total_counts_error", "total counts", 100.0, "%"),
-    ("centre_of_pressure_m", "centre of counts", 1e3, "mm"),
-    ("wasserstein_m", "Wasserstein-1", 1e3, "mm"),
-    ("active_area_iou", "active-area IoU", 1.0, ""),
-)
+#: How every metric of counts is printed.
+COLUMNS = columns(CountScore)
+#: Words for the kinds of rows that are no model of the sensor.
+_KINDS = {"null": "null", "floor": "repeatability"}
 #: Models whose images are shown next to the recorded image; the image of the best null model follows them.
 _SHOWN = (FAST, f"{FAST}, texel gains", "reference, texel gains")
 
@@ -39,7 +36,6 @@ def recordings_contents(scores: RecordingScores, array: TexelArray) -> dict[str,
     splits = list(dict.fromkeys(row.split for row in scores.rows))
     return {
         "scores": scores,
-        "columns": COLUMNS,
         "splits": [_split(scores, split, array) for split in splits],
         "models": {name: text for name, text in scores.about.items() if name not in splits},
     }
@@ -51,7 +47,7 @@ def _split(scores: RecordingScores, split: str, array: TexelArray) -> dict[str, 
     example = next(example for example in scores.examples if example.split == split)
     return {
         "about": scores.about[split],
-        "rows": [_row(row, null) for row in rows],
+        "table": _tabulate(split, rows, null),
         "null": null,
         "notes": scores.notes.get(split, ()),
         "fitted": ", ".join(next((row.fitted for row in rows if row.fitted), ())),
@@ -64,13 +60,25 @@ def _split(scores: RecordingScores, split: str, array: TexelArray) -> dict[str, 
     }
 
 
-def _row(row: RecordingRow, null: str) -> dict[str, Any]:
-    return {
-        "model": row.model,
-        "kind": "with texel gains" if row.texel_gains else {"null": "null", "floor": "repeatability"}.get(row.kind, ""),
-        "values": [(row.pooled[name], factor) for name, _, factor, _ in COLUMNS],
-        "skill": row.skill.get(null),
-    }
+def _tabulate(split: str, rows: Sequence[RecordingRow], null: str) -> Table:
+    skill = Column(heading="skill", decimals=2)
+    return Table(
+        name=f"recordings-{split.replace(' ', '-')}",
+        caption="Models on recordings that were not fitted: means and 95 % intervals over cases",
+        headings=("model", "kind", *(column.title for column in COLUMNS.values()), skill.title),
+        rows=[
+            [
+                Cell(text=row.model),
+                Cell(text="with texel gains" if row.texel_gains else _KINDS.get(row.kind, "")),
+                *(interval(row.pooled[name], column) for name, column in COLUMNS.items()),
+                Cell(text=skill.text(row.skill[null].mean), value=row.skill[null].mean)
+                if null in row.skill
+                else number(None),
+            ]
+            for row in rows
+        ],
+        texts=(1,),
+    )
 
 
 def draw_example(example: RecordingExample, array: TexelArray, names: Sequence[str]) -> dict[str, Any]:

@@ -40,6 +40,11 @@ class Column:
         digits: Number of significant digits where `decimals` is None.
         meaning: Explanation in a few words.
         shown: Whether tables of all columns have it.
+        small: Smaller second line, a format of the result, such as `against: {0.exact}`.
+        parts: Headings of the columns of a tuple of numbers.
+        words: Printed words by value; empty for numbers and for texts that are printed as they are.
+        alarms: Values whose words are emphasised.
+        factor_field: Name of the field that holds the factor, where rows differ in it.
     """
 
     heading: str
@@ -49,6 +54,11 @@ class Column:
     digits: int = 3
     meaning: str = ""
     shown: bool = True
+    small: str = ""
+    parts: tuple[str, ...] = ()
+    words: Mapping[Any, str] = dataclasses.field(default_factory=dict)
+    alarms: tuple[Any, ...] = ()
+    factor_field: str = ""
 
     @property
     def title(self) -> str:
@@ -114,6 +124,8 @@ class Result:
 
     #: Properties that are written beside the fields, as pairs of key in JSON and name; they are not read.
     computed: ClassVar[tuple[tuple[str, str], ...]] = ()
+    #: Columns of properties, by name.
+    printed: ClassVar[Mapping[str, Column]] = {}
 
     def as_json(self) -> dict[str, Any]:
         """Return the result as a dictionary of JSON values."""
@@ -150,9 +162,10 @@ def result_model(cls: type[T]) -> type[T]:
 
 
 def columns(cls: type[Result]) -> dict[str, Column]:
-    """Return the columns of a result's fields that have one, by the name of the field."""
+    """Return the columns of a result's fields and properties that have one, by name."""
     found = {name: info.metadata for name, info in _fields(cls).items()}
-    return {name: column for name, metadata in found.items() for column in metadata if isinstance(column, Column)}
+    fields = {name: column for name, metadata in found.items() for column in metadata if isinstance(column, Column)}
+    return {**fields, **cls.printed}
 
 
 #: A nested value that is kept as JSON has it.

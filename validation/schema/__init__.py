@@ -39,10 +39,12 @@ class Table(BaseModel):
 
     Attributes:
         MOST_BYTES: Largest accepted size of a file that holds the table [bytes].
+        IS_JSON: Whether such a file is in JSON; else it is in TOML.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     MOST_BYTES: ClassVar[int] = 2**20
+    IS_JSON: ClassVar[bool] = False
 
     def list_faults(self) -> Iterable[tuple[str, str]]:
         """List faults that concern several keys: the key within the table, or an empty text, and what is wrong."""
@@ -53,7 +55,7 @@ T = TypeVar("T", bound=Table)
 
 
 def read(path: Path, schema: type[T], *, hint: str = "") -> T:
-    """Read a file in TOML, or in JSON if its name ends in `.json`.
+    """Read a file in TOML or JSON.
 
     Args:
         path: The file.
@@ -71,12 +73,11 @@ def read_raw(path: Path, schema: type[Table], *, hint: str = "") -> dict[str, An
     """Read a file as `read` does, but return its content as it is, without a check of keys and values."""
     if not path.exists():
         raise InputError(f"{path}: no such file{hint and f' {hint}'}")
-    is_json = path.suffix.lower() == ".json"
-    kind = "JSON" if is_json else "TOML"
     try:
         text = read_text(path, most=schema.MOST_BYTES)
-        data = parse_json(text) if is_json else parse_toml(text)
+        data = parse_json(text) if schema.IS_JSON else parse_toml(text)
     except FileLimitError as error:
+        kind = "JSON" if schema.IS_JSON else "TOML"
         raise InputError(f"{path}: not a {kind} file that is accepted: {error}") from None
     if not isinstance(data, dict):
         raise InputError(f"{path}: must hold a table, not {_shorten(data)}")

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from fastmodel.signal.electronics import TEXEL_FORCE
 from meshes.surfaces.files import SURFACES, TETRAHEDRA
@@ -14,7 +14,6 @@ from validation.errors import InputError
 from validation.schema import Table
 from validation.schema.types import (
     AnyMaterial,
-    Between,
     Count,
     Frequency,
     Friction,
@@ -26,6 +25,7 @@ from validation.schema.types import (
     Read,
     TexelCount,
     choice,
+    number,
     quantity,
 )
 from validation.text.quantity import read_quantity
@@ -87,9 +87,14 @@ def _read_calibration(value: object) -> str:
 
 
 _OddCount = Annotated[TexelCount, AfterValidator(_refuse_even)]
-_Sigma = Annotated[float, Between(1e-3, 100)]
-_Counts = Annotated[float, Between(0, 1e9)]
+_Sigma = Annotated[float, number(1e-3, 100)]
+_Counts = Annotated[float, number(0, 1e9)]
 _MASK_JSON = {"type": "array", "items": {"anyOf": [{"type": "string"}, {"type": "array", "items": {"enum": [0, 1]}}]}}
+
+
+def _allow_positions_in_json(schema: dict[str, Any]) -> None:
+    """Say in a JSON Schema that `positions` replaces the keys of a grid."""
+    schema["anyOf"] = [{"required": schema.pop("required")}, {"required": ["positions"]}]
 
 
 class ArrayTable(Table):
@@ -106,6 +111,8 @@ class ArrayTable(Table):
         mask: One text of 0 and 1 for each row, smallest y first; 0 marks a missing texel.
         name: Name of the array.
     """
+
+    model_config = ConfigDict(json_schema_extra=_allow_positions_in_json)
 
     rows: TexelCount | None = Field(examples=[14])
     columns: TexelCount | None = Field(examples=[6])
@@ -205,7 +212,7 @@ class FilterTable(Table):
     """
 
     cutoff: Frequency = Field(examples=["40 Hz"])
-    order: Annotated[int, Between(1, 20)] = 2
+    order: Annotated[int, number(1, 20, whole=True)] = 2
 
 
 class SpreadTable(Table):
@@ -245,7 +252,7 @@ class ElectronicsTable(Table):
     sensitivity: Annotated[float, quantity("per force")] | None = None
     offset: Number = 0.0
     output_max: Count | None = None
-    bits: Annotated[int, Between(1, 32)] = 12
+    bits: Annotated[int, number(1, 32, whole=True)] = 12
     noise: Annotated[float, quantity("force", positive=False)] = 0.0
     threshold: _Counts = 0.0
     saturation_band: _Counts = 0.0

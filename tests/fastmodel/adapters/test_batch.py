@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import Batch, FastModelError, LifeCycleError
+from fastmodel import Batch, FastModelError
+from fastmodel.errors import LifeCycleError
 from tests.support.cover_data import parameters
 
 #: Counts at rest are not zero, so that they show the noise.

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import ArgumentTypeError, FastModelError, LifeCycleError
+from fastmodel import FastModelError
+from fastmodel.errors import LifeCycleError
 from tests.support.ball_environment import (
     PARAMETERS,
     BallEnv,
@@ -78,15 +79,15 @@ def test_of_frames_beyond_the_room_the_latest_are_kept_and_the_others_counted():
 @pytest.mark.parametrize(
     ("wrong", "error", "message"),
     [
-        ({"env": 3}, ArgumentTypeError, "env must be a gymnasium.Env, not int"),
-        ({"sensors": None}, ArgumentTypeError, "sensors must be a fastmodel.Sensor, or a dict of them by name"),
-        ({"sensors": ["skin"]}, ArgumentTypeError, "sensors must be .* not list"),
-        ({"sensors": {"skin": 3}}, ArgumentTypeError, r"sensors\['skin'\] must be a fastmodel.Sensor, not int"),
+        ({"env": 3}, FastModelError, "env must be a gymnasium.Env, not int"),
+        ({"sensors": None}, FastModelError, "sensors must be a fastmodel.Sensor, or a dict of them by name"),
+        ({"sensors": ["skin"]}, FastModelError, "sensors must be .* not list"),
+        ({"sensors": {"skin": 3}}, FastModelError, r"sensors\['skin'\] must be a fastmodel.Sensor, not int"),
         ({"sensors": {}}, FastModelError, "there is no sensor to observe"),
-        ({"simulation": "env.sim"}, ArgumentTypeError, "simulation must be a function"),
-        ({"listen": True}, ArgumentTypeError, "listen must be a function"),
-        ({"key": 1}, ArgumentTypeError, "key must be a str"),
-        ({"frames": "6"}, ArgumentTypeError, "frames must be a whole number, not str"),
+        ({"simulation": "env.sim"}, FastModelError, "simulation must be a function"),
+        ({"listen": True}, FastModelError, "listen must be a function"),
+        ({"key": 1}, FastModelError, "key must be a str"),
+        ({"frames": "6"}, FastModelError, "frames must be a whole number, not str"),
         ({"frames": 0}, FastModelError, "frames must be a whole number from 1 on, not 0"),
         ({"frames": np.nan}, FastModelError, "frames must be a whole number from 1 on, not nan"),
     ],

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from fastmodel import LifeCycleError
+from fastmodel.errors import LifeCycleError
 from tests.support.ball_environment import (
     BallEnv,
     build_pushed_ball,

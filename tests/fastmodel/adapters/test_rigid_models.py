@@ -66,12 +66,12 @@ def parameters(request):
     if request.param != "bent":
         return fastmodel.load(request.param)
     flat = fastmodel.load("wts-0614-34")
-    return dataclasses.replace(flat, array=bent_array(), cells=None, tables={})
+    return dataclasses.replace(flat, array=bent_array(), surface=None, tables={})
 
 
 @pytest.fixture(scope="module", params=["plate", "boxes"])
 def boxes(parameters, request):
-    method = "boxes" if request.param == "boxes" or parameters.cells is None else "cover"
+    method = "boxes" if request.param == "boxes" or parameters.surface is None else "cover"
     return list_boxes(parameters, method=method)
 
 

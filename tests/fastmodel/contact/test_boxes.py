@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fastmodel.contact.boxes import BoxTexels, geom_name
-from fastmodel.pose import Pose, make_z_rotation, multiply
+from fastmodel.pose import Mount, make_z_rotation, multiply
 from meshes import TexelArray
 
 ARRAY = TexelArray.grid(4, 5, 10e-3)
@@ -18,7 +18,7 @@ def scene(cone, condim, tilt=(1.0, 0.0, 0.0, 0.0), seed=0):
     spec = mujoco.MjSpec()
     spec.option.cone = cone
     spec.option.timestep = 1e-3
-    BoxTexels().attach(spec.worldbody, ARRAY, Pose.of((0, 0, 0), tilt), "a")
+    BoxTexels().attach(spec.worldbody, ARRAY, Mount.of((0, 0, 0), tilt), "a")
     kinds = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID)
     for k in range(6):
         place = [((k % 3) - 1) * 14e-3, (k // 3 - 0.5) * 16e-3, 7e-3]
@@ -80,7 +80,7 @@ def test_reading_elliptic_forces_as_pyramidal_ones_is_noticed(monkeypatch):
 
 def test_no_contact_is_zero_and_boxes_weigh_nothing():
     spec = mujoco.MjSpec()
-    BoxTexels().attach(spec.worldbody, ARRAY, Pose.of((0, 0, 0), (1, 0, 0, 0)), "a")
+    BoxTexels().attach(spec.worldbody, ARRAY, Mount.of((0, 0, 0), (1, 0, 0, 0)), "a")
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data)
@@ -91,7 +91,7 @@ def test_no_contact_is_zero_and_boxes_weigh_nothing():
 def test_masked_texels_are_grey_and_let_more_light_through_than_others():
     array = dataclasses.replace(ARRAY, active=np.arange(ARRAY.count) % 3 > 0)
     spec = mujoco.MjSpec()
-    BoxTexels().attach(spec.worldbody, array, Pose.of((0, 0, 0), (1, 0, 0, 0)), "a")
+    BoxTexels().attach(spec.worldbody, array, Mount.of((0, 0, 0), (1, 0, 0, 0)), "a")
     model = spec.compile()
     colours = np.array([model.geom(geom_name("a", i)).rgba for i in range(array.count)])
     masked, others = colours[~array.active], colours[array.active]
@@ -114,7 +114,7 @@ def test_a_box_lifted_by_its_side_reads_zero_and_the_balance_stays():
     """A thin blade dragged along between boxes with high friction: signed sums go negative, readings do not."""
     spec = mujoco.MjSpec()
     spec.option.timestep = 1e-3
-    BoxTexels().attach(spec.worldbody, ARRAY, Pose.of((0, 0, 0), (1, 0, 0, 0)), "a")
+    BoxTexels().attach(spec.worldbody, ARRAY, Mount.of((0, 0, 0), (1, 0, 0, 0)), "a")
     blade = spec.worldbody.add_body(pos=[1e-3, 2e-3, 3e-3], quat=make_z_rotation(0.7))
     for axis in np.eye(3):
         blade.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)

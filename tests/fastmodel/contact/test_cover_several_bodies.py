@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from fastmodel import METHODS, indent
+from fastmodel import indent
 from meshes import Box, LetterH, Prism, Sphere, TriangleMesh
 from tests.support.cover_data import parameters
+
+METHODS = ("boxes", "area", "foundation", "cover")
 
 PARAMETERS = parameters()
 POSE = {"load": 2.0, "at": (0.7e-3, -1.1e-3), "yaw": 0.4}

@@ -9,28 +9,25 @@ import pytest
 
 import fastmodel
 from fastmodel import (
-    METHODS,
     Butterworth,
     FastModelError,
     Foundation,
-    LifeCycleError,
     OptionWarning,
     Parameters,
-    ParametersError,
     Placement,
     Plate,
-    ShapeError,
-    StateError,
-    UnknownNameError,
     indent,
     indent_together,
 )
+from fastmodel.errors import LifeCycleError, ParametersError
 from fastmodel.pose import make_z_rotation, multiply, rotate
 from meshes import Box, Cylinder, LetterH, Nut, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
 from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import WTS, cells, parameters
+
+METHODS = ("boxes", "area", "foundation", "cover")
 
 PARAMETERS = parameters()
 SHAPES = [
@@ -183,7 +180,7 @@ def test_costly_methods_are_sampled_as_seldom_as_frames_and_filter_allow():
 def test_the_default_is_the_best_method_that_the_parameters_allow():
     assert indent(PARAMETERS, SHAPES[0], load=1.0).method == "cover"
     assert indent(PARAMETERS, SHAPES[0], load=1.0).depth > 0
-    bare = dataclasses.replace(PARAMETERS, cells=None)
+    bare = dataclasses.replace(PARAMETERS, surface=None)
     assert indent(bare, SHAPES[0], load=1.0).method == "boxes"
 
 
@@ -206,7 +203,7 @@ def test_force_beside_the_texels_is_outside():
 
 def test_wrong_use_raises_an_error_that_names_the_fault():
     sphere = SHAPES[0]
-    bare = dataclasses.replace(PARAMETERS, cells=None)
+    bare = dataclasses.replace(PARAMETERS, surface=None)
     with pytest.raises(ParametersError, match="'cover' needs the cover's cells"):
         indent(bare, sphere, load=1.0, method="cover")
     with pytest.raises(ParametersError, match="a modulus"):
@@ -214,10 +211,10 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
     assert indent(bare, sphere, load=1.0, method=Foundation(modulus=1e9)).total_force == pytest.approx(1, rel=1e-3)
     bent = Parameters(array=bent_array(), spread=bare.spread, electronics=bare.electronics)
     assert indent(bent, sphere, load=1.0).method == "boxes"
-    with pytest.raises(UnknownNameError, match="valid names: area, boxes, cover, curved, default, foundation"):
+    with pytest.raises(FastModelError, match="valid names: area, boxes, cover, curved, default, foundation"):
         indent(PARAMETERS, sphere, load=1.0, method="covers")
-    with pytest.raises(ShapeError, match="pitch"):
-        dataclasses.replace(PARAMETERS, cells=cells(TexelArray.grid(2, 2, 3e-3)))
+    with pytest.raises(FastModelError, match="pitch"):
+        dataclasses.replace(PARAMETERS, surface=cells(TexelArray.grid(2, 2, 3e-3)))
     spec = mujoco.MjSpec()
     sensor = fastmodel.attach(spec, "world", PARAMETERS)
     with pytest.raises(LifeCycleError, match="sensor/plate"):
@@ -231,9 +228,9 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
 
 def test_cells_travel_with_the_parameters(tmp_path):
     PARAMETERS.save(tmp_path)
-    back = fastmodel.load(tmp_path).cells
+    back = fastmodel.load(tmp_path).surface
     for field in dataclasses.fields(back):
-        np.testing.assert_array_equal(getattr(back, field.name), getattr(PARAMETERS.cells, field.name))
+        np.testing.assert_array_equal(getattr(back, field.name), getattr(PARAMETERS.surface, field.name))
     assert "\ncompliance" not in (tmp_path / "parameters.toml").read_text()
 
 
@@ -289,7 +286,7 @@ def test_forces_that_are_not_finite_are_named():
     run(sensor, model, data, 20)
     mujoco.mj_step(model, data)
     data.efc_force[:] = np.nan
-    with pytest.raises(StateError, match="not finite"):
+    with pytest.raises(FastModelError, match="not finite"):
         sensor._running._reader.read(data)
 
 

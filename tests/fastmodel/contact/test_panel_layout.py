@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import OptionWarning, Placement, ShapeError, indent, indent_together
+from fastmodel import FastModelError, OptionWarning, Placement, indent, indent_together
 from fastmodel.contact.panel_layout import ScatteredBaseForces, divide_into_panels, lay_out
 from fastmodel.pose import make_z_rotation, multiply, rotate
 from meshes import Box, Sphere, TexelArray
@@ -49,7 +49,7 @@ def test_a_curved_array_carries_the_load_as_a_vector(array, method):
     touched = set()
     for shape in (Sphere(radius=5e-3), Box(size=(8e-3, 12e-3, 5e-3))):
         for at in ((0.7e-3, -1.1e-3), (0.0, 1.7e-3), (1.0e-3, 6e-3)):
-            found = indent(parameters(array, cells=CELLS), shape, load=1.5, at=at, method=method)
+            found = indent(parameters(array, surface=CELLS), shape, load=1.5, at=at, method=method)
             # guided along z: the guide takes up the lateral force
             assert found.contact_forces @ array.normals[:, 2] == pytest.approx(1.5, rel=1e-6)
             assert found.contact_forces.min() >= 0
@@ -67,7 +67,7 @@ def test_a_flat_array_in_two_panels_reads_as_one_panel(shape, method):
     assert (len(divide_into_panels(WTS, 0)), len(divide_into_panels(cut, 0))) == (1, 2)
     # the seam lies under the shape; boxes put whole contact points on either side of it
     whole, halves = (
-        indent(parameters(array, cells=SOFT), shape, load=2.0, at=(0.9e-3, 1.3e-3), method=method)
+        indent(parameters(array, surface=SOFT), shape, load=2.0, at=(0.9e-3, 1.3e-3), method=method)
         for array in (WTS, cut)
     )
     assert np.abs(halves.contact_forces - whole.contact_forces).sum() < 2e-3
@@ -76,7 +76,7 @@ def test_a_flat_array_in_two_panels_reads_as_one_panel(shape, method):
 
 @pytest.mark.parametrize("method", ["foundation", "cover"])
 def test_two_coplanar_panels_read_as_one(method, monkeypatch):
-    up = parameters(dataclasses.replace(WTS, centres=WTS.centres + np.array([0, 0, 1e-6])), cells=CELLS)
+    up = parameters(dataclasses.replace(WTS, centres=WTS.centres + np.array([0, 0, 1e-6])), surface=CELLS)
     shape, at = Box(size=(9e-3, 9e-3, 5e-3)), (0.9e-3, 1.3e-3)
     whole = indent(up, shape, load=2.0, at=at, method=method)
     monkeypatch.setattr("fastmodel.contact.panel_layout._find_blocks", lambda *_: [(0, 0, 7, 6), (7, 0, 14, 6)])
@@ -86,7 +86,7 @@ def test_two_coplanar_panels_read_as_one(method, monkeypatch):
 
 def test_boxes_on_a_ridge_carry_too_little():
     array = bent(10e-3)
-    found = indent(parameters(array, cells=CELLS), Sphere(radius=5e-3), load=2.0, at=(0, 1.7e-3), method="boxes")
+    found = indent(parameters(array, surface=CELLS), Sphere(radius=5e-3), load=2.0, at=(0, 1.7e-3), method="boxes")
     assert 0.03 < 1 - found.contact_forces @ array.normals[:, 2] / 2.0 < 0.08
 
 
@@ -94,7 +94,7 @@ def test_boxes_on_a_ridge_carry_too_little():
 def test_order_of_texels_does_not_matter_in_a_plane(method):
     scattered, order = shuffled(WTS)
     here, there = (
-        indent(parameters(array, cells=CELLS), Box(size=(9e-3, 5e-3, 5e-3)), load=1.0, at=(9e-3, 2e-3), method=method)
+        indent(parameters(array, surface=CELLS), Box(size=(9e-3, 5e-3, 5e-3)), load=1.0, at=(9e-3, 2e-3), method=method)
         for array in (WTS, scattered)
     )
     np.testing.assert_allclose(there.contact_forces, here.contact_forces[order], atol=1e-9)
@@ -129,7 +129,7 @@ def test_foundation_on_a_bent_sheet_accounts_for_both_curvatures(radius):
     normals = np.stack([0 * angle, np.sin(angle), np.cos(angle)], axis=1)
     places = radius * (normals - [0, 0, 1]) + array.centres * [1, 0, 0]
     array = dataclasses.replace(array, centres=places, normals=normals, pitch=pitch, texel_size=pitch)
-    bare = parameters(array, cells=None)
+    bare = parameters(array, surface=None)
     found = indent(bare, Sphere(radius=ball), load=load, method=fastmodel.Foundation(modulus=modulus, per_texel=4))
     a, b = 1 / (2 * ball), 1 / (2 * ball) + 1 / (2 * radius)
     # volume of the paraboloid: load = k pi d^2 / (2 sqrt(a b))
@@ -156,7 +156,7 @@ def scene(array, turn, method):
     spec.option.timestep = 1e-3
     spec.option.gravity = rotate(turn, np.array([[0, 0, -9.80665]]))[0]
     holder = spec.worldbody.add_body(name="holder", quat=turn, pos=[0.1, -0.2, 0.3])
-    sensor = fastmodel.attach(spec, "holder", parameters(array, cells=CELLS), contact=method)
+    sensor = fastmodel.attach(spec, "holder", parameters(array, surface=CELLS), contact=method)
     ball = holder.add_body(name="ball", pos=[0.4e-3, 1.2e-3, 6e-3])
     for axis in ([0, 1, 0], [0, 0, 1]):
         ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, stiffness=50, damping=2)
@@ -187,7 +187,7 @@ def test_turning_a_bent_array_and_its_object_together_changes_no_texel(method):
 def test_a_free_body_presses_where_its_weight_stands_on_a_bent_array(method):
     array = bent(60e-3, rows=9)
     ball = Placement(indenter=Box(size=(6e-3, 6e-3, 6e-3)), load=2.0, at=(0, 0), guided=False, centre=(1e-3, 0.0))
-    found = indent_together(parameters(array, cells=CELLS), [ball], method=method)
+    found = indent_together(parameters(array, surface=CELLS), [ball], method=method)
     net = found.contact_forces @ array.normals
     np.testing.assert_allclose(net, [0, 0, 2.0], atol=0.02)
     pressed = found.contact_forces @ array.centres[:, 0] / found.contact_forces.sum()
@@ -196,5 +196,5 @@ def test_a_free_body_presses_where_its_weight_stands_on_a_bent_array(method):
 
 def test_a_table_on_a_bent_array_is_refused_with_the_alternatives():
     with_table = dataclasses.replace(CELLS, table=np.zeros((35, 28, 20)))
-    with pytest.raises(ShapeError, match="'boxes', 'area' or Foundation"):
-        parameters(bent(15e-3), cells=with_table)
+    with pytest.raises(FastModelError, match="'boxes', 'area' or Foundation"):
+        parameters(bent(15e-3), surface=with_table)

@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import Plate, StateError
+from fastmodel import FastModelError, Plate
 from fastmodel.contact.force_kernels import press_plate, read_contacts
 from fastmodel.contact.plate import PlateReader, _sort_touches, transform_poses
-from fastmodel.pose import Pose
+from fastmodel.pose import Mount
 from tests.support.cover_data import WTS
 from tests.support.posed_bodies import GRID
 
@@ -19,7 +19,7 @@ def build_blocks(cone, condim=3):
     fastmodel.recommend_options(spec)
     spec.option.cone = cone
     spec.option.gravity = [1.0, 0.5, -9.0]
-    Plate().attach(spec.worldbody, WTS, Pose.of((0.1, 0.2, 0.3), (1, 0, 0, 0)), "pad")
+    Plate().attach(spec.worldbody, WTS, Mount.of((0.1, 0.2, 0.3), (1, 0, 0, 0)), "pad")
     for k, (x, mass) in enumerate(((-5e-3, 0.1), (5e-3, 0.3))):
         body = spec.worldbody.add_body(name=f"block{k}", pos=[0.1 + x, 0.2, 0.303])
         body.add_freejoint()
@@ -105,7 +105,7 @@ def test_contacts_of_bodies_that_are_not_selected_become_points():
 def test_contact_forces_that_are_not_finite_are_refused():
     reader, _, data = build_blocks(CONES["elliptic"])
     data.efc_force[:] = np.nan
-    with pytest.raises(StateError, match="not finite"):
+    with pytest.raises(FastModelError, match="not finite"):
         reader.find_contact(data)
 
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import METHODS
 from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import parameters
+
+METHODS = ("boxes", "area", "foundation", "cover")
 
 PARAMETERS = parameters()
 KINDS = [getattr(mujoco.mjtGeom, f"mjGEOM_{name}") for name in ("BOX", "SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER")]

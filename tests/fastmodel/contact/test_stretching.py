@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel.errors import ShapeError
+from fastmodel.errors import FastModelError
 from fastmodel.pressure.cell_grid import CellGrid
 from meshes import Box, Sphere, TexelArray
 
@@ -16,13 +16,13 @@ def parameters(wts_derivation):
     """The cover becomes half as soft, and spreads 20 % less, at 1 N, under a ball that is then 0.1 mm deep."""
     parameters = wts_derivation.parameters
     cells = dataclasses.replace(
-        parameters.cells,
+        parameters.surface,
         loads=np.array([1.0, 2.0]),
         load_depths=np.array([0.1e-3, 0.15e-3]),
-        loaded_compliance=np.array([parameters.cells.compliance / 2] * 2),
-        loaded_influence=np.array([0.8 * parameters.cells.influence] * 2),
+        loaded_compliance=np.array([parameters.surface.compliance / 2] * 2),
+        loaded_influence=np.array([0.8 * parameters.surface.influence] * 2),
     )
-    return dataclasses.replace(parameters, cells=cells)
+    return dataclasses.replace(parameters, surface=cells)
 
 
 def press(parameters, indenter, load):
@@ -47,24 +47,24 @@ def test_a_large_face_that_sinks_little_is_pressed_on_the_cover_without_stretch(
 
 def test_tables_survive_saving(parameters, tmp_path):
     parameters.save(tmp_path)
-    found = fastmodel.load(tmp_path).cells
+    found = fastmodel.load(tmp_path).surface
     for name in ("loads", "load_depths", "loaded_compliance", "loaded_influence"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(parameters.cells, name))
+        np.testing.assert_array_equal(getattr(found, name), getattr(parameters.surface, name))
 
 
 @pytest.mark.parametrize(
     ("changes", "error"),
     [
-        ({"loaded_influence": None}, ShapeError),
-        ({"loads": np.array([1.0, 2.0, 3.0])}, ShapeError),
+        ({"loaded_influence": None}, FastModelError),
+        ({"loads": np.array([1.0, 2.0, 3.0])}, FastModelError),
         ({"loads": np.array([2.0, 1.0])}, ValueError),
-        ({"load_depths": np.array([1e-3])}, ShapeError),
-        ({"loads": None}, ShapeError),
+        ({"load_depths": np.array([1e-3])}, FastModelError),
+        ({"loads": None}, FastModelError),
     ],
 )
 def test_incomplete_tables_are_refused(parameters, changes, error):
     with pytest.raises(error, match="load"):
-        dataclasses.replace(parameters.cells, **changes)
+        dataclasses.replace(parameters.surface, **changes)
 
 
 def test_shifted_forces_keep_their_sum_and_act_around_the_wanted_centre():

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import METHODS, LifeCycleError
+from fastmodel.errors import LifeCycleError
 from meshes import TexelArray
 from tests.support.contact_forces import measure_force
 from tests.support.cover_data import parameters
+
+METHODS = ("boxes", "area", "foundation", "cover")
 
 #: The default contact method, and the others in the slow tier.
 COVER_FIRST = [pytest.param(each, marks=() if each == "cover" else pytest.mark.slow) for each in METHODS]

@@ -11,18 +11,17 @@ import pytest
 import fastmodel
 import meshes
 from fastmodel import WTS_0614_34, Parameters, Tabulated
+from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.panels import Wrench
-from fastmodel.curved.contact import CurvedContact
-from fastmodel.curved.cover import CurvedCover
-from fastmodel.curved.press import pose_indenter, press_curved
-from fastmodel.curved.pressure import solve_pressure
+from fastmodel.contact.points import pose_indenter, press_points, solve_pressure
 from fastmodel.errors import FastModelError, ParametersError
 from fastmodel.pose import rotate
+from fastmodel.surface import CoverPoints
 from meshes import Sphere, TexelArray
-from meshes.spatial_pose import SpatialPose
+from meshes.pose import Pose
 
 LOAD = 0.5
-UP = SpatialPose.facing([0, 0, 0.1], [0, 0, -1])
+UP = Pose.facing([0, 0, 0.1], [0, 0, -1])
 QUATERNION = np.array([0.9, 0.1, 0.3, 0.2]) / np.linalg.norm([0.9, 0.1, 0.3, 0.2])
 PLACE = np.array([0.1, 0, 0.2])
 
@@ -33,7 +32,7 @@ def make_dome(side=17):
     normals = np.stack([x, y, np.sqrt(1e-4 - x**2 - y**2)], axis=1) / 10e-3
     apart = np.linalg.norm(normals[:, None] - normals, axis=2) * 10
     quarter = (x >= 0).astype(int) + 2 * (y >= 0)
-    return CurvedCover(
+    return CoverPoints(
         points=10e-3 * normals,
         normals=normals,
         influence=0.8 * (quarter == np.arange(4)[:, None]),
@@ -50,7 +49,7 @@ def parameters():
     normals = np.array([[x, y, 8.0] for y in (-3, 3) for x in (-3, 3)]) / np.sqrt(82)
     array = dataclasses.replace(TexelArray.grid(2, 2, 4e-3), centres=8e-3 * normals, normals=normals)
     electronics = dataclasses.replace(WTS_0614_34, calibrated="texel force")
-    return Parameters(array=array, spread=Tabulated(matrix=np.eye(4)), electronics=electronics, curved=COVER)
+    return Parameters(array=array, spread=Tabulated(matrix=np.eye(4)), electronics=electronics, surface=COVER)
 
 
 def press_ball(parameters, direction, *, joint="slide", steps=800, **options):
@@ -83,10 +82,23 @@ def press_ball(parameters, direction, *, joint="slide", steps=800, **options):
 
 def test_a_bench_test_equals_the_press_without_simulation(parameters):
     found = fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, at=(1e-3, 0.4e-3))
-    known = press_curved(COVER, Sphere(radius=4e-3), SpatialPose.facing([1e-3, 0.4e-3, 0.1], [0, 0, -1]), load=LOAD)
+    known = press_points(COVER, Sphere(radius=4e-3), Pose.facing([1e-3, 0.4e-3, 0.1], [0, 0, -1]), load=LOAD)
     assert found.method == "curved"
     assert found.total_force == pytest.approx(LOAD, rel=1e-3)
     np.testing.assert_allclose(found.texel_forces, known.texel_forces, atol=1e-3 * LOAD)
+
+
+def test_a_press_along_a_direction_is_the_same_verb(parameters):
+    direction = np.array([-0.25, 0.1, -1.0])
+    pose = Pose.facing(-20e-3 * direction, direction)
+    found = fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, pose=pose)
+    known = press_points(COVER, Sphere(radius=4e-3), pose, load=LOAD)
+    np.testing.assert_array_equal(found.texel_forces, known.texel_forces)
+    np.testing.assert_allclose(found.force @ direction / np.linalg.norm(direction), LOAD, rtol=1e-6)
+    assert found.contact_forces.sum() == pytest.approx(found.points.sum())
+    assert found.depth > 0
+    with pytest.raises(FastModelError, match="along the array's normal"):
+        fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, pose=pose, direction=direction, method="boxes")
 
 
 @pytest.mark.parametrize("joint", ["slide", "hinge"])
@@ -94,8 +106,8 @@ def test_an_array_on_a_turned_finger_feels_the_press_of_its_own_frame(parameters
     direction = np.array([-0.25, 0.1, -1.0])
     direction /= np.linalg.norm(direction)
     sensor, *_ = press_ball(parameters, direction, joint=joint)
-    pose = SpatialPose.facing(-20e-3 * direction, direction)
-    known = press_curved(COVER, Sphere(radius=4e-3), pose, load=LOAD)
+    pose = Pose.facing(-20e-3 * direction, direction)
+    known = press_points(COVER, Sphere(radius=4e-3), pose, load=LOAD)
     # A guide gives the direction of the force; without one, it is the normal of a facet of the hull, some degrees off.
     atol = {"slide": 5e-3, "hinge": 4e-2}[joint] * LOAD
     np.testing.assert_allclose(sensor.frame().texel_forces, known.texel_forces, atol=atol)
@@ -156,7 +168,7 @@ def test_a_geom_at_the_top_is_named(parameters):
 
 def test_parameters_keep_the_cover(parameters, tmp_path):
     parameters.save(tmp_path)
-    found = fastmodel.load(tmp_path).curved
+    found = fastmodel.load(tmp_path).surface
     for name in ("points", "normals", "influence", "compliance", "thickness"):
         np.testing.assert_allclose(getattr(found, name), getattr(COVER, name), rtol=1e-6, atol=1e-12)
 
@@ -164,11 +176,11 @@ def test_parameters_keep_the_cover(parameters, tmp_path):
 def test_dents_are_refused():
     points = COVER.points - 0.5e-3 * COVER.normals * (np.linalg.norm(COVER.points[:, :2], axis=1) < 2e-3)[:, None]
     with pytest.raises(FastModelError, match="has dents"):
-        CurvedContact(cover=dataclasses.replace(COVER, points=points))
+        MeshContact(surface=dataclasses.replace(COVER, points=points))
 
 
 def test_the_method_needs_a_curved_cover(parameters):
-    flat = dataclasses.replace(parameters, curved=None)
+    flat = dataclasses.replace(parameters, surface=None)
     with pytest.raises(ParametersError, match="needs a curved cover"):
         fastmodel.indent(flat, Sphere(radius=4e-3), load=LOAD, method="curved")
 
@@ -177,7 +189,7 @@ def test_texels_of_a_curved_cover_may_share_corners(parameters):
     wide = dataclasses.replace(parameters.array, texel_size=(6e-3, 6e-3), pitch=(6e-3, 6e-3))
     spec = mujoco.MjSpec()
     fastmodel.attach(spec, "world", dataclasses.replace(parameters, array=wide))
-    with pytest.raises(fastmodel.OverlapError):
+    with pytest.raises(fastmodel.FastModelError):
         fastmodel.attach(mujoco.MjSpec(), "world", dataclasses.replace(parameters, array=wide), contact="boxes")
 
 
@@ -195,18 +207,18 @@ def test_a_free_plate_rests_with_its_weight(parameters):
     for _ in range(30):  # before it tips over the dome
         mujoco.mj_step(model, data)
         sensor.step(data)
-    known = press_curved(COVER, meshes.Box(size=(10e-3, 10e-3, 4e-3)), UP, load=sensor.carried())
+    known = press_points(COVER, meshes.Box(size=(10e-3, 10e-3, 4e-3)), UP, load=sensor.carried())
     assert 0.1 < sensor.carried() < 1.0
     np.testing.assert_allclose(sensor.contact_forces().sum(), known.forces.sum(), rtol=1e-2)
 
 
 def test_a_cover_with_a_flat_top_is_a_plate_of_its_thickness(parameters):
-    cover = parameters.curved
+    cover = parameters.surface
     points = cover.points * [1, 1, 0] + [0, 0, 2e-3]
     normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
     flat = dataclasses.replace(cover, points=points, normals=normals)
-    found = fastmodel.indent(dataclasses.replace(parameters, curved=flat), Sphere(radius=5e-3), load=0.2)
-    pressed = press_curved(flat, Sphere(radius=5e-3), SpatialPose.facing([0, 0, 5e-3], [0, 0, -1]), load=0.2)
+    found = fastmodel.indent(dataclasses.replace(parameters, surface=flat), Sphere(radius=5e-3), load=0.2)
+    pressed = press_points(flat, Sphere(radius=5e-3), Pose.facing([0, 0, 5e-3], [0, 0, -1]), load=0.2)
     np.testing.assert_allclose(found.texel_forces, pressed.texel_forces, atol=2e-3 * pressed.texel_forces.max())
 
 
@@ -219,8 +231,8 @@ def test_a_body_between_the_points_leaves_the_forces_of_another_one():
 
     side = np.array([3.375e-3, 0.375e-3, 0.0])  # the middle of four points that are 0.75 mm apart
     side[2] = np.sqrt(1e-4 - side @ side)
-    ball = pose_indenter(Sphere(radius=5e-3), SpatialPose.facing([0, 0, 10e-3], [0, 0, -1]))
-    pin = pose_indenter(Sphere(radius=0.2e-3), SpatialPose.facing(side, -side))
+    ball = pose_indenter(Sphere(radius=5e-3), Pose.facing([0, 0, 10e-3], [0, 0, -1]))
+    pin = pose_indenter(Sphere(radius=0.2e-3), Pose.facing(side, -side))
     alone = solve_pressure(COVER, [ball], [load(np.array([0, 0, LOAD]))])
     both = solve_pressure(COVER, [pin, ball], [load(5 * side), load(np.array([0, 0, LOAD]))])
     np.testing.assert_array_equal(both.forces, alone.forces)

@@ -6,12 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from fastmodel.curved.gaps import measure_gaps
-from fastmodel.curved.press import pose_indenter
+from fastmodel.contact.points import measure_gaps, pose_indenter
 from fastmodel.pressure.gap import CAPSULE, CYLINDER, Solid
 from fastmodel.pressure.gap_sampling import BodyShape, PosedBody
 from meshes import Box, Cone, Sphere
-from meshes.spatial_pose import SpatialPose
+from meshes.pose import Pose
 
 
 def round_body(kind, radius, half):
@@ -26,20 +25,20 @@ def lines(*pairs):
 
 
 def test_ball_along_and_beside_its_diameter():
-    ball = pose_indenter(Sphere(radius=2.0), SpatialPose(position=np.array([0, 0, 1.0]), rotation=np.eye(3)))
+    ball = pose_indenter(Sphere(radius=2.0), Pose.from_rotation(np.array([0, 0, 1.0]), np.eye(3)))
     found = measure_gaps(ball, *lines(([0, 0, 0], [0, 0, 1]), ([1, 0, 0], [0, 0, 1]), ([3, 0, 0], [0, 0, 1])))
     np.testing.assert_allclose(found, [1.0, 3 - np.sqrt(3), np.inf], rtol=1e-12)
 
 
 def test_body_behind_a_point_is_not_met_and_one_around_it_is_negative():
-    ball = pose_indenter(Sphere(radius=2.0), SpatialPose(position=np.array([0, 0, 1.0]), rotation=np.eye(3)))
+    ball = pose_indenter(Sphere(radius=2.0), Pose.from_rotation(np.array([0, 0, 1.0]), np.eye(3)))
     found = measure_gaps(ball, *lines(([0, 0, 6], [0, 0, 1]), ([0, 0, 1.5], [0, 0, 1])))
     np.testing.assert_allclose(found, [np.inf, -0.5], rtol=1e-12)
 
 
 def test_turned_box():
     turn = np.array([[0, 0, 1.0], [0, 1, 0], [-1, 0, 0]])
-    box = pose_indenter(Box(size=(2.0, 4.0, 6.0)), SpatialPose(position=np.array([1.0, 0, 0]), rotation=turn))
+    box = pose_indenter(Box(size=(2.0, 4.0, 6.0)), Pose.from_rotation(np.array([1.0, 0, 0]), turn))
     found = measure_gaps(box, *lines(([0, 0, 0], [1, 0, 0]), ([0, 1.9, 0], [1, 0, 0]), ([0, 0, 1.1], [1, 0, 0])))
     np.testing.assert_allclose(found, [1.0, 1.0, np.inf], rtol=1e-12)
 
@@ -72,6 +71,6 @@ def test_oblique_lines_meet_round_bodies_where_mujocos_rays_do(kind):
 
 
 def test_hull_of_a_cone_is_met_at_its_tip():
-    cone = pose_indenter(Cone(angle=np.pi / 2, radius=1e-3), SpatialPose(position=np.zeros(3), rotation=np.eye(3)))
+    cone = pose_indenter(Cone(angle=np.pi / 2, radius=1e-3), Pose.from_rotation(np.zeros(3), np.eye(3)))
     found = measure_gaps(cone, *lines(([0, 0, -1e-3], [0, 0, 1]), ([0.5e-3, 0, -1e-3], [0, 0, 1])))
     np.testing.assert_allclose(found, [1e-3, 1.5e-3], rtol=2e-2)

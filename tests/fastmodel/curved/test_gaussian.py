@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from fastmodel.curved.gaussian import fit_surface_gaussian, unroll
-from fastmodel.errors import ShapeError
+from fastmodel.errors import FastModelError
+from fastmodel.fitting.surface_gaussian import fit_surface_gaussian, unroll
 from meshes import TexelArray
 from meshes.solids.texels import cylinder_texels
 
@@ -58,7 +58,7 @@ def test_a_cylinder_unrolls_to_arc_lengths():
 
 
 def test_responses_of_another_array_are_refused():
-    with pytest.raises(ShapeError, match="20 texels"):
+    with pytest.raises(FastModelError, match="20 texels"):
         fit_surface_gaussian(FLAT, np.eye(3))
 
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from fastmodel.errors import FastModelError, ShapeError
+from fastmodel.errors import FastModelError
 from fastmodel.fitting.gaussian import fit_gaussian
 from fastmodel.signal.point_spread import Gaussian
 from meshes.catalogue import ARRAYS
@@ -79,7 +79,7 @@ def test_extreme_responses_end_in_range():
 
 def test_bad_input_raises_an_error_that_names_the_fault():
     image = np.zeros((14, 6))
-    with pytest.raises(ShapeError, match="not on an image"):
+    with pytest.raises(FastModelError, match="not on an image"):
         fit_gaussian(image, (14, 0))
     with pytest.raises(FastModelError, match="load must be positive"):
         fit_gaussian(image, LOADED, load=0)

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fastmodel import ShapeError
+from fastmodel import FastModelError
 from meshes import TexelArray
 from tests.support.cover_data import cells
 
@@ -19,7 +19,7 @@ def test_foundation_modulus_is_that_of_a_square_patch():
 
 
 def test_cells_that_do_not_divide_the_pitch_are_refused():
-    with pytest.raises(ShapeError, match="pitch"):
+    with pytest.raises(FastModelError, match="pitch"):
         CELLS.check(TexelArray.grid(4, 4, 3.0e-3))
 
 
@@ -33,5 +33,5 @@ def test_cells_that_do_not_divide_the_pitch_are_refused():
     ],
 )
 def test_bad_kernels_are_refused(change, message):
-    with pytest.raises((ShapeError, ValueError), match=message):
+    with pytest.raises((FastModelError, ValueError), match=message):
         dataclasses.replace(CELLS, **change)

@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import convolve2d
 
-from fastmodel.pressure.separable_convolution import SymmetricConvolution, factorise
+from fastmodel.surface import SymmetricConvolution, factorise
 from tests.support.cover_data import cells
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastmodel.errors import ShapeError
+from fastmodel.errors import FastModelError
 from fastmodel.signal.electronics import WTS_0614_34, Electronics, grey_levels, saturate
 
 PLAIN = Electronics(rate_hz=100.0, sensitivity=1000.0)
@@ -27,7 +27,7 @@ def test_white_is_the_largest_count():
 def test_fifth_degree_characteristic_and_gains():
     chain = Electronics(rate_hz=100, sensitivity=1, characteristic=(10, 100, 5, 0, 0, -1), gains=(1.0, 2.0))
     assert chain.counts([2.0, 2.0]).tolist() == [198, 396]
-    with pytest.raises(ShapeError, match="2 texels"):
+    with pytest.raises(FastModelError, match="2 texels"):
         chain.counts([1.0, 1.0, 1.0])
 
 

@@ -8,8 +8,8 @@ from fem_reference.curved_cover import press_curved, press_curved_finite
 from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.contact_problem import PathSettings
 from meshes import Cover, Layer, Material, Sphere
+from meshes.pose import Pose
 from meshes.solids import flat_pad, phalanx
-from meshes.spatial_pose import SpatialPose
 
 NEO = Material(name="neo", model="neo-hookean", parameters={"shear_modulus": 3e5}, poisson_ratio=0.49)
 BALL = Sphere(radius=4e-3)
@@ -19,7 +19,7 @@ MESHES = [SMALL.mesh(size, layers=2) for size in (2e-3, 1.6e-3)]
 
 
 def test_the_limit_of_small_loads_is_small_strain_and_the_base_bears_the_load():
-    pose = SpatialPose.facing([1e-3, 0.3e-3, 12e-3], [-0.1, 0, -1])
+    pose = Pose.facing([1e-3, 0.3e-3, 12e-3], [-0.1, 0, -1])
     small = press_curved(MESHES, SMALL.texels, NEO, BALL, pose, load=2e-3)
     found = press_curved_finite(MESHES, SMALL.texels, NEO, BALL, pose, load=2e-3)
     assert found.depth == pytest.approx(small.depth, rel=5e-3)
@@ -30,7 +30,7 @@ def test_the_limit_of_small_loads_is_small_strain_and_the_base_bears_the_load():
 
 
 def test_a_deep_press_differs_from_small_strain():
-    pose = SpatialPose.facing([0, 0, 12e-3], DOWN)
+    pose = Pose.facing([0, 0, 12e-3], DOWN)
     small = press_curved(MESHES, SMALL.texels, NEO, BALL, pose, depth=1.2e-3)
     found = press_curved_finite(MESHES, SMALL.texels, NEO, BALL, pose, depth=1.2e-3)
     share, before = found.texel_forces[0] / found.load, small.texel_forces[0] / small.load
@@ -42,7 +42,7 @@ def test_a_deep_press_differs_from_small_strain():
 
 
 def test_what_is_outside_its_range_is_refused():
-    pose = SpatialPose.facing([0, 0, 12e-3], DOWN)
+    pose = Pose.facing([0, 0, 12e-3], DOWN)
     with pytest.raises(ValueError, match="along its own axis"):
         press_curved_finite(MESHES, SMALL.texels, NEO, BALL, pose, load=0.1, direction=[0.3, 0, -1])
     with pytest.raises(ValueError, match="either a load or a depth"):
@@ -50,7 +50,7 @@ def test_what_is_outside_its_range_is_refused():
 
 
 def test_a_path_that_stops_early_names_how_far_it_came(monkeypatch):
-    pose = SpatialPose.facing([0, 0, 12e-3], DOWN)
+    pose = Pose.facing([0, 0, 12e-3], DOWN)
     monkeypatch.setattr("fem_reference.finite_strain.contact_problem._SETTINGS", PathSettings(iterations=1))
     with pytest.raises(ConvergenceError, match=r"no convergence even at a depth of .* mm"):
         press_curved_finite(MESHES, SMALL.texels, NEO, BALL, pose, depth=1.2e-3)
@@ -59,10 +59,10 @@ def test_a_path_that_stops_early_names_how_far_it_came(monkeypatch):
 @pytest.mark.slow
 def test_a_flat_pad_agrees_with_the_planar_solution():
     cover = flat_pad(size=(14e-3, 14e-3), rows=3)
-    pose = SpatialPose.facing([0.5e-3, 0.33e-3, 5e-3], DOWN)
+    pose = Pose.facing([0.5e-3, 0.33e-3, 5e-3], DOWN)
     ours = press_curved_finite(cover.meshes(), cover.texels, NEO, BALL, pose, load=3.0)
     planar = Cover(layers=(Layer(thickness=2e-3, material=NEO),), size=(14e-3, 14e-3))
-    known = press(planar, cover.texels, BALL, load=3.0, at=(0.5e-3, 0.33e-3))
+    known = press(planar, cover.texels, BALL, load=3.0, pose=Pose.planar(at=(0.5e-3, 0.33e-3)))
     difference = np.abs(ours.texel_forces - known.texel_forces).max() / known.texel_forces.max()
     assert difference < ours.error_estimate["texel_forces"] + known.error_estimate["peak_texel"]
     assert difference < 0.03

@@ -12,14 +12,14 @@ from fem_reference.curved_cover.no_slip import STEPS, StickingPress
 from fem_reference.curved_cover.press import _add_step_error, build_compliance
 from fem_reference.curved_cover.pressure_shapes import GapSampler
 from meshes import Box, Cover, Layer, Sphere
+from meshes.pose import Pose
 from meshes.solids import flat_pad, phalanx
-from meshes.spatial_pose import SpatialPose
 from tests.support.rubber import make_rubber
 
 PAD = flat_pad(size=(8e-3, 8e-3), rows=2)
 MESH = PAD.mesh(1.6e-3, layers=2)
 DOWN = np.array([0.0, 0, -1])
-ABOVE = SpatialPose.facing([0.3e-3, 0.2e-3, 5e-3], DOWN)
+ABOVE = Pose.facing([0.3e-3, 0.2e-3, 5e-3], DOWN)
 BALL, BOX = Sphere(radius=5e-3), Box(size=(3e-3, 3e-3, 2e-3))
 
 
@@ -75,7 +75,7 @@ def test_an_oblique_motion_drags_the_cover_along_and_the_base_bears_it():
 def test_mirrored_presses_give_mirrored_forces():
     cover = phalanx(length=8e-3, rows=2, columns=3)
     mesh = cover.mesh(2e-3, layers=2)
-    poses = [SpatialPose.facing([x, 0.3e-3, 12e-3], [-0.1 * np.sign(x), 0, -1]) for x in (2e-3, -2e-3)]
+    poses = [Pose.facing([x, 0.3e-3, 12e-3], [-0.1 * np.sign(x), 0, -1]) for x in (2e-3, -2e-3)]
     one, other = (
         press_curved(mesh, cover.texels, make_rubber(0.45), BALL, pose, load=0.2, friction=np.inf) for pose in poses
     )
@@ -123,10 +123,10 @@ def test_other_coefficients_and_finite_strain_are_refused():
 @pytest.mark.slow
 def test_a_box_on_a_flat_pad_agrees_with_the_planar_solution_without_slip():
     cover, material = flat_pad(size=(10e-3, 10e-3), rows=2), make_rubber(0.45, "linear-elastic")
-    pose = SpatialPose.facing([0.4e-3, 0.3e-3, 5e-3], DOWN)
+    pose = Pose.facing([0.4e-3, 0.3e-3, 5e-3], DOWN)
     ours = press_curved(cover.meshes(), cover.texels, material, BOX, pose, load=0.3, friction=np.inf)
     planar = Cover(layers=(Layer(thickness=2e-3, material=material),), size=(10e-3, 10e-3))
-    known = press(planar, cover.texels, BOX, load=0.3, at=(0.4e-3, 0.3e-3), friction=np.inf)
+    known = press(planar, cover.texels, BOX, load=0.3, pose=Pose.planar(at=(0.4e-3, 0.3e-3)), friction=np.inf)
     difference = np.abs(ours.texel_forces - known.texel_forces).max() / known.texel_forces.max()
     assert difference < min(0.03, ours.error_estimate["texel_forces"])
     assert abs(ours.depth / known.depth - 1) < min(0.08, ours.error_estimate["depth"])

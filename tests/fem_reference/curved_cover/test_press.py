@@ -15,9 +15,9 @@ from fem_reference.curved_cover.rays import measure_gaps
 from fem_reference.curved_cover.solid import CoverSolid
 from fem_reference.errors import PiercedError, TooShallowError
 from meshes import Box, Cover, Cylinder, Layer, Material, Nut, Roller, RoundedTip, Sphere
+from meshes.pose import Pose
 from meshes.solids import fingertip, flat_pad, phalanx
 from meshes.solids.facets import node_places, split_facet
-from meshes.spatial_pose import SpatialPose
 
 RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.45)
 COVER = phalanx(length=8e-3, rows=2, columns=3)
@@ -28,7 +28,7 @@ BALL = Sphere(radius=5e-3)
 def at_angle(angle, y=0.0, distance=2e-2):
     """Pose beside the phalanx that looks at its axis."""
     out = np.array([np.sin(angle), 0, np.cos(angle)])
-    return SpatialPose.facing(distance * out + [0, y, 0], -out)
+    return Pose.facing(distance * out + [0, y, 0], -out)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_a_ball_touches_a_cylinder_where_their_surfaces_meet(angle):
     top = build_compliance(mesh, RUBBER).top
     pose = at_angle(angle, y=1e-3)
     assert find_touch(top, BALL, pose, -pose.rotation[:, 2]) == pytest.approx(12e-3, abs=2e-6)
-    beside = SpatialPose.facing([0, 20e-3, 20e-3], [0, 0, -1])
+    beside = Pose.facing([0, 20e-3, 20e-3], [0, 0, -1])
     assert find_touch(top, BALL, beside, np.array([0, 0, -1.0])) == np.inf
 
 
@@ -98,7 +98,7 @@ def test_hats_are_linear_between_the_nodes(nodes):
 def test_the_pressure_ends_at_the_edge_of_a_box():
     cover = flat_pad(size=(8e-3, 8e-3), rows=2)
     top = build_compliance(cover.mesh(2e-3, layers=2), RUBBER).top
-    pose, direction = SpatialPose.facing([0.3e-3, 0, 2e-3], [0, 0, -1]), np.array([0.0, 0, -1])
+    pose, direction = Pose.facing([0.3e-3, 0, 2e-3], [0, 0, -1]), np.array([0.0, 0, -1])
     given = GapSampler(top, Box(size=(3e-3, 3e-3, 2e-3)), pose, direction, 1e-3).at(0.1e-3)
     assert given.area.sum() == pytest.approx(9e-6, rel=0.05)
     covered = given.area > 0
@@ -114,7 +114,7 @@ def test_the_pressure_ends_at_the_edge_of_a_box():
 def test_a_gap_closes_at_the_cosine_of_the_motion_and_the_normal(tilt):
     top = build_compliance(flat_pad(size=(8e-3, 8e-3), rows=2).mesh(2e-3, layers=2), RUBBER).top
     direction = np.array([np.sin(tilt), 0, -np.cos(tilt)])
-    pose = SpatialPose.facing(-12e-3 * direction + [0, 0, 2e-3], direction)
+    pose = Pose.facing(-12e-3 * direction + [0, 0, 2e-3], direction)
     travel = find_touch(top, BALL, pose, direction) + 0.1e-3
     given = GapSampler(top, BALL, pose, direction, travel).at(travel)
     carries = given.area > 0
@@ -207,7 +207,7 @@ def test_a_touch_below_the_resolution_is_refused():
 def test_a_steep_side_beside_an_edge_does_not_lift_the_mean_gap():
     top = build_compliance(flat_pad(size=(8e-3, 8e-3), rows=2).mesh(1e-3, layers=2), RUBBER).top
     tilted = Rotation.from_euler("y", 5, degrees=True).as_matrix()
-    pose = SpatialPose(position=np.array([0.13e-3, 0, 5e-3]), rotation=tilted)
+    pose = Pose.from_rotation(np.array([0.13e-3, 0, 5e-3]), tilted)
     down = np.array([0, 0, -1.0])
     box = Box(size=(4e-3, 3e-3, 6e-3))
     travel = find_touch(top, box, pose, down) + 0.1e-3
@@ -286,11 +286,9 @@ def test_the_half_width_of_a_turned_rectangle_is_that_of_its_smaller_side(sides,
 @pytest.mark.slow
 def test_a_flat_pad_under_a_ball_agrees_with_the_planar_solution():
     cover = flat_pad(size=(14e-3, 14e-3), rows=3)
-    ours = press_curved(
-        cover.meshes(), cover.texels, RUBBER, BALL, SpatialPose.facing([1e-3, 0, 5e-3], [0, 0, -1]), load=0.3
-    )
+    ours = press_curved(cover.meshes(), cover.texels, RUBBER, BALL, Pose.facing([1e-3, 0, 5e-3], [0, 0, -1]), load=0.3)
     planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=(14e-3, 14e-3))
-    known = press(planar, cover.texels, BALL, load=0.3, at=(1e-3, 0))
+    known = press(planar, cover.texels, BALL, load=0.3, pose=Pose.planar(at=(1e-3, 0)))
     peak = known.texel_forces.max()
     difference = np.abs(ours.texel_forces - known.texel_forces).max() / peak
     assert difference < 0.01
@@ -308,7 +306,7 @@ def test_force_and_moment_balance_on_the_fingertip(where):
         "pole": ([0, 2e-2, 1e-3], [0, -1, 0]),
         "oblique": ([1e-2, 1e-2, 1.5e-2], [-1, -1, -1.5]),
     }[where]
-    found = press_curved(cover.mesh(), cover.texels, RUBBER, BALL, SpatialPose.facing(position, direction), load=0.5)
+    found = press_curved(cover.mesh(), cover.texels, RUBBER, BALL, Pose.facing(position, direction), load=0.5)
     size = np.linalg.norm(found.force)
     np.testing.assert_allclose(found.base_force, found.force, atol=2e-3 * size)
     np.testing.assert_allclose(found.base_moment, found.moment, atol=2e-3 * size * 8e-3)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fem_reference import compress_disk
 from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain import bonded_disk
-from fem_reference.finite_strain.bonded_disk import Disk
+from fem_reference.finite_strain.bonded_disk import Disk, compress_disk
 from tests.support.rubber import make_rubber
 
 

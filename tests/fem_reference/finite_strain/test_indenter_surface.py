@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from meshes import Box, Cylinder, Sphere
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 SHAPES = (Sphere(radius=4.0), Cylinder(radius=1.0), Box(size=(3.0, 1.0, 5.0)))
-POSE = PlanarPose(at=(0.3, -0.2), yaw=0.5)
+POSE = Pose.planar(at=(0.3, -0.2), yaw=0.5)
 
 
 def draw_points(count=200):
@@ -24,7 +24,7 @@ def draw_points(count=200):
 @settings(max_examples=30, deadline=None)
 @given(shape=st.sampled_from(SHAPES), yaw=st.floats(-4, 4), x=st.floats(-1.4, 1.4), y=st.floats(-1.4, 1.4))
 def test_slope_is_the_derivative_of_the_height(shape, yaw, x, y):
-    surface = IndenterSurface(indenter=shape, fillet=0.4, pose=PlanarPose(at=(0.3, -0.2), yaw=yaw))
+    surface = IndenterSurface(indenter=shape, fillet=0.4, pose=Pose.planar(at=(0.3, -0.2), yaw=yaw))
     x, y, h = np.array([x]), np.array([y]), 1e-4
     slope = [
         (surface.height(x + h, y) - surface.height(x - h, y)) / (2 * h),
@@ -57,7 +57,7 @@ def test_a_pose_moves_and_turns_the_surface():
 def test_a_pose_is_given_in_metres_and_positions_in_units():
     unit = 2e-3
     shape = Box(size=(3e-3, 1e-3, 5e-3))
-    pose = PlanarPose(at=(0.3e-3, 0.0))
+    pose = Pose.planar(at=(0.3e-3, 0.0))
     surface = IndenterSurface(indenter=shape, fillet=0.2, unit=unit, pose=pose)
     centred = IndenterSurface(indenter=shape, fillet=0.2, unit=unit)
     x = np.linspace(-1, 1, 50)

@@ -18,7 +18,7 @@ from fem_reference.indentation.correction import BlockModel, correct_path, solve
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, extrapolate_solutions
 from fem_reference.indentation.rounding import SOLID_GRIDS, SolidGrid
 from meshes import Box, Roller, TexelArray
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 from tests.support.rubber import make_cover
 
 FACE, ROLLER = Box(size=(4e-3, 4e-3, 4e-3)), Roller(radius=4e-3, length=6e-3)
@@ -124,7 +124,7 @@ def test_the_limit_is_extrapolated_under_faces_that_do_not_rub_and_else_that_of_
 
 def test_solutions_on_blocks_are_read_in_units_of_the_indenter_and_fields_on_the_finest_grid(monkeypatch):
     """Both loading paths are solved at their load scale, and their results are divided by it."""
-    pose = PlanarPose(at=(3e-3, -1e-3), yaw=0.3)
+    pose = Pose.planar(at=(3e-3, -1e-3), yaw=0.3)
     path = LoadingPath(
         cover=make_cover(0.45), indenter=ROLLER, targets=(1e-4, 2e-4), control="depth", friction=0.3, fields=True
     )
@@ -134,7 +134,7 @@ def test_solutions_on_blocks_are_read_in_units_of_the_indenter_and_fields_on_the
         """A state whose numbers are those of its target and grid."""
         value = path.load_scale * target * count
         x, y = pose.to_array(*place.T)
-        shear = replace(pose, at=(0.0, 0.0)).to_array(*push.T)
+        shear = replace(pose, point=(0.0, 0.0, 0.0)).to_array(*push.T)
         return SimpleNamespace(
             load=2 * value, depth=value, area=1e-6 * count, overlap=0.01 * value, energy=path.load_scale**2 * 5 * count,
             contact=np.column_stack([x, y, [3 * value], value * shear[0], value * shear[1]]), base=4 * value,
@@ -199,7 +199,7 @@ def test_each_pose_on_a_cover_of_limited_size_and_each_indenter_on_a_wide_one_is
     array, grids = TexelArray.grid(2, 2, pitch=3e-3), len(SOLID_GRIDS)
     for number, at in enumerate([(0.0, 0.0), (1e-3, 0.0), (0.0, 1e-3)], start=1):
         for _ in range(2):
-            finite_cover.study_path(bounded, Place(array=array, pose=PlanarPose(at=at)), None)
+            finite_cover.study_path(bounded, Place(array=array, pose=Pose.planar(at=at)), None)
             assert len(solved) == number * grids
     for number, shape in enumerate([FACE, Box(size=(4e-3, 3e-3, 4e-3))], start=4):
         for _ in range(2):

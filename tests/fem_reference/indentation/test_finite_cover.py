@@ -9,7 +9,7 @@ from fem_reference import press
 from fem_reference.finite_strain.block_path import BlockState, recover_nodal_pressure
 from fem_reference.indentation.finite_cover import _grade_side, integrate_nodal
 from meshes import Sphere, TexelArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.support.rubber import make_cover
 
 BALL = Sphere(radius=4e-3)
@@ -32,7 +32,7 @@ def test_texels_carry_exactly_the_reactions_of_the_base():
         contact=np.empty((0, 5)),
         energy=0.0,
     )
-    felt = integrate_nodal(recover_nodal_pressure(state), array, PlanarPose())
+    felt = integrate_nodal(recover_nodal_pressure(state), array, Pose())
     assert felt.sum() == pytest.approx(2 * forces.sum(), rel=1e-12)
     assert array.image(felt[:-1])[:, ::-1] == pytest.approx(array.image(felt[:-1]))
 
@@ -55,5 +55,5 @@ def test_sliding_cover_that_would_slip_away_is_refused():
             TexelArray.grid(1, 2, 3e-3),
             BALL,
             load=1.0,
-            at=(1e-3, 0.0),
+            pose=Pose.planar(at=(1e-3, 0.0)),
         )

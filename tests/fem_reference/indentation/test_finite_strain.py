@@ -9,7 +9,7 @@ from fem_reference import press_path
 from fem_reference.indentation import finite_strain
 from fem_reference.indentation.finite_strain import integrate_spline
 from meshes import Cylinder, TexelArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.support.rubber import make_cover
 
 ARRAY = TexelArray.grid(2, 3, (4e-3, 5e-3), active=np.arange(6) != 4, texel_size=(3e-3, 4.4e-3))
@@ -19,7 +19,7 @@ def pressure(x, y):
     return 1e3 * (2 + 100 * x - 50 * y + 2e4 * x * y + 3e4 * x**2)
 
 
-@pytest.mark.parametrize("pose", [PlanarPose(at=(0.3e-3, -0.2e-3), yaw=0.3), PlanarPose(at=(5e-3, 0.0))])
+@pytest.mark.parametrize("pose", [Pose.planar(at=(0.3e-3, -0.2e-3), yaw=0.3), Pose.planar(at=(5e-3, 0.0))])
 def test_a_polynomial_pressure_is_integrated_over_oblong_texels_and_the_rest(pose):
     grid = np.linspace(-8e-3, 8e-3, 21), np.linspace(-7e-3, 7e-3, 15)
     felt = integrate_spline((*grid, pressure(*np.meshgrid(*grid, indexing="ij"))), ARRAY, pose)

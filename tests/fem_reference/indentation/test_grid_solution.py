@@ -17,7 +17,7 @@ from fem_reference.indentation.grid_solution import (
     scale_solution,
 )
 from meshes import TexelArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 ARRAY = TexelArray.grid(2, 2, pitch=3e-3)
 SIZES = (1 / 4, 1 / 6, 1 / 9)
@@ -40,7 +40,7 @@ def make_solution(force=1.0, depth=1.0, *, area=1.0, shares=(0.4, 0.3, 0.2, 0.05
 
 
 def read_texels(solution):
-    return solution.base_forces(ARRAY, PlanarPose())[:4]
+    return solution.base_forces(ARRAY, Pose())[:4]
 
 
 @given(force=POSITIVE, depth=POSITIVE, first=POSITIVE, second=POSITIVE)
@@ -67,7 +67,7 @@ def test_refinements_in_turn_add_up_and_so_do_their_errors(radius, elements):
     solutions = add_refinements(grids)
     force = 2 + radius / 2 + elements / 3
     assert [each.total_force for each in solutions] == pytest.approx([*forces[:2], force])
-    assert float(solutions[-1].base_forces(ARRAY, PlanarPose()).sum()) == pytest.approx(force)
+    assert float(solutions[-1].base_forces(ARRAY, Pose()).sum()) == pytest.approx(force)
     estimate = study.estimate_error(solutions, lambda each: each.total_force)
     assert estimate == pytest.approx((3.0 * abs(radius) / 2 + 1.25 * abs(elements) / 3) / force, abs=1e-12)
 
@@ -148,7 +148,7 @@ def test_forces_that_balance_on_every_grid_balance_in_the_result(forces, swings)
         for force, swing, size in zip(forces, swings, SIZES, strict=True)
     ]
     for study in (make_study(), make_study(extrapolate=True)):
-        base = study.combine(grids, lambda each: each.base_forces(ARRAY, PlanarPose()))
+        base = study.combine(grids, lambda each: each.base_forces(ARRAY, Pose()))
         assert base.sum() == pytest.approx(float(study.combine(grids, read_force)), rel=1e-12, abs=1e-12)
 
 

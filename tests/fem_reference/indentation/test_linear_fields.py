@@ -7,7 +7,7 @@ from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import linear_fields
 from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
 from meshes import Box, Cylinder, TexelArray
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 from tests.support.rubber import YOUNGS_MODULUS, make_cover
 
 ARRAY = TexelArray.grid(3, 3, pitch=3.4e-3)
@@ -43,10 +43,10 @@ def solve(indenter, pose, *, friction=0.0, size=None, base="bonded"):
 CASES = pytest.mark.parametrize(
     ("indenter", "pose", "size"),
     [
-        (BOX, PlanarPose(at=(1e-3, -0.5e-3), yaw=0.4), None),
-        (BOX, PlanarPose(at=(0.7e-3, 0.0)), (24e-3, 18e-3)),
-        (BOX, PlanarPose(yaw=np.pi / 2), (18e-3, 24e-3)),
-        (Cylinder(radius=8e-3), PlanarPose(at=(1e-3, -0.5e-3)), None),
+        (BOX, Pose.planar(at=(1e-3, -0.5e-3), yaw=0.4), None),
+        (BOX, Pose.planar(at=(0.7e-3, 0.0)), (24e-3, 18e-3)),
+        (BOX, Pose.planar(yaw=np.pi / 2), (18e-3, 24e-3)),
+        (Cylinder(radius=8e-3), Pose.planar(at=(1e-3, -0.5e-3)), None),
     ],
     ids=["wide", "bounded", "bounded, turned", "round"],
 )
@@ -106,8 +106,8 @@ def test_a_face_without_slip_takes_the_top_along(indenter, pose, size):
 def test_a_sliding_cover_of_limited_size_needs_a_load_that_mirrors():
     cover = make_cover(NU, "linear-elastic", size=(20e-3, 20e-3), base="sliding")
     path = LoadingPath(cover=cover, indenter=BOX, targets=(DEPTH,), control="depth")
-    assert state_missing_fields(path, PlanarPose()) == ""
-    assert "press its middle or bond its base" in state_missing_fields(path, PlanarPose(at=(1e-3, 0.0)))
+    assert state_missing_fields(path, Pose()) == ""
+    assert "press its middle or bond its base" in state_missing_fields(path, Pose.planar(at=(1e-3, 0.0)))
     with pytest.raises(ValueError, match="no fields: those of a cover of limited size that slides"):
-        solve(BOX, PlanarPose(at=(1e-3, 0.0)), size=(20e-3, 20e-3), base="sliding")
-    assert len(solve(BOX, PlanarPose(), size=(20e-3, 20e-3), base="sliding").position)
+        solve(BOX, Pose.planar(at=(1e-3, 0.0)), size=(20e-3, 20e-3), base="sliding")
+    assert len(solve(BOX, Pose(), size=(20e-3, 20e-3), base="sliding").position)

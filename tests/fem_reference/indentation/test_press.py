@@ -10,7 +10,7 @@ from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.press import _is_far_from_sides
 from fem_reference.linear_response.finite_cover import GRIDS, choose_grids
 from meshes import Box, Cylinder, Sphere, TexelArray
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 from tests.support.rubber import make_cover
 
 
@@ -62,7 +62,7 @@ def test_axis_beside_the_cover_is_refused(bonded):
             TexelArray.grid(1, 2, 3e-3),
             Sphere(radius=4e-3),
             load=1.0,
-            at=(4.1e-3, 0.0),
+            pose=Pose.planar(at=(4.1e-3, 0.0)),
         )
 
 
@@ -98,12 +98,12 @@ def test_a_cover_too_wide_for_the_memory_is_solved_on_coarser_grids_or_refused(b
 def test_a_contact_near_any_side_is_not_taken_for_one_on_a_wide_cover(at, far, model, indenter, friction):
     cover = make_cover(0.45, model, size=(40e-3, 30e-3))
     path = LoadingPath(cover=cover, indenter=indenter, targets=(1e-4,), control="depth", friction=friction)
-    place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=PlanarPose(at=at))
+    place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=Pose.planar(at=at))
     assert _is_far_from_sides(path, place, None) is far
 
 
 def test_fields_are_computed_up_to_the_sides():
     cover = make_cover(0.45, size=(40e-3, 30e-3))
     path = LoadingPath(cover=cover, indenter=Sphere(radius=4e-3), targets=(1e-4,), control="depth", fields=True)
-    place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=PlanarPose())
+    place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=Pose())
     assert not _is_far_from_sides(path, place, None)

@@ -9,13 +9,13 @@ from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy
 from fem_reference.indentation.result import combine_grids
 from meshes import Box, Sphere, TexelArray
-from meshes.pose import Place, PlanarPose
+from meshes.pose import Place, Pose
 
 SIZES = (4.0, 2.0, 1.0)
 SHARES = np.array([0.2, 0.5, 0.1, 0.1])
 #: Least relative error of a contact area that a result states [-].
 LEAST_AREA_ERROR = 2e-5
-PLACE = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=PlanarPose())
+PLACE = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=Pose())
 
 
 def make_study(*, force=0.0, depth=0.0, texel=0.0, areas=(1.0, 1.0, 1.0), overlap=0.0, lost=0.0, **options):

@@ -18,7 +18,7 @@ from fem_reference.indentation.rounding import (
     state_rounding,
 )
 from meshes import Box, Cylinder, LetterH, Prism, Roller, Sphere
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.support.rubber import make_cover
 
 HALF = [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)]
@@ -88,7 +88,7 @@ def test_radius_and_elements_are_refined_in_turn_or_at_once():
 def test_the_effect_of_the_radius_is_part_of_the_error_under_faces_that_rub(indenter, friction, size, yaw, expected):
     cover = make_cover(0.45, size=size)
     path = LoadingPath(cover=cover, indenter=indenter, targets=(1e-4,), control="depth", friction=friction)
-    assert choose_edge_safety(path, PlanarPose(yaw=yaw)) == expected
+    assert choose_edge_safety(path, Pose.planar(yaw=yaw)) == expected
 
 
 def test_results_state_what_was_rounded():

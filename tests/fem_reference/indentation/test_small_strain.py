@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.small_strain import estimate_contact, solve_path
 from meshes import Cylinder, Sphere, TexelArray
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.support.rubber import make_cover
 
 ARRAY = TexelArray.grid(6, 6, pitch=3.4e-3)
-POSE = PlanarPose(at=(1e-3, 0.0))
+POSE = Pose.planar(at=(1e-3, 0.0))
 COVER = make_cover(0.45, "linear-elastic")
 
 
@@ -45,8 +45,8 @@ def ball():
 @given(x=st.floats(-8e-3, 8e-3), y=st.floats(-8e-3, 8e-3))
 def test_a_mirrored_pose_mirrors_the_base_forces(ball, x, y):
     finest = ball[1][-1]
-    here = ARRAY.image(finest.base_forces(ARRAY, PlanarPose(at=(x, y)))[:-1])
-    there = ARRAY.image(finest.base_forces(ARRAY, PlanarPose(at=(-x, -y)))[:-1])
+    here = ARRAY.image(finest.base_forces(ARRAY, Pose.planar(at=(x, y)))[:-1])
+    there = ARRAY.image(finest.base_forces(ARRAY, Pose.planar(at=(-x, -y)))[:-1])
     assert there[::-1, ::-1] == pytest.approx(here, abs=1e-4 * finest.total_force)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from meshes import Box, Sphere
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 
 SIZE = (10e-3, 6e-3)
 PLACES = st.tuples(st.floats(-5e-3, 5e-3), st.floats(-3e-3, 3e-3))
@@ -17,7 +17,7 @@ SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.function_sco
 
 
 def make_sides(bonded, indenter, at, yaw, *, half=(1e-3, 1e-3), size=SIZE):
-    pose = PlanarPose(at=at, yaw=yaw)
+    pose = Pose.planar(at=at, yaw=yaw)
     return SideEdges(cover=bonded(0.4, size=size), indenter=indenter, pose=pose, half=np.array(half))
 
 

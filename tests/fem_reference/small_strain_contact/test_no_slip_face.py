@@ -7,7 +7,7 @@ import pytest
 
 from fem_reference.small_strain_contact.no_slip import FaceGrid, press_face
 from meshes import Box, Cylinder
-from meshes.pose import PlanarPose
+from meshes.pose import Pose
 from tests.support.rubber import make_cover
 
 GRID = FaceGrid(through=2, edge=0.5, growth=0.8, across=2)
@@ -17,7 +17,7 @@ def press(at=(0.0, 0.0), *, scale=1.0, face=Box, thickness=2e-3):
     """Press a face on a cover of 8 x 6 mm with free sides, all lengths times a factor."""
     cover = make_cover(0.45, "linear-elastic", thickness=scale * thickness, size=(scale * 8e-3, scale * 6e-3))
     shape = Box(size=(scale * 3e-3, scale * 2e-3, 5e-3)) if face is Box else Cylinder(radius=scale * 1.5e-3)
-    return press_face(cover, shape, PlanarPose(at=(scale * at[0], scale * at[1])), GRID)
+    return press_face(cover, shape, Pose.planar(at=(scale * at[0], scale * at[1])), GRID)
 
 
 @pytest.mark.parametrize("at", [(0.0, 0.0), (1.5e-3, 0.0), (0.5e-3, -1e-3)])

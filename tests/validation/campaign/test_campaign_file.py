@@ -68,8 +68,8 @@ def test_a_full_file_is_read_in_si_units(wts):
     assert (inputs.position, inputs.yaw) == (pytest.approx(5e-5), pytest.approx(math.radians(2)))
     (case,) = campaign.cases
     assert case.load == pytest.approx(0.980665)
-    assert (case.at, case.yaw) == ((1e-3, -2e-3), pytest.approx(math.radians(30)))
-    assert case.tilt == (pytest.approx(math.radians(2)), 0)
+    assert (case.pose.at, case.pose.yaw) == ((1e-3, -2e-3), pytest.approx(math.radians(30)))
+    assert case.pose.tilt == (pytest.approx(math.radians(2)), 0)
     assert (case.compared, case.required) == (("misplaced_force", "peak_error"), {"peak_error": 0.05})
 
 
@@ -208,7 +208,7 @@ def test_a_missing_file_and_no_toml_are_named(wts, tmp_path):
 def test_named_positions_are_those_of_the_array(wts):
     named = name_positions(wts)
     cases = default_cases(wts)
-    assert {case.at for case in cases} == set(named.values())
+    assert {case.pose.at for case in cases} == set(named.values())
     assert all(isinstance(case, Case) for case in cases)
 
 

@@ -14,7 +14,7 @@ def test_default_campaign_covers_what_it_says(name):
     assert len(cases) >= 12
     assert len({case.name for case in cases}) == len(cases)
     assert {case.shape.split(":")[0] for case in cases} == {"sphere", "cylinder", "box", "tip"}
-    assert {round(np.degrees(case.yaw)) for case in cases} == {0, 45, 90}
+    assert {round(np.degrees(case.pose.yaw)) for case in cases} == {0, 45, 90}
     assert {round(case.load / 9.80665e-3) for case in cases} >= {100, 500}
     half = np.array(array.extent) / 2
-    assert all((np.abs(case.at) < half).all() for case in cases)
+    assert all((np.abs(case.pose.at) < half).all() for case in cases)

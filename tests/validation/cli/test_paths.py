@@ -45,7 +45,7 @@ WRITERS = (
     ("demo", "--out", "{}"),
     ("regress", SENSOR, "--update", "--baseline", "{}"),
     ("regress", SENSOR, "--baseline", "recording.csv", "--junit", "{}"),
-    ("materials", "dragon-skin-30", "--out", "{}"),
+    ("materials", "dragon-skin-30", "--out", "{}.csv"),
     ("export", SENSOR, "--out", "{}"),
     ("record", "loop://", "--out", "{}"),
     ("import", "recording.csv", "--rows", "1", "--columns", "2", "--out", "{}"),

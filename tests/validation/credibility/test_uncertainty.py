@@ -160,10 +160,10 @@ def test_stages_of_a_linear_cover(results, wts_derivation):
 
 def test_a_wrong_table_shows_in_the_stage_spread(results, wts_derivation):
     parameters = wts_derivation.parameters
-    cells = dataclasses.replace(parameters.cells, influence=0.9 * parameters.cells.influence)
+    cells = dataclasses.replace(parameters.surface, influence=0.9 * parameters.surface.influence)
     right, wrong = (
-        score_stages(wts_derivation.sensor.cover, dataclasses.replace(parameters, cells=each), results)
-        for each in (parameters.cells, cells)
+        score_stages(wts_derivation.sensor.cover, dataclasses.replace(parameters, surface=each), results)
+        for each in (parameters.surface, cells)
     )
     assert wrong.pooled["spread"].mean > right.pooled["spread"].mean + 0.05
 

@@ -35,8 +35,8 @@ def test_derived_parameters_hold_the_cover(small_pad):
     parameters = derivation.parameters
     assert derivation.gaussian.sigma[0] == pytest.approx(derivation.gaussian.sigma[1], rel=1e-3)
     assert derivation.gaussian.residual < 0.2
-    assert parameters.curved.influence.shape[0] == parameters.array.count
-    assert parameters.curved.thickness == pytest.approx(2e-3)
+    assert parameters.surface.influence.shape[0] == parameters.array.count
+    assert parameters.surface.thickness == pytest.approx(2e-3)
 
 
 def test_the_fast_model_alone(small_pad, capsys):

@@ -11,6 +11,7 @@ from meshes import Cover
 from meshes.bounded_file import parse_toml
 from meshes.solids import fingertip
 from validation.campaign.campaign_file import parse_campaign, read_campaign
+from validation.campaign.case import describe_pose
 from validation.curved.places import CurvedPlaces
 from validation.errors import InputError
 
@@ -32,7 +33,7 @@ def read(places, **table):
 
 
 def test_oblique_directions_have_30_degrees_to_the_normal_and_differ(places):
-    straight, x, y = (read(places, direction=name)[0].direction for name in ("normal", "oblique x", "oblique y"))
+    straight, x, y = (read(places, direction=name)[0].towards for name in ("normal", "oblique x", "oblique y"))
     for oblique in (x, y):
         assert math.degrees(math.acos(straight @ oblique)) == pytest.approx(30, abs=1e-9)
     assert math.degrees(math.acos(x @ y)) > 30
@@ -43,18 +44,18 @@ def test_named_places_lie_above_active_texels(places):
     far = np.linalg.norm(places.texels.centres - named["middle"], axis=1)
     assert np.linalg.norm(named["edge"] - named["middle"]) > 0.8 * far.max()
     assert 0 < np.linalg.norm(named["off grid"] - named["middle"]) < places.texels.pitch[0] / 2
-    side, middle = (read(places, at=name)[0].direction for name in ("side", "middle"))
+    side, middle = (read(places, at=name)[0].towards for name in ("side", "middle"))
     assert side @ middle < 0.5
 
 
 def test_tilt_turns_the_indenter_and_not_its_motion(places):
     upright, tilted = read(places)[0], read(places, tilt="0deg,45deg")[0]
-    assert (tilted.direction == upright.direction).all()
-    axes = upright.pose.rotation.T @ tilted.pose.rotation
+    assert tilted.direction == upright.direction
+    axes = upright.rotation.T @ tilted.rotation
     np.testing.assert_allclose(axes[:, 1], [0, 1, 0], atol=1e-12)
     assert axes[2, 2] == pytest.approx(math.cos(math.pi / 4))
-    assert "tilted (0, 45) deg" in tilted.describe()
-    assert not tilted.same_as(upright)
+    assert "tilted 0°, 45°" in describe_pose(tilted)
+    assert not tilted.is_close_to(upright)
 
 
 @pytest.mark.parametrize(
@@ -84,7 +85,7 @@ def test_each_fault_is_one_line_with_its_place(places, table, said):
 def test_places_on_a_planar_array_may_lack_the_height(pad_places):
     """Two values are the place of the middle texel, three a point."""
     two, three = (read(pad_places, at=text)[0] for text in ("1mm,-2mm", "1mm,-2mm,2mm"))
-    np.testing.assert_allclose(two.pose.position, three.pose.position, atol=1e-12)
+    np.testing.assert_allclose(two.position, three.position, atol=1e-12)
     for text in ("1mm", "1mm,2mm,3mm,4mm"):
         found, faults = read(pad_places, at=text)
         assert found is None

@@ -14,7 +14,7 @@ TOLERANCE = 1e-6
 
 def get_tables(parameters):
     """Every array that the fast model reads, by name."""
-    cells = parameters.cells
+    cells = parameters.surface
     tables = {"operator": parameters.spread.operator(parameters.array), **parameters.tables}
     cell_tables = {"compliance": cells.compliance, "influence": cells.influence, "top": np.array(cells.top_compliance)}
     return tables | cell_tables

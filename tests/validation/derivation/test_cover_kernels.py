@@ -15,7 +15,7 @@ from validation.derivation.kernel_fit import fit_kernel
 
 @pytest.fixture(scope="module")
 def cells(derivation):
-    return derivation.parameters.cells
+    return derivation.parameters.surface
 
 
 def test_cells_of_a_texel_together_act_like_uniform_pressure(cells, derivation):

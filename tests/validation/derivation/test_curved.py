@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fastmodel.curved.press import press_curved as press_fast
+from fastmodel.contact.points import press_points as press_fast
 from fem_reference import result_store
 from fem_reference.curved_cover import press_curved, texel_responses
 from fem_reference.curved_cover.pressure_shapes import evaluate_hats
 from meshes import Box, Material, Sphere
+from meshes.pose import Pose
 from meshes.solids import phalanx
 from meshes.solids.facets import split_facet
-from meshes.spatial_pose import SpatialPose
 from validation.derivation import curved
 from validation.derivation.curved import derive_curved_cover
 
@@ -35,7 +35,7 @@ def test_presses_agree_with_those_of_the_reference_on_the_same_mesh(cover, mesh,
     """Both have the same pressures; the fast model does not cut them at a sharp edge, as the reference does."""
     close = 1e-2 if isinstance(shape, Sphere) else 8e-2
     fast = derive_curved_cover(mesh, cover.texels, RUBBER)
-    pose = SpatialPose.facing(-20e-3 * np.array(direction) + np.array([0, 0, 5e-3]), direction)
+    pose = Pose.facing(-20e-3 * np.array(direction) + np.array([0, 0, 5e-3]), direction)
     known = press_curved(mesh, cover.texels, RUBBER, shape, pose, depth=0.25e-3)
     found = press_fast(fast, shape, pose, load=known.load)
     assert np.abs(found.texel_forces - known.texel_forces).sum() < close * known.load

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import ShapeError, Tabulated
+from fastmodel import FastModelError, Tabulated
 from fastmodel.contact.methods import choose_method
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 from meshes import Sphere, TexelArray
@@ -60,7 +60,7 @@ def test_spread_is_what_even_forces_on_each_texel_do_where_they_are(derivation):
 
 
 def test_cells_of_a_texel_do_together_what_the_texel_does(derivation):
-    cells, matrix = derivation.parameters.cells, derivation.parameters.spread.matrix
+    cells, matrix = derivation.parameters.surface, derivation.parameters.spread.matrix
     s = cells.per_texel
     for texel, (row, column) in enumerate(np.ndindex(2, 2)):
         own = cells.table[:, s * row : s * (row + 1), s * column : s * (column + 1)]
@@ -68,10 +68,10 @@ def test_cells_of_a_texel_do_together_what_the_texel_does(derivation):
 
 
 def test_written_folder_carries_the_sides_to_the_fast_model(derivation, tmp_path):
-    array, cells = derivation.parameters.array, derivation.parameters.cells
+    array, cells = derivation.parameters.array, derivation.parameters.surface
     derivation.parameters.save(tmp_path)
     again = fastmodel.load(tmp_path)
-    assert np.array_equal(again.cells.table, cells.table)
+    assert np.array_equal(again.surface.table, cells.table)
     assert np.array_equal(again.spread.operator(array), derivation.parameters.spread.matrix)
     name, method = choose_method("default", again)
     assert (name, method.plate.margin) == ("cover", 0)
@@ -82,7 +82,7 @@ def test_written_folder_carries_the_sides_to_the_fast_model(derivation, tmp_path
 
 @pytest.mark.parametrize("margin", [0, 1])
 def test_forces_on_cells_go_through_the_table_and_nothing_is_felt_beyond_the_array(derivation, margin):
-    array, cells = derivation.parameters.array, derivation.parameters.cells
+    array, cells = derivation.parameters.array, derivation.parameters.surface
     grid = CellGrid.over(array, cells.per_texel, margin)
     base = BaseForces(cells, grid, array)
     forces = np.random.default_rng(0).uniform(0, 1, (grid.rows, grid.columns))
@@ -97,8 +97,8 @@ def test_forces_on_cells_go_through_the_table_and_nothing_is_felt_beyond_the_arr
 
 
 def test_table_of_another_array_is_refused(derivation):
-    with pytest.raises(ShapeError, match="table of cells and texels has shape"):
-        derivation.parameters.cells.check(TexelArray.grid(2, 3, 3.4e-3))
+    with pytest.raises(FastModelError, match="table of cells and texels has shape"):
+        derivation.parameters.surface.check(TexelArray.grid(2, 3, 3.4e-3))
 
 
 def test_what_only_a_wide_cover_has_is_left_out_plainly(derivation, path, capsys):

@@ -45,7 +45,7 @@ def test_a_linear_cover_is_in_range_up_to_the_largest_load(derivation):
     assert 1 < found.load_2_percent <= found.load_5_percent == found.largest_load
     assert 0 < found.depth_2_percent <= found.depth_5_percent
     assert found.ball_radius == derivation.sensor.array.pitch[0]
-    assert derivation.parameters.cells.loads is None
+    assert derivation.parameters.surface.loads is None
 
 
 def test_contacts_on_few_cells_do_not_count_and_the_worse_point_does(derivation):
@@ -109,7 +109,7 @@ def test_under_a_foil_the_tables_put_the_force_where_finite_strain_has_it(deriva
     from validation.derivation.cover_kernels import cover_cells
 
     plain = dataclasses.replace(
-        derivation.parameters, array=array, cells=cover_cells(COVER, array, spread), tables={}, validity=None
+        derivation.parameters, array=array, surface=cover_cells(COVER, array, spread), tables={}, validity=None
     )
     found = state_range(plain, COVER, spread, press_ball_on_array(COVER, array, None))
     assert found.validity.load_5_percent > 2

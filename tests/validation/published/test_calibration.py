@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fastmodel
+from meshes import Pose
 from validation.campaign.campaign_file import default_cases
 from validation.campaign.case import Case
 from validation.campaign.run import run_campaign
@@ -51,7 +52,7 @@ def presses(cover, parameters, prepared):
     return [
         CalibrationPress(
             scene=make_scene(cover, parameters, case, prepared.response),
-            reference=press(cover, parameters.array, case.indenter, load=case.load, at=case.at),
+            reference=press(cover, parameters.array, case.indenter, load=case.load, pose=case.pose),
         )
         for case in choose_calibration(parameters.array, SCORED)
     ]
@@ -105,7 +106,7 @@ def test_an_indenter_that_is_scored_is_not_fitted(wts, cover, parameters, prepar
     fitted = choose_calibration(wts, default_cases(wts))
     assert len(fitted) == 3
     check_disjoint(fitted, default_cases(wts))
-    elsewhere = dataclasses.replace(fitted[0], load=1.0, at=(0.0, 0.0), name="elsewhere")
+    elsewhere = dataclasses.replace(fitted[0], load=1.0, pose=Pose(), name="elsewhere")
     with pytest.raises(ValueError, match="must not be scored"):
         check_disjoint(fitted, [elsewhere])
     with pytest.raises(ValueError, match=r"elsewhere.*must not be scored"):
@@ -160,7 +161,7 @@ def test_a_row_as_json_holds_the_model_its_parameters_and_what_it_was_fitted_to(
         "contact": "rigid penetration", "rule": model.rule, "certainty": "from a summary of its code",
         "total": "the load", "not_built": model.in_time, "parameters": row.parameters,
         "units": {"stiffness": "Pa/m"}, "fitted": ["stiffness"], "fit_misplaced_force": row.error,
-        "fitted_on": [f"sphere:radius=8mm, {press.scene.load:g} N at {press.scene.case.pose}" for press in presses],
+        "fitted_on": [f"sphere:radius=8mm, {press.scene.load:g} N at {press.scene.case.place}" for press in presses],
     }  # fmt: skip
 
 
@@ -179,9 +180,9 @@ def test_a_press_by_an_indenter_that_is_scored_is_left_out(wts):
     assert [(case.shape, case.load) for case in fitted] == [
         ("sphere:radius=6mm", 3.0), ("cylinder:radius=3.5mm", 2.0), ("sphere:radius=10mm", 1.0)
     ]  # fmt: skip
-    places = [np.array(case.at) / wts.pitch for case in fitted]
+    places = [np.array(case.pose.at) / wts.pitch for case in fitted]
     np.testing.assert_allclose(places, [(0.35, 0.15), (-0.3, 0.4), (-0.9, -1.6)])
-    elsewhere = dataclasses.replace(fitted[0], load=1.0, at=(0.0, 0.0), name="elsewhere")
+    elsewhere = dataclasses.replace(fitted[0], load=1.0, pose=Pose(), name="elsewhere")
     assert choose_calibration(wts, [elsewhere]) == fitted[1:]
     check_disjoint(fitted[1:], [elsewhere])
     with pytest.raises(ValueError, match=r"elsewhere \(sphere:radius=6mm\) must not be scored"):

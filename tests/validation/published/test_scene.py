@@ -35,7 +35,9 @@ def press(parameters, bonded):
 )
 def test_contacts_are_those_of_the_method_boxes(press, parameters, case):
     scene = press(case)
-    boxes = fastmodel.indent(parameters, case.indenter, load=case.load, at=case.at, yaw=case.yaw, method="boxes")
+    boxes = fastmodel.indent(
+        parameters, case.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw, method="boxes"
+    )
     np.testing.assert_array_equal(scene.boxes.contact_forces, boxes.contact_forces)
     np.testing.assert_array_equal(scene.boxes.texel_forces, boxes.texel_forces)
     contacts = scene.contacts
@@ -55,7 +57,7 @@ def test_contact_map_covers_the_indenter(press):
     np.testing.assert_allclose(scene.map.points.mean(axis=0), [0.4e-3, 1.1e-3], atol=3e-5)
     assert not scene.map.gaps.any()
     turned = np.array([[np.cos(np.pi / 6), np.sin(np.pi / 6)], [-np.sin(np.pi / 6), np.cos(np.pi / 6)]])
-    inside = np.abs((scene.array.centres[:, :2] - scene.case.at) @ turned.T) < [4.5e-3, 2.5e-3]
+    inside = np.abs((scene.array.centres[:, :2] - scene.case.pose.at) @ turned.T) < [4.5e-3, 2.5e-3]
     np.testing.assert_array_equal(np.isfinite(scene.texel_gaps), inside.all(axis=1))
 
 

@@ -125,26 +125,38 @@ ENTRY = {"unit": "N", "tolerance": 1, "value": 1}
         ("", "not readable as JSON"),
         ("{", "not readable as JSON"),
         ("[" * 1000, "32 deep"),
-        ("{}", "it has no format"),
-        ("[]", "it has no format"),
-        ('{"name": "package", "version": "1.0"}', "it has no format"),
+        ("{}", "format: is missing; write for example format = 2"),
+        ("[]", "must hold a table"),
+        ('{"name": "package", "version": "1.0"}', "name: unknown key"),
         ('{"format": 1}', "its format is '1'"),
-        (spoil(lambda data: data.pop("sensor")), "'sensor'"),
-        (spoil(lambda data: data.pop("quantities")), "'quantities'"),
-        (spoil(lambda data: data.update(quantities=[])), "not a baseline"),
-        (spoil(lambda data: data.update(versions=3)), "not a baseline"),
-        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": float("nan")})), "x: 'nan' is not a finite"),
-        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": "much"})), "x: 'much' is not a finite"),
+        (spoil(lambda data: data.pop("sensor")), "sensor: is missing"),
+        (spoil(lambda data: data.pop("quantities")), "quantities: is missing"),
+        (spoil(lambda data: data.update(quantities=[])), "quantities: must be a table"),
+        (spoil(lambda data: data.update(versions=3)), "versions: must be a table"),
+        (
+            spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": float("nan")})),
+            "quantities.x.value: 'nan' is not a finite",
+        ),
+        (
+            spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": "much"})),
+            "quantities.x.value: 'much' is not a finite",
+        ),
         (
             spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": {"row": [True]}})),
             "'True' is not a finite",
         ),
         (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": "much"})), "'much' is not a finite"),
         (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": "nan % of value"})), "not a finite"),
-        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": -1})), "x: tolerance must be positive"),
-        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": 0})), "x: tolerance must be positive"),
-        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "unit": 1})), "unit a text"),
-        (spoil(lambda data: data["quantities"].update(x={"unit": "N"})), "not a baseline"),
+        (
+            spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": -1})),
+            "quantities.x.tolerance: must be positive",
+        ),
+        (
+            spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": 0})),
+            "quantities.x.tolerance: must be positive",
+        ),
+        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "unit": 1})), "quantities.x.unit: must be a text"),
+        (spoil(lambda data: data["quantities"].update(x={"unit": "N"})), "quantities.x.tolerance: is missing"),
         (spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": 1 << 70})), "64 bits"),
         (spoil(lambda data: data.update(sensor="another")), "belongs to 'another', not to 'some sensor'"),
     ],
@@ -155,8 +167,8 @@ def test_a_bad_file_is_bad_input(tmp_path, text, words):
     with pytest.raises(InputError) as refused:
         read_baseline(path, SENSOR)
     assert words in str(refused.value)
-    assert "--baseline" in str(refused.value)
-    assert "\n" not in str(refused.value)
+    assert all(fault.startswith("--baseline: ") for fault in refused.value.faults)
+    assert "remove it and write it anew" in refused.value.faults[-1]
 
 
 def test_a_missing_file_is_bad_input(tmp_path):

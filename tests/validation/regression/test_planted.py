@@ -149,7 +149,7 @@ def test_changes_of_the_reference_and_of_accuracy_are_named(name, wts_derivation
 def test_another_cover_moves_the_accuracy(wts_derivation, campaign):
     sensor = load("wts-0614-34", thickness="1.8mm")
     cells = cover_cells(sensor.cover, sensor.array, point_spread(sensor.cover))
-    spoilt = replace(wts_derivation, parameters=replace(wts_derivation.parameters, cells=cells))
+    spoilt = replace(wts_derivation, parameters=replace(wts_derivation.parameters, surface=cells))
     changes = compare(campaign, measured_reference(spoilt, ["reference", "accuracy"]), {})
     assert "accuracy: misplaced force" in {each.quantity for each in changes}
     assert not any(each.quantity.startswith("reference") for each in changes)

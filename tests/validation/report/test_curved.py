@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshes import TexelArray
 from meshes.bounded_file import parse_toml
 from meshes.solids.texels import cylinder_texels
 from tests.support.report_page import Page, is_printed
@@ -15,9 +14,8 @@ from validation.campaign.campaign_file import parse_campaign
 from validation.curved import evidence
 from validation.curved.evaluate import evaluate_curved
 from validation.curved.places import CurvedPlaces
+from validation.render.image import Scale, tactile_image
 from validation.report import write_report
-from validation.report.surface_map import surface_map
-from validation.report.tactile_image import Scale, choose_ink, shorten
 from validation.scene.rendering import RenderingError
 
 TEXT = """
@@ -158,48 +156,10 @@ def test_pictures_are_drawn_where_this_machine_can(evaluation, tmp_path, monkeyp
 def test_a_map_shows_every_active_texel_at_its_place():
     array = cylinder_texels(6e-3, rows=2, columns=5, pitch=(2e-3, 2e-3), size=(1.8e-3, 1.8e-3), name="patch")
     values = np.linspace(0.01, 0.1, 10)
-    drawn = surface_map(array, values, Scale(peak=0.1), name="<x>")
+    drawn = tactile_image(array, values, Scale(peak=0.1), name="<x>")
     assert "&lt;x&gt;: 10 texels; largest 100 mN on texel 9" in drawn
     squares = re.findall(r'<rect x="([\d.]+)" y="([\d.]+)" width="([\d.]+)"', drawn)
     places = np.array(squares, dtype=float)
     assert len(places) == 10
     assert (np.diff(places[:5, 0]) > places[0, 2]).all()  # no square covers its neighbour
     assert places[0, 1] > places[5, 1]  # y points up
-
-
-@pytest.mark.parametrize(("rows", "columns"), [(2, 5), (9, 2), (1, 1)])
-def test_a_map_fills_its_frame_to_scale(rows, columns):
-    """Flat texels: squares of 0.94 of the pitch, 200 units along the longer edge, within 190 x 270 pixels."""
-    array = TexelArray.grid(rows, columns, 2e-3)
-    values = np.linspace(0.01, 0.1, rows * columns)
-    drawn = surface_map(array, values, Scale(peak=0.1), name="forces")
-    edge = 0.94 * 2e-3 if rows * columns > 1 else 1.0
-    high = np.array([columns - 1, rows - 1]) * 2e-3 + edge
-    factor = 196 / high.max()
-    frame = factor * high + 4
-    width, height, shown, tall = map(
-        float, re.findall(r'viewBox="0 0 ([\d.]+) ([\d.]+)" width="(\d+)" height="(\d+)"', drawn)[0]
-    )
-    assert (width, height) == pytest.approx(frame, abs=0.051)
-    zoom = min(190 / frame[0], 270 / frame[1])
-    assert (shown, tall) == pytest.approx(zoom * frame, abs=0.51)
-    squares = np.array(
-        re.findall(r'<rect x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)"', drawn), dtype=float
-    )
-    column, row = np.meshgrid(np.arange(columns), np.arange(rows))
-    np.testing.assert_allclose(squares[:, 2:], factor * edge, atol=0.0051)
-    np.testing.assert_allclose(squares[:, 0], 2 + factor * 2e-3 * column.ravel(), atol=0.0051)
-    np.testing.assert_allclose(squares[:, 1], frame[1] - 2 - factor * (2e-3 * row.ravel() + edge), atol=0.0051)
-    texts = re.findall(
-        r'<text x="([\d.]+)" y="([\d.]+)" font-size="([\d.]+)" fill="([^"]+)"[^>]*>([^<]*)</text>', drawn
-    )
-    places = np.array([text[:3] for text in texts], dtype=float)
-    np.testing.assert_allclose(places[:, 0], squares[:, 0] + squares[:, 2] / 2, atol=0.011)
-    np.testing.assert_allclose(places[:, 1], squares[:, 1] + squares[:, 3] * (0.5 + 0.12), atol=0.011)
-    np.testing.assert_allclose(places[:, 2], 0.36 * factor * edge, atol=0.0051)
-    colours = re.findall(r'fill="(#\w+)"><title>texel (\d+): ([\d.]+) mN<', drawn)
-    for (colour, texel, number), (*_, ink, text), value in zip(colours, texts, values, strict=True):
-        assert colour == Scale(peak=0.1).colour(value)
-        assert ink == choose_ink(colour)
-        assert (number, text) == (f"{1e3 * value:.4g}", shorten(1e3 * value))
-        assert value == pytest.approx(values[int(texel)])

@@ -166,7 +166,7 @@ def test_the_table_of_cases_prints_the_fast_model_and_the_reference(page, evalua
     _, *rows = page.tables["case-table"]
     for row, result in zip(rows, evaluation.campaign.cases, strict=True):
         fast, bare = result.predictions["fast"].score, result.predictions["no-spread"].score
-        assert row[0][1] == [result.case.name, f"{result.case.shape} at {result.case.pose}"]
+        assert row[0][1] == [result.case.name, f"{result.case.shape} at {result.case.place}"]
         assert is_printed(row[1][1][0], result.case.load)
         expected = [getattr(fast, metric) for metric in TABULATED]
         assert [float(number) for number, _ in row[2:11]] == expected
@@ -247,7 +247,9 @@ def test_the_tables_of_recordings_print_the_row_that_they_name(page, recordings)
             for (number, (mean, interval)), (metric, factor) in zip(cells[2:8], STAMP_COLUMNS.items(), strict=True):
                 pooled = row.pooled[metric]
                 assert float(number) == pooled.mean
-                assert mean == f"{factor * pooled.mean:.3g}"
-                assert interval == f"{factor * pooled.low:.3g}\u2026{factor * pooled.high:.3g}"
+                assert is_printed(mean, factor * pooled.mean)
+                low, high = interval.split(" to ")
+                assert is_printed(low, factor * pooled.low)
+                assert is_printed(high, factor * pooled.high)
             if row.skill:
                 assert cells[8][1] == [f"{row.skill[null].mean:.2f}"]

@@ -6,7 +6,7 @@ import contextlib
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from validation.derivation.derive import Derivation
     from validation.sensor_file import SensorDescription
 
+_Format = Annotated[Literal["png", "svg"], Parameter(help="Format of the picture.")]
 _Out = Annotated[Path | None, Parameter(help="Folder for the files; an earlier result is replaced.")]
 
 
@@ -39,6 +40,7 @@ def derive(
     thickness: Thickness = None,
     layer: Layers = None,
     out: _Out = None,
+    format: _Format = "png",  # noqa: A002 -- the option's name
     json: Json = False,
 ) -> int:
     """Compute the point spread function of a sensor's cover, and fit the fast model's parameters to it.
@@ -78,7 +80,7 @@ def derive(
         if folder:
             from validation.report.derivation import write_derivation
 
-            files = write_derivation(derivation, folder)
+            files = write_derivation(derivation, folder, format)
     if json:
         print_json(derivation.result.as_json())
     else:

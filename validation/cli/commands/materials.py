@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from meshes.hardness import HardnessModulus
 
 _Name = Annotated[str | None, Parameter(help="One material, with everything that is known about it.")]
-_Out = Annotated[Path | None, Parameter(help="Folder for the stress-strain curve of the material.")]
+_Out = Annotated[
+    Path | None, Parameter(help="Write the stress-strain curve of the material, a .csv, .svg or .png file.")
+]
 _Hardness = Annotated[
     str | None, Parameter(help="Estimate the modulus from a Shore A hardness, e.g. 30 or '30 shore-a'.")
 ]
@@ -52,17 +54,19 @@ def materials(name: _Name = None, /, *, hardness: _Hardness = None, out: _Out = 
         if name is not None:
             raise InputError("--hardness: estimates a material of its own; leave out the name")
         found = read_hardness(hardness, place="--hardness", bare=True)
-        numbers = {**vars(found), "low": found.low, "high": found.high}
-        print_json(numbers) if json else _show_hardness(found)
+        print_json({**vars(found), "low": found.low, "high": found.high}) if json else _show_hardness(found)
     elif name is not None:
         name = match_name(name, MATERIALS)
         if name not in MATERIALS:
             raise InputError(f"unknown material {name!r}; {nearest(name, MATERIALS)}")
         material = MATERIALS[name]
-        files = _write_files(material, out) if out else ()
+        if out is not None:
+            from validation.report.material_curve import write_curve
+
+            write_curve(material, out)
         print_json({"name": name, **_list_material(material)}) if json else _show_material(material)
-        if files:
-            say(f"wrote {', '.join(files)} to {out}")
+        if out is not None:
+            say(f"wrote {out}")
     elif json:
         listed = {name: _list_material(material) for name, material in MATERIALS.items()}
         print_json({"materials": listed, "psf": PSF_NOTE})
@@ -70,37 +74,22 @@ def materials(name: _Name = None, /, *, hardness: _Hardness = None, out: _Out = 
         _show_all(list(MATERIALS.values()))
 
 
-def _write_files(material: Material, out: Path) -> tuple[str, ...]:
-    from validation.output_folder import new_folder
-    from validation.report.material_curve import write_curve
-
-    with new_folder(out) as folder:
-        return write_curve(material, folder)
-
-
-def _show_curve(material: Material) -> None:
-    """Print the stress-strain curve as text."""
-    from validation.cli.curve_text import draw_curve
-    from validation.report.material_curve import trace_stress
-
-    strain, stress = trace_stress(material)
-    show("nominal stress [kPa] over strain [%], uniaxial")
-    for line in draw_curve(100 * strain, 1e-3 * stress):
-        show(line)
-
-
 def _show_all(materials: list[Material]) -> None:
-    sources = list(dict.fromkeys(_shorten_source(material) for material in materials))
+    # Without the numbers of each material, so that equal sources are listed once.
+    shortened = [material.source.split(": E0", 1)[0] for material in materials]
+    sources = list(dict.fromkeys(shortened))
     rows = [
         (
             material.name,
             material.model.removesuffix("-elastic"),  # the table has 80 columns
             _format_pressure(material.youngs_modulus, digits=3),
             _format_spread(material),
-            _format_poisson_range(material),
-            f"({sources.index(_shorten_source(material)) + 1})",
+            f"{material.poisson_ratio:.4g}"
+            if not material.poisson_spread
+            else "{:.3g}..{:.3g}".format(*(material.poisson_ratio + k * material.poisson_spread for k in (-1, 1))),
+            f"({sources.index(source) + 1})",
         )
-        for material in materials
+        for material, source in zip(materials, shortened, strict=True)
     ]
     title = "Materials (E: Young's modulus at small strain; range: E in other sources)"
     print_table(("name", "model", "E", "range", "nu", "from"), rows, title=title, left=2, lines=False)
@@ -114,20 +103,32 @@ def _show_all(materials: list[Material]) -> None:
 
 
 def _show_material(material: Material) -> None:
+    from meshes.material import MODELS
+    from validation.cli.curve_text import draw_curve
+    from validation.report.material_curve import trace_stress
+
+    def format_parameter(name: str) -> str:
+        pressure = MODELS[material.model][name] == "Pa"
+        return ", ".join(_format_pressure(value) if pressure else f"{value:g}" for value in material.terms(name))
+
     bulk = "infinite (incompressible)" if math.isinf(material.bulk_modulus) else _format_pressure(material.bulk_modulus)
     modulus = _format_pressure(material.youngs_modulus)
+    spread = f" ±{material.poisson_spread:g}" if material.poisson_spread else ""
     rows = {
         "model": f"{material.model}, {'small strain' if material.small_strain_only else 'finite strain'}",
-        **{f"  {name}": _format_parameter(material, name) for name in material.parameters},
+        **{f"  {name}": format_parameter(name) for name in material.parameters},
         "shear modulus": f"{_format_pressure(material.shear_modulus)} at small strain",
         "Young's modulus": f"{modulus} at small strain, {_format_spread(material)}",
         "bulk modulus": bulk,
-        "Poisson ratio": _format_poisson_ratio(material),
+        "Poisson ratio": f"{material.poisson_ratio:g}{spread}",
         "source": material.source,
         "PSF": _describe_psf(material),
     }
     print_rows(rows.items(), title=material.name)
-    _show_curve(material)
+    show("nominal stress [kPa] over strain [%], uniaxial")
+    strain, stress = trace_stress(material)
+    for line in draw_curve(100 * strain, 1e-3 * stress):
+        show(line)
     low, high = (_format_pressure(value) for value in material.modulus_range)
     meaning = (
         f"Sources give {low} to {high} (good: within 10 % of yours). Depth and contact area follow the modulus: "
@@ -178,18 +179,6 @@ def _relative_width(poisson_ratio: float) -> float:
     return math.sqrt(ratio / (1 - ratio))
 
 
-def _shorten_source(material: Material) -> str:
-    """Return the source of a material without the numbers of this material, so that equal sources are listed once."""
-    return material.source.split(": E0", 1)[0]
-
-
-def _format_parameter(material: Material, name: str) -> str:
-    from meshes.material import MODELS
-
-    unit = MODELS[material.model][name]
-    return ", ".join(_format_pressure(value) if unit == "Pa" else f"{value:g}" for value in material.terms(name))
-
-
 def _format_spread(material: Material) -> str:
     """Format the range of Young's modulus between sources: `±50 %`, or `5..45 MPa` if it is not symmetric."""
     if material.spread_above in (None, material.spread):
@@ -197,17 +186,6 @@ def _format_spread(material: Material) -> str:
     low, high = material.modulus_range
     text = _format_pressure(high)
     return f"{low * float(text.split()[0]) / high:.4g}..{text}"
-
-
-def _format_poisson_range(material: Material) -> str:
-    """Format the range of the Poisson ratio: `0.5`, or `0.49..0.5`."""
-    ratio, spread = material.poisson_ratio, material.poisson_spread
-    return f"{ratio - spread:.3g}..{ratio + spread:.3g}" if spread else f"{ratio:.4g}"
-
-
-def _format_poisson_ratio(material: Material) -> str:
-    spread = f" ±{material.poisson_spread:g}" if material.poisson_spread else ""
-    return f"{material.poisson_ratio:g}{spread}"
 
 
 def _format_pressure(value: float, digits: int = 4) -> str:

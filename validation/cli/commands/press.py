@@ -253,6 +253,7 @@ def _read_request(
 
     Groups: `--load`, `--depth`; `--at`, `--yaw`, `--tilt`; `--material`, `--thickness`, `--layer`; `--curve`, `--out`.
     """
+    from meshes import Pose
     from validation.campaign.case import Case
     from validation.campaign.comparison import METHODS
     from validation.cli.sensors import check_curved_method, read_description, read_sensor
@@ -279,7 +280,7 @@ def _read_request(
     collect(faults, lambda: check_files(*files, models))
     if faults or not (found and shape and position and models) or angle is None or tilt is None:
         raise InputError(*faults)
-    case = Case(name="press", indenter=shape, shape=indenter, load=load or 0.0, at=position, yaw=angle, tilt=tilt)
+    case = Case(name="press", indenter=shape, shape=indenter, load=load or 0.0, pose=Pose.planar(position, angle, tilt))
     return _Request(
         sensor=found,
         case=case,
@@ -348,9 +349,7 @@ def _trace(request: _Request, points: int, out: Path, *, json: bool) -> int:
                 points=points,
                 load=case.load if request.depth is None else None,
                 depth=request.depth,
-                at=case.at,
-                yaw=case.yaw,
-                tilt=case.tilt,
+                pose=case.pose,
                 friction=request.friction,
                 accuracy=request.accuracy,
                 progress=progress,

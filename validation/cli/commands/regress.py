@@ -22,12 +22,13 @@ if TYPE_CHECKING:
     from fastmodel import Parameters
     from validation.regression.baseline import Baseline, Change
     from validation.regression.subject import Subject
+    from validation.render.table import Table
     from validation.sensor_file import SensorDescription
 
 _BaselineFile = Annotated[Path, Parameter(help="File with the stored values.")]
 _Update = Annotated[bool, Parameter(help="Store the present values and print what changed, instead of checking.")]
 _Junit = Annotated[Path | None, Parameter(help="File for the verdict as JUnit XML, one test case per quantity.")]
-_Out = Annotated[Path | None, Parameter(help="Folder for a picture and a table of all changes over their tolerance.")]
+_Out = Annotated[Path | None, Parameter(help="Folder for regress.csv, each change over its tolerance.")]
 _Seed = Annotated[int, Parameter(help="Seed of the noise, from 0 on; no seed changes the verdict.")]
 
 
@@ -57,14 +58,13 @@ def regress(
     from validation.output_folder import new_folder
     from validation.regression.baseline import compare, make_baseline, measure_changes, merge, read_baseline
     from validation.regression.junit import write_junit
-    from validation.regression.picture import write_verdict
     from validation.regression.quantities import measure
     from validation.regression.subject import describe_sensor
     from validation.sensor_file import SensorDescription
 
     started = time.perf_counter()
     _check_options(baseline, junit, out, seed, update=update)
-    _require_modules(source := _refuse_curved(read_sensor(sensor), sensor), pictures=out is not None)
+    _require_modules(source := _refuse_curved(read_sensor(sensor), sensor))
     name = source.name if isinstance(source, SensorDescription) else source.array.name
     described = describe_sensor(name, source.array, derived=isinstance(source, SensorDescription))
     # A fault in the baseline is reported before the long computation.
@@ -74,7 +74,8 @@ def regress(
             readings, failures = measure(_make_subject(source, seed, progress), progress=progress)
         now = make_baseline(described, readings)
         ratios = {} if stored is None else measure_changes(stored, now)
-        files = write_verdict(ratios, name, folder) if folder else ()
+        if folder:
+            (folder / "regress.csv").write_text(_tabulate(ratios).to_csv(), encoding="utf-8")
         changes = [] if stored is None else compare(stored, now, failures)
     _show_changes(changes, failures, now, json=json)
     if update:
@@ -88,9 +89,21 @@ def regress(
         _advise(stored, now, sensor, baseline)
     if junit is not None:
         write_junit(junit, described, now.readings, changes, seconds=seconds)
-    if files:
-        say(f"wrote {', '.join(files)} to {out}")
+    if out is not None:
+        say(f"wrote regress.csv to {out}")
     return CHECK_FAILED if changes else DONE
+
+
+def _tabulate(changes: Mapping[str, float]) -> Table:
+    """Tabulate the largest change over the tolerance of each quantity, infinity where one side lacks it [-]."""
+    from validation.render.table import Cell, Table
+
+    return Table(
+        name="regress",
+        caption="Change of every quantity over its tolerance",
+        headings=("quantity", "change_over_tolerance"),
+        rows=[[Cell(text=title), Cell(text=f"{value:.6g}")] for title, value in changes.items()],
+    )
 
 
 def _refuse_curved(source: SensorDescription | Parameters, sensor: str) -> SensorDescription | Parameters:
@@ -99,9 +112,10 @@ def _refuse_curved(source: SensorDescription | Parameters, sensor: str) -> Senso
     Raises:
         InputError: If it is.
     """
+    from fastmodel.surface import CoverPoints
     from validation.sensor_file import SensorDescription
 
-    if not isinstance(source, SensorDescription) and source.curved is not None:
+    if not isinstance(source, SensorDescription) and isinstance(source.surface, CoverPoints):
         raise InputError(
             f"{sensor}: is of a curved cover, and the guarded quantities are those of flat arrays; "
             "`softcover validate` with the sensor file scores it"
@@ -109,7 +123,7 @@ def _refuse_curved(source: SensorDescription | Parameters, sensor: str) -> Senso
     return source
 
 
-def _require_modules(source: SensorDescription | Parameters, *, pictures: bool) -> None:
+def _require_modules(source: SensorDescription | Parameters) -> None:
     """Check that finite elements are installed, which derive the parameters of a described sensor.
 
     Raises:
@@ -123,7 +137,6 @@ def _require_modules(source: SensorDescription | Parameters, *, pictures: bool) 
     stored = source is BUILT_IN.get(source.name)
     require(
         "skfem",
-        useful=("matplotlib",) if pictures else (),
         otherwise=f"check the stored parameters: softcover export {source.name} --out FOLDER, softcover regress FOLDER"
         if stored
         else "",

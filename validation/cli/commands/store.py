@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -32,8 +32,6 @@ _OtherCode = Annotated[
 _Everything = Annotated[bool, Parameter(name="--all", help="Remove every entry.")]
 _DryRun = Annotated[bool, Parameter(name="--dry-run", help="Only say what would be removed.")]
 
-#: Printed names of some kinds of stored results; the names of the other kinds are printed as they are.
-_KINDS = {"point-spread": "point spread"}
 #: Largest number of elements of a list that is printed in full; of a longer list only the number is printed [-].
 _LONGEST_LIST = 3
 
@@ -77,9 +75,8 @@ def list_entries(*, json: Json = False) -> None:
         )
         return
     _print_lines(found)
-    other = sum(not _is_usable(entry) for entry in found)
     show(f"{_summarise(found)} in {result_store.folder()}")
-    if other:
+    if other := sum(not _is_usable(entry) for entry in found):
         say(f"{other} of them cannot be used by this version; `softcover store prune` removes them")
 
 
@@ -105,12 +102,12 @@ def verify_entries(*, json: Json = False) -> int:
                 "partial_files": result_store.count_partial_files(),
             }
         )
-    else:
-        for entry in damaged:
-            show(f"{entry.path}: {entry.problem}")
-        show(f"{_summarise(checked)} checked, {len(damaged) or 'none'} damaged")
-        if damaged:
-            say("damaged entries are never used: they are computed again, or removed by `softcover store prune`")
+        return CHECK_FAILED if damaged else DONE
+    for entry in damaged:
+        show(f"{entry.path}: {entry.problem}")
+    show(f"{_summarise(checked)} checked, {len(damaged) or 'none'} damaged")
+    if damaged:
+        say("damaged entries are never used: they are computed again, or removed by `softcover store prune`")
     return CHECK_FAILED if damaged else DONE
 
 
@@ -145,74 +142,50 @@ def prune_entries(
     check_range("--keep-latest", keep_latest)
     if everything and (older_than or other_code or keep_latest is not None):
         raise InputError("--all: removes every entry; leave out --older-than, --keep-latest and --other-code")
-    if not everything and older_than is None and keep_latest is None:
-        other_code = True
+    keeps_current = other_code or not (everything or older_than is not None or keep_latest is not None)
     found = result_store.verify()
-    chosen = list(_choose(found, age=age, keep_latest=keep_latest or 0, other_code=other_code))
-    removed, failures = (chosen, []) if dry_run else _remove(chosen)
+    removed: list[Entry] = []
+    failures: list[OSError] = []
+    for entry in _choose(found, age=age, keep_latest=keep_latest or 0, keeps_current=keeps_current):
+        try:
+            if not dry_run:
+                result_store.remove(entry)
+            removed.append(entry)
+        except OSError as error:
+            failures.append(error)
     swept = 0 if dry_run else result_store.sweep_leftovers()
-    _print_removed(removed, kept=len(found) - len(removed), swept=swept, dry_run=dry_run, as_json=json)
+    kept = len(found) - len(removed)
+    if json:
+        entries, freed = [_list_entry(entry) for entry in removed], sum(entry.size for entry in removed)
+        told = {"dry_run": dry_run, "removed": entries, "bytes": freed, "kept": kept, "partial_files_removed": swept}
+        print_json(told)
+    else:
+        _print_lines(removed)
+        left = f", and {swept} unfinished files of killed processes" if swept else ""
+        show(f"{_summarise(removed)} {'would be removed' if dry_run else 'removed'}{left}; {kept} kept")
     if failures:
         raise failures[0]
 
 
-def _choose(found: Iterable[Entry], *, age: float, keep_latest: int, other_code: bool) -> Iterator[Entry]:
-    """Choose the stored results to remove.
+def _choose(found: Sequence[Entry], *, age: float, keep_latest: int, keeps_current: bool) -> list[Entry]:
+    """Choose the stored results to remove: damaged ones, and those that all conditions choose.
 
     Args:
         found: All stored results, the newest first.
         age: Least age of an undamaged result that is removed [s].
         keep_latest: Number of the newest undamaged results that are kept [-].
-        other_code: Whether results of the present code version are kept.
-
-    Yields:
-        Damaged results, and results that all conditions choose.
+        keeps_current: Whether results of the present code version are kept.
     """
     from fem_reference import result_store
 
-    now, kept = time.time(), 0
-    for entry in found:
-        if entry.problem:
-            yield entry
-            continue
-        kept += 1
-        is_young = now - entry.created < age
-        is_current = other_code and entry.code == result_store.code_version()
-        if kept > keep_latest and not is_young and not is_current:
-            yield entry
-
-
-def _remove(chosen: Iterable[Entry]) -> tuple[list[Entry], list[OSError]]:
-    from fem_reference import result_store
-
-    removed, failures = [], []
-    for entry in chosen:
-        try:
-            result_store.remove(entry)
-        except OSError as error:
-            failures.append(error)
-        else:
-            removed.append(entry)
-    return removed, failures
-
-
-def _print_removed(removed: list[Entry], *, kept: int, swept: int, dry_run: bool, as_json: bool) -> None:
-    freed = sum(entry.size for entry in removed)
-    if as_json:
-        print_json(
-            {
-                "dry_run": dry_run,
-                "removed": [_list_entry(entry) for entry in removed],
-                "bytes": freed,
-                "kept": kept,
-                "partial_files_removed": swept,
-            }
-        )
-        return
-    _print_lines(removed)
-    verb = "would be removed" if dry_run else "removed"
-    left = f", and {swept} unfinished files of killed processes" if swept else ""
-    show(f"{_summarise(removed)} {verb}{left}; {kept} kept")
+    latest = {entry.key for entry in [entry for entry in found if not entry.problem][:keep_latest]}
+    now, current = time.time(), result_store.code_version()
+    return [
+        entry
+        for entry in found
+        if entry.problem
+        or not (entry.key in latest or now - entry.created < age or (keeps_current and entry.code == current))
+    ]
 
 
 def _print_lines(found: Iterable[Entry]) -> None:
@@ -220,10 +193,14 @@ def _print_lines(found: Iterable[Entry]) -> None:
     from rich.filesize import decimal
 
     for entry in found:
-        what = f"{_KINDS.get(entry.kind, entry.kind)}: {_describe_inputs(entry.inputs)}"
+        what = f"{str(entry.kind).replace('-', ' ')}: {_describe_inputs(entry.inputs)}"
         state = "damaged" if entry.problem else "" if _is_usable(entry) else "other code"
-        size, age = decimal(entry.size), _format_age(entry.created)
-        show(f"{entry.key[:12]}  {size:>9}  {age:>6}  {state:10}  {what}")
+        age, unit = max(0.0, time.time() - entry.created), "s"
+        for name, length in (("d", 86_400), ("h", 3600), ("min", 60)):
+            if age >= length:
+                age, unit = age / length, name
+                break
+        show(f"{entry.key[:12]}  {decimal(entry.size):>9}  {f'{age:.0f} {unit}':>6}  {state:10}  {what}")
 
 
 def _list_entry(entry: Entry) -> dict[str, Any]:
@@ -260,7 +237,7 @@ def _format_input(name: str, value: object) -> str:
             text = " + ".join(f"{1e3 * layer['thickness']:.4g} mm {layer['material']['name']}" for layer in layers)
             return f"{text}, {base}"
         case "indenter", {"@type": kind, **sizes}:
-            text = ",".join(f"{key}={_format_length(str(key), size)}" for key, size in sizes.items())
+            text = ",".join(f"{key}={_format_size(str(key), size)}" for key, size in sizes.items())
             return f"{str(kind).rpartition('.')[2].lower()}:{text}"
         case (("load" | "force"), float() | int()):
             return f"{value:.4g} N"
@@ -269,37 +246,18 @@ def _format_input(name: str, value: object) -> str:
     return ""
 
 
-def _format_length(name: str, size: object) -> str:
-    """Format a length, an angle or a list of lengths of an indenter as on the command line.
-
-    Args:
-        name: Name of the parameter; only the parameter `angle` is an angle.
-        size: Value of the parameter, in SI units.
-    """
+def _format_size(name: str, size: object) -> str:
+    """Format a length, an angle (of the parameter `angle`) or a list of lengths of an indenter, given in SI units."""
     if isinstance(size, list):
-        if len(size) > _LONGEST_LIST:
-            return f"{len(size)} values"
-        return "x".join(_format_length(name, part) for part in size)
+        long = len(size) > _LONGEST_LIST
+        return f"{len(size)} values" if long else "x".join(_format_size(name, part) for part in size)
     if not isinstance(size, float):
         return str(size)
     return f"{math.degrees(size):.4g}deg" if name == "angle" else f"{1e3 * size:.4g}mm"
 
 
-def _summarise(found: list[Entry]) -> str:
+def _summarise(found: Sequence[Entry]) -> str:
     from rich.filesize import decimal
 
     noun = "entry" if len(found) == 1 else "entries"
     return f"{len(found)} {noun}, {decimal(sum(entry.size for entry in found))}"
-
-
-def _format_age(created: float) -> str:
-    """Format the age of a stored result with a unit.
-
-    Args:
-        created: Time at which the result was written [s since 1970].
-    """
-    seconds = max(0.0, time.time() - created)
-    for unit, length in (("d", 86_400), ("h", 3600), ("min", 60)):
-        if seconds >= length:
-            return f"{seconds / length:.0f} {unit}"
-    return f"{seconds:.0f} s"

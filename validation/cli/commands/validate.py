@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,18 +10,16 @@ from cyclopts import Parameter
 
 from validation.cli.failures import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
-from validation.cli.output import describe_cover, note, print_json, print_table, say, show, show_wrapped
+from validation.cli.output import describe_cover, make_console, note, print_json, say, show, show_wrapped
 from validation.cli.progress import Progress
 from validation.errors import InputError
 
 if TYPE_CHECKING:
     from validation.campaign.campaign_file import Campaign
     from validation.campaign.evaluation import Evaluation
-    from validation.campaign.pooling import Pooled
-    from validation.campaign.results import CampaignResult, RowScores
+    from validation.campaign.results import CampaignResult
     from validation.data_sets.data_set import DataSet
-    from validation.data_sets.results import RecordingScores
-    from validation.results import Column
+    from validation.render.table import Table
     from validation.sensor_file import SensorDescription
 
 _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
@@ -34,12 +31,18 @@ _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings unde
 _DataSet = Annotated[
     str | None, Parameter(name="--data-set", help="Data-set file, or kiechle-sdh2; that in the folder when not given.")
 ]
+_Measured = Annotated[
+    str | None,
+    Parameter(
+        help="File of measured forces with their own cover, or gelsight-mini: compare the finite elements with them."
+    ),
+]
 
 #: Built-in sensor that `softcover demo` evaluates, and built-in sensor that made the recordings under known weights.
 _DEMO, _RECORDED = "wts-0614-34", "sdh2-distal"
-#: Names of the metrics in the printed table of scores; number of published models that are printed [-].
-_COLUMNS = ("misplaced_force", "centre_of_pressure_m", "image_changed_percent")
-_BEST = 5
+#: Names of the metrics in the printed table of scores; number of its rows [-].
+SHOWN = ("misplaced_force", "centre_of_pressure_m", "image_changed_percent")
+_ROWS = 10
 
 
 def demo(
@@ -73,6 +76,7 @@ def validate(
     quick: _Quick = False,
     recordings: _Recordings = None,
     data_set: _DataSet = None,
+    measured: _Measured = None,
     material: MaterialName = None,
     thickness: Thickness = None,
     layer: Layers = None,
@@ -92,10 +96,18 @@ def validate(
         softcover validate sdh2-distal --recordings ~/tactile-sensors
         softcover validate sensor.toml --recordings data-set.toml
         softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json
+        softcover validate wts-0614-34 --measured gelsight-mini
     """
     from validation.cli.sensors import read_description
     from validation.data_sets.locate import describe_unused_recordings, find_data_set
 
+    if measured is not None:
+        if quick or any(given is not None for given in (campaign, recordings, data_set, material, thickness, layer)):
+            raise InputError("--measured: measured forces have a cover of their own; leave out all options but --json")
+        from validation.cli.measured_force import compare_measured_force
+
+        compare_measured_force(measured, json=json)
+        return DONE
     description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
     if description.body is not None and (recordings is not None or data_set is not None):
         raise InputError("--recordings, --data-set: recordings of curved covers are not scored; leave them out")
@@ -216,8 +228,8 @@ def _tell_problems(evaluation: Evaluation) -> None:
 
 
 def _print(evaluation: Evaluation) -> None:
-    """Print a summary that fits 80 columns: the verdict in words, then tables."""
-    from validation.campaign.results import SKILL_METRICS, describe_reference_error
+    """Print the verdict in words and a table of at most ten models; the report has the rest."""
+    from validation.campaign.results import describe_reference_error
 
     sensor, campaign, verdict = evaluation.sensor, evaluation.campaign, evaluation.verdict
     show_wrapped(f"{sensor.name}, cover {describe_cover(sensor.cover)}", further="  ")
@@ -225,80 +237,31 @@ def _print(evaluation: Evaluation) -> None:
     show_wrapped(verdict.sentence, further="  ")
     for reason in verdict.reasons:
         show_wrapped(f"- {reason}", indent="  ", further="  ")
-    floor = describe_reference_error(campaign)
-    print_table(
-        ("model", *map(_head, _COLUMNS)),
-        _list_scores(campaign),
-        title=f"Fast model and simpler models against finite elements, {len(campaign.cases)} cases",
-        caption=f"mean and 95 % interval over cases; own error of the reference: {floor}",
+    make_console().print(_tabulate(campaign).to_rich())
+    show_wrapped(
+        f"Means over {len(campaign.cases)} cases; own error of the reference: "
+        f"{describe_reference_error(campaign)}. All models and intervals are in the report."
     )
-    if campaign.published:
-        rows = sorted(campaign.published, key=lambda each: each.pooled["misplaced_force"].mean)
-        print_table(
-            ("published model", *map(_head, SKILL_METRICS)),
-            _list_published(rows[:_BEST]),
-            title=f"The {min(_BEST, len(rows))} best of {len(rows)} published models, same cases, means",
-            caption="all are in the report; the fitted ones were fitted to other presses",
-        )
     scores = evaluation.recordings
-    if scores is not None:
-        splits = list(dict.fromkeys(row.split for row in scores.rows))
-        print_table(
-            ("model", *(f"({number})" for number in range(1, len(splits) + 1))),
-            _list_recording_scores(scores, splits),
-            title="Against recordings: image changed [%] on recordings that were not fitted",
-        )
-        for number, split in enumerate(splits, start=1):
-            notes = scores.notes[split]
-            show_wrapped(f"({number}) {scores.about[split]}:", further="  ")
-            for note in notes:
-                show_wrapped(f"- {note}", indent="  ", further="  ")
+    for split, notes in scores.notes.items() if scores else ():
+        show_wrapped(f"Recordings, {scores.about[split] if scores else ''}: {'; '.join(notes)}", further="  ")
 
 
-def _head(name: str) -> str:
-    """Return the heading of a metric's column, with its unit."""
+def _tabulate(campaign: CampaignResult) -> Table:
+    """Make the table of our models, the null models and the best published ones, ten rows at most."""
     from validation.metrics import METRICS
+    from validation.render.table import Cell, Table
 
-    return f"{METRICS[name].heading} [{METRICS[name].unit}]"
-
-
-def _list_scores(campaign: CampaignResult) -> Iterator[tuple[str, ...]]:
-    from validation.metrics import METRICS
-
-    for model, metrics in campaign.pooled.items():
-        yield model, *(_format_pooled(metrics[name], METRICS[name]) for name in _COLUMNS)
-
-
-def _list_published(rows: Sequence[RowScores]) -> Iterator[tuple[str, ...]]:
-    from validation.campaign.results import SKILL_METRICS
-    from validation.metrics import METRICS
-
-    for scores in rows:
-        means = (METRICS[name].text(scores.pooled[name].mean) for name in SKILL_METRICS)
-        yield f"{scores.title}, {scores.variant}", *means
-
-
-def _format_pooled(value: Pooled, metric: Column) -> str:
-    if not value.cases:
-        return "none"
-    mean, low, high = (metric.factor * number for number in (value.mean, value.low, value.high))
-    return f"{mean:.2g} ({low:.2g}..{high:.2g})"
-
-
-def _list_recording_scores(scores: RecordingScores, splits: list[str]) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of the table of scores against recordings: the mean change of the image by each model.
-
-    Args:
-        scores: Scores against the recordings.
-        splits: Names of the divisions of the recordings into fitted and scored weights, one column each.
-
-    Yields:
-        Name of the model and one number per column [%]; an empty text where the model was not scored.
-    """
-    means = {
-        (row.split, row.model, row.texel_gains): f"{row.pooled['image_changed_percent'].mean:.2f}"
-        for row in scores.rows
-    }
-    for model, gains, kind in dict.fromkeys((row.model, row.texel_gains, row.kind) for row in scores.rows):
-        label = {"null": " (null)", "floor": " (floor)"}.get(kind, " + texel gains" if gains else "")
-        yield f"{model}{label}", *(means.get((split, model, gains), "") for split in splits)
+    pooled = dict(campaign.pooled)
+    best = sorted(campaign.published, key=lambda each: each.pooled["misplaced_force"].mean)
+    pooled |= {f"{each.title}, {each.variant}": each.pooled for each in best[: _ROWS - len(pooled)]}
+    shown = {name: METRICS[name] for name in SHOWN}
+    return Table(
+        name="models",
+        caption="Fast model, simpler and published ones against finite elements",
+        headings=("model", *(column.title for column in shown.values())),
+        rows=[
+            [Cell(text=model), *(Cell(text=column.text(means[name].mean)) for name, column in shown.items())]
+            for model, means in pooled.items()
+        ],
+    )

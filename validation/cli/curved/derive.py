@@ -41,7 +41,7 @@ def derive_curved_cover(sensor: SensorDescription, out: Path | None, *, json: bo
         print_meaning(_explain_derivation(derivation))
     for sentence in derivation.warnings:
         say(f"softcover: warning: {sentence}")
-    if files and derivation.parameters.curved is None:
+    if files and derivation.parameters.surface is None:
         say(
             "softcover: note: the meshes of this cover are too fine for the fast model's contact; parameters.toml "
             "holds the spread of forces alone; give a larger cover.element_size"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from validation.campaign.case import describe_pose, tabulate_pose
 from validation.cli.curved.derive import describe_body, describe_known_errors, format_vector, judge_error, say_written
 from validation.cli.failures import DONE
 from validation.cli.meaning import print_meaning
@@ -127,11 +128,11 @@ def press_by_fast_model(
         found = press_fast(cover, shape, touch, load)
     if json:
         about = {"sensor": sensor.name, "cover": sensor.describe_cover(), "indenter": text.indenter}
-        print_json({**about, **touch.as_json(), "load": load, "models": {"fast": found.as_json()}})
+        print_json({**about, **tabulate_pose(touch), "load": load, "models": {"fast": found.as_json()}})
         return DONE
     rows = [
         ("cover", describe_body(sensor)),
-        ("touched at", touch.describe()),
+        ("touched at", describe_pose(touch)),
         ("force on the cover", f"({format_vector(found.force, 4)}) N, {load:.4f} N of it along the direction"),
         ("time", f"{1e3 * found.seconds:.0f} ms, without the derivation of the model"),
     ]
@@ -205,7 +206,7 @@ def _list_press(press: CurvedPress) -> Iterator[tuple[str, str]]:
     yield "cover", describe_body(press.sensor)
     for line in press.sensor.body.notes if press.sensor.body else ():
         yield "note", line
-    yield "touched at", press.touch.describe()
+    yield "touched at", describe_pose(press.touch)
     yield "force on the cover", f"({format_vector(found.force, 4)}) N, {found.load:.4f} N of it along the direction"
     yield "force on the base", f"({format_vector(found.base_force, 4)}) N"
     yield "not measured", f"({format_vector(found.unmeasured, 4)}) N: beside the texels and shear along them"

@@ -20,13 +20,13 @@ def test_derive_prints_one_json_object_and_writes_its_files(softcover, monkeypat
     monkeypatch.setattr("validation.cli.progress.LINE_INTERVAL", -1.0)
     status, out, err = softcover("derive", "wts-0614-34", "--json", "--out", "derived")
     assert err.startswith("[  0.")
-    assert err.endswith("wrote parameters.toml, cover.npz, derive.json, psf.svg, psf.png to derived\n")
+    assert err.endswith("wrote parameters.toml, cover.npz, derive.json, psf.png to derived\n")
     result = json.loads(out)
     assert status == 0
     assert 0.3 < result["psf"]["sigma_x"] < 0.8
     assert json.loads(Path("derived/derive.json").read_text()) == result
     assert fastmodel.load("derived").spread.sigma_x == result["psf"]["sigma_x"]
-    assert Path("derived/psf.svg").stat().st_size > 1000
+    assert Path("derived/psf.png").stat().st_size > 1000
 
 
 @pytest.mark.slow

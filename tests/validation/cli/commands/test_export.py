@@ -64,10 +64,10 @@ def test_only_the_method_of_an_exported_model_can_read_it(exported, method):
     }
     plate = printed["method"] in {"cover", "foundation"}
     assert model.ngeom == (1 if plate else 84)
-    bound = {"array": parameters.array, "name": "wts-0614-34", "cells": parameters.cells}
+    bound = {"array": parameters.array, "name": "wts-0614-34", "surface": parameters.surface}
     reading = fastmodel.METHODS[printed["method"]].bind(model, **bound).at_rest(np.zeros(84))
     assert reading.carried == 0.0
-    with pytest.raises(fastmodel.LifeCycleError):
+    with pytest.raises(fastmodel.errors.LifeCycleError):
         fastmodel.METHODS["boxes" if plate else "cover"].bind(model, **bound)
 
 
@@ -100,7 +100,7 @@ def test_models_for_other_simulators_are_beside_the_parameters(softcover, form):
 def test_an_array_converted_to_mjcf_and_back_keeps_every_texel(softcover, sensor):
     given = fastmodel.load("wts-0614-34" if sensor == "bent" else sensor)
     if sensor == "bent":
-        given = dataclasses.replace(given, array=bent_array(), cells=None, tables={})
+        given = dataclasses.replace(given, array=bent_array(), surface=None, tables={})
     given.save("derived")
     assert softcover("export", "derived", "--out", "out", "--method", "boxes")[0] == 0
     (path,) = Path("out").glob("*.xml")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fem_reference import IncompletePathError, press
-from meshes import Sphere, TexelArray
+from meshes import Pose, Sphere, TexelArray
 from tests.support.rubber import make_cover
 from validation.campaign.case import Case
 from validation.campaign.comparison import compare_models_as_far
@@ -54,7 +54,7 @@ def test_hexahedra_fill_the_block(tmp_path):
     from meshes import Box
 
     box = Box(size=(4e-3, 3e-3, 4e-3))
-    found = press(make_cover(0.45, "linear-elastic"), ARRAY, box, load=0.3, yaw=0.3, fields=True)
+    found = press(make_cover(0.45, "linear-elastic"), ARRAY, box, load=0.3, pose=Pose.planar(yaw=0.3), fields=True)
     assert write_indentation(found, tmp_path)[-1] == "fields.vtu"
     grid = pyvista.read(tmp_path / "fields.vtu")
     volumes = np.asarray(grid.compute_cell_sizes()["Volume"])
@@ -128,7 +128,7 @@ def test_a_press_that_stops_early_says_so_in_its_json(monkeypatch):
         raise IncompletePathError("reached 0.1 N of the 5 N asked for", [real(*args, load=0.1, **options)])
 
     monkeypatch.setattr(module, "press", stop)
-    case = Case(name="press", indenter=BALL, shape="ball", load=5.0, at=(0.0, 0.0), yaw=0.0)
+    case = Case(name="press", indenter=BALL, shape="ball", load=5.0)
     found = compare_models_as_far(BUILT_IN["wts-0614-34"], case, models=("fem",)).as_json()
     assert (found["load"], found["wanted"]) == (0.1, {"load": 5.0})
     assert found["stopped"].startswith("reached 0.1 N")

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.support.recordings import RECORDINGS
+from validation.campaign.results import SkippedCase
 
 
 @pytest.mark.skipif(RECORDINGS is None, reason="no recordings here")
@@ -59,17 +60,13 @@ def test_a_damaged_case_costs_a_line_and_the_rest_is_scored(softcover, tmp_path,
 @pytest.mark.parametrize("interrupted", [False, True])
 def test_cases_without_scores_and_warnings_are_told_once_each(softcover, monkeypatch, interrupted):
     told = SimpleNamespace(
-        as_json=dict,
+        report=SimpleNamespace(as_json=dict),
         verdict=SimpleNamespace(short="verdict", accepted=True),
         plan=SimpleNamespace(left_out=()),
         recordings=SimpleNamespace(problems=["a.mcap: no load"]),
         campaign=SimpleNamespace(
             interrupted=interrupted,
-            skipped=[
-                SimpleNamespace(
-                    case=SimpleNamespace(name="far", shape="ball", load=2.0), reason="beside the array", converged=True
-                )
-            ],
+            skipped=[SkippedCase(name="far", indenter="ball", load=2.0, reason="beside the array", converged=True)],
             cases=[
                 SimpleNamespace(
                     case=SimpleNamespace(name=name), reference=SimpleNamespace(warnings=reference), warnings=fast

@@ -1,0 +1,418 @@
+"""Forces between rigid bodies and points of a cover, by exchange of points between contact and gap.
+
+A point in contact has a force and no gap; any other point has a gap and no force.  The force of every body is
+prescribed along one direction; for a body that is free to move in others, these are prescribed too.  The multipliers of
+these constraints are the motions of the body.  Points are exchanged in blocks (Judice and Pires 1994), and one at a
+time where blocks make no progress (Murty 1974).  The gaps are those of the undeformed cover along its normals; they are
+measured again after each motion of a body, until the motion is small.  `press_points` presses one indenter on a guide;
+`fastmodel.indent` is its public form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from fastmodel.contact.geoms import add_geoms
+from fastmodel.contact.panels import PanelSamples, Wrench
+from fastmodel.errors import FastModelError, MissedArrayError
+from fastmodel.pose import rotate
+from fastmodel.pressure.gap import CYLINDER, ELLIPSOID, POLYTOPE, describe_solid
+from fastmodel.pressure.gap_sampling import BodyShape, PosedBody
+from fastmodel.surface import CoverPoints
+from meshes import Indenter
+from meshes.array_types import BoolArray, FloatArray, IntArray
+from meshes.pose import Pose
+
+#: Component of a unit direction below which a line counts as parallel to a plane [-].
+_PARALLEL = 1e-12
+
+
+def measure_gaps(body: PosedBody, points: FloatArray, normals: FloatArray, *, behind: float = 0.0) -> FloatArray:
+    """Measure the distance from points to a body along their normals.
+
+    Args:
+        body: Solids of the body and their poses.
+        points: k points in the array's frame, shape (k, 3) [m].
+        normals: Their unit normals, shape (k, 3) [-].
+        behind: Distance behind a point up to which a body that has passed it counts [m].
+
+    Returns:
+        Distance at which each normal enters the body; negative where the point lies inside it or was passed by it,
+        infinite where the normal misses the body or it lies farther behind the point, shape (k,) [m].
+    """
+    gap = np.full(len(points), np.inf)
+    for solid, rotation, position in zip(body.shape.solids, body.rotation, body.position, strict=True):
+        start, along = (points - position) @ rotation, normals @ rotation
+        if solid.kind == POLYTOPE:
+            first, last = _cross_planes(start, along, solid.planes)
+        elif solid.kind == ELLIPSOID:
+            first, last = _cross_round(start / solid.size, along / solid.size, 1.0)
+        else:
+            radius, half = solid.size[:2]
+            first, last = _cross_cylinder(start, along, radius, half)
+            if solid.kind != CYLINDER:
+                first, last = _add_caps(start, along, radius, half, (first, last))
+        gap = np.minimum(gap, np.where((first <= last) & (last >= -behind), first, np.inf))
+    return gap
+
+
+def _cross_planes(start: FloatArray, along: FloatArray, planes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Find where k lines enter and leave a polytope; the first exceeds the last where they miss it [m]."""
+    speed, room = along @ planes[:, :3].T, planes[:, 3] - start @ planes[:, :3].T
+    moving = np.abs(speed) > _PARALLEL
+    at = np.divide(room, speed, out=np.zeros_like(room), where=moving)
+    first = np.where(moving & (speed < 0), at, -np.inf).max(axis=1)
+    last = np.where(moving & (speed > 0), at, np.inf).min(axis=1)
+    outside = (~moving & (room < 0)).any(axis=1)
+    return np.where(outside, np.inf, first), np.where(outside, -np.inf, last)
+
+
+def _cross_round(start: FloatArray, along: FloatArray, radius: float) -> tuple[FloatArray, FloatArray]:
+    """Find where |start + s along| equals a radius: the ball in 3 components, the endless cylinder in 2 [m]."""
+    square = (along**2).sum(axis=1)
+    middle, inner = (along * start).sum(axis=1), (start**2).sum(axis=1) - radius**2
+    root = middle**2 - square * inner
+    parallel = square < _PARALLEL**2
+    missed = np.where(parallel, inner > 0, root < 0)
+    half = np.sqrt(np.maximum(root, 0.0))
+    scale = np.where(parallel, 1.0, square)
+    first = np.where(parallel, -np.inf, (-middle - half) / scale)
+    last = np.where(parallel, np.inf, (-middle + half) / scale)
+    return np.where(missed, np.inf, first), np.where(missed, -np.inf, last)
+
+
+def _cross_cylinder(start: FloatArray, along: FloatArray, radius: float, half: float) -> tuple[FloatArray, FloatArray]:
+    """Find where k lines enter and leave an upright cylinder of a half length [m]."""
+    first, last = _cross_round(start[:, :2], along[:, :2], radius)
+    ends = _cross_planes(start, along, np.array([[0.0, 0, 1, half], [0, 0, -1, half]]))
+    return np.maximum(first, ends[0]), np.minimum(last, ends[1])
+
+
+def _add_caps(
+    start: FloatArray, along: FloatArray, radius: float, half: float, found: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Unite the interval in a cylinder with those in the balls at its ends, which together are a capsule [m]."""
+    missed = found[0] > found[1]
+    first, last = np.where(missed, np.inf, found[0]), np.where(missed, -np.inf, found[1])
+    for end in (-half, half):
+        enter, leave = _cross_round(start - np.array([0, 0, end]), along, radius)
+        hit = enter <= leave
+        first = np.where(hit, np.minimum(first, enter), first)
+        last = np.where(hit, np.maximum(last, leave), last)
+    return first, last
+
+
+#: Most exchanges of points, and of exchanges in blocks that do not reduce the number of wrong points [-].
+_EXCHANGES, _PATIENCE = 100, 6
+#: Overlap below which a point counts as free, over the thickness [-].
+_NEGLIGIBLE = 1e-7
+#: Most measurements of the gap, and change of a body's position at which they end, over the thickness [-].
+_MEASUREMENTS, _SETTLED = 12, 1e-3
+#: Height above the smallest gap up to which points are considered, over the thickness [-].
+_REACH = 1.0
+#: Cosine between a normal and the direction of a body's force, up to which the body does not press on a point [-].
+_STEEP = 0.0
+#: Share of the load that a body moves by, over its stiffness, to keep the equations regular where points do not
+#: determine every motion of the body [-].
+_LOOSE = 1e-9
+#: Number of points with the smallest gaps that are in contact at first [-].
+_FIRST = 6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PointPressure:
+    """Forces of all bodies on the m points of a curved cover.
+
+    Attributes:
+        forces: Force on each point against its normal, shape (m,) [N].
+        travel: Distance that each body moved along the first direction of its load from the given pose, shape
+            (bodies,) [m].
+        points: Number of points in contact with each body, shape (bodies,) [-].
+        owner: Number of the body that is nearest to each point, the only one that can press on it, shape (m,) [-].
+        settled: Whether contact and position of every body were found within the tolerances.
+    """
+
+    forces: FloatArray
+    travel: FloatArray
+    points: IntArray
+    owner: IntArray
+    settled: bool
+
+
+def solve_pressure(
+    cover: CoverPoints, bodies: Sequence[PosedBody], loads: Sequence[Wrench], start: FloatArray | None = None
+) -> PointPressure:
+    """Find the forces of bodies on a cover under given loads.
+
+    Args:
+        cover: The cover.
+        bodies: Shapes and poses of the bodies in the array's frame; they need not touch.  One that no normal of the
+            points reaches has no points in the result, and does not change the forces of the others.
+        loads: Force of each body on the cover with its sign reversed, as `Wrench` has it.
+        start: Forces of a similar contact, from which the search starts, shape (m,) [N].
+    """
+    travel = np.zeros(len(bodies))
+    touching = None if start is None else start > 0
+    for _ in range(_MEASUREMENTS):
+        gaps = np.array(
+            [
+                _measure(cover, body, load.directions[0], moved)
+                for body, load, moved in zip(bodies, loads, travel, strict=True)
+            ]
+        )
+        owner, gap = gaps.argmin(axis=0), gaps.min(axis=0)
+        reached = np.isfinite(gaps).any(axis=1)
+        if not reached.all():
+            return _solve_without(cover, bodies, loads, ~reached)
+        columns, target, first = _build_constraints(cover, loads, owner, gap)
+        forces, motion, found = _exchange(cover, gap, columns, target, touching)
+        touching = forces > 0
+        # The travel is what all motions of a body together do along the first: others may almost contain it.
+        along = columns[touching][:, first]
+        change = (along * (columns[touching] @ motion)[:, None]).sum(axis=0) / np.maximum(
+            (along**2).sum(axis=0), np.finfo(float).tiny
+        )
+        travel = travel + change
+        if found and np.abs(change).max() <= _SETTLED * cover.thickness:
+            break
+    points = np.bincount(owner[touching], minlength=len(bodies))
+    return PointPressure(forces=forces, travel=travel, points=points, owner=owner, settled=found)
+
+
+def _solve_without(
+    cover: CoverPoints, bodies: Sequence[PosedBody], loads: Sequence[Wrench], missed: BoolArray
+) -> PointPressure:
+    """Find the forces of the bodies that some normal reaches; the others, for example in between points, have none."""
+    kept = np.flatnonzero(~missed).tolist()
+    travel, points = np.zeros(len(bodies)), np.zeros(len(bodies), dtype=np.int64)
+    if not kept:
+        count = len(cover.points)
+        owner = np.zeros(count, dtype=np.int64)
+        return PointPressure(forces=np.zeros(count), travel=travel, points=points, owner=owner, settled=False)
+    found = solve_pressure(cover, [bodies[each] for each in kept], [loads[each] for each in kept])
+    travel[kept], points[kept] = found.travel, found.points
+    return replace(found, travel=travel, points=points, owner=np.array(kept)[found.owner])
+
+
+def _measure(cover: CoverPoints, body: PosedBody, outward: FloatArray, travel: float) -> FloatArray:
+    """Measure the gaps of a body that moved against `outward`; infinite where it cannot press, shape (m,) [m]."""
+    moved = replace(body, position=body.position - travel * outward)
+    gap = measure_gaps(moved, cover.points, cover.normals, behind=cover.thickness)
+    gap = np.where(cover.normals @ outward > _STEEP, gap, np.inf)
+    lowest = gap.min()
+    return np.where(gap <= lowest + _REACH * cover.thickness, gap, np.inf) if np.isfinite(lowest) else gap
+
+
+def _build_constraints(
+    cover: CoverPoints, loads: Sequence[Wrench], owner: IntArray, gap: FloatArray
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Build the columns of motions of all bodies, shape (m, k), their forces (k,), and each body's first column."""
+    count = len(cover.points)
+    columns: list[FloatArray] = []
+    target: list[float] = []
+    first = []
+    for number, load in enumerate(loads):
+        own = np.flatnonzero((owner == number) & np.isfinite(gap))
+        zero = np.zeros(count)
+        samples = PanelSamples(
+            body=owner, row=owner, column=owner, coverage=zero, x=zero, y=zero, gap=gap, place=cover.points,
+            normal=cover.normals,
+        )  # fmt: skip
+        part, wanted = load.build_constraints(samples, own)
+        whole = np.zeros((count, part.shape[1]))
+        whole[own] = part
+        first.append(len(target))
+        columns += list(whole.T)
+        target += wanted.tolist()
+    return np.array(columns).T, np.array(target), np.array(first)
+
+
+def _exchange(
+    cover: CoverPoints, gap: FloatArray, columns: FloatArray, target: FloatArray, touching: BoolArray | None
+) -> tuple[FloatArray, FloatArray, bool]:
+    """Find the points in contact; return forces, shape (m,) [N], motions, shape (k,) [m], and whether they agree."""
+    near = np.isfinite(gap)
+    if touching is None or not (touching & near).any():
+        touching = np.zeros(len(gap), dtype=bool)
+        for column in np.unique(np.abs(columns) > 0, axis=1).T:
+            own = np.flatnonzero(column & near)
+            touching[own[np.argsort(gap[own])[:_FIRST]]] = True
+    touching = touching & near
+    loose = _LOOSE / float(np.diag(cover.compliance).mean())
+    fewest, patience = len(gap) + 1, _PATIENCE
+    forces, motion = np.zeros(len(gap)), np.zeros(len(target))
+    for _ in range(_EXCHANGES):
+        nodes = np.flatnonzero(touching)
+        part = columns[nodes]
+        system = np.block([[cover.compliance[np.ix_(nodes, nodes)], -part], [part.T, loose * np.eye(len(target))]])
+        solved = np.linalg.solve(system, np.concatenate([-gap[nodes], target]))
+        forces = np.zeros(len(gap))
+        forces[nodes], motion = solved[: len(nodes)], solved[len(nodes) :]
+        remaining = gap + cover.compliance[:, nodes] @ forces[nodes] - columns @ motion
+        wrong = np.where(touching, forces < 0, remaining < -_NEGLIGIBLE * cover.thickness)
+        count = int(wrong.sum())
+        if count == 0:
+            return forces, motion, True
+        if count < fewest:
+            fewest, patience = count, _PATIENCE
+        elif patience > 0:
+            patience -= 1
+        else:
+            wrong[np.flatnonzero(wrong)[:-1]] = False
+        touching = touching ^ wrong
+        if not touching.any():
+            touching[np.argmin(np.where(near, gap, np.inf))] = True
+    return np.maximum(forces, 0.0), motion, False
+
+
+#: Number of neighbours of a point whose distance counts as the spacing of the points [-].
+_NEIGHBOURS = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PointPress:
+    """Result of a press on a curved cover by the fast model.
+
+    Attributes:
+        texel_forces: Force on each of n texels along its normal, shape (n,) [N].
+        forces: Force on each of m points of the surface against its normal, shape (m,) [N].
+        force: Force of the indenter on the cover, shape (3,) [N].
+        points: Number of points in contact [-].
+        depth: Approach of the indenter along the direction since its first touch of a point [m].
+    """
+
+    texel_forces: FloatArray
+    forces: FloatArray
+    force: FloatArray
+    points: int
+    depth: float
+
+
+def press_points(
+    cover: CoverPoints,
+    indenter: Indenter,
+    pose: Pose,
+    *,
+    load: float,
+    direction: npt.ArrayLike | None = None,
+) -> PointPress:
+    """Press an indenter that moves along a direction without turning; a guide bears the forces across it.
+
+    Args:
+        cover: The cover.
+        indenter: The shape.
+        pose: Orientation of the indenter, and a position on its way.
+        load: Force along the direction [N].
+        direction: Direction of motion, any length, shape (3,); that in which the indenter looks if None.
+
+    Raises:
+        FastModelError: If the load is not positive, the contact was not found, or the indenter fits between the points
+            of the cover.
+        MissedArrayError: If the indenter never touches the cover.
+    """
+    if not 0 < load < np.inf:
+        raise FastModelError(f"load must be positive, not {load} N")
+    towards = pose.towards if direction is None else np.array(direction, dtype=float)
+    outward = -towards / np.linalg.norm(towards)
+    wrench = Wrench(
+        force=load, moment=np.zeros(3), tilts=False, vector=load * outward, directions=outward[None], rotates=False
+    )
+    body = _move_to_touch(cover, pose_indenter(indenter, pose), outward)
+    found = solve_pressure(cover, [body], [wrench])
+    if not found.points.any():
+        _refuse_small(cover.points, _find_middle(body), outward)
+    if not found.settled:
+        raise FastModelError(f"the contact under {load:.4g} N was not found; use a smaller load")
+    return PointPress(
+        texel_forces=cover.influence @ found.forces,
+        forces=found.forces,
+        force=-found.forces @ cover.normals,
+        points=int(found.points[0]),
+        depth=float(found.travel[0]),
+    )
+
+
+def find_first_contact(
+    cover: CoverPoints, indenter: Indenter, pose: Pose, direction: npt.ArrayLike, *, within: float
+) -> IntArray:
+    """Find the points of the undeformed cover that a rigid indenter reaches first: contact of two rigid bodies.
+
+    Args:
+        cover: The cover.
+        indenter: The shape.
+        pose: Orientation of the indenter, and a position on its way.
+        direction: Direction of motion, any length, shape (3,).
+        within: Distance along the direction up to which points count as reached with the first [m].
+
+    Returns:
+        Indices of the points.
+
+    Raises:
+        MissedArrayError: If the indenter never touches the cover.
+    """
+    towards = np.array(direction, dtype=float)
+    outward = -towards / np.linalg.norm(towards)
+    body = _move_to_touch(cover, pose_indenter(indenter, pose), outward)
+    facing = np.flatnonzero(cover.normals @ outward > 0)
+    gap = measure_gaps(body, cover.points[facing], np.broadcast_to(outward, (len(facing), 3)))
+    return np.asarray(facing[gap <= within])
+
+
+def pose_indenter(indenter: Indenter, pose: Pose) -> PosedBody:
+    """Describe the solids of an indenter at a pose, in the array's frame."""
+    spec = mujoco.MjSpec()
+    add_geoms(spec, spec.worldbody.add_body(), indenter)
+    model = spec.compile()
+    geoms = range(model.ngeom)
+    turns = np.array([rotate(quaternion, np.eye(3)).T for quaternion in model.geom_quat])
+    return PosedBody(
+        shape=BodyShape(solids=tuple(describe_solid(model, geom) for geom in geoms)),
+        rotation=pose.rotation @ turns,
+        position=pose.position + model.geom_pos @ pose.rotation.T,
+    )
+
+
+def _move_to_touch(cover: CoverPoints, body: PosedBody, outward: FloatArray) -> PosedBody:
+    """Move a body along a direction, unit vector against `outward`, until it touches a point of the undeformed cover.
+
+    Raises:
+        MissedArrayError: If it never does.
+    """
+    facing = cover.points[cover.normals @ outward > 0]
+    middle = _find_middle(body)
+    # far in front of the cover, so that the whole body lies ahead of every point
+    spans = (*np.ptp(cover.points, axis=0), *np.ptp(body.position, axis=0), body.shape.halves.max())
+    size = float(max(spans))
+    start = max(float(((facing - middle) @ outward).max(initial=0.0)), 0.0) + 4 * size
+    ahead = replace(body, position=body.position + start * outward)
+    gap = measure_gaps(ahead, facing, np.broadcast_to(outward, facing.shape))
+    if not np.isfinite(gap).any():
+        _refuse_small(facing, middle, outward)
+        raise MissedArrayError("the indenter never touches the cover; check its position and direction")
+    return replace(ahead, position=ahead.position - gap.min() * outward)
+
+
+def _find_middle(body: PosedBody) -> FloatArray:
+    """Return the mean of the centres of a body's solids, shape (3,) [m]."""
+    return np.asarray((body.position + np.einsum("pij,pj->pi", body.rotation, body.shape.centres)).mean(axis=0))
+
+
+def _refuse_small(points: FloatArray, middle: FloatArray, outward: FloatArray) -> None:
+    """Raise a FastModelError if a line against `outward` through the middle of an indenter passes between points."""
+    if len(points) <= _NEIGHBOURS:
+        return
+    flat = points - np.outer((points - middle) @ outward, outward)
+    tree = cKDTree(flat)
+    beside, nearest = tree.query(middle)
+    spacing = float(np.max(tree.query(flat[nearest], _NEIGHBOURS + 1)[0]))
+    if beside <= spacing:
+        raise FastModelError(
+            f"the indenter fits between the points of the fast model, {1e3 * spacing:.2g} mm apart; press by finite "
+            "elements, use a wider indenter, or derive the cover with smaller elements"
+        )

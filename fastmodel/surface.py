@@ -1,0 +1,357 @@
+"""Linear response of a cover at its surface: on cells of a plate, or at points of a mesh.
+
+The contact methods ask either for the displacement under forces (compliance) and for the forces on the texels
+(influence).  The response of a laterally wide flat cover depends on distances only, so two small kernels (tables over
+distances) describe it for arrays of any size (`CoverCells`).  Cells divide every texel pitch evenly; cell `[i, j]` of a
+texel lies i rows and j columns from the lowest, leftmost cell of that texel.  Near the free side edges of a cover the
+force at the base also depends on the position of the cell; a table over all cells and texels then replaces the kernel
+of the influence.  A cover with a stiff foil becomes stiffer under load, because the foil stretches; it has further
+compliances and influences, one of each for some loads.  A cover of any shape has two dense matrices over points of its
+top (`CoverPoints`).
+
+Kernels are smooth beyond one cell, so that a sum of few terms, K[i, j] = sum over r of u_r[i] v_r[j] from the singular
+value decomposition, approximates them well.  Each term acts along rows and columns separately.  For windows
+(rectangles of cells) of the size of a contact, two matrix products over all terms are faster than a fast Fourier
+transform, and the matrices do not depend on the position of the window.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from fastmodel.errors import FastModelError
+from meshes import TexelArray
+from meshes.array_types import FloatArray, IntArray
+
+#: Number of sizes of windows whose matrices are kept in memory at most [-]; this limits the use of memory.
+_KEPT = 32
+
+
+def factorise(kernel: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray]:
+    """Compute a low-rank factorisation of a kernel by its singular value decomposition.
+
+    Args:
+        kernel: The kernel, shape (rows, columns) [any unit].
+        tolerance: Singular values up to this share of the largest singular value are omitted [-].
+
+    Returns:
+        Row factors, shape (terms, rows) [unit of the kernel], and column factors, shape (terms, columns) [-].  The sum
+        of their products over the terms approximates the kernel.
+    """
+    rows, values, columns = np.linalg.svd(kernel)
+    kept = int((values > tolerance * values[0]).sum())
+    return (rows[:, :kept] * values[:kept]).T.copy(), columns[:kept].copy()
+
+
+class SymmetricConvolution:
+    """Convolution with a kernel that depends only on the absolute distances along rows and along columns."""
+
+    def __init__(self, quarter: FloatArray, tolerance: float = 3e-5) -> None:
+        """Factorise the kernel.
+
+        Args:
+            quarter: Kernel at distances of i rows and j columns, entry `[i, j]`; zero at larger distances, shape (rows,
+                columns) [any unit].
+            tolerance: Tolerance of the low-rank factorisation, see `factorise` [-].
+        """
+        mirrored = np.concatenate([quarter[:0:-1], quarter])
+        full = np.concatenate([mirrored[:, :0:-1], mirrored], axis=1)
+        along, across = factorise(full, tolerance)
+        self._along, self._across = along[:, len(quarter) - 1 :], across[:, quarter.shape[1] - 1 :]
+        self._matrices: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}
+
+    def matrices(self, rows: int, columns: int) -> tuple[FloatArray, FloatArray]:
+        """Build the matrices that convolve a window of the given numbers of rows and columns.
+
+        The convolution of a window q is the sum over the terms of first[term] @ q @ second[term].
+
+        Returns:
+            Stacked Toeplitz matrices `first`, shape (terms * rows, rows), and `second`, shape (terms * columns,
+            columns).
+        """
+        key = (rows, columns)
+        if key not in self._matrices:
+            if len(self._matrices) >= _KEPT:
+                self._matrices.clear()
+            self._matrices[key] = (_build_toeplitz(self._along, rows), _build_toeplitz(self._across, columns))
+        return self._matrices[key]
+
+
+def _build_toeplitz(factor: FloatArray, size: int) -> FloatArray:
+    """Build the symmetric Toeplitz matrices of the factors of all terms, stacked, shape (terms * size, size)."""
+    padded = np.zeros((len(factor), max(size, factor.shape[1])))
+    padded[:, : factor.shape[1]] = factor
+    distance = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
+    return np.ascontiguousarray(padded[:, distance].reshape(-1, size))
+
+
+#: Tolerance of the low-rank factorisation of the influence (force on a texel per force on a cell): singular values
+#: below this share of the largest are omitted [-].  The error is far below the discretisation error of the cells.
+_INFLUENCE_TOLERANCE = 1e-7
+#: Edge of the square patch on which the modulus of the elastic foundation is matched to the cover, over the thickness
+#: of the cover [-].
+_PATCH = 4
+#: Number of dimensions of a matrix.
+_MATRIX = 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoverCells:
+    """Compliance and influence of a cover on cells smaller than a texel, for the contact method `cover`.
+
+    Attributes:
+        per_texel: Number of cells along each texel pitch [-].
+        cell: Edge lengths of a cell along x and y [m].
+        compliance: Downward displacement of a cell's centre per uniform pressure on the cell that lies i rows and j
+            columns away, entry `[i, j]`, shape (p, q); zero at larger distances [m/Pa].
+        influence: Force on a texel per unit force distributed uniformly over cell `[i - reach, j - reach]` of the
+            texel, entry `[i, j]`, shape (per_texel + 2 reach,) * 2; zero for cells farther away [-].
+        top_compliance: (1 - nu) / (2 pi mu) of the top layer: near a point load, displacement times distance per unit
+            force (Boussinesq) [m2/N].
+        thickness: Thickness of the cover [m].
+        source: Origin of the data.
+        table: Force on each of n texels per unit force distributed uniformly over each cell of the array, shape (n,
+            rows * per_texel, columns * per_texel).  The table replaces `influence` for a cover with free side edges;
+            None for other covers [-].
+        loads: Ascending loads at which the cover under tension is tabulated, shape (m,); None for a cover whose
+            response does not depend on the load.  `compliance` and `influence` belong to zero load [N].
+        load_depths: Depth in this model of the ball that the tables were fitted to, at each of these loads, shape (m,);
+            None if unknown.  A body that sinks less stretches the cover less, so that smaller loads apply to it [m].
+        loaded_compliance: `compliance` at each of these loads, shape (m, p, q) [m/Pa].
+        loaded_influence: `influence` at each of these loads, shape (m, per_texel + 2 reach, per_texel + 2 reach) [-].
+    """
+
+    per_texel: int
+    cell: tuple[float, float]
+    compliance: FloatArray
+    influence: FloatArray
+    top_compliance: float
+    thickness: float
+    source: str = "given by the user"
+    table: FloatArray | None = None
+    loads: FloatArray | None = None
+    load_depths: FloatArray | None = None
+    loaded_compliance: FloatArray | None = None
+    loaded_influence: FloatArray | None = None
+
+    #: Name of the contact method that takes this surface.
+    method: ClassVar[str] = "cover"
+
+    def __post_init__(self) -> None:
+        """Check shapes and values, and make the tables read-only.
+
+        Raises:
+            FastModelError: If a table has a wrong shape.
+            ValueError: If a number is not finite or not positive.
+        """
+        s, size = self.per_texel, self.influence.shape
+        if s < 1 or s != int(s):
+            raise ValueError(f"per_texel must be a whole number from 1 on, not {s}")
+        if self.compliance.ndim != _MATRIX or not self.compliance.size:
+            raise FastModelError(f"compliance has shape (rows, columns), not {self.compliance.shape}")
+        if len(size) != _MATRIX or size[0] != size[1] or size[0] < s or (size[0] - s) % 2:
+            raise FastModelError(f"influence has shape ({s} + 2 reach, {s} + 2 reach), not {size}")
+        self._check_loads()
+        optional = (self.table, self.loads, self.load_depths, self.loaded_compliance, self.loaded_influence)
+        tables = [self.compliance, self.influence, *(each for each in optional if each is not None)]
+        if not all(np.isfinite(each).all() for each in tables):
+            raise ValueError("compliance and influence must be finite; one holds nan or inf")
+        for name, value in (("cell", min(self.cell)), ("top_compliance", self.top_compliance)):
+            if not 0 < value < np.inf:
+                raise ValueError(f"{name} must be positive, not {value}")
+        if not 0 < self.thickness < np.inf or not self.compliance[0, 0] > 0:
+            raise ValueError("thickness and the compliance of a cell under its own pressure must be positive")
+        for each in tables:
+            each.setflags(write=False)
+
+    def _check_loads(self) -> None:
+        """Check that the tables under load are complete and have the shapes of those without load."""
+        given = (self.loads, self.load_depths, self.loaded_compliance, self.loaded_influence)
+        if self.loads is None or self.loaded_compliance is None or self.loaded_influence is None:
+            if any(each is not None for each in given):
+                raise FastModelError("loads, loaded_compliance and loaded_influence belong together; one is missing")
+            return
+        count = len(self.loads)
+        wanted = [(count, *self.compliance.shape), (count, *self.influence.shape)]
+        if [self.loaded_compliance.shape, self.loaded_influence.shape] != wanted or self.table is not None:
+            raise FastModelError(
+                f"{count} loads need tables under load of shapes {wanted}, and no table by cell and texel"
+            )
+        if not count or not (np.diff(self.loads, prepend=0.0) > 0).all():
+            raise ValueError("loads must be positive and ascend")
+        if self.load_depths is not None and self.load_depths.shape != self.loads.shape:
+            raise FastModelError(
+                f"load_depths has shape {self.load_depths.shape}; {count} loads need {self.loads.shape}"
+            )
+
+    @cached_property
+    def under_loads(self) -> tuple[CoverCells, ...]:
+        """The cover without load, then at each of `loads`, as covers whose response does not depend on the load."""
+        if self.loads is None or self.loaded_compliance is None or self.loaded_influence is None:
+            return (self,)
+        plain = dataclasses.replace(self, loads=None, load_depths=None, loaded_compliance=None, loaded_influence=None)
+        pairs = zip(self.loaded_compliance, self.loaded_influence, strict=True)
+        return (plain, *(dataclasses.replace(plain, compliance=c, influence=i) for c, i in pairs))
+
+    def position_among_loads(self, load: float) -> float:
+        """Return where a load lies among zero load (0.0), the first of `loads` (1.0) and so on; at most their number.
+
+        Args:
+            load: Force of a body on the cover [N].
+        """
+        if self.loads is None:
+            return 0.0
+        return float(np.interp(load, np.append(0.0, self.loads), np.arange(len(self.loads) + 1)))
+
+    def load_at_depth(self, depth: float) -> float:
+        """Return the load under which the ball of `load_depths` is as deep as given, at least a hundredth of the first.
+
+        Without `load_depths` and beyond the largest of them the load is infinite.
+
+        Args:
+            depth: Approach of a body [m].
+        """
+        if self.loads is None or self.load_depths is None or depth >= self.load_depths[-1]:
+            return np.inf
+        load = np.interp(depth, np.append(0.0, self.load_depths), np.append(0.0, self.loads))
+        return max(float(load), 0.01 * float(self.loads[0]))
+
+    @property
+    def reach(self) -> int:
+        """Largest distance from a texel's edge at which force on a cell still reaches the texel, in cells [-]."""
+        return (len(self.influence) - self.per_texel) // 2
+
+    @cached_property
+    def convolution(self) -> SymmetricConvolution:
+        """Convolution from forces on cells [N] to downward displacements of the cells' centres [m]."""
+        return SymmetricConvolution(self.compliance / (self.cell[0] * self.cell[1]))
+
+    @cached_property
+    def influence_factors(self) -> tuple[FloatArray, FloatArray]:
+        """Row and column factors of the influence, each of shape (terms, per_texel + 2 reach) [-].
+
+        The influence is the sum over terms of the products of row and column factors.
+        """
+        return factorise(self.influence, _INFLUENCE_TOLERANCE)
+
+    def check(self, array: TexelArray) -> None:
+        """Check that the cells divide the pitch of an array and that the table, if there is one, fits the array.
+
+        Raises:
+            FastModelError: If the cells do not divide the pitch, or the table is for another array or an irregular one.
+        """
+        edges = [pitch / self.per_texel for pitch in array.pitch]
+        if not np.allclose(edges, self.cell, rtol=1e-6, atol=0):
+            raise FastModelError(
+                f"the cover's cells measure {self.cell} m but array {array.name!r} has a pitch of {array.pitch} m: "
+                f"{self.per_texel} cells a pitch take {tuple(edges)} m"
+            )
+        if self.table is not None and not array.regular:
+            raise FastModelError(
+                f"array {array.name!r} is not a flat, regular grid, which the table of a cover with free side edges "
+                f"needs; leave the cells out and use 'boxes', 'area' or Foundation(modulus=...), which take any layout"
+            )
+        wanted = (array.count, array.rows * self.per_texel, array.columns * self.per_texel)
+        if self.table is not None and self.table.shape != wanted:
+            raise FastModelError(
+                f"the table of cells and texels has shape {self.table.shape}; array {array.name!r} takes {wanted}"
+            )
+
+    def foundation_modulus(self, width: float | None = None) -> float:
+        """Compute the modulus of the elastic foundation that matches the cover under a square patch [Pa/m].
+
+        The modulus is the uniform pressure on the patch over the mean displacement of the patch.  This ratio depends on
+        the size of the patch, so the foundation is accurate for contacts of about the size of the patch only.
+
+        Args:
+            width: Edge length of the patch; by default four times the thickness of the cover [m].
+        """
+        side = _PATCH * self.thickness if width is None else width
+        ny, nx = (max(1, round(side / edge)) for edge in self.cell[::-1])
+        # number of pairs of cells within the patch that lie i rows (or j columns) apart
+        pairs = [
+            np.where(np.arange(n) == 0, count, 2.0 * np.maximum(count - np.arange(n), 0))
+            for n, count in zip(self.compliance.shape, (ny, nx), strict=True)
+        ]
+        return float(nx * ny / (pairs[0] @ self.compliance @ pairs[1]))
+
+
+#: Largest difference between the compliance and its transpose, over the largest compliance [-]: rounding to four-byte
+#: numbers and the error of a direct solver stay below.
+_SYMMETRIC = 1e-5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoverPoints:
+    """Linear response of a cover of any shape at m points of its surface, over n texels.
+
+    A force on a point is that of a pressure around it, which falls to zero at the neighbouring points.
+
+    Attributes:
+        points: Positions of the points on the undeformed top, in the array's frame, shape (m, 3) [m].
+        normals: Unit normals of the top at the points, outwards, shape (m, 3) [-].
+        influence: Force on each texel, along the texel's normal, per unit force on each point against its
+            normal, shape (n, m) [-].
+        compliance: Displacement around each point (weighted mean over its pressure) against its normal, per unit force
+            on each point, symmetric, shape (m, m) [m/N].
+        thickness: Mean thickness of the cover [m].
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    influence: FloatArray
+    compliance: FloatArray
+    thickness: float
+
+    #: Name of the contact method that takes this surface.
+    method: ClassVar[str] = "curved"
+
+    def __post_init__(self) -> None:
+        """Check shapes and values.
+
+        Raises:
+            FastModelError: If shapes do not fit.
+            ValueError: If a value is not finite, a normal is no unit vector, the compliance is not symmetric or has no
+                positive diagonal, or the thickness is not positive.
+        """
+        count = len(self.points)
+        shapes = {"points": (count, 3), "normals": (count, 3), "compliance": (count, count)}
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise FastModelError(f"{name} of a cover has shape {getattr(self, name).shape}, not {shape}")
+        if self.influence.ndim != 2 or self.influence.shape[1] != count:  # noqa: PLR2004
+            raise FastModelError(f"influence of a cover has shape {self.influence.shape}, not (texels, {count})")
+        for name in ("points", "normals", "influence", "compliance"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise ValueError(f"{name} of a cover has a value that is not finite")
+        if np.abs(np.linalg.norm(self.normals, axis=1) - 1).max(initial=0.0) > _SYMMETRIC:
+            raise ValueError("normals of a cover must be unit vectors")
+        if np.abs(self.compliance - self.compliance.T).max() > _SYMMETRIC * np.abs(self.compliance).max():
+            raise ValueError("the compliance of a cover must be symmetric")
+        if not (np.diag(self.compliance) > 0).all():
+            raise ValueError("the compliance of a cover must have a positive diagonal")
+        if not 0 < self.thickness < np.inf:
+            raise ValueError(f"thickness must be positive, not {self.thickness} m")
+
+    def check(self, array: TexelArray) -> None:
+        """Check that the cover belongs to an array.
+
+        Raises:
+            FastModelError: If it has another number of texels.
+        """
+        if len(self.influence) != array.count:
+            raise FastModelError(f"the cover is for {len(self.influence)} texels; the array has {array.count}")
+
+    def find_texels(self, array: TexelArray) -> IntArray:
+        """Find the texel over which each point lies: the one whose place on the top is nearest, shape (m,) [-]."""
+        return np.asarray(cKDTree(array.centres + self.thickness * array.normals).query(self.points)[1])
+
+
+#: Response of a cover at its surface, for the contact methods that compute the cover.
+Surface = CoverCells | CoverPoints

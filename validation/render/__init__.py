@@ -1,0 +1,1 @@
+"""Drawing of results: one table for terminal, page and file, and one tactile image."""

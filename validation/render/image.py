@@ -1,0 +1,233 @@
+"""Drawing of tactile images as inline SVG: sharp at any size, with the value of each texel in it and as a tooltip.
+
+Row 0, the row of smallest y, is drawn at the bottom; only the drawing is flipped, never the data.
+"""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.distance import pdist
+
+from fastmodel.fitting.surface_gaussian import unroll_from
+from meshes import TexelArray
+from meshes.array_types import FloatArray, IntArray
+from validation.curved.touch import find_middle
+
+#: Edge length of a texel in the units of the drawing, and on the page [px]; the page may show it smaller or larger.
+_CELL, _SHOWN = 15, 26
+#: Size of the printed values in the units of the drawing, and largest number of characters of a value [-].
+_FONT, _LONGEST = 5.6, 5
+#: Of unrolled arrays: longest edge of the drawing and its margin in its own units, and largest width and height on the
+#: page [px]: three drawings stand side by side.
+_SIZE, _MARGIN, _WIDEST, _HIGHEST = 200.0, 2.0, 190.0, 270.0
+#: Edge of a square over the smallest distance of two texels, and size of the printed value over the edge [-].
+_EDGE, _SHARE = 0.94, 0.36
+#: Colours of forces from zero to the peak, with increasing lightness.
+_FORCE = ("#1b1340", "#3b2f74", "#3f5a94", "#36839a", "#3aa78d", "#79c66a", "#c9dd4b", "#fdf3a1")
+#: Colours of differences from the negative to the positive peak, white at zero.
+_DIFFERENCE = ("#0b4f8a", "#3f8cc4", "#a3cfe6", "#ffffff", "#f6b89b", "#d9604c", "#97142a")
+#: Colour of masked texels.
+_MASKED = "#e6e6ea"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """A colour scale of tactile images; images that are compared have the same scale.
+
+    Attributes:
+        peak: Value that is drawn with the last colour.
+        difference: Whether the colours run from -peak to +peak with white at zero, instead of from 0 to peak.
+        unit: Unit of the printed numbers.
+        factor: Factor from the unit of the values to the unit of the printed numbers [-].
+    """
+
+    peak: float
+    difference: bool = False
+    unit: str = "mN"
+    factor: float = 1e3
+
+    @property
+    def colours(self) -> tuple[str, ...]:
+        """Colours at equal steps from the lowest to the highest value of the scale."""
+        return _DIFFERENCE if self.difference else _FORCE
+
+    def colour(self, value: float) -> str:
+        """Return the colour of a value, as `#rrggbb`."""
+        share = value / self.peak if self.peak > 0 else 0.0
+        place = 0.5 + share / 2 if self.difference else share
+        steps = np.linspace(0, 1, len(self.colours))
+        channels = ([int(colour[k : k + 2], 16) for colour in self.colours] for k in (1, 3, 5))
+        return "#" + "".join(f"{round(float(np.interp(place, steps, channel))):02x}" for channel in channels)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Frame:
+    """Where the texels of an array are drawn, in the units of the drawing.
+
+    Attributes:
+        size: Width and height of the drawing.
+        zoom: Pixels on the page per unit.
+        texels: Indices of the m texels that are drawn.
+        corners: Left upper corner of each, shape (m, 2).
+        edge: Edge of a square.
+        font: Size of the printed values.
+        labels: Name of each texel.
+    """
+
+    size: tuple[float, float]
+    zoom: float
+    texels: IntArray
+    corners: FloatArray
+    edge: float
+    font: float
+    labels: tuple[str, ...]
+
+    @classmethod
+    def of(cls, array: TexelArray) -> _Frame:
+        """Place the texels of a planar array as rows and columns, those of a curved one unrolled about the middle."""
+        if array.planar:
+            row, column = np.divmod(np.arange(array.count), array.columns)
+            return cls(
+                size=(array.columns * _CELL, array.rows * _CELL),
+                zoom=_SHOWN / _CELL,
+                texels=np.arange(array.count),
+                corners=_CELL * np.column_stack([column, array.rows - 1 - row]).astype(float),
+                edge=_CELL,
+                font=_FONT,
+                labels=tuple(f"[{i}, {j}]" for i, j in zip(row.tolist(), column.tolist(), strict=True)),
+            )
+        shown = np.flatnonzero(array.active)
+        middle = find_middle(array)
+        unrolled = np.asarray(unroll_from(array, array.centres[[middle]], array.normals[[middle]])[0])[shown]
+        edge = _EDGE * (float(pdist(unrolled, "chebyshev").min()) if len(unrolled) > 1 else 1.0)
+        low, high = unrolled.min(axis=0) - edge / 2, unrolled.max(axis=0) + edge / 2
+        factor = (_SIZE - 2 * _MARGIN) / float((high - low).max())
+        width, height = (factor * (high - low) + 2 * _MARGIN).tolist()
+        x, y = (_MARGIN + factor * (unrolled - low)).T
+        half = factor * edge / 2
+        return cls(
+            size=(round(width, 1), round(height, 1)),
+            zoom=min(_WIDEST / width, _HIGHEST / height),
+            texels=shown,
+            corners=np.column_stack([x - half, height - y - half]),
+            edge=2 * half,
+            font=2 * half * _SHARE,
+            labels=tuple(f"texel {each}" for each in shown.tolist()),
+        )
+
+
+def tactile_image(
+    array: TexelArray,
+    values: FloatArray,
+    scale: Scale,
+    *,
+    outline: FloatArray | None = None,
+    name: str = "Texel values",
+) -> str:
+    """Draw a tactile image, one coloured square per texel with its value, as an SVG element with a label.
+
+    The surface of a curved array is unrolled about its middle texel: lengths are true along arcs through this texel on
+    cylinders and spheres; elsewhere the drawing is a map like any other of a round body.
+
+    Args:
+        array: The n texels.
+        values: Value of each texel, shape (n,).
+        scale: Colour scale of the image.
+        outline: Corners (x, y) of a closed line that is drawn over the image of a planar array, for example around the
+            contact area, in the array's frame, shape (m, 2) [m]; None for no line.
+        name: What the image shows, for its label.
+    """
+    frame = _Frame.of(array)
+    squares = zip(frame.texels.tolist(), frame.corners.tolist(), frame.labels, strict=True)
+    cells = "".join(
+        _draw_cell(frame, (x, y), label, float(values[texel]) if array.active[texel] else None, scale)
+        for texel, (x, y), label in squares
+    )
+    largest = int(np.argmax(np.abs(np.where(array.active[frame.texels], values[frame.texels], 0.0))))
+    shown = f"{int(array.active.sum())} texels; largest {values[frame.texels[largest]] * scale.factor:.4g} {scale.unit}"
+    where = (
+        f"in row {largest // array.columns}, column {largest % array.columns}"
+        if array.planar
+        else (f"on {frame.labels[largest]}")
+    )
+    width, height = frame.size
+    line = "" if outline is None else _line(array, outline)
+    return (
+        f'<svg class="tactile" viewBox="0 0 {width:g} {height:g}" width="{frame.zoom * width:.0f}" '
+        f'height="{frame.zoom * height:.0f}" role="img" aria-label="{html.escape(f"{name}: {shown} {where}")}">'
+        f"{cells}{line}</svg>"
+    )
+
+
+def _draw_cell(frame: _Frame, corner: tuple[float, float], label: str, value: float | None, scale: Scale) -> str:
+    """Draw one texel; None for a masked one."""
+    x, y = corner
+    colour = _MASKED if value is None else scale.colour(value)
+    title = f"{label} no texel" if value is None else f"{label} {value * scale.factor:.4g} {scale.unit}"
+    square = f'x="{_trim(x)}" y="{_trim(y)}" width="{_trim(frame.edge)}" height="{_trim(frame.edge)}"'
+    text = (
+        ""
+        if value is None
+        else (
+            f'<text x="{_trim(x + frame.edge / 2)}" y="{_trim(y + frame.edge / 2 + frame.font / 3)}" '
+            f'font-size="{_trim(frame.font)}" fill="{choose_ink(colour)}" text-anchor="middle">'
+            f"{shorten(value * scale.factor)}</text>"
+        )
+    )
+    return f'<rect {square} fill="{colour}"><title>{title}</title></rect>{text}'
+
+
+def _trim(length: float) -> str:
+    return f"{round(length, 2) + 0.0:g}"
+
+
+def colour_bar(scale: Scale) -> str:
+    """Draw the legend of a colour scale: a bar with all colours between the least and the greatest value, as HTML."""
+    low = -scale.peak if scale.difference else 0.0
+    edge = 90 / len(scale.colours)
+    blocks = "".join(
+        f'<rect x="{i * edge:.2f}" width="{edge + 0.1:.2f}" height="10" fill="{colour}"/>'
+        for i, colour in enumerate(scale.colours)
+    )
+    first, last = f"{low * scale.factor:.4g}", html.escape(f"{scale.peak * scale.factor:.4g} {scale.unit}")
+    return (
+        f'<span class="bar"><span>{first}</span><svg width="90" height="10" role="img" '
+        f'aria-label="Colour scale from {first} to {last}">{blocks}</svg><span>{last}</span></span>'
+    )
+
+
+def choose_ink(colour: str) -> str:
+    """Return black or white, whichever can be read on a colour `#rrggbb`."""
+    return "#000" if measure_luminance(colour) > _MIDDLE else "#fff"
+
+
+def shorten(value: float) -> str:
+    """Format a value with at most five characters, without a minus sign before zero."""
+    for decimals in (0,) if abs(value) >= 10 else (1, 0):  # noqa: PLR2004 -- two digits are enough
+        text = f"{value:.{decimals}f}"
+        if float(text) == 0:
+            return "0"
+        if len(text) <= _LONGEST:
+            return text.replace("-", "\u2212")
+    return f"{value:.0e}"
+
+
+#: Luminance at which black and white text have the same contrast to the ground (WCAG 2, relative luminance) [-].
+_MIDDLE = 0.179
+
+
+def measure_luminance(colour: str) -> float:
+    """Return the relative luminance of a colour `#rrggbb` (WCAG 2) [-]."""
+    channels = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]  # noqa: PLR2004 -- sRGB
+    return float(np.dot(linear, (0.2126, 0.7152, 0.0722)))
+
+
+def _line(array: TexelArray, outline: FloatArray) -> str:
+    low = array.centres[:, :2].min(axis=0) - np.array(array.pitch) / 2
+    x, y = ((outline - low) / array.pitch).T
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x * _CELL, (array.rows - y) * _CELL, strict=True))
+    return f'<polygon points="{points}" class="outline"/>'

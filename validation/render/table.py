@@ -1,0 +1,137 @@
+"""Tables of results: rendered to the terminal, to CSV and, by the template of the report's page, to HTML.
+
+What a column prints stands beside the field that it shows: see `validation.results.Column`.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from validation.results import DASH, Column, Result, columns
+
+if TYPE_CHECKING:
+    from rich.table import Table as RichTable
+
+    from validation.campaign.pooling import Pooled
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """A cell of a table.
+
+    Attributes:
+        text: What is printed.
+        value: The number behind the text as `report.json` has it, for sorting and CSV; None for text.
+        small: A second, smaller line.
+        bold: Whether the text is emphasised.
+    """
+
+    text: str
+    value: float | None = None
+    small: str = ""
+    bold: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A table.  The first column names the row.
+
+    Attributes:
+        name: Identifier of the table on the page.
+        caption: What the table shows.
+        headings: Headings of the columns, with units.
+        rows: Cells of each row.
+        texts: Indices of further columns that hold text, which is aligned to the left.
+    """
+
+    name: str
+    caption: str
+    headings: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    texts: tuple[int, ...] = ()
+
+    def to_csv(self) -> str:
+        """Return the table as CSV: numbers in the units of `report.json`, else the printed text."""
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(self.headings)
+        writer.writerows([cell.text if cell.value is None else cell.value for cell in row] for row in self.rows)
+        return out.getvalue()
+
+    def to_rich(self) -> RichTable:
+        """Return the table for a terminal; small lines stand in brackets behind the text."""
+        from rich import box
+        from rich.table import Table as RichTable
+        from rich.text import Text
+
+        table = RichTable(title=Text(self.caption), box=box.HEAVY_HEAD)
+        for index, heading in enumerate(self.headings):
+            left = index == 0 or index in self.texts
+            table.add_column(Text(heading), justify="left" if left else "right", no_wrap=index == 0, overflow="fold")
+        for row in self.rows:
+            table.add_row(*(Text(f"{cell.text} ({cell.small})" if cell.small else cell.text) for cell in row))
+        return table
+
+
+def tabulate(name: str, caption: str, results: Iterable[Result], shown: type[Result], fields: Sequence[str]) -> Table:
+    """Make a table with one row for each result, as the columns of its fields say.
+
+    Args:
+        name: Identifier of the table.
+        caption: What it shows.
+        results: The results.
+        shown: Their type.
+        fields: Names of the fields or properties that are shown.
+    """
+    known = columns(shown)
+    headings: list[str] = []
+    texts: list[int] = []
+    for field in fields:
+        column = known[field]
+        parts = column.parts or (column.heading,)
+        texts += [len(headings)] if column.words and headings else []
+        headings += [f"{part} [{column.unit}]" if column.unit else part for part in parts]
+    rows = [[cell for field in fields for cell in _make_cells(each, field, known[field])] for each in results]
+    return Table(name=name, caption=caption, headings=headings, rows=rows, texts=tuple(texts))
+
+
+def _make_cells(item: Result, field: str, column: Column) -> list[Cell]:
+    value: Any = getattr(item, field)
+    factor = getattr(item, column.factor_field) if column.factor_field else column.factor
+    if column.parts:
+        return [number(each, factor, column.digits) for each in value]
+    small = column.small.format(item)
+    if column.words:
+        return [Cell(text=column.words[value], small=small, bold=value in column.alarms)]
+    if isinstance(value, str):
+        return [Cell(text=value, small=small)]
+    return [number(value, factor, column.digits, small)]
+
+
+def number(value: float | None, factor: float = 1.0, digits: int = 3, small: str = "", unit: str = "") -> Cell:
+    """Make the cell of a number; a dash if it is None or NaN.
+
+    Args:
+        value: The number, in the unit of `report.json`.
+        factor: Factor to the printed unit [-].
+        digits: Number of significant digits [-].
+        small: A second, smaller line.
+        unit: Printed unit, where the heading of the column does not name it.
+    """
+    if value is None or math.isnan(value):
+        return Cell(text=DASH, small=small)
+    text = Column(heading="", factor=factor, digits=digits).text(value)
+    return Cell(text=f"{text} {unit}".strip(), value=value, small=small)
+
+
+def interval(pooled: Pooled, column: Column) -> Cell:
+    """Make the cell of a mean, with its interval on a second line."""
+    if math.isnan(pooled.mean):
+        return Cell(text=DASH)
+    ends = f"{column.text(pooled.low)} to {column.text(pooled.high)}"
+    return Cell(text=column.text(pooled.mean), value=pooled.mean, small=ends)
