@@ -122,17 +122,10 @@ def validate(
 
 def _read_campaign(path: Path | None, sensor: SensorDescription, *, quick: bool) -> Campaign:
     """Read a campaign file or the default campaign, and shorten it for a quick run; faults in cases are printed."""
-    from validation.campaign.campaign_file import read_campaign
+    from validation.campaign.evaluation import read_plan
 
-    if sensor.body is None:
-        campaign = read_campaign(path, sensor.array)
-    else:
-        from validation.curved.places import CurvedPlaces
-        from validation.curved.press import make_meshes
-
-        with Progress() as progress:
-            places = CurvedPlaces(mesh=make_meshes(sensor, progress)[-1], texels=sensor.array)
-        campaign = read_campaign(path, sensor.array, cover=sensor.cover, curved=places)
+    with Progress() as progress:
+        campaign = read_plan(path, sensor, progress)
     for line in campaign.left_out:
         say(f"softcover: left out: {line}")
     return campaign.shorten() if quick else campaign
@@ -167,20 +160,14 @@ def _evaluate(
     started = time.perf_counter()
     files = recordings.files if recordings else ()
     require("skfem", *REPORT_MODULES, *list_modules(file.path for file in files))
+    from validation.campaign.evaluation import evaluate
     from validation.report import write_report
 
     _tell_friction(sensor)
     with new_folder(out) as folder, Progress() as progress:
-        if sensor.body is not None:
-            from validation.curved.evaluate import evaluate_curved
-
-            evaluation = evaluate_curved(sensor, campaign, progress=progress, announce=say)
-        else:
-            from validation.campaign.evaluation import evaluate
-
-            evaluation = evaluate(
-                sensor, campaign=campaign, recordings=recordings, recorded=recorded, progress=progress, announce=say
-            )
+        evaluation = evaluate(
+            sensor, campaign=campaign, recordings=recordings, recorded=recorded, progress=progress, announce=say
+        )
         progress("report")
         write_report(evaluation, folder)
     if json:
