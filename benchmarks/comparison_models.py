@@ -19,6 +19,7 @@ import numpy as np
 from campaign import LOADS, SHAPES, cover
 
 from meshes import Pose, TexelArray
+from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import default_cases
 from validation.campaign.case import Case
 from validation.campaign.pooling import Pooled
@@ -58,7 +59,7 @@ def score(cases: tuple[Case, ...] | None) -> CampaignResult:
     comparison = prepare_models(sensor.cover, parameters, chosen)
     print(f"fits: {time.process_time() - started:.1f} s of processor time")
     started = time.process_time()
-    result = run_campaign(sensor.cover, parameters, chosen, comparison=comparison)
+    result = run_campaign(LayeredBench(cover=sensor.cover, fast=parameters, published=comparison), chosen)
     print(f"campaign: {time.process_time() - started:.1f} s of processor time\n")
     return result
 

@@ -1,9 +1,7 @@
 """Cost and accuracy of curved covers: `python benchmarks/curved_covers.py [PART ...]`.
 
-pads       responses of a flat pad: hexahedra against the planar solution with free edges, and eight tetrahedral meshes
 responses  time, memory and error estimates of the responses of all texels of each built-in cover
 estimates  error estimates against true errors: responses of a cylinder, and presses of flat pads
-no-slip    presses of a flat pad without slip against the planar solution with free edges
 scores     40 presses of the fingertip: time of the reference, its error estimate, and what the fast model misplaces
 
 Each part prints a table; `curved_covers.md` holds them.
@@ -26,16 +24,12 @@ from fastmodel.contact.points import press_points as press_fast
 from fem_reference import press
 from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import press_curved, texel_responses
-from fem_reference.linear_response.finite_cover import solid_influence
 from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Roller, Sphere
 from meshes.pose import Pose
 from meshes.solids import fingertip, flat_pad, phalanx
-from meshes.solids.tetrahedra import check_tetrahedra, fill_with_tetrahedra
 from tests.exact.spots import SpotLoad, touch_cylinder
 from validation.derivation.curved import derive_curved_cover
 
-#: Depth of the presses of `balance` [m].
-DEPTH = 0.2e-3
 #: Shapes of the 40 presses, the angle about their y axis by which they are turned [rad], and the load [N].
 SHAPES: dict[str, tuple[Indenter, float, float]] = {
     "ball 3 mm": (Sphere(radius=3e-3), 0.0, 0.25),
@@ -44,12 +38,6 @@ SHAPES: dict[str, tuple[Indenter, float, float]] = {
     "box 12 x 12 mm": (Box(size=(12e-3, 12e-3, 6e-3)), 0.0, 1.0),
     "edge of a box": (Box(size=(8e-3, 14e-3, 8e-3)), np.pi / 4, 0.15),
 }
-#: Poisson ratios and shapes of `no-slip`.
-STICKING: tuple[tuple[float, Indenter], ...] = (
-    (0.0, Sphere(radius=5e-3)), (0.45, Sphere(radius=5e-3)), (0.49, Sphere(radius=8e-3)),
-    (0.0, Box(size=(2e-3, 4e-3, 2e-3))), (0.45, Box(size=(3e-3, 3e-3, 2e-3))), (0.49, Box(size=(3e-3, 3e-3, 2e-3))),
-    (0.3, Cylinder(radius=1e-3)), (0.5, Cylinder(radius=2e-3)),
-)  # fmt: skip
 #: Presses of `estimates`: name, indenter, load [N], place [mm], yaw and tilts about x and y [deg].
 FLAT: list[tuple[str, Indenter, float, tuple[float, float], float, tuple[float, float]]] = [
     (name, indenter, load, place, 0.0, (0.0, 0.0))
@@ -117,49 +105,6 @@ def rubber(poisson_ratio: float = 0.49) -> Material:
     )
 
 
-def compare_pads() -> None:
-    """Compare hexahedra with the planar solution, and with tetrahedra."""
-    print("| pad | mesh | difference [% of the peak texel] | estimate [%] | range over 8 meshes [%] |")
-    print("|---|---|---|---|---|")
-    for poisson_ratio in (0.3, 0.49, 0.5):
-        cover = flat_pad(size=(14e-3, 14e-3), rows=3)
-        response = texel_responses(cover.meshes(), cover.texels, rubber(poisson_ratio))
-        planar = Cover(layers=(Layer(thickness=2e-3, material=rubber(poisson_ratio)),), size=(14e-3, 14e-3))
-        known = solid_influence(planar, cover.texels)
-        expected = known.texel_influence(cover.texels, cover.texels.centres[:, :2])
-        error = 100 * np.abs(response.matrix - expected).max() / expected.max()
-        print(
-            f"| 14 mm, nu {poisson_ratio} | hexahedra against free edges | {error:.2g} | "
-            f"{100 * response.error_estimate['any_texel']:.2g} | - |",
-            flush=True,
-        )
-    for size in (0.8e-3, 0.55e-3):
-        print(_compare_tetrahedra(size), flush=True)
-
-
-def _compare_tetrahedra(size: float, meshes: int = 8) -> str:
-    import trimesh
-
-    cover = flat_pad(size=(10e-3, 10e-3), rows=2)
-    box = trimesh.creation.box(extents=(10e-3, 10e-3, 2e-3))
-    box.apply_translation([0, 0, 1e-3])
-    surface = np.array(box.triangles)
-    base = surface[(surface[..., 2] == 0).all(axis=1)]
-    known = texel_responses(cover.meshes(), cover.texels, rubber())
-    found = []
-    for _ in range(meshes):
-        mesh = fill_with_tetrahedra(surface, base, size)
-        found.append(texel_responses(mesh, cover.texels, rubber()).matrix)
-    values, peak = np.array(found), known.matrix.max()
-    error = 100 * np.abs(values.mean(axis=0) - known.matrix).max() / peak
-    through = check_tetrahedra(mesh, base).through
-    return (
-        f"| 10 mm, nu 0.49 | tetrahedra of {1e3 * size:g} mm ({len(mesh.cells)}, {through:.2g} through) against "
-        f"hexahedra | {error:.2g} | {100 * known.error_estimate['any_texel']:.2g} | "
-        f"{100 * np.ptp(values, axis=0).max() / peak:.2g} |"
-    )
-
-
 def measure_responses() -> None:
     """Measure time and memory of the responses of all texels."""
     print("| cover | texels | hexahedra, finest | CPU s | s | GiB, so far | estimate, peak texel [%] | any texel [%] |")
@@ -222,31 +167,6 @@ def compare_estimates() -> None:
     )
 
 
-def compare_no_slip() -> None:
-    """Compare presses without slip with the planar solution with free edges, with their estimates."""
-    cover = flat_pad(size=(10e-3, 10e-3), rows=2)
-    print("| shape | nu | misplaced force: error, estimate [%] | texel forces | depth | CPU s | planar CPU s |")
-    print("|---|---|---|---|---|---|---|")
-    for ratio, indenter in STICKING:
-        material = rubber(ratio)
-        planar = Cover(layers=(Layer(thickness=2e-3, material=material),), size=(10e-3, 10e-3))
-        pose, load = Pose.facing([0.4e-3, 0.3e-3, 5e-3], [0.0, 0.0, -1.0]), 0.3
-        times = [time.process_time()]
-        found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load, friction=np.inf)
-        times.append(time.process_time())
-        exact = press(planar, cover.texels, indenter, load=load, pose=Pose.planar(at=(0.4e-3, 0.3e-3)), friction=np.inf)
-        times.append(time.process_time())
-        difference = np.abs(found.texel_forces - exact.texel_forces)
-        errors = {
-            "misplaced_force": difference.sum() / (2 * load),
-            "texel_forces": difference.max() / exact.texel_forces.max(),
-            "depth": abs(found.depth / exact.depth - 1),
-        }
-        cells = " | ".join(f"{100 * each:.2f}, {100 * found.error_estimate[key]:.2f}" for key, each in errors.items())
-        seconds = " | ".join(f"{each:.0f}" for each in np.diff(times))
-        print(f"| {type(indenter).__name__.lower()} | {ratio:g} | {cells} | {seconds} |", flush=True)
-
-
 def list_presses() -> Iterator[tuple[str, str, Indenter, Pose, list[float], float]]:
     """Shape, place, indenter, pose, direction and load of the 40 presses."""
     for shape, (indenter, tilt, load) in SHAPES.items():
@@ -289,10 +209,8 @@ def score_fast_model() -> None:
 
 
 PARTS = {
-    "pads": compare_pads,
     "responses": measure_responses,
     "estimates": compare_estimates,
-    "no-slip": compare_no_slip,
     "scores": score_fast_model,
 }
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from validation.results.report import Report
     from validation.simulator_models import Exported
     from validation.weiss.continuity import Gap
-    from validation.weiss.frames import Reading
+    from validation.weiss.protocol import Reading
 
 Progress = Callable[[str], None]
 #: What a verb takes as a sensor: what `load` returns, a path, or the name of a built-in sensor.
@@ -144,10 +144,10 @@ def derive(
             if folder:
                 write_curved(curved, folder)
             return curved
-        from validation.derivation.derive import derive as derive_flat
+        from validation.derivation.derive import derive_layers
         from validation.report.derivation import write_derivation
 
-        flat = derive_flat(description, progress=progress)
+        flat = derive_layers(description, progress=progress)
         if folder:
             write_derivation(flat, folder)
         return flat
@@ -257,25 +257,15 @@ def validate(
         MissingExtraError: If finite elements or packages of the report are not installed.
         ConvergenceError: If the finite elements did not converge.
     """
-    from validation.campaign.campaign_file import read_campaign
-    from validation.campaign.evaluation import evaluate
+    from validation.campaign.evaluation import evaluate, read_plan
     from validation.data_sets.locate import find_data_set
 
     description, path = _describe(sensor), None if campaign is None else Path(campaign)
     require("skfem", *(REPORT_MODULES if out else ()))
     shown = _Stages(progress)
-    if description.body is not None:
-        from validation.curved.evaluate import evaluate_curved
-        from validation.curved.places import CurvedPlaces
-        from validation.curved.press import make_meshes
-
-        places = CurvedPlaces(mesh=make_meshes(description, progress)[-1], texels=description.array)
-        plan = read_campaign(path, description.array, cover=description.cover, curved=places)
-        found = evaluate_curved(description, plan.shorten() if quick else plan, progress=shown)
-    else:
-        plan = read_campaign(path, description.array)
-        data = None if recordings is None and data_set is None else find_data_set(recordings, data_set)
-        found = evaluate(description, campaign=plan.shorten() if quick else plan, recordings=data, progress=shown)
+    plan = read_plan(path, description, shown)
+    data = None if recordings is None and data_set is None else find_data_set(recordings, data_set)
+    found = evaluate(description, campaign=plan.shorten() if quick else plan, recordings=data, progress=shown)
     if out is not None:
         from validation.report import write_report
 

@@ -16,8 +16,10 @@ from meshes.solids.triangles import (
     find_crossings,
     merge_corners,
     nearest_points,
+    normal_vectors,
     refuse_parts,
     refuse_seams,
+    unit_vectors,
 )
 
 
@@ -125,7 +127,7 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
     normals = point_normals(points, faces)
     step = (-thickness if inward else thickness) * normals
     near = _list_neighbours(faces, len(points))
-    areas = np.linalg.norm(_cross(points[faces]), axis=1)
+    areas = np.linalg.norm(normal_vectors(points[faces]), axis=1)
     best, least, distance, sharp = step, np.inf, 0.0, points[0]
     for number in range(_OFFSET.rounds):
         folded = _find_folds(points, points + step, faces, border, inward=inward)
@@ -191,7 +193,9 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
     if not len(edge):
         raise ValueError("the outer surface is open and the base is closed; close the outer surface, or cut the base")
     owner = nearest_points(base_points[base_faces].mean(axis=1), outer)[1]
-    agreement = np.einsum("fc,fc->f", _cross(base_points[base_faces]), _unit(_cross(outer))[owner]).sum()
+    agreement = np.einsum(
+        "fc,fc->f", normal_vectors(base_points[base_faces]), unit_vectors(normal_vectors(outer))[owner]
+    ).sum()
     if agreement < 0:
         base_faces = base_faces[:, ::-1]
     into = base_points[base_faces]
@@ -239,7 +243,7 @@ def select_base(
     limit = _SIDES.on_base * float(np.ptp(surface, axis=(0, 1)).max()) if distance is None else distance
     middle = surface.mean(axis=1)
     near, owner = nearest_points(middle, base)
-    cosine = np.einsum("fc,fc->f", _unit(_cross(surface)), _unit(_cross(base))[owner])
+    cosine = np.einsum("fc,fc->f", unit_vectors(normal_vectors(surface)), unit_vectors(normal_vectors(base))[owner])
     cosine = -np.sign(enclosed_volume(base)) * cosine if is_closed else np.abs(cosine)
     return np.asarray((np.linalg.norm(near - middle, axis=1) <= limit) & (cosine > _SIDES.aligned))
 
@@ -266,23 +270,26 @@ def list_border(faces: IntArray, name: str) -> IntArray:
 def point_normals(points: FloatArray, faces: IntArray) -> FloatArray:
     """Compute unit normals at points, averaged over their triangles by angle, shape (p, 3) [-]."""
     corner = points[faces]
-    normal = _unit(_cross(corner))
+    normal = unit_vectors(normal_vectors(corner))
     out = np.zeros_like(points)
     for k in range(3):
-        one, other = _unit(corner[:, (k + 1) % 3] - corner[:, k]), _unit(corner[:, (k + 2) % 3] - corner[:, k])
+        one, other = (
+            unit_vectors(corner[:, (k + 1) % 3] - corner[:, k]),
+            unit_vectors(corner[:, (k + 2) % 3] - corner[:, k]),
+        )
         angle = np.arccos(np.clip(np.einsum("fc,fc->f", one, other), -1, 1))
         np.add.at(out, faces[:, k], angle[:, None] * normal)
-    return _unit(out)
+    return unit_vectors(out)
 
 
 def measure_triangles(triangles: FloatArray) -> float:
     """Compute the area of triangles [m2]."""
-    return float(np.linalg.norm(_cross(triangles), axis=1).sum() / 2)
+    return float(np.linalg.norm(normal_vectors(triangles), axis=1).sum() / 2)
 
 
 def _check_outward(points: FloatArray, faces: IntArray, name: str) -> tuple[str, ...]:
     """Refuse a surface that faces inwards; return a sentence on the side that is taken where it hardly bends."""
-    area = _cross(points[faces])
+    area = normal_vectors(points[faces])
     away = points[faces].mean(axis=1) - points.mean(axis=0)
     mean = np.einsum("fc,fc->", area, away) / np.linalg.norm(area, axis=1).sum()
     size = float(np.ptp(points, axis=0).max())
@@ -293,7 +300,7 @@ def _check_outward(points: FloatArray, faces: IntArray, name: str) -> tuple[str,
         )
     if mean > _SIDES.outwards * size:
         return ()
-    normal = ", ".join(f"{round(each, 2) + 0.0:g}" for each in _unit(area.sum(axis=0, keepdims=True))[0])
+    normal = ", ".join(f"{round(each, 2) + 0.0:g}" for each in unit_vectors(area.sum(axis=0, keepdims=True))[0])
     sentence = (
         f"{name} hardly bends, so its outside follows from the order of its corners: it faces ({normal}); reverse the "
         "triangles, or the rows of a grid, if the base is on that side"
@@ -303,9 +310,9 @@ def _check_outward(points: FloatArray, faces: IntArray, name: str) -> tuple[str,
 
 def _find_folds(points: FloatArray, moved: FloatArray, faces: IntArray, border: IntArray, *, inward: bool) -> BoolArray:
     """Return whether the offset of each triangle is turned over or crosses another triangle, shape (f,)."""
-    before, after = _unit(_cross(points[faces])), _unit(_cross(moved[faces]))
+    before, after = unit_vectors(normal_vectors(points[faces])), unit_vectors(normal_vectors(moved[faces]))
     # A sliver's own normal may be far from that of the surface; its offset must only not be turned further.
-    surface = _unit(point_normals(points, faces)[faces].sum(axis=1))
+    surface = unit_vectors(point_normals(points, faces)[faces].sum(axis=1))
     limit = np.minimum(_OFFSET.folded, np.einsum("fc,fc->f", before, surface) - _OFFSET.folded)
     out = np.einsum("fc,fc->f", surface, after) < limit
     if not out.any():  # crossings take longer
@@ -402,12 +409,3 @@ def _are_inside(points: FloatArray, surface: FloatArray) -> bool:
         if np.abs(2 * np.arctan2(volume, scale).sum()) / (4 * np.pi) < _SIDES.inside:
             return False
     return True
-
-
-def _cross(triangles: FloatArray) -> FloatArray:
-    """Return normal vectors with twice the area as length, shape (n, 3) [m2]."""
-    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))

@@ -20,7 +20,14 @@ import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
 from meshes.solids.solid_mesh import LIMITS, Quality, Setting, SolidMesh, check_quality, read_mesh, write_mesh
-from meshes.solids.triangles import check_closed, enclosed_volume, merge_corners, nearest_points
+from meshes.solids.triangles import (
+    check_closed,
+    enclosed_volume,
+    merge_corners,
+    nearest_points,
+    normal_vectors,
+    unit_vectors,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +92,7 @@ def fill_with_tetrahedra(
             f"{name} would be {1e3 * size:.4g} mm long, outside {1e3 * low:g}..{1e3 * high:g} mm; state its "
             "unit (were millimetres taken for metres?)"
         )
-    thickness = enclosed_volume(surface) / (np.linalg.norm(_normals(base), axis=1).sum() / 2)
+    thickness = enclosed_volume(surface) / (np.linalg.norm(normal_vectors(base), axis=1).sum() / 2)
     settings: dict[str, Setting] = {
         "element_size": float(element_size),
         "envelope": _NUMBERS.envelope * float(thickness),
@@ -143,7 +150,7 @@ def classify_boundary(
     nearest = nearest_points(nodes[outer], base)[0]
     position = np.searchsorted(outer, facets)
     distance = np.linalg.norm(nearest - nodes[outer], axis=1)
-    normals, given = _unit(_normals(nodes[facets])), _unit(_normals(base))
+    normals, given = unit_vectors(normal_vectors(nodes[facets])), unit_vectors(normal_vectors(base))
     middle_owner = nearest_points(nodes[facets].mean(axis=1), base)[1]
     cosine = np.einsum("fc,fc->f", normals, given[middle_owner])
     on_base = (distance[position] <= tolerance).all(axis=1) & (np.abs(cosine) > _NUMBERS.on_base)
@@ -212,15 +219,6 @@ def _run_mesher(surface: FloatArray, edge: float, envelope: float, name: str) ->
     if not len(cells):
         raise ValueError(f"the mesher found no volume inside {name}; repair the surface")
     return nodes, cells
-
-
-def _normals(triangles: FloatArray) -> FloatArray:
-    """Return normal vectors of triangles, with twice their area as length, shape (n, 3) [m2]."""
-    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
 
 
 def _hash(values: FloatArray) -> str:

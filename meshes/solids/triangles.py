@@ -124,6 +124,16 @@ def enclosed_volume(triangles: FloatArray) -> float:
     return float(np.linalg.det(corners).sum() / 6)
 
 
+def normal_vectors(triangles: FloatArray) -> FloatArray:
+    """Return normal vectors of triangles with twice their area as length, shape (n, 3) [m2]."""
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+
+
+def unit_vectors(vectors: FloatArray) -> FloatArray:
+    """Return vectors of length 1, shape (n, 3); those of no length stay zero."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))
+
+
 def count_crossings(triangles: FloatArray) -> int:
     """Count the pairs of triangles without a common corner of which an edge of one crosses the other."""
     return len(find_crossings(triangles))

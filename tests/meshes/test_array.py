@@ -37,19 +37,6 @@ def test_row_and_column_of_an_image_follow_from_the_position(rows, columns, pitc
     assert array.extent == pytest.approx((columns * pitch[0], rows * pitch[1]))
 
 
-@given(rows=COUNTS, columns=COUNTS, pitch=PITCHES)
-def test_a_half_turn_of_the_grid_reverses_the_texels(rows, columns, pitch):
-    array = TexelArray.grid(rows, columns, pitch)
-    np.testing.assert_allclose(-array.centres[::-1, :2], array.centres[:, :2], atol=1e-15)
-
-
-def test_images_of_several_frames_keep_their_order():
-    array = TexelArray.grid(3, 2, 1e-3)
-    frames = np.arange(24).reshape(4, 6)
-    assert array.image(frames).shape == (4, 3, 2)
-    assert array.image(frames)[2, 1, 1] == 2 * 6 + 3
-
-
 def test_rectangular_pitch_and_smaller_texels():
     array = TexelArray.grid(2, 3, (1e-3, 2e-3), texel_size=0.8e-3)
     assert array.pitch == (1e-3, 2e-3)

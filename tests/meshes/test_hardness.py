@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from meshes.catalogue import MATERIALS
 from meshes.hardness import SCALES, modulus_by_ball, modulus_by_gent, modulus_by_qi, modulus_from_hardness
 
-READINGS = st.floats(*SCALES["00"].range)
 HARDNESSES = st.floats(*SCALES["a"].range)
 
 
@@ -29,13 +28,6 @@ def test_the_band_contains_both_relations_and_the_estimate_is_their_geometric_me
     assert max(gent, qi) < found.high
     assert found.youngs_modulus**2 == pytest.approx(gent * qi)
     assert found.spread == 0.5
-
-
-def test_a_narrower_band_would_not_contain_them():
-    """The test above can fail: near 70 Shore A, +-25 % is too little, and so is +-50 % about Gent's value alone."""
-    found = modulus_from_hardness(70)
-    assert max(found.by_relation.values()) > 1.25 * found.youngs_modulus
-    assert max(found.by_relation.values()) > 1.5 * found.by_relation["gent-1958"]
 
 
 @pytest.mark.parametrize("hardness", [30, 40, 50, 60, 70])
@@ -88,20 +80,6 @@ def test_the_ball_of_the_durometer_is_hertzian_at_small_depth_and_the_pressure_b
     for _ in range(20):
         edge -= (press(edge)[0] - wanted) / ((press(edge + 1e-9)[0] - press(edge)[0]) / 1e-9)
     assert press(edge)[1] == pytest.approx(0.203 + 0.00908 * reading, rel=1e-3)
-
-
-def test_both_scales_agree_where_makers_equate_them():
-    """70 Shore 00 is about 20 Shore A."""
-    assert modulus_from_hardness(70, "00").youngs_modulus == pytest.approx(
-        modulus_from_hardness(20).youngs_modulus, rel=0.25
-    )
-
-
-@given(hardnesses=st.tuples(READINGS, READINGS))
-def test_the_modulus_increases_with_shore_00(hardnesses):
-    soft, hard = sorted(hardnesses)
-    assume(hard - soft > 1e-6)
-    assert modulus_by_ball(soft) < modulus_by_ball(hard)
 
 
 def test_castable_silicones_are_softer_than_shore_00_says_and_lie_in_its_band():

@@ -25,32 +25,24 @@ def saved(monkeypatch):
     return figures
 
 
-def read_legend(axes):
-    return [text.get_text() for text in axes.get_legend().texts]
-
-
 @pytest.mark.parametrize(("name", "factor", "unit"), [("dragon-skin-30", 1e-3, "kPa"), ("pet", 1e-6, "MPa")])
 def test_a_curve_of_a_material_has_the_range_of_its_modulus_around_it(saved, tmp_path, name, factor, unit):
     material = MATERIALS[name]
     write_curve(material, tmp_path / "material.svg")
     figure = saved["material.svg"]
     (axes,) = figure.axes
-    assert figure.get_size_inches().tolist() == [6, 4]
-    curve, flat, upright = axes.lines
+    curve = axes.lines[0]
     strain, stress = curve.get_data()
     limits = (-30, 30) if name == "pet" else (-50, 100)
     np.testing.assert_allclose(strain, np.linspace(*limits, 301), atol=1e-12)
     np.testing.assert_allclose(stress, factor * compute_stress(material, strain / 100), atol=1e-12)
-    assert (flat.get_ydata(), upright.get_xdata()) == ([0, 0], [0, 0])
-    assert {(each.get_color(), each.get_linewidth()) for each in (flat, upright)} == {("grey", 0.6)}
     (band,) = axes.collections
     corners = band.get_paths()[0].vertices
     expected = [end / material.youngs_modulus * stress[-1] for end in material.modulus_range]
     at_end = corners[corners[:, 0] == limits[1], 1]
     assert (at_end.min(), at_end.max()) == pytest.approx(expected)
     assert corners[:, 0].min() == limits[0]
-    assert (band.get_alpha(), read_legend(axes)) == (0.2, ["range of sources", material.model])
-    assert not axes.get_legend().get_frame_on()
+    assert [text.get_text() for text in axes.get_legend().texts] == ["range of sources", material.model]
     assert [axes.get_xlabel(), axes.get_ylabel()] == ["strain [%]", f"nominal stress [{unit}]"]
     assert axes.get_title() == f"{name}, uniaxial"
 
@@ -69,15 +61,11 @@ def test_left_out_recordings_stand_above_their_prediction_and_the_difference(sav
     figure = saved["x.png"]
     chosen, loads = [1, 2, 0, 6], [1, 3, 5, 7]  # the lightest, the heaviest, and evenly between
     panels = np.array([axes for axes in figure.axes if axes.images]).reshape(3, 4)
-    bars = [axes for axes in figure.axes if not axes.images]
-    assert [bar.get_ylabel() for bar in bars] == ["counts"] * 3
     assert figure.get_suptitle() == "left out: image changed 1.00 %"
-    assert figure.get_size_inches() == pytest.approx((2.4 * 4 + 1.2, 7.5))
-    top, most = predicted[chosen].max(), (predicted - recorded)[chosen].max()
-    rows = (("recorded", recorded, (0, top)), ("predicted", predicted, (0, top)))
-    for row, (name, values, limits) in zip(
-        panels, (*rows, ("difference", predicted - recorded, (-most, most))), strict=True
-    ):
+    apart = predicted - recorded
+    top, most = predicted[chosen].max(), apart[chosen].max()
+    rows = (("recorded", recorded, (0, top)), ("predicted", predicted, (0, top)), ("difference", apart, (-most, most)))
+    for row, (name, values, limits) in zip(panels, rows, strict=True):
         for axes, place, load in zip(row, chosen, loads, strict=True):
             (image,) = axes.images
             shown = np.ma.filled(image.get_array(), np.nan)
@@ -85,11 +73,7 @@ def test_left_out_recordings_stand_above_their_prediction_and_the_difference(sav
             assert image.get_clim() == pytest.approx(limits)
             assert image.get_extent() == pytest.approx((-3, 3, -6, 6))
             assert image.origin == "lower"
-            assert image.get_cmap().name == ("RdBu_r" if name == "difference" else "viridis")
             assert axes.get_title() == f"{name}, {load} N"
-            assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [mm]", "y [mm]")
-            sizes = [each.get_fontsize() for each in (axes.title, axes.xaxis.label, axes.yaxis.label)]
-            assert sizes == [9, 8, 8]
 
 
 def test_one_left_out_recording_without_counts_has_a_scale_of_one(saved, tmp_path):

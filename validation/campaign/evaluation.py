@@ -11,6 +11,7 @@ import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -23,14 +24,11 @@ from validation.campaign.run import run_campaign
 from validation.campaign.verdict import Verdict, judge
 from validation.credibility.evidence import Evidence, gather_evidence
 from validation.derivation.derive import Derivation, derive
-from validation.derivation.quadrature import gauss_points
 from validation.errors import InputError
-from validation.published.calibration import prepare_models
 from validation.sensor_file import SensorDescription
 from validation.text.friction import describe_friction
 
 if TYPE_CHECKING:
-    from fastmodel import Parameters
     from validation.curved.derive import CurvedDerivation
     from validation.data_sets.data_set import DataSet
     from validation.data_sets.results import RecordingScores
@@ -133,24 +131,29 @@ def evaluate(
         RecordingError: If the recordings are damaged or from another array.
         ConvergenceError: If the finite-element solver did not converge.
     """
-    _check_wide(sensor)
+    if sensor.cover.size is not None:
+        raise InputError(
+            f"{sensor.source}: cover.size: a report takes laterally wide covers only; use `softcover derive` and "
+            "`softcover press`, or remove the key"
+        )
     clock = [time.perf_counter()]
     # Recordings are scored first, so that a fault in them is reported before the long computations.
     scores = None if recordings is None else _score_recordings(recordings, recorded or sensor, progress)
     clock.append(time.perf_counter())
-    plan = campaign or read_campaign(None, sensor.array)
+    plan = campaign or read_plan(None, sensor, progress)
     plan = plan if cases is None else dataclasses.replace(plan, cases=tuple(cases))
-    cost = plan_solves(sensor.cover, sensor.array, plan.cases, friction=sensor.friction)
+    cost = plan_cases(sensor, plan.cases, progress)
     if announce:
         announce(cost.describe())
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
-    result = _score(sensor, derivation.parameters, plan.cases, cost, progress)
-    evidence = gather_evidence(sensor.cover, derivation.parameters, plan, result, progress)
+    bench = derivation.prepare(plan.cases, progress)
+    result = run_campaign(bench, plan.cases, plan=cost, progress=progress.step if progress else None)
+    evidence = gather_evidence(bench, plan, result, progress)
     clock.append(time.perf_counter())
     return Evaluation(
         derivation=derivation,
-        verification=verify(derivation),
+        verification=derivation.verification,
         plan=plan,
         campaign=result,
         verdict=judge(plan, result),
@@ -173,54 +176,34 @@ def _score_recordings(data_set: DataSet, recorded: SensorDescription, progress: 
     return score_recordings(data_set, recorded, parameters, progress=progress)
 
 
-def _check_wide(sensor: SensorDescription) -> None:
-    if sensor.cover.size is not None:
-        raise InputError(
-            f"{sensor.source}: cover.size: a report takes laterally wide covers only; use `softcover derive` and "
-            "`softcover press`, or remove the key"
-        )
+def read_plan(path: Path | None, sensor: SensorDescription, progress: Progress | None = None) -> Campaign:
+    """Read a campaign file, or the default campaign for the kind of cover.
 
-
-def _score(
-    sensor: SensorDescription, parameters: Parameters, cases: Sequence[Case], cost: Plan, progress: Progress | None
-) -> CampaignResult:
-    """Fit the published models to presses that are not scored, and score them and the fast model in all cases."""
-    if progress:
-        progress("fit of the comparison models")
-    comparison = prepare_models(sensor.cover, parameters, cases, friction=sensor.friction)
-    return run_campaign(
-        sensor.cover,
-        parameters,
-        cases,
-        comparison=comparison,
-        friction=sensor.friction,
-        plan=cost,
-        progress=progress.step if progress else None,
-    )
-
-
-def verify(derivation: Derivation) -> dict[str, float]:
-    """Compare the cover's response to a unit point load by finite elements with the closed-form layer solution.
-
-    Returns:
-        `radial_profile`, the largest difference of base pressure over the peak pressure, and `texel_response`, the
-        difference of the force on the loaded texel over the load [-].
+    Args:
+        path: The file; None for the default campaign.
+        sensor: The sensor, which defines the named places.
+        progress: Display of progress.
 
     Raises:
-        ValueError: If the cover has free side edges: the closed form is valid for a laterally wide cover only.
+        InputError: As for `read_campaign`.
     """
-    from fem_reference.closed_form import point_response
+    if sensor.body is None:
+        return read_campaign(path, sensor.array)
+    from validation.curved.places import CurvedPlaces
+    from validation.curved.press import make_meshes
 
-    spread, sensor = derivation.point_spread, derivation.sensor
-    if spread is None:
-        raise ValueError("the closed-form layer solution takes a laterally wide cover only")
-    radius = np.linspace(0, 6 * sensor.cover.thickness, 200)
-    exact = point_response(sensor.cover, radius)
-    profile = np.abs(spread.pressure(radius) - exact).max() / exact.max()
-    points, weights = gauss_points(sensor.array.texel_size, 12)
-    texel_force = weights @ point_response(sensor.cover, np.hypot(*points.T)) * np.prod(sensor.array.texel_size)
-    middle = derivation.texel_response[sensor.array.rows // 2, sensor.array.columns // 2]
-    return {"radial_profile": float(profile), "texel_response": float(abs(middle - texel_force))}
+    places = CurvedPlaces(mesh=make_meshes(sensor, progress)[-1], texels=sensor.array)
+    return read_campaign(path, sensor.array, cover=sensor.cover, curved=places)
+
+
+def plan_cases(sensor: SensorDescription, cases: Sequence[Case], progress: Progress | None = None) -> Plan:
+    """Find out which presses are missing from the store, and how long the evaluation takes."""
+    if sensor.body is None:
+        return plan_solves(sensor.cover, sensor.array, cases, friction=sensor.friction)
+    from validation.curved.bench import plan_presses
+    from validation.curved.press import make_meshes
+
+    return plan_presses(sensor, make_meshes(sensor, progress), cases)
 
 
 def versions() -> dict[str, str]:

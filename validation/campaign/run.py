@@ -7,17 +7,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshes import Cover
 from meshes.array_types import FloatArray
 from validation.campaign.case import Case
-from validation.campaign.cost import Clock, Plan, plan_solves
+from validation.campaign.cost import Clock, Plan
 from validation.campaign.pooling import Pooled, pool, skill
-from validation.campaign.reference_press import press_reference
 from validation.campaign.results import (
     MODELS,
     SKILL_METRICS,
@@ -34,6 +31,7 @@ from validation.metrics import TABULATED, Score, published_line, score
 if TYPE_CHECKING:
     from fastmodel import Parameters
     from fem_reference.indentation.result import Indentation
+    from validation.campaign.bench import Bench
     from validation.published.calibration import ComparisonModels
 
 Progress = Callable[[int, int, str], None]
@@ -55,23 +53,13 @@ class Run:
 
 
 def run_campaign(
-    cover: Cover,
-    parameters: Parameters,
-    cases: Sequence[Case],
-    *,
-    friction: float = 0.0,
-    comparison: ComparisonModels | None = None,
-    plan: Plan | None = None,
-    progress: Progress | None = None,
+    bench: Bench, cases: Sequence[Case], *, plan: Plan | None = None, progress: Progress | None = None
 ) -> CampaignResult:
-    """Compute every case by finite elements and by the fast model, and score the fast model.
+    """Compute every case by finite elements and by all models of a bench, and score the models.
 
     Args:
-        cover: The cover in the finite-element model.
-        parameters: Parameters of the fast model, already fitted; the campaign changes none of them.
+        bench: The sensor with its models, already fitted; the campaign changes none of them.
         cases: The indentations.
-        friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
-        comparison: Published models to score in the same cases, already fitted (`prepare_models`); None for none.
         plan: Which solutions are missing from the store; found out anew if None.
         progress: Called before each case with (number of cases done, number of all cases, name of the next case and
             time left).
@@ -84,12 +72,10 @@ def run_campaign(
         ValueError: If a published model was fitted to one of the cases.
         KeyboardInterrupt: If the run is interrupted before the first case is finished.
     """
-    if comparison is not None:
-        comparison.check_unseen(cases)
-    clock = Clock(plan or plan_solves(cover, parameters.array, cases, friction=friction))
-    solve = partial(run_case, cover, parameters, comparison=comparison, friction=friction)
-    run = run_cases(cases, solve, clock, progress)
-    return summarise(run.results, run.skipped, comparison, interrupted=run.interrupted)
+    if bench.comparison is not None:
+        bench.comparison.check_unseen(cases)
+    run = run_cases(cases, bench.solve, Clock(plan or bench.plan(cases)), progress)
+    return summarise(run.results, run.skipped, bench.comparison, interrupted=run.interrupted, models=bench.models)
 
 
 def run_cases(
@@ -131,55 +117,6 @@ def run_cases(
     if not results:
         raise InputError(*(f"{each.name} ({each.indenter}): {each.reason}" for each in skipped))
     return Run(results=results, skipped=skipped, interrupted=interrupted)
-
-
-def run_case(
-    cover: Cover,
-    parameters: Parameters,
-    case: Case,
-    comparison: ComparisonModels | None = None,
-    *,
-    friction: float = 0.0,
-) -> CaseResult:
-    """Compute one case by finite elements and by all other models, and score all but the finite elements.
-
-    Args:
-        cover: The cover in the finite-element model.
-        parameters: Parameters of the fast model.
-        case: The indentation.
-        comparison: Published models to score as well; None for none.
-        friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
-    """
-    from fastmodel import indent
-
-    array = parameters.array
-    reference = Reference.of(press_reference(cover, array, case, friction=friction))
-    turned = case.turned
-    press_fast = partial(indent, parameters, turned.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw)
-    fast, area = press_fast(method="default"), press_fast(method="area")
-    published: Mapping[str, tuple[FloatArray, float]] = {}
-    if comparison is None:
-        boxes = press_fast(method="boxes")
-    else:
-        # The published models read the contacts of the same simulation.
-        scene, published = comparison.predict(cover, parameters, turned)
-        boxes = scene.boxes
-    kept = np.where(array.active, boxes.contact_forces, 0.0)
-    forces = {
-        "fast": (fast.texel_forces, fast.outside),
-        "area": (area.texel_forces, area.outside),
-        "boxes": (boxes.texel_forces, boxes.outside),
-        "no-spread": (kept, case.load - float(kept.sum())),
-        "zeros": (np.zeros(array.count), 0.0),
-    }
-
-    return CaseResult(
-        case=case,
-        reference=reference,
-        predictions=predict(reference, forces, case.load, parameters),
-        warnings=fast.warnings,
-        published=predict(reference, published, case.load, parameters),
-    )
 
 
 def predict(

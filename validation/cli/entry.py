@@ -29,7 +29,6 @@ _COMMANDS = {
     "mesh": "mesh:mesh",
     "view": "view:view",
     "validate": "validate:validate",
-    "validate-force": "validate_force:validate_force",
     "regress": "regress:regress",
     "export": "export:export",
     "record": "record:record",

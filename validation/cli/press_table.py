@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from validation.cli.meaning import explain_comparison, print_meaning
 from validation.cli.output import describe_cover, describe_errors, escape, make_console, print_rows
-from validation.metrics import TABULATED
 
 if TYPE_CHECKING:
     from validation.campaign.comparison import Comparison
@@ -32,6 +31,8 @@ def print_comparison(comparison: Comparison) -> None:
 
 def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
     """Yield name and text of the results of each model and, if there are results of both models, of the scores."""
+    from validation.metrics import TABULATED
+
     fem, fast = comparison.fem, comparison.fast
     if fem is not None and "fem" in comparison.models:
         errors = describe_errors(fem.error_estimate)

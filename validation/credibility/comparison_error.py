@@ -15,7 +15,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from meshes import TexelArray
-from validation.campaign.results import CaseResult
+from validation.campaign.results import CaseResult, texel_error
 from validation.credibility.input_uncertainty import InputUncertainty
 from validation.metrics import centre_of_pressure, second_moments
 from validation.results import Column, Number, Result, result_model
@@ -99,7 +99,7 @@ def compare_quantities(
         data: Standard uncertainty of measured forces, over the force; 0 for the reference as data [-].
     """
     reference, fast = result.reference.texel_forces, result.predictions["fast"].texel_forces
-    estimate = result.reference.error_estimate["peak_texel"] / _COVERAGE
+    estimate = texel_error(result.reference.error_estimate) / _COVERAGE
     load, positions = result.case.load, array.centres[:, :2]
     sums = np.ones(array.count)
     peak = np.zeros(array.count)

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
 
-from meshes import Cover, TexelArray
 from validation.campaign.campaign_file import Campaign
 from validation.campaign.pooling import Pooled, pool
 from validation.campaign.results import CampaignResult, CaseResult
-from validation.credibility.code_verification import Check, verify_code
+from validation.credibility.code_verification import Check
 from validation.credibility.comparison_error import ComparisonError, compare_quantities
-from validation.credibility.input_uncertainty import InputUncertainty, propagate_inputs
+from validation.credibility.input_uncertainty import InputUncertainty
 from validation.credibility.solution_verification import Convergence, verify_solutions
-from validation.credibility.stages import StageErrors, score_stages
+from validation.credibility.stages import StageErrors
 from validation.results import Number, Result, renamed, result_model
 
 if TYPE_CHECKING:
-    from fastmodel import Parameters
+    from validation.campaign.bench import Bench
 
+T = TypeVar("T")
 #: Progress of the evidence: called with a line of text.
 Progress = Callable[[str], None]
-#: Load between the two groups of loads [N], and share of the load outside the array above which a case is at the edge.
-_HEAVY, _AT_EDGE = 2.0, 0.05
 #: Metrics of the grouped errors.
 GROUP_METRICS = ("misplaced_force", "image_changed_percent", "centre_of_pressure_m")
 
@@ -57,95 +55,73 @@ class Evidence(Result):
 
 
 def gather_evidence(
-    cover: Cover, parameters: Parameters, campaign: Campaign, result: CampaignResult, progress: Progress | None = None
+    bench: Bench, campaign: Campaign, result: CampaignResult, progress: Progress | None = None
 ) -> Evidence:
     """Verify codes and solutions, propagate the inputs, and score the stages.
 
-    What fails is named in the result and costs nothing else.  After an interruption nothing that needs a new
+    A part that fails is listed with its reason; the others are kept.  After an interruption nothing that needs a new
     solution is computed.
 
     Args:
-        cover: Laterally wide cover.
-        parameters: Parameters of the fast model.
+        bench: The sensor that was scored.
         campaign: The campaign with the uncertainties of its inputs.
         result: The scores.
         progress: Called with the name of each part.
     """
-    from fem_reference import ConvergenceError
-
     tell = progress or (lambda _: None)
     failed: list[str] = []
-    checks: tuple[Check, ...] = ()
+    checks: list[Check] = []
     inputs: dict[str, InputUncertainty] = {}
-    stages = None
+    stages: StageErrors | None = None
+
+    def attempt(what: str, compute: Callable[[], T]) -> T | None:
+        from fem_reference import ConvergenceError
+
+        try:
+            return compute()
+        except (ConvergenceError, ValueError) as error:
+            failed.append(f"{what}: {error}")
+            return None
+
     if result.interrupted:
         failed.append("interrupted: codes are not verified, inputs not propagated, stages not scored")
     else:
-        tell("verification of the codes")
-        try:
-            checks = verify_code(cover, parameters.array)
-        except (ConvergenceError, ValueError) as error:
-            failed.append(f"code verification: {error}")
-        inputs, faults = _propagate(cover, parameters.array, campaign, result.cases, tell)
-        failed += faults
+        for what, check in bench.verify(result.cases):
+            tell(what)
+            checks += attempt(what, check) or ()
+        for number, each in enumerate(result.cases):
+            tell(f"input uncertainty, case {number + 1} of {len(result.cases)}")
+            name = each.case.name
+            propagated = attempt(f"input uncertainty of {name}", partial(bench.propagate, each.case, campaign.inputs))
+            if propagated is not None:
+                inputs[name] = propagated
         tell("score by stage")
-        try:
-            stages = score_stages(cover, parameters, result.cases)
-        except (ConvergenceError, ValueError) as error:
-            failed.append(f"stages: {error}")
+        stages = attempt("stages", partial(bench.score_stages, result.cases))
     errors = [
-        each
-        for case in result.cases
-        if case.case.name in inputs
-        for each in compare_quantities(parameters.array, case, inputs[case.case.name], campaign.inputs.data)
+        error
+        for each in result.cases
+        if each.case.name in inputs
+        for error in compare_quantities(bench.parameters.array, each, inputs[each.case.name], campaign.inputs.data)
     ]
     return Evidence(
-        checks=checks,
+        checks=tuple(checks),
         convergence=verify_solutions(result.cases),
         inputs=inputs,
         errors=tuple(errors),
         stages=stages,
-        groups=group_errors(result.cases),
-        domain=describe_domain(cover, result.cases),
+        groups=group_errors(bench, result.cases),
+        domain=describe_domain(bench, result.cases),
         failed=tuple(failed),
+        left_out=bench.left_out,
     )
 
 
-def _propagate(
-    cover: Cover, array: TexelArray, campaign: Campaign, results: Sequence[CaseResult], tell: Progress
-) -> tuple[dict[str, InputUncertainty], list[str]]:
-    """Propagate the inputs in every case; return the effects by name of the case, and one line per failure."""
-    from fem_reference import ConvergenceError
-
-    out: dict[str, InputUncertainty] = {}
-    failed = []
-    for number, result in enumerate(results):
-        tell(f"input uncertainty, case {number + 1} of {len(results)}")
-        try:
-            out[result.case.name] = propagate_inputs(cover, array, result.case, campaign.inputs)
-        except (ConvergenceError, ValueError) as error:
-            failed.append(f"input uncertainty of {result.case.name}: {error}")
-    return out, failed
-
-
-def group_errors(results: Sequence[CaseResult]) -> dict[str, dict[str, dict[str, Pooled]]]:
-    """Pool the errors of the fast model by load, by shape and by pose of the indenter."""
-    groups: dict[str, dict[str, list[CaseResult]]] = {name: defaultdict(list) for name in ("load", "shape", "pose")}
-    for result in results:
-        case = result.case
-        groups["load"]["below 2 N" if case.load < _HEAVY else "2 N and more"].append(result)
-        groups["shape"][case.shape.split(":")[0]].append(result)
-        outside = result.reference.outside / case.load
-        turned = math.degrees(case.pose.yaw) % 90 != 0
-        pose = "over an edge" if outside > _AT_EDGE else "turned" if turned else "inside, not turned"
-        groups["pose"][pose].append(result)
-    return pool_groups(groups)
-
-
-def pool_groups(
-    groups: Mapping[str, Mapping[str, Sequence[CaseResult]]],
-) -> dict[str, dict[str, dict[str, Pooled]]]:
-    """Pool the errors of the fast model over the cases of each member of each group."""
+def group_errors(bench: Bench, results: Sequence[CaseResult]) -> dict[str, dict[str, dict[str, Pooled]]]:
+    """Pool the errors of the fast model over the members of the groups that a bench names: group, member, metric."""
+    groups: dict[str, dict[str, list[CaseResult]]] = defaultdict(lambda: defaultdict(list))
+    for each in results:
+        for group, member in bench.classify(each).items():
+            groups[group][member].append(each)
     return {
         group: {
             member: {
@@ -158,12 +134,7 @@ def pool_groups(
     }
 
 
-def describe_domain(cover: Cover, results: Sequence[CaseResult]) -> dict[str, tuple[float, float]]:
-    """Return the range of loads, depths over thickness, contact areas and shares outside that the cases cover."""
-    ranges = {
-        "load_N": [each.case.load for each in results],
-        "depth_over_thickness": [each.reference.depth / cover.thickness for each in results],
-        "contact_area_m2": [each.reference.contact_area for each in results],
-        "share_outside_array": [each.reference.outside / each.case.load for each in results],
-    }
-    return {name: (min(values), max(values)) for name, values in ranges.items()}
+def describe_domain(bench: Bench, results: Sequence[CaseResult]) -> dict[str, tuple[float, float]]:
+    """Return the smallest and the largest value of each quantity that a bench measures in the cases."""
+    rows = [bench.measure(each) for each in results]
+    return {name: (min(row[name] for row in rows), max(row[name] for row in rows)) for name in rows[0]}

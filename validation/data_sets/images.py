@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,13 +17,25 @@ from validation.recordings.importing import open_recording
 from validation.recordings.recording import BoolArray, RecordedArray, Recording, RecordingError, find_pressed_array
 from validation.schema.data_set import FORCE
 
-#: Smallest number of frames from which the noise about a straight trend can be estimated [-].
-_FEWEST_FRAMES = 3
-#: Counts at rest over the counts that a load adds, both summed, above which the zero is not zero; and share of the
-#: largest force of a channel below which a frame counts as unloaded [-].
-_ZERO_SHARE, _UNLOADED = 0.01, 0.005
-#: Largest number of images that a recording with a force channel is divided into [-].
-_MOST_IMAGES = 24
+
+@dataclass(frozen=True, kw_only=True)
+class ImageNumbers:
+    """Numbers of the reduction of recordings to images.
+
+    Attributes:
+        fewest_frames: Smallest number of frames from which the noise about a straight trend can be estimated [-].
+        most_images: Largest number of images that a recording with a force channel is divided into [-].
+        zero_share: Counts at rest over the counts that a load adds, both summed, above which the zero is not zero [-].
+        unloaded: Share of the largest force of a channel below which a frame counts as unloaded [-].
+    """
+
+    fewest_frames: int = 3
+    most_images: int = 24
+    zero_share: float = 0.01
+    unloaded: float = 0.005
+
+
+NUMBERS = ImageNumbers()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,33 +138,43 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
     threshold = file.threshold
     if threshold is None:
         threshold = float(recording.setup.device.get("threshold", 0.0))
-    common = {
-        "file": file,
-        "measured": pressed.enabled & array.active,
-        "threshold": threshold,
-        "full_scale": pressed.full_scale,
-        "sha256": recording.sha256,
-    }
-    if file.load == FORCE:
-        return _average_by_force(recording, file, counts, common)
+
+    def average(frames: BoolArray, load: float, *, age: float = float("nan"), creep: float = float("nan")) -> Image:
+        """Average some of the frames."""
+        return Image(
+            file=file,
+            load=load,
+            counts=counts[frames].mean(axis=0),
+            measured=pressed.enabled & array.active,
+            temperature=_find_temperature(recording, file, recording.times[frames]),
+            age=age,
+            creep=creep,
+            threshold=threshold,
+            noise=_noise(counts[frames]),
+            full_scale=pressed.full_scale,
+            sha256=recording.sha256,
+        )
+
     load = file.load if isinstance(file.load, float) else recording.setup.load
+    if file.load == FORCE or (load is None and len(recording.forces)):
+        return [average(frames, load) for frames, load in _divide_by_force(recording, file, counts)]
     if load is None:
-        if len(recording.forces):
-            return _average_by_force(recording, file, counts, common)
         raise RecordingError(
             f"{file.path}: its load is not known; write `# load = 4.9` [N] above the columns of a CSV file, or "
             "name it in a data-set file, such as load = '500 g'"
         )
-    return [_average_steady(recording, file, counts, load, common)]
+    age = _find_age(recording, file, counts, load)
+    inside = (age >= file.window[0]) & (age < file.window[1])
+    if not inside.any():
+        raise RecordingError(f"{file.path}: no frame {file.window[0]:g}..{file.window[1]:g} s after loading")
+    return [average(inside, load, age=float(age[inside].mean()), creep=find_creep(age, counts, threshold))]
 
 
-def _average_steady(
-    recording: Recording, file: DataFile, counts: FloatArray, load: float, common: dict[str, object]
-) -> Image:
-    """Average the frames in the window after the load was applied.
+def _find_age(recording: Recording, file: DataFile, counts: FloatArray, load: float) -> FloatArray:
+    """Return the time since loading of each frame, shape (frames,) [s].
 
     Raises:
-        RecordingError: If the load does not stay on, or not for long enough.
+        RecordingError: If the load does not stay on, or not for long enough, or the counts at rest are not zero.
     """
     if load > 0:
         rest = find_rest(recording.times, counts)
@@ -165,19 +187,24 @@ def _average_steady(
             f"{file.path}: the load is on for {age[-1]:.1f} s; the window of {file.window[0]:g}..{file.window[1]:g} s "
             "after loading needs more"
         )
-    inside = (age >= file.window[0]) & (age < file.window[1])
-    if not inside.any():
-        raise RecordingError(f"{file.path}: no frame {file.window[0]:g}..{file.window[1]:g} s after loading")
-    frames = counts[inside]
-    return Image(
-        load=load,
-        counts=frames.mean(axis=0),
-        temperature=_find_temperature(recording, file, recording.times[inside]),
-        age=float(age[inside].mean()),
-        creep=find_creep(age, counts, float(common["threshold"])),  # type: ignore[arg-type]
-        noise=_noise(frames),
-        **common,  # type: ignore[arg-type]
-    )
+    return np.asarray(age)
+
+
+def _divide_by_force(recording: Recording, file: DataFile, counts: FloatArray) -> Iterator[tuple[BoolArray, float]]:
+    """Divide frames with a force channel into consecutive ones, each with its mean load [N].
+
+    Raises:
+        RecordingError: If there is no force channel, or the counts at rest are not zero.
+    """
+    if not len(recording.forces):
+        raise RecordingError(f"{file.path}: has no force channel; add one with `softcover import --force`")
+    loads = np.interp(recording.times, recording.force_times, recording.forces)
+    unloaded = loads <= NUMBERS.unloaded * loads.max(initial=0.0)
+    if unloaded.any() and not unloaded.all():
+        _check_rest(file, counts[unloaded], counts[~unloaded])
+    numbers = np.arange(len(loads))
+    for piece in np.array_split(numbers, min(NUMBERS.most_images, len(loads))):
+        yield np.isin(numbers, piece), max(float(loads[piece].mean()), 0.0)
 
 
 def _find_array(recording: Recording, file: DataFile, array: TexelArray) -> RecordedArray:
@@ -218,31 +245,6 @@ def _find_temperature(recording: Recording, file: DataFile, times: FloatArray) -
     return float(np.interp(times, recording.temperature_times, readings).mean())
 
 
-def _average_by_force(
-    recording: Recording, file: DataFile, counts: FloatArray, common: dict[str, object]
-) -> list[Image]:
-    """Average frames with a force channel to images, each of consecutive frames and under its own mean load."""
-    if not len(recording.forces):
-        raise RecordingError(f"{file.path}: has no force channel; add one with `softcover import --force`")
-    loads = np.interp(recording.times, recording.force_times, recording.forces)
-    unloaded = loads <= _UNLOADED * loads.max(initial=0.0)
-    if unloaded.any() and not unloaded.all():
-        _check_rest(file, counts[unloaded], counts[~unloaded])
-    pieces = np.array_split(np.arange(len(loads)), min(_MOST_IMAGES, len(loads)))
-    return [
-        Image(
-            load=max(float(loads[piece].mean()), 0.0),
-            counts=counts[piece].mean(axis=0),
-            temperature=_find_temperature(recording, file, recording.times[piece]),
-            age=float("nan"),
-            creep=float("nan"),
-            noise=_noise(counts[piece]),
-            **common,  # type: ignore[arg-type]
-        )
-        for piece in pieces
-    ]
-
-
 def _check_rest(file: DataFile, rest: FloatArray, pressed: FloatArray) -> None:
     """Refuse a recording whose counts at rest are not zero, or whose counts fall under load.
 
@@ -262,7 +264,7 @@ def _check_rest(file: DataFile, rest: FloatArray, pressed: FloatArray) -> None:
     level, noise = rest.mean(axis=0), rest.std(axis=0)
     change = np.median(pressed, axis=0) - level
     shifted = level > 3 * noise + 1
-    if level[shifted].sum() <= _ZERO_SHARE * np.abs(change).sum():
+    if level[shifted].sum() <= NUMBERS.zero_share * np.abs(change).sum():
         return
     seen = f"{np.median(level[shifted]):.0f} counts at rest (noise {np.median(noise[shifted]):.0f})"
     if change.sum() < 0:
@@ -282,7 +284,7 @@ def _noise(frames: FloatArray) -> float:
     The result is 0 if there are too few frames or no such texels.
     """
     lit = frames[:, frames.min(axis=0) > 0]
-    if len(lit) < _FEWEST_FRAMES or not lit.shape[1]:
+    if len(lit) < NUMBERS.fewest_frames or not lit.shape[1]:
         return 0.0
     rest = detrend(lit, axis=0)
     return float(np.sqrt((rest**2).sum() / (rest.size - 2 * lit.shape[1])))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from fastmodel.parameters import Parameters
     from fastmodel.surface import CoverCells
     from fem_reference.linear_response.point_spread import PointSpread
+    from validation.campaign.bench import LayeredBench
+    from validation.campaign.case import Case
+    from validation.curved.derive import CurvedDerivation
 
 FloatArray = npt.NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -105,6 +108,42 @@ class Derivation:
         return {} if spread is None else sigma_sensitivities(self.sensor.cover, self.sensor.array, spread)
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """Responses that do not mean what they say: none."""
+        return ()
+
+    @property
+    def verification(self) -> Mapping[str, float]:
+        """Differences of the response to a unit point load from the closed-form layer solution.
+
+        `radial_profile` is the largest difference of base pressure over the peak pressure, and `texel_response` the
+        difference of the force on the loaded texel over the load [-].  Empty with free side edges.
+        """
+        from fem_reference.closed_form import point_response
+
+        spread, array = self.point_spread, self.sensor.array
+        if spread is None:
+            return {}
+        radius = np.linspace(0, 6 * self.sensor.cover.thickness, 200)
+        exact = point_response(self.sensor.cover, radius)
+        profile = np.abs(spread.pressure(radius) - exact).max() / exact.max()
+        points, weights = gauss_points(array.texel_size, 12)
+        force = weights @ point_response(self.sensor.cover, np.hypot(*points.T)) * np.prod(array.texel_size)
+        middle = self.texel_response[array.rows // 2, array.columns // 2]
+        return {"radial_profile": float(profile), "texel_response": float(abs(middle - force))}
+
+    def prepare(self, cases: Sequence[Case], progress: Progress | None = None) -> LayeredBench:
+        """Return the bench on which cases are scored, with published models that are fitted to other presses."""
+        from validation.campaign.bench import LayeredBench
+        from validation.published.calibration import prepare_models
+
+        if progress:
+            progress("fit of the comparison models")
+        sensor, parameters = self.sensor, self.parameters
+        published = prepare_models(sensor.cover, parameters, cases, friction=sensor.friction)
+        return LayeredBench(cover=sensor.cover, fast=parameters, friction=sensor.friction, published=published)
+
+    @property
     def result(self) -> FlatResponses:
         """What is written of the derivation."""
         sensor, fit, spread = self.sensor, self.fit, self.point_spread
@@ -142,7 +181,25 @@ class Derivation:
         )
 
 
-def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> Derivation:
+def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> Derivation | CurvedDerivation:
+    """Compute the response of a sensor's cover by finite elements, and the parameters of its fast model.
+
+    Args:
+        sensor: Array, cover and electronics of the sensor.
+        progress: Called with a line of text before each step.
+
+    Raises:
+        InputError: If the array is curved and the cover is not, or the cover cannot be meshed.
+        ConvergenceError: If the finite-element solver did not converge.
+    """
+    if sensor.body is None:
+        return derive_layers(sensor, progress=progress)
+    from validation.curved.derive import derive_curved
+
+    return derive_curved(sensor, progress=progress)
+
+
+def derive_layers(sensor: SensorDescription, *, progress: Progress | None = None) -> Derivation:
     """Compute the response of a sensor's cover by finite elements, and fit the fast model's parameters to the response.
 
     Args:

@@ -7,8 +7,13 @@ multi-arrays with two dimensions.  The z component of a wrench is taken as the r
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import itertools
+import os
+import re
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,9 +21,11 @@ from typing import Any
 import numpy as np
 
 from meshes.array import MOST_TEXELS
+from meshes.bounded_file import LIMITS, FileLimitError, format_size, read_text
 from validation.extras import MissingExtraError
 from validation.recordings.labels import MOST_ARRAYS, MOST_FULL_SCALE
 from validation.recordings.recording import (
+    Budget,
     CountArray,
     FloatArray,
     Recording,
@@ -28,8 +35,8 @@ from validation.recordings.recording import (
     count_seconds,
     hash_contents,
     make_array,
+    open_recorded,
 )
-from validation.recordings.unpacking import MessageBudget, bag_limits, measure_bag
 
 #: Names of the message fields in which public tactile drivers give the number of rows, the number of columns and the
 #: counts.  Of several names that a message has, the first in the list is used.
@@ -37,6 +44,29 @@ _ROW_NAMES, _COLUMN_NAMES = ("rows", "cells_y", "height"), ("columns", "cols", "
 _COUNT_NAMES = ("counts", "data", "tactile_array", "values")
 #: numpy type of a pixel by the encoding of a ROS image message.
 _PIXEL_TYPES = {"mono8": "u1", "8UC1": "u1", "mono16": "u2", "16UC1": "u2"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Limits:
+    """What a bag of another program may hold and need at most.
+
+    Attributes:
+        size: Size of a bag with all its files [bytes].
+        files: Number of files of a bag [-].
+        metadata: Size of the metadata in YAML, which is parsed slowly [bytes].
+        memory: Memory that reading a bag may add, besides a multiple of its size [bytes].
+        memory_ratio: Memory that reading a bag may add for each byte of the bag [-].
+    """
+
+    size: int = 2**32
+    files: int = 1000
+    metadata: int = 2**18
+    memory: int = 400 * 2**20
+    memory_ratio: int = 4
+
+
+_LIMITS = _Limits()
+
 _SECONDS_PER_NANOSECOND = 1e-9
 _NANOSECONDS_PER_SECOND = 1_000_000_000
 
@@ -140,23 +170,26 @@ def _read_messages(path: Path, collect: Callable[[str, int, object], None]) -> N
         raise MissingExtraError("rosbags") from error
     if not path.exists():
         raise RecordingError(f"{path}: no such file; expected a ROS bag")
-    size = measure_bag(path)
+    size = _measure_bag(path)
     if path.is_dir() and not (path / "metadata.yaml").exists():
         raise RecordingError(f"{path}: no recording of ROS 2, which is a folder with metadata.yaml")
-    budget = MessageBudget(path, size)
+    budget = Budget(path, size)
     try:
-        with bag_limits(path, size), AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        with _limit_memory(path, size), AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             known = [connection for connection in reader.connections if connection.msgtype in reader.typestore.types]
             for connection, received, data in reader.messages(connections=known):
                 message = reader.deserialize(data, connection.msgtype)
                 time = _find_time(message, received)
-                budget.spend(connection.topic, len(data), (received, time))
+                budget.spend(records=1)
+                budget.spend_message(connection.topic, len(data), (received, time))
                 collect(connection.topic, time, message)
     except RecordingError:
         raise
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror or 'cannot be read'}; expected a ROS bag") from error
     except Exception as error:
         # The rosbags library raises many kinds of exceptions on damaged files.
-        raise RecordingError(f"{path}: not a ROS bag, or damaged: {' '.join(str(error).split())}") from error
+        raise RecordingError(f"{path}: not a ROS bag, or damaged; accepted: an intact bag of ROS 1 or ROS 2") from error
 
 
 def _find_time(message: object, received: int) -> int:
@@ -285,3 +318,78 @@ def _make_recording(path: Path, collector: _Collector, topic: str | None) -> Rec
         forces=np.array([force for _, force in collector.forces]),
         force_times=count_seconds(collector.forces, start),
     )
+
+
+def _measure_bag(path: Path) -> int:
+    """Return the size of a bag of another program with all its files [bytes].
+
+    Raises:
+        RecordingError: If it is missing, too large, or holds something else than regular files.
+    """
+    try:
+        found = list(itertools.islice(path.iterdir(), _LIMITS.files + 1)) if path.is_dir() else [path]
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}; expected a ROS bag") from error
+    sizes = {}
+    for file in found:
+        if file == path or not file.is_dir():
+            with open_recorded(file) as opened:
+                sizes[file] = os.fstat(opened.fileno()).st_size
+    metadata = sizes.get(path / "metadata.yaml", 0)
+    if len(found) > _LIMITS.files or sum(sizes.values()) > _LIMITS.size or metadata > _LIMITS.metadata:
+        raise RecordingError(
+            f"{path}: too large; accepted: {format_size(_LIMITS.size)} in {_LIMITS.files} files, metadata.yaml of "
+            f"{format_size(_LIMITS.metadata)}"
+        )
+    if metadata:
+        _check_depth(path / "metadata.yaml")
+    return sum(sizes.values())
+
+
+def _check_depth(path: Path) -> None:
+    """Refuse a YAML file with deep brackets, whose parsing time grows with the square of the depth."""
+    try:
+        text = read_text(path, most=_LIMITS.metadata)
+    except FileLimitError as error:
+        raise RecordingError(f"{path}: {error}") from None
+    steps = (1 if bracket in "[{" else -1 for bracket in re.findall(r"[][{}]", text))
+    if max(itertools.accumulate(steps), default=0) > LIMITS.depth:
+        raise RecordingError(f"{path}: has brackets more than {LIMITS.depth} deep")
+
+
+@contextlib.contextmanager
+def _limit_memory(path: Path, size: int) -> Iterator[None]:
+    """Limit what this process may add to its memory, and the size of files that it writes, while a bag is read.
+
+    The limits are those of the operating system, so they hold whatever a library unpacks; they count for all threads.
+    They are set on Linux only.
+
+    Args:
+        path: The bag, for the error message.
+        size: Its size [bytes].
+
+    Raises:
+        RecordingError: If the bag unpacks to more.
+    """
+    most = _LIMITS.memory + _LIMITS.memory_ratio * size
+    try:
+        import resource
+
+        used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+    except (ImportError, OSError):
+        yield
+        return
+    before = {kind: resource.getrlimit(kind) for kind in (resource.RLIMIT_AS, resource.RLIMIT_FSIZE)}
+    wanted = {resource.RLIMIT_AS: used + most, resource.RLIMIT_FSIZE: most}
+    try:
+        for kind, (soft, hard) in before.items():
+            lowest = min((each for each in (soft, hard) if each != resource.RLIM_INFINITY), default=wanted[kind])
+            resource.setrlimit(kind, (min(wanted[kind], lowest), hard))
+        yield
+    except (MemoryError, OSError) as error:
+        if isinstance(error, OSError) and error.errno != errno.EFBIG:
+            raise
+        raise RecordingError(f"{path}: unpacks to more than the {format_size(most)} accepted for its size") from None
+    finally:
+        for kind, limits in before.items():
+            resource.setrlimit(kind, limits)

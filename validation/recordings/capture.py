@@ -12,12 +12,13 @@ from typing import Literal
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
 from validation.recordings.recording import BoolArray, RecordedArray, Setup, make_array
 from validation.weiss.clock import DeviceClock, Residual
-from validation.weiss.commands import MatrixInfo
 from validation.weiss.continuity import Gap
-from validation.weiss.frames import Reading
 from validation.weiss.link import Chunk, LinkLostError, PortError
-from validation.weiss.sensor import Sensor, SensorError
+from validation.weiss.protocol import MatrixInfo, Reading
+from validation.weiss.sensor import NoAnswerError, Sensor, SensorError
 
+#: Errors of optional questions, such as the temperature: the recording goes on without the answer.
+_UNANSWERED = (SensorError, NoAnswerError)
 _SECONDS_PER_NANOSECOND = 1e-9
 
 
@@ -185,13 +186,13 @@ class _Session:
         The method is called before and after the stream only, because no source states whether a device answers
         commands while it streams.
         """
-        with suppress(SensorError):
+        with suppress(*_UNANSWERED):
             writer.add_temperatures(time.time_ns(), [self._sensor.read_temperature()])
 
 
 def _ask_mask(sensor: Sensor) -> BoolArray | None:
     """Read which texels of a device exist; None if the device does not tell this in the assumed form."""
-    with suppress(SensorError):
+    with suppress(*_UNANSWERED):
         return sensor.read_mask()
     return None
 
@@ -208,6 +209,6 @@ def _ask_properties(sensor: Sensor) -> dict[str, str | int | float]:
     }
     properties: dict[str, str | int | float] = {"serial": info.serial_number, "firmware": info.firmware}
     for name, ask in questions.items():
-        with suppress(SensorError):
+        with suppress(*_UNANSWERED):
             properties[name] = ask()
     return properties

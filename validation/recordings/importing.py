@@ -13,7 +13,7 @@ from meshes import TexelArray
 from meshes.array import MOST_TEXELS
 from validation.recordings import bags, dsa, mcap_reader, tables
 from validation.recordings.mcap_writer import LARGEST_COUNT, Clocks, RecordingWriter
-from validation.recordings.recording import ClockArray, Recording, RecordingError, Setup
+from validation.recordings.recording import Recording, RecordingError, Setup
 
 #: List of the formats that `open_recording` accepts, for error messages.
 ACCEPTED = "accepted: .dsa, .csv, .mcap, .bag (ROS 1), a folder with a ROS 2 recording"
@@ -131,7 +131,10 @@ def save(recording: Recording, path: str | Path) -> int:
         StorageError: If the file exists or cannot be written.
     """
     start = _find_start(recording)
-    host_monotonic, ticks = (_fill_clock(clock, recording) for clock in (recording.host_monotonic, recording.ticks))
+    host_monotonic, ticks = (
+        clock if clock.size else np.zeros(len(recording.times), dtype=np.int64)
+        for clock in (recording.host_monotonic, recording.ticks)
+    )
     arrays = [replace(array, offset=max(0, -int(array.counts.min(initial=0)))) for array in recording.arrays]
     for array in arrays:
         least, most = -array.offset, int(array.counts.max(initial=0))
@@ -173,11 +176,6 @@ def _find_start(recording: Recording) -> int:
             "write seconds since 1970 or since the first frame"
         )
     return start * 1000
-
-
-def _fill_clock(clock: ClockArray, recording: Recording) -> ClockArray:
-    """Return the readings of a clock at each frame, shape (frames,); zeros if the recording does not hold the clock."""
-    return clock if clock.size else np.zeros(len(recording.times), dtype=np.int64)
 
 
 def _count_nanoseconds(seconds: np.float64) -> int:

@@ -3,34 +3,34 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from meshes import TexelArray
 from meshes.array import check_texel_count
 from meshes.bounded_file import parse_json
-from validation.recordings.recording import BoolArray, RecordedArray, RecordingError, Setup
+from validation.recordings.recording import LATEST, BoolArray, RecordedArray, RecordingError, Setup
 
 #: Name and version of the format of the labels; files with another name or version are refused.
 FORMAT = "softcover-recording/1"
-
-
-#: Largest accepted number of characters of the labels, and of texel arrays in them [-].
-_MOST_CHARACTERS, MOST_ARRAYS = 2**20, 64
-#: Latest accepted time, in the year 2262, the largest that 64 bits hold [ns since 1970].
-_LATEST = 2**63 - 1
-#: Largest accepted coordinate; larger ones must have a wrong unit [m].
-_FARTHEST = 1000.0
+#: Largest accepted number of characters of the labels [-].
+_MOST_CHARACTERS = 2**20
+#: Largest accepted number of texel arrays in a recording [-].
+MOST_ARRAYS = 64
+#: Number of faults above which none of them is named [-].
+_MOST_FAULTS = 1000
 #: Largest full scale: counts are kept as signed numbers of 32 bits [-].
 MOST_FULL_SCALE = 2**31 - 1
-#: Largest accepted number that is added to the counts of a file, 16 bits [-].
-_LARGEST_OFFSET = 0xFFFF
 
-T = TypeVar("T")
+#: A length [m] or an angle [rad]; larger ones must have a wrong unit.
+_Coordinate = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+_Pair = tuple[_Coordinate, _Coordinate]
+_Triple = tuple[_Coordinate, _Coordinate, _Coordinate]
+_Nanoseconds = Annotated[int, Field(ge=0, le=LATEST)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,17 +52,61 @@ class Labels:
     monotonic: int
 
 
+class _Entry(BaseModel):
+    model_config = ConfigDict(strict=True, frozen=True, allow_inf_nan=False)
+
+
+class _ArrayEntry(_Entry):
+    name: str
+    rows: int
+    columns: int
+    pitch_m: _Pair
+    texel_size_m: _Pair
+    active: str
+    enabled: str
+    full_scale: int = Field(ge=1, le=MOST_FULL_SCALE)
+    offset: int = Field(default=0, ge=0, le=0xFFFF)
+    unit: str
+    centre_m: _Triple
+    rotation_rad: _Triple
+
+
+class _ClockEntry(_Entry):
+    start_ns: _Nanoseconds
+    monotonic_ns: _Nanoseconds
+
+
+class _SetupEntry(_Entry):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=True)
+
+    indenter: str = ""
+    load: float | None = None
+    note: str = ""
+    source: str = ""
+    source_sha256: str = ""
+    device: dict[str, str | bool | int | float] = Field(default_factory=dict)
+    other: dict[str, str] = Field(default_factory=dict)
+
+
+class _LabelsEntry(_Entry):
+    format: str
+    serial: str
+    arrays: tuple[_ArrayEntry, ...]
+    clock: _ClockEntry
+    setup: _SetupEntry
+
+
 def encode_labels(labels: Labels) -> str:
     """Return labels as the text of a JSON object, without the frames of the arrays."""
-    return json.dumps(
-        {
-            "format": FORMAT,
-            "serial": labels.serial,
-            "arrays": [_encode_array(array) for array in labels.arrays],
-            "clock": {"start_ns": labels.start, "monotonic_ns": labels.monotonic},
-            "setup": _encode_setup(labels.setup),
-        }
+    setup = labels.setup
+    entry = _LabelsEntry(
+        format=FORMAT,
+        serial=labels.serial,
+        arrays=tuple(_encode_array(array) for array in labels.arrays),
+        clock=_ClockEntry(start_ns=labels.start, monotonic_ns=labels.monotonic),
+        setup=_SetupEntry(**{**vars(setup), "device": dict(setup.device), "other": dict(setup.other)}),
     )
+    return json.dumps(entry.model_dump(mode="json", exclude=None if setup.other else {"setup": {"other"}}))
 
 
 def decode_labels(text: str, path: Path) -> Labels:
@@ -79,110 +123,68 @@ def decode_labels(text: str, path: Path) -> Labels:
         raise RecordingError(f"{path}: its labels have {len(text)} characters; at most {_MOST_CHARACTERS} are accepted")
     try:
         entries = parse_json(text)
-        _check_format(entries["format"], path)
-        clocks = [_read(entries["clock"], key, int) for key in ("start_ns", "monotonic_ns")]
-        if not all(0 <= clock <= _LATEST for clock in clocks) or len(entries["arrays"]) > MOST_ARRAYS:
-            raise ValueError(f"clocks are 0..{_LATEST} ns, arrays at most {MOST_ARRAYS}")  # noqa: TRY301
-        return Labels(
-            setup=_decode_setup(entries["setup"]),
-            arrays=tuple(_decode_array(entry) for entry in entries["arrays"]),
-            serial=_read(entries, "serial", str),
-            start=clocks[0],
-            monotonic=clocks[1],
-        )
-    except RecordingError:
-        raise
-    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as error:
+        name = entries["format"]
+        if len(entries["arrays"]) > MOST_ARRAYS:
+            raise ValueError(f"{len(entries['arrays'])} arrays; at most {MOST_ARRAYS} are accepted")  # noqa: TRY301
+        if name == FORMAT:
+            entry = _LabelsEntry.model_validate_json(text)
+            return Labels(
+                setup=Setup(**entry.setup.model_dump()),
+                arrays=tuple(_decode_array(array) for array in entry.arrays),
+                serial=entry.serial,
+                start=entry.clock.start_ns,
+                monotonic=entry.clock.monotonic_ns,
+            )
+    except ValidationError as error:
+        faults = error.errors(include_url=False, include_input=False) if error.error_count() <= _MOST_FAULTS else []
+        fault = f"{'.'.join(map(str, faults[0]['loc']))}: {faults[0]['msg']}" if faults else "faults everywhere"
+        raise RecordingError(f"{path}: its labels cannot be read: {fault}; expected {FORMAT!r}") from error
+    except (ArithmeticError, KeyError, TypeError, ValueError) as error:
         raise RecordingError(f"{path}: its labels cannot be read: {error}; expected {FORMAT!r}") from error
+    raise RecordingError(f"{path}: its labels have the format {str(name)[:40]!r}; accepted: {FORMAT!r}")
 
 
-def _read(entries: Mapping[str, Any], key: str, kind: type[T]) -> T:
-    """Return the value of a key; raise a `ValueError` if it is of another type."""
-    value = entries[key]
-    if not isinstance(value, kind) or isinstance(value, bool):
-        raise ValueError(f"{key} is {str(value)[:40]!r}")  # noqa: TRY004 -- bad input like any other
-    return value
-
-
-def _decode_setup(entries: Mapping[str, Any]) -> Setup:
-    load, device = entries.get("load"), entries.get("device", {})
-    texts = {key: _read(entries, key, str) for key in ("indenter", "note", "source", "source_sha256") if key in entries}
-    other = entries.get("other", {})
-    known = {*texts, "load", "device", "other"}
-    if set(entries) - known or not isinstance(load, float | int | None) or isinstance(load, bool):
-        raise ValueError("setup has other keys or types than a softcover recording")
-    if not isinstance(device, dict) or not all(isinstance(value, str | int | float) for value in device.values()):
-        raise ValueError("setup.device is no table of texts and numbers")
-    if not isinstance(other, dict) or not all(isinstance(value, str) for value in other.values()):
-        raise ValueError("setup.other is no table of texts")
-    return Setup(**texts, load=load, device=device, other=other)
-
-
-def _check_format(name: object, path: Path) -> None:
-    if name != FORMAT:
-        raise RecordingError(f"{path}: its labels have the format {name!r}; accepted: {FORMAT!r}")
-
-
-def _encode_setup(setup: Setup) -> dict[str, object]:
-    entries = {**vars(setup), "device": dict(setup.device), "other": dict(setup.other)}
-    return entries if setup.other else {key: value for key, value in entries.items() if key != "other"}
-
-
-def _encode_array(array: RecordedArray) -> dict[str, object]:
+def _encode_array(array: RecordedArray) -> _ArrayEntry:
     texels = array.texels
-    return {
-        "name": texels.name,
-        "rows": texels.rows,
-        "columns": texels.columns,
-        "pitch_m": list(texels.pitch),
-        "texel_size_m": list(texels.texel_size),
-        "active": "".join("1" if active else "0" for active in texels.active),
-        "enabled": "".join("1" if enabled else "0" for enabled in array.enabled),
-        "full_scale": array.full_scale,
-        "offset": array.offset,
-        "unit": array.unit,
-        "centre_m": list(array.centre),
-        "rotation_rad": list(array.rotation),
-    }
+    return _ArrayEntry(
+        name=texels.name,
+        rows=texels.rows,
+        columns=texels.columns,
+        pitch_m=texels.pitch,
+        texel_size_m=texels.texel_size,
+        active="".join("1" if active else "0" for active in texels.active),
+        enabled="".join("1" if enabled else "0" for enabled in array.enabled),
+        full_scale=array.full_scale,
+        offset=array.offset,
+        unit=array.unit,
+        centre_m=array.centre,
+        rotation_rad=array.rotation,
+    )
 
 
-def _decode_array(entry: Mapping[str, Any]) -> RecordedArray:
-    (pitch_x, pitch_y), (width, height) = entry["pitch_m"], entry["texel_size_m"]
-    x, y, z = (_read_finite(value) for value in entry["centre_m"])
-    about_x, about_y, about_z = (_read_finite(value) for value in entry["rotation_rad"])
-    sizes = [_read_finite(value) for value in (pitch_x, pitch_y, width, height)]
-    check_texel_count(entry["rows"], entry["columns"])
-    full_scale, enabled = _read(entry, "full_scale", int), _decode_mask(entry["enabled"])
-    if not 1 <= full_scale <= MOST_FULL_SCALE or len(enabled) != entry["rows"] * entry["columns"]:
-        raise ValueError(f"full_scale is not 1..{MOST_FULL_SCALE}, or the mask is not that of the texels")
-    offset = _read(entry, "offset", int) if "offset" in entry else 0
-    if not 0 <= offset <= _LARGEST_OFFSET:
-        raise ValueError(f"offset is not 0..{_LARGEST_OFFSET}")
+def _decode_array(entry: _ArrayEntry) -> RecordedArray:
+    check_texel_count(entry.rows, entry.columns)
+    enabled = _decode_mask(entry.enabled)
+    if len(enabled) != entry.rows * entry.columns:
+        raise ValueError(f"a mask of {len(enabled)} texels; expected {entry.rows} x {entry.columns}")
     texels = TexelArray.grid(
-        entry["rows"],
-        entry["columns"],
-        (sizes[0], sizes[1]),
-        texel_size=(sizes[2], sizes[3]),
-        active=_decode_mask(entry["active"]),
-        name=_read(entry, "name", str),
+        entry.rows,
+        entry.columns,
+        entry.pitch_m,
+        texel_size=entry.texel_size_m,
+        active=_decode_mask(entry.active),
+        name=entry.name,
     )
     return RecordedArray(
         texels=texels,
         enabled=enabled,
         counts=np.empty((0, texels.count), dtype=np.int32),
-        full_scale=full_scale,
-        offset=offset,
-        unit=_read(entry, "unit", str),
-        centre=(x, y, z),
-        rotation=(about_x, about_y, about_z),
+        full_scale=entry.full_scale,
+        offset=entry.offset,
+        unit=entry.unit,
+        centre=entry.centre_m,
+        rotation=entry.rotation_rad,
     )
-
-
-def _read_finite(value: float) -> float:
-    """Return a length or an angle as a float; raise a `ValueError` if it is not finite, or beyond a kilometre."""
-    if not abs(value) <= _FARTHEST:
-        raise ValueError(f"{value} is no length or angle")
-    return float(value)
 
 
 def _decode_mask(text: str) -> BoolArray:

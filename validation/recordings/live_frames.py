@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.signal.electronics import grey_levels
 from fastmodel.signal.frame import Frame
@@ -47,7 +46,8 @@ def stream_frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:
     matrix = sensor.read_matrix()
     for event in sensor.stream(reconnect=reconnect):
         if not isinstance(event, Gap):
-            yield _make_frame(event.time, event.counts, matrix.full_scale, matrix.columns)
+            image = grey_levels(event.counts, matrix.full_scale).reshape(-1, matrix.columns)
+            yield Frame(time=event.time, counts=event.counts.astype(np.int64), image=image)
 
 
 def replay_frames(recording: Recording, *, array: int | None = None) -> Iterator[Frame]:
@@ -90,9 +90,3 @@ def simulate_frames(parameters: Parameters, indenter: Indenter, *, load: float) 
         mujoco.mj_step(model, data)
         if sensor.step(data):
             yield sensor.frame()
-
-
-def _make_frame(time: float, counts: npt.NDArray[np.integer], full_scale: int, columns: int) -> Frame:
-    """Make a frame from a time [s] and counts, shape (n,), with grey levels whose white is `full_scale` [counts]."""
-    image = grey_levels(counts, full_scale).reshape(-1, columns)
-    return Frame(time=time, counts=counts.astype(np.int64), image=image)

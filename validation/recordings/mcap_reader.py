@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import mmap
+import zlib
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -18,6 +19,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 import numpy as np
 
 from meshes import atomic_file
+from meshes.bounded_file import format_size
 from validation.extras import MissingExtraError
 from validation.recordings import ros_messages
 from validation.recordings.labels import decode_labels
@@ -30,6 +32,7 @@ from validation.recordings.mcap_writer import (
     name_topics,
 )
 from validation.recordings.recording import (
+    Budget,
     FloatArray,
     Recording,
     RecordingError,
@@ -37,11 +40,11 @@ from validation.recordings.recording import (
     convert_to_utc,
     count_seconds,
     hash_contents,
+    open_recorded,
 )
-from validation.recordings.unpacking import MessageBudget, open_recorded, unpack_records
 
 if TYPE_CHECKING:
-    from mcap.records import Channel, McapRecord, Message
+    from mcap.records import Channel, Chunk, McapRecord, Message
 
 #: First and last bytes of every MCAP file.
 MAGIC = b"\x89MCAP0\r\n"
@@ -49,6 +52,10 @@ MAGIC = b"\x89MCAP0\r\n"
 _RECORD_HEAD_SIZE = 9
 #: Code of the kind of the last record (footer) of a complete MCAP file.
 _FOOTER = 0x02
+#: Largest number of bytes that a chunk may unpack to; the chunks that this program writes hold about 1 MiB.
+MOST_CHUNK_BYTES = 2**26
+#: Largest memory that unpacking may need besides the result [bytes].
+_MOST_WINDOW = 2**27
 #: Largest size of a record that is read [bytes].  A damaged length field could otherwise claim all memory; the chunks
 #: that this program writes hold about 1 MiB.
 _LARGEST_RECORD = 2**27
@@ -65,9 +72,9 @@ def read(path: str | Path) -> Recording:
     """
     path = Path(path)
     collector = _Collector(path, complete=is_complete(path))
-    budget = MessageBudget(path, path.stat().st_size)
+    budget = Budget(path, path.stat().st_size)
     for topic, message in _read_messages(path):
-        budget.spend(topic, len(message.data), (message.log_time, message.publish_time))
+        budget.spend_message(topic, len(message.data), (message.log_time, message.publish_time))
         try:
             collector.add(topic, message)
         except RecordingError:
@@ -168,11 +175,14 @@ class _Collector:
     def add(self, topic: str, message: Message) -> None:
         """Decode one message and store its content by topic; raise `RecordingError` if a frame before it is missing."""
         if topic == SETUP_TOPIC:
-            self.labels_text = ros_messages.decode_text(message.data)
+            self.labels_text = str(ros_messages.decode(message.data, ros_messages.TEXT).data)
         elif topic == GAP_TOPIC:
-            self.gaps += ros_messages.decode_diagnostics(message.data)
+            self.gaps += [
+                status.message for status in ros_messages.decode(message.data, ros_messages.DIAGNOSTICS).status
+            ]
         elif topic == TEMPERATURE_TOPIC:
-            self.temperatures.append((message.log_time, ros_messages.decode_numbers(message.data)))
+            numbers = ros_messages.decode(message.data, ros_messages.NUMBERS)
+            self.temperatures.append((message.log_time, np.array(numbers.data, dtype=np.float64)))
         elif topic == FORCE_TOPIC:
             self.forces.append((message.log_time, float(ros_messages.decode_wrench(message.data)[2])))
         elif topic.endswith("/frame"):
@@ -185,8 +195,9 @@ class _Collector:
         elif topic.endswith("/wrench"):
             self.values[topic][message.sequence] = ros_messages.decode_wrench(message.data)
         elif topic.endswith(("/pressures", "/tangential")):
-            self.values[topic][message.sequence] = ros_messages.decode_numbers(message.data)
-            self.labels[topic] = ros_messages.decode_label(message.data)
+            numbers = ros_messages.decode(message.data, ros_messages.NUMBERS)
+            self.values[topic][message.sequence] = np.array(numbers.data, dtype=np.float64)
+            self.labels[topic] = str(numbers.layout.dim[0].label) if numbers.layout.dim else ""
 
     def make_recording(self) -> Recording:
         """Make a recording from all messages of the file."""
@@ -299,6 +310,7 @@ def _read_records(path: Path) -> Iterator[McapRecord]:
     except ImportError as error:
         raise MissingExtraError("mcap") from error
     size, complete = _measure(path)
+    budget = Budget(path, size)
     with open_recorded(path) as file, mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ) as part:
         # `StreamReader` is declared to need a complete file object, but it only reads from it.
         limits: dict[str, Any] = {"validate_crcs": True, "record_size_limit": _LARGEST_RECORD, "emit_chunks": True}
@@ -306,17 +318,19 @@ def _read_records(path: Path) -> Iterator[McapRecord]:
         try:
             for record in reader.records:
                 if isinstance(record, Chunk):
-                    yield from unpack_records(record)
+                    yield from unpack_records(record, budget)
                 else:
                     yield record
         except EndOfFile as error:
             if complete or part.tell() < size:
                 raise RecordingError(f"{path}: damaged near byte {part.tell()}") from error
         except RecordingError as error:
+            if str(error).startswith(str(path)):
+                raise
             raise RecordingError(f"{path}: damaged near byte {part.tell()}: {error}") from error
         except Exception as error:
             # The mcap library raises many kinds of exceptions on damaged files.
-            raise RecordingError(f"{path}: damaged near byte {part.tell()}: {error}") from error
+            raise RecordingError(f"{path}: damaged near byte {part.tell()}; accepted: an intact MCAP file") from error
 
 
 def _measure(path: Path) -> tuple[int, bool]:
@@ -338,3 +352,55 @@ def _measure(path: Path) -> tuple[int, bool]:
                 complete = file.read() == MAGIC
                 return (end if complete else position), complete
     return position, False
+
+
+def unpack_records(chunk: Chunk, budget: Budget) -> Iterator[McapRecord]:
+    """Unpack a chunk and yield the records in it, one after the other.
+
+    Args:
+        chunk: The chunk.
+        budget: What may still be unpacked from the file.
+
+    Raises:
+        RecordingError: If the chunk unpacks to another size than stated or than is accepted, fails its checksum, ends
+            in the middle of a record, or exceeds the budget.
+    """
+    from mcap.stream_reader import breakup_chunk
+
+    budget.spend(size=min(chunk.uncompressed_size, MOST_CHUNK_BYTES), records=1)
+    content = _unpack(chunk)
+    if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
+        raise RecordingError("a chunk fails its checksum")
+    position = 0
+    while position < len(content):
+        size = int.from_bytes(content[position + 1 : position + _RECORD_HEAD_SIZE], "little")
+        end = position + _RECORD_HEAD_SIZE + size
+        if end > len(content):
+            raise RecordingError("a chunk ends in the middle of a record")
+        budget.spend(records=1)
+        record = replace(chunk, compression="", uncompressed_crc=0, data=content[position:end])
+        yield from breakup_chunk(record)
+        position = end
+
+
+def _unpack(chunk: Chunk) -> bytes:
+    """Return the unpacked content of a chunk; never more than one byte beyond the stated size is unpacked."""
+    # The libraries that the package mcap unpacks with.
+    from mcap.stream_reader import lz4, zstandard  # type: ignore[attr-defined]
+
+    size = chunk.uncompressed_size
+    if size > MOST_CHUNK_BYTES:
+        raise RecordingError(f"a chunk of {format_size(size)}; at most {format_size(MOST_CHUNK_BYTES)} are accepted")
+    match chunk.compression:
+        case "":
+            content = chunk.data
+        case "zstd":
+            with zstandard.ZstdDecompressor(max_window_size=_MOST_WINDOW).stream_reader(chunk.data) as stream:
+                content = stream.read(size + 1)
+        case "lz4":
+            content = lz4.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+        case _:
+            raise RecordingError("a chunk of unknown compression; accepted: none, zstd, lz4")
+    if len(content) != size:
+        raise RecordingError(f"a chunk does not unpack to the {size} bytes that it states")
+    return content

@@ -327,7 +327,10 @@ class _File:
     def flush(self) -> None:
         """Write the buffered bytes to the file, which the first call creates."""
         if self.descriptor < 0:
-            self._create()
+            try:
+                self.descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+            except OSError as error:
+                raise StorageError(f"{self._path}: cannot be written: {error.strerror}; name a new file") from error
         data, self._buffer = self._buffer, bytearray()
         written = 0
         while written < len(data):
@@ -344,12 +347,6 @@ class _File:
         """Close the file."""
         os.close(self.descriptor)
         self.descriptor = -1
-
-    def _create(self) -> None:
-        try:
-            self.descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        except OSError as error:
-            raise StorageError(f"{self._path}: cannot be written: {error.strerror}; name a new file") from error
 
 
 def name_topics(arrays: int) -> list[str]:

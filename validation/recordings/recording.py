@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ import numpy.typing as npt
 from fastmodel.signal.electronics import grey_levels
 from fastmodel.signal.frame import Frame
 from meshes import TexelArray
+from meshes.bounded_file import FileLimitError, open_regular
 
 FloatArray = npt.NDArray[np.float64]
 ClockArray = npt.NDArray[np.int64]
@@ -34,6 +35,31 @@ _PRESSED_SHARE = 0.02
 #: Tolerance of a coordinate of a texel centre when two arrays are compared [m].
 _SAME_POSITION = 1e-6
 _SECONDS_PER_NANOSECOND = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What may be read from one recording in total.
+
+    Attributes:
+        kept: Number of bytes that may be kept of a recording, besides a multiple of the size of the file.
+        ratio: Number of bytes that may be kept for each byte of the file [-].  Frames of an idle sensor unpack to 30
+            times their size in the file.
+        records: Number of records that may be unpacked, besides one for each byte of the file [-]; reading so many
+            takes seconds.
+        message: Memory that a kept message takes besides its data [bytes].
+    """
+
+    kept: int = 2**28
+    ratio: int = 64
+    records: int = 2**17
+    message: int = 300
+
+
+LIMITS = Limits()
+
+#: Latest time, in the year 2262, the largest that 64 bits hold [ns since 1970].
+LATEST = 2**63 - 1
 
 
 class RecordingError(ValueError):
@@ -288,3 +314,54 @@ def hash_contents(path: Path) -> str:
         with each.open("rb") as file:
             hashlib.file_digest(file, lambda: digest)
     return digest.hexdigest()
+
+
+def open_recorded(path: Path) -> IO[bytes]:
+    """Open the file of a recording; it must be a regular file.
+
+    Raises:
+        RecordingError: If the file is missing, cannot be read or is no regular file.
+    """
+    try:
+        return open_regular(path)
+    except (FileNotFoundError, IsADirectoryError):
+        raise RecordingError(f"{path}: no such file; expected a recording") from None
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}; expected a recording") from error
+    except FileLimitError as error:
+        raise RecordingError(f"{path}: {error}") from None
+
+
+class Budget:
+    """Bounds in total what is read from one recording: records, unpacked bytes, and times that are possible."""
+
+    def __init__(self, path: Path, size: int) -> None:
+        """Begin with what a recording of a given size may hold [bytes]."""
+        self._path = path
+        self._bytes, self._records = LIMITS.kept + LIMITS.ratio * size, LIMITS.records + size
+
+    def spend(self, *, size: int = 0, records: int = 0) -> None:
+        """Count unpacked bytes and records.
+
+        Raises:
+            RecordingError: If they are more in total than a recording of its size holds.
+        """
+        self._bytes -= size
+        self._records -= records
+        if self._bytes < 0 or self._records < 0:
+            raise RecordingError(f"{self._path}: holds far more messages than a recording of its size")
+
+    def spend_message(self, topic: str, size: int, times: tuple[int, ...]) -> None:
+        """Count a message that is kept.
+
+        Args:
+            topic: Topic of the message.
+            size: Size of its data [bytes].
+            times: Its times [ns since 1970].
+
+        Raises:
+            RecordingError: If the messages are more than a recording of its size holds, or a time is impossible.
+        """
+        self.spend(size=size + LIMITS.message)
+        if not 0 <= min(times) <= max(times) <= LATEST:
+            raise RecordingError(f"{self._path}: damaged: a message of {topic} has no possible time")

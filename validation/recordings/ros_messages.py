@@ -62,6 +62,11 @@ def define_type(name: str) -> bytes:
     return bytes(_load_types().generate_msgdef(name, ros_version=2)[0].encode())
 
 
+def decode(data: bytes, name: str) -> Any:  # noqa: ANN401 -- rosbags creates message types at run time
+    """Decode the CDR bytes of a message of the type `name`."""
+    return _load_types().deserialize_cdr(data, name)
+
+
 def encode_image(time: int, name: str, counts: npt.NDArray[np.uint16], columns: int) -> bytes:
     """Encode counts as an image message with the encoding mono16, whose first row has the smallest y.
 
@@ -104,7 +109,7 @@ def encode_frame(time: int, name: str, frame: FrameMessage) -> bytes:
 
 def decode_frame(data: bytes) -> FrameMessage:
     """Decode a frame message that `encode_frame` encoded."""
-    message = _decode(data, FRAME)
+    message = decode(data, FRAME)
     return FrameMessage(
         host_monotonic=message.host_monotonic,
         ticks=message.device_ticks,
@@ -127,14 +132,13 @@ def encode_diagnostics(time: int, name: str, text: str) -> bytes:
     return _encode(DIAGNOSTICS, header=_make_header(time, name), status=[status])
 
 
-def decode_diagnostics(data: bytes) -> list[str]:
-    """Decode a diagnostics message; return the texts of all warnings in the message."""
-    return [status.message for status in _decode(data, DIAGNOSTICS).status]
-
-
 def encode_bytes(data: bytes) -> bytes:
     """Encode bytes as a message that holds an array of bytes."""
-    return _encode(BYTES, layout=_make_layout(), data=np.frombuffer(data, dtype=np.uint8))
+    return _encode(
+        BYTES,
+        layout=_make("std_msgs/msg/MultiArrayLayout", dim=[], data_offset=0),
+        data=np.frombuffer(data, dtype=np.uint8),
+    )
 
 
 def encode_numbers(values: npt.ArrayLike, label: str = "") -> bytes:
@@ -160,17 +164,6 @@ def encode_numbers(values: npt.ArrayLike, label: str = "") -> bytes:
     return _encode(NUMBERS, layout=layout, data=numbers.ravel())
 
 
-def decode_numbers(data: bytes) -> npt.NDArray[np.float64]:
-    """Decode a message that `encode_numbers` encoded; return the n numbers, shape (n,)."""
-    return np.array(_decode(data, NUMBERS).data, dtype=np.float64)
-
-
-def decode_label(data: bytes) -> str:
-    """Return the label of a message that `encode_numbers` encoded; empty if it has none."""
-    dimensions = _decode(data, NUMBERS).layout.dim
-    return str(dimensions[0].label) if dimensions else ""
-
-
 def encode_wrench(time: int, name: str, force: npt.ArrayLike, torque: npt.ArrayLike = (0.0, 0.0, 0.0)) -> bytes:
     """Encode a force and a torque as a wrench message.
 
@@ -190,18 +183,13 @@ def encode_wrench(time: int, name: str, force: npt.ArrayLike, torque: npt.ArrayL
 
 def decode_wrench(data: bytes) -> npt.NDArray[np.float64]:
     """Decode a wrench message; return force and torque, shape (6,) [N, N m]."""
-    wrench = _decode(data, WRENCH).wrench
+    wrench = decode(data, WRENCH).wrench
     return np.array([getattr(vector, axis) for vector in (wrench.force, wrench.torque) for axis in "xyz"])
 
 
 def encode_text(text: str) -> bytes:
     """Encode a text as a string message."""
     return _encode(TEXT, data=text)
-
-
-def decode_text(data: bytes) -> str:
-    """Decode a string message that `encode_text` encoded; return its text."""
-    return str(_decode(data, TEXT).data)
 
 
 @cache
@@ -226,17 +214,8 @@ def _encode(kind: str, /, **fields: Any) -> bytes:  # noqa: ANN401 -- the fields
     return bytes(_load_types().serialize_cdr(_make(kind, **fields), kind))
 
 
-def _decode(data: bytes, name: str) -> Any:  # noqa: ANN401 -- rosbags creates message types at run time
-    """Decode the CDR bytes of a message of the type `name`."""
-    return _load_types().deserialize_cdr(data, name)
-
-
 def _make_header(time: int, name: str) -> object:
     """Make the header of a message from a UTC time since 1970 [ns] and the name of a coordinate frame."""
     seconds, nanoseconds = divmod(time, _NANOSECONDS_PER_SECOND)
     stamp = _make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
     return _make("std_msgs/msg/Header", stamp=stamp, frame_id=name)
-
-
-def _make_layout() -> object:
-    return _make("std_msgs/msg/MultiArrayLayout", dim=[], data_offset=0)

@@ -37,8 +37,8 @@ from validation.recordings.recording import (
     Setup,
     hash_contents,
     make_array,
+    open_recorded,
 )
-from validation.recordings.unpacking import open_recorded
 
 #: Pattern of the keys in the lines `# key = value` of a CSV file, and the keys that have a meaning here.
 _KEY = re.compile(r"[A-Za-z][\w .\-\[\]/]{0,59}")

@@ -45,11 +45,13 @@ class Subject:
         """Scores of the fast model in the default list of cases; None for a folder of parameters."""
         if self.derivation is None:
             return None
+        from validation.campaign.bench import LayeredBench
         from validation.campaign.campaign_file import default_cases
         from validation.campaign.run import run_campaign
 
         cases = default_cases(self.parameters.array)
-        return run_campaign(self.derivation.sensor.cover, self.parameters, cases, progress=self.progress)
+        bench = LayeredBench(cover=self.derivation.sensor.cover, fast=self.parameters)
+        return run_campaign(bench, cases, progress=self.progress)
 
 
 def describe_sensor(name: str, array: TexelArray, *, derived: bool) -> str:

@@ -12,7 +12,6 @@ from validation.metrics import Score
 from validation.schema import Table
 from validation.schema.types import (
     LIMITS,
-    Between,
     Friction,
     Indenter,
     Length,
@@ -21,6 +20,7 @@ from validation.schema.types import (
     OneByOne,
     Pressure,
     choice,
+    number,
     percentage,
     quantity,
 )
@@ -40,7 +40,7 @@ _LOADS = ("load", "loads", "path")
 def _find_kind(metric: str) -> Any:  # noqa: ANN401 -- an annotation
     """Return the annotation of a limit on a metric: a number, a length or a percentage, which its name says."""
     if metric in _PLAIN:
-        return Annotated[float, Between(0, LIMITS.number)]
+        return Annotated[float, number(0, LIMITS.number)]
     return Annotated[
         float, quantity("length", positive=False, most=LIMITS.longest) if metric.endswith("_m") else percentage()
     ]
@@ -106,7 +106,7 @@ class InputsTable(Table):
     """
 
     modulus: Annotated[float, percentage(1)] | None = None
-    poisson_ratio: Annotated[float, Between(0, 1)] | None = None
+    poisson_ratio: Annotated[float, number(0, 1)] | None = None
     thickness: Annotated[float, percentage(1)] | None = None
     position: Annotated[float, quantity("length", positive=False, most=1)] | None = None
     yaw: Annotated[float, quantity("angle", positive=False, most=1)] | None = None
@@ -170,11 +170,11 @@ class CaseTable(Table):
             yield "load", f"give one of load, loads (each applied at once) and path (ascending), not {found}"
             return
         loads = self.all_loads
-        for number, load in enumerate(loads):
-            if load in loads[:number]:
-                yield f"{given[0]}[{number}]", f"{load:.4g} N is listed twice"
-            elif self.path and number and load < loads[number - 1]:
-                yield f"path[{number}]", "the loads of a path must ascend, because unloading is not computed"
+        for k, load in enumerate(loads):
+            if load in loads[:k]:
+                yield f"{given[0]}[{k}]", f"{load:.4g} N is listed twice"
+            elif self.path and k and load < loads[k - 1]:
+                yield f"path[{k}]", "the loads of a path must ascend, because unloading is not computed"
         if self.compared is not None:
             for name in sorted(self.required.model_fields_set - set(self.compared)):
                 yield f"required.{name}", "is not in `compared`; add it there, or remove the limit"

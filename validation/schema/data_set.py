@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import AfterValidator, Field
 
 from validation.schema import Table
-from validation.schema.types import LIMITS, Between, OneOrMore, Read, TableOr, choice
+from validation.schema.types import LIMITS, OneOrMore, Read, TableOr, choice, number
 from validation.text.quantity import Kind, read_quantity
 
 #: Word of a data-set file for a pose that is found from the recordings.
@@ -78,10 +78,10 @@ class CommonKeys(Table):
 
     indenter: _Text | None = None
     load: _AnyLoad | None = None
-    array: Annotated[int, Between(0, 1000)] | None = None
-    threshold: Annotated[float, Between(0, 1e9)] | None = None
+    array: Annotated[int, number(0, 1000, whole=True)] | None = None
+    threshold: Annotated[float, number(0, 1e9)] | None = None
     window: _Window | None = None
-    temperature_channel: Annotated[int, Between(-1000, 1000)] | None = None
+    temperature_channel: Annotated[int, number(-1000, 1000, whole=True)] | None = None
     at: _Position | None = None
     yaw: _Yaw | None = None
     tilt: _Tilt | None = None

@@ -14,7 +14,6 @@ from validation.errors import InputError
 from validation.schema import Table
 from validation.schema.types import (
     AnyMaterial,
-    Between,
     Count,
     Frequency,
     Friction,
@@ -26,6 +25,7 @@ from validation.schema.types import (
     Read,
     TexelCount,
     choice,
+    number,
     quantity,
 )
 from validation.text.quantity import read_quantity
@@ -87,8 +87,8 @@ def _read_calibration(value: object) -> str:
 
 
 _OddCount = Annotated[TexelCount, AfterValidator(_refuse_even)]
-_Sigma = Annotated[float, Between(1e-3, 100)]
-_Counts = Annotated[float, Between(0, 1e9)]
+_Sigma = Annotated[float, number(1e-3, 100)]
+_Counts = Annotated[float, number(0, 1e9)]
 _MASK_JSON = {"type": "array", "items": {"anyOf": [{"type": "string"}, {"type": "array", "items": {"enum": [0, 1]}}]}}
 
 
@@ -212,7 +212,7 @@ class FilterTable(Table):
     """
 
     cutoff: Frequency = Field(examples=["40 Hz"])
-    order: Annotated[int, Between(1, 20)] = 2
+    order: Annotated[int, number(1, 20, whole=True)] = 2
 
 
 class SpreadTable(Table):
@@ -252,7 +252,7 @@ class ElectronicsTable(Table):
     sensitivity: Annotated[float, quantity("per force")] | None = None
     offset: Number = 0.0
     output_max: Count | None = None
-    bits: Annotated[int, Between(1, 32)] = 12
+    bits: Annotated[int, number(1, 32, whole=True)] = 12
     noise: Annotated[float, quantity("force", positive=False)] = 0.0
     threshold: _Counts = 0.0
     saturation_band: _Counts = 0.0

@@ -6,7 +6,6 @@ JSON Schema of the format.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
@@ -98,38 +97,6 @@ class TableOr:
         return {"anyOf": [dict(self.json), handler(core)]}
 
 
-@dataclass(frozen=True)
-class Between:
-    """Annotation of an int or a float: a number from `least` to `most`; `note` ends the message."""
-
-    least: float
-    most: float
-    note: str = ""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        """Return the schema of the number with a check of its limits."""
-        kinds, wanted = (int, "a whole number") if source is int else (int | float, "a number")
-        limits = f"in {self.least:.10g}..{self.most:.10g}{self.note}"
-
-        def check(value: object) -> float:
-            if isinstance(value, bool) or not isinstance(value, kinds):
-                raise InputError(f"must be {wanted} {limits}, not {_shorten(value)}")
-            if not self.least <= value <= self.most:
-                raise ValueError(f"must lie {limits}, not {value:.10g}")
-            converted: float = source(value)
-            return converted
-
-        return core_schema.no_info_plain_validator_function(
-            check, metadata={"pydantic_js_extra": {"type": "integer" if source is int else "number"}}
-        )
-
-    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Return the JSON Schema of the number."""
-        kind: Any = core.get("metadata", {}).get("pydantic_js_extra", {})
-        limits = {"minimum": self.least, "maximum": self.most}
-        return dict(kind) | {name: limit for name, limit in limits.items() if math.isfinite(limit)}
-
-
 @dataclass(frozen=True, eq=False)
 class OneByOne:
     """Annotation: a list of 1 to `most` tables that are checked later, one by one, so that a fault costs one of them.
@@ -172,6 +139,27 @@ class OneOrMore:
         """Return the JSON Schema of one entry or a list."""
         found = handler(core)
         return {"anyOf": [found["items"], found]}
+
+
+def number(least: float, most: float, note: str = "", *, whole: bool = False) -> Read:
+    """Make the annotation of a number from `least` to `most`.
+
+    Args:
+        least: Least accepted number.
+        most: Greatest accepted number.
+        note: Text that follows the limits in messages.
+        whole: Whether the number must be whole.
+    """
+    limits = f"in {least:.10g}..{most:.10g}{note}"
+
+    def check(value: object) -> float:
+        if isinstance(value, bool) or not isinstance(value, int if whole else int | float):
+            raise InputError(f"must be a{' whole' * whole} number {limits}, not {_shorten(value)}")
+        if not least <= value <= most:
+            raise ValueError(f"must lie {limits}, not {value:.10g}")
+        return value if whole else float(value)
+
+    return Read(check, {"type": "integer" if whole else "number", "minimum": least, "maximum": most})
 
 
 def quantity(kind: Kind, *, positive: bool = True, most: float | None = None) -> Read:
@@ -309,10 +297,10 @@ Friction = Annotated[
 Indenter = Annotated[Any, text(read_indenter, "sphere:radius=5mm")]
 Load = Annotated[float, text(read_load, "4.9 N")]
 Name = Annotated[str, Read(_read_name, {"type": "string", "minLength": 1, "maxLength": LIMITS.name})]
-Count = Annotated[int, Between(1, 2**32)]
-TexelCount = Annotated[int, Between(1, MOST_TEXELS)]
-Number = Annotated[float, Between(-LIMITS.number, LIMITS.number)]
-PoissonRatio = Annotated[float, Between(0, 0.5, " (0.5 is incompressible)")]
+Count = Annotated[int, number(1, 2**32, whole=True)]
+TexelCount = Annotated[int, number(1, MOST_TEXELS, whole=True)]
+Number = Annotated[float, number(-LIMITS.number, LIMITS.number)]
+PoissonRatio = Annotated[float, number(0, 0.5, " (0.5 is incompressible)")]
 
 
 class MaterialTable(Table):
@@ -351,7 +339,7 @@ class MaterialTable(Table):
     hardness: Annotated[HardnessModulus, Read(read_hardness)] | None = None
     name: str = ""
     source: str | None = None
-    spread: Annotated[float, Between(0, 10)] | None = None
+    spread: Annotated[float, number(0, 10)] | None = None
     poisson_spread: PoissonRatio = 0.0
 
     def make(self) -> Material:

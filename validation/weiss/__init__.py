@@ -10,21 +10,20 @@ Print the frames of a sensor:
             else:
                 print(event.time, event.counts.max())
 
-The module `messages` defines the format of messages on the serial line; `parser` finds messages in a byte stream that
-may be damaged.  Some messages hold frames, the counts of all texels at one instant (`frames`).  `commands` lists the
-commands and the layout of their answers.  `unconfirmed` lists assumptions about the protocol that no source confirms.
-`Sensor` sends commands to the device on a port, and yields a `Reading` for each frame and a `Gap` for each place where
-frames are missing.  `VirtualSensor` answers commands as the device does, and `serve` runs a virtual sensor on a port.
-File formats are in `validation.recordings`; `validation.recordings.live_frames` converts readings to the type of frame
-that a simulation yields.
+The module `protocol` defines messages, commands, answers and frames (the counts of all texels at one instant) as
+bytes; `parser` finds messages in a byte stream that may be damaged.  `unconfirmed` lists assumptions about the protocol
+that no source confirms.  `Sensor` sends commands to the device on a port, and yields a `Reading` for each frame and a
+`Gap` for each place where frames are missing.  `VirtualSensor` answers commands as the device does, and `serve` runs a
+virtual sensor on a port.  File formats are in `validation.recordings`;
+`validation.recordings.live_frames` converts readings to the type of frame that a simulation yields.
 
 The package needs numpy and pyserial only.  Times of the host come from its monotonic clock [ns].  Times of the device
 come from the device's own clock; one tick is assumed to be a millisecond.
 """
 
 from validation.weiss.continuity import Gap
-from validation.weiss.frames import Reading
 from validation.weiss.link import LinkLostError, PortError
+from validation.weiss.protocol import Reading
 from validation.weiss.sensor import NoAnswerError, Sensor, SensorError
 from validation.weiss.serve import PseudoTerminal, SerialEnd, serve
 from validation.weiss.virtual import Misbehaviour, VirtualSensor, show_frames, show_pattern, show_recording

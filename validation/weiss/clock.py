@@ -15,21 +15,39 @@ import numpy as np
 
 from validation.weiss.unconfirmed import TICK
 
-#: Duration over which the earliest arrival is looked for [s], and number of these durations that are fitted [-].
-_BLOCK, _BLOCKS = 0.5, 120
-#: Number of blocks from which the slope is fitted; before, a tick is assumed to last `TICK` [-].
-_FITTED_BLOCKS = 4
-#: Largest deviation of the length of a tick from `TICK`, as a share of it [-].  Cheap clocks deviate by 0.3 %.
-_LARGEST_DRIFT = 0.01
-#: Largest time by which a frame may arrive before or after the time that the fit gives [s].  A frame outside counts as
-#: one with a wrong clock.
-_LARGEST_DELAY = 2.0
-#: Number of consecutive frames outside after which the clock counts as set anew, and the fit starts again [-].
-_MOST_OUTLIERS = 3
-#: Number of different values of the device's clock.
-_CLOCK_RANGE = 1 << 32
-#: Width of a bin in which delays are counted, and number of bins [ns], [-].
-_BIN, _BINS = 100_000, 20_001
+
+@dataclass(frozen=True, kw_only=True)
+class _FitSettings:
+    """Settings of the fit, chosen with simulated delays of a busy host.
+
+    Attributes:
+        block: Duration over which the earliest arrival is looked for [s].
+        blocks: Number of these durations that are fitted [-].
+        fitted_blocks: Number of blocks from which the slope is fitted; before, a tick is assumed to last `TICK` [-].
+        largest_drift: Largest deviation of the length of a tick from `TICK`, as a share of it; cheap clocks deviate by
+            0.3 % [-].
+        largest_delay: Largest time by which a frame may arrive before or after its fitted time; a frame outside has a
+            wrong clock [s].
+        most_outliers: Number of consecutive frames outside after which the clock counts as set anew, and the fit starts
+            again [-].
+        clock_range: Number of different values of the device's clock, which has 32 bits [-].
+        bin: Width of a bin in which delays are counted [ns].
+        bins: Number of these bins: delays up to two seconds are told apart [-].
+    """
+
+    block: float = 0.5
+    blocks: int = 120
+    fitted_blocks: int = 4
+    largest_drift: float = 0.01
+    largest_delay: float = 2.0
+    most_outliers: int = 3
+    clock_range: int = 1 << 32
+    bin: int = 100_000
+    bins: int = 20_001
+
+
+_FIT = _FitSettings()
+
 _NANOSECONDS_PER_SECOND = 1_000_000_000
 
 
@@ -57,7 +75,7 @@ class Residual:
         """Return a description in one line."""
         late = [f"{1e3 * value:.1f} ms" for value in (self.median, self.p95, self.largest)]
         text = f"frames arrived {late[0]} (median), {late[1]} (95 %) and at most {late[2]} after their stamps, "
-        if abs(self.tick / TICK - 1) > _LARGEST_DRIFT:
+        if abs(self.tick / TICK - 1) > _FIT.largest_drift:
             text += f"which may be wrong: a tick of the device lasts {1e3 * self.tick:.3g} ms, not {1e3 * TICK:g} ms"
         else:
             text += f"which follow the device's clock with {1e3 * self.tick:.6f} ms per tick"
@@ -73,7 +91,7 @@ class DeviceClock:
 
     def __init__(self) -> None:
         self._restarts = self._unfitted = self._outliers = 0
-        self._delays = np.zeros(_BINS, dtype=np.int64)
+        self._delays = np.zeros(_FIT.bins, dtype=np.int64)
         self._largest = self._last_stamp = 0
         self._tick = TICK
         self._start()
@@ -88,7 +106,7 @@ class DeviceClock:
         fitted = self._fit(ticks, arrival)
         if fitted is None:
             self._outliers += 1
-            if self._outliers < _MOST_OUTLIERS:
+            if self._outliers < _FIT.most_outliers:
                 self._unfitted += 1
                 return self._increase(arrival)
             self._restarts += 1
@@ -97,7 +115,7 @@ class DeviceClock:
         self._outliers = 0
         stamp = self._increase(arrival if fitted is None else fitted)
         delay = max(0, arrival - stamp)
-        self._delays[min(_BINS - 1, delay // _BIN)] += 1
+        self._delays[min(_FIT.bins - 1, delay // _FIT.bin)] += 1
         self._largest = max(self._largest, delay)
         return stamp
 
@@ -106,7 +124,7 @@ class DeviceClock:
         """How far arrival times lie from the stamps so far; NaN without frames."""
         total = np.cumsum(self._delays)
         median, p95 = (
-            float(np.searchsorted(total, share * total[-1]) + 0.5) * _BIN / _NANOSECONDS_PER_SECOND
+            float(np.searchsorted(total, share * total[-1]) + 0.5) * _FIT.bin / _NANOSECONDS_PER_SECOND
             if total[-1]
             else float("nan")
             for share in (0.5, 0.95)
@@ -126,7 +144,7 @@ class DeviceClock:
         self._origin: tuple[int, int] | None = None
         #: Time since the first frame by the device's clock, if a tick lasts `TICK`, and arrival minus this time [s], of
         #: the earliest frame of each block; the last one is of the present block.
-        self._earliest: deque[tuple[float, float]] = deque(maxlen=_BLOCKS)
+        self._earliest: deque[tuple[float, float]] = deque(maxlen=_FIT.blocks)
         self._block = -1
         self._slope = self._offset = 0.0
 
@@ -138,9 +156,9 @@ class DeviceClock:
         elapsed = (arrival - start) / _NANOSECONDS_PER_SECOND
         device = self._unwrap(ticks - start_ticks, elapsed) * TICK
         difference = elapsed - device
-        if abs(difference - self._offset - self._slope * device) > _LARGEST_DELAY:
+        if abs(difference - self._offset - self._slope * device) > _FIT.largest_delay:
             return None
-        block = int(elapsed / _BLOCK)
+        block = int(elapsed / _FIT.block)
         if block != self._block:
             self._block = block
             self._fit_line()
@@ -162,17 +180,17 @@ class DeviceClock:
         first, second = np.triu_indices(len(device), 1)
         step = device[second] - device[first]
         far = step > TICK
-        if len(device) >= _FITTED_BLOCKS and far.any():
+        if len(device) >= _FIT.fitted_blocks and far.any():
             slopes = (difference[second] - difference[first])[far] / step[far]
             slope = float(np.median(slopes))
             self._tick = TICK * (1 + slope)
-            self._slope = min(max(slope, -_LARGEST_DRIFT), _LARGEST_DRIFT)
+            self._slope = min(max(slope, -_FIT.largest_drift), _FIT.largest_drift)
         self._offset = float(np.min(difference - self._slope * device))
 
     @staticmethod
     def _unwrap(ticks: int, elapsed: float) -> int:
         """Return ticks since the first frame, as near to `elapsed` [s] as 32 bits leave open."""
-        return ticks + _CLOCK_RANGE * round((elapsed / TICK - ticks) / _CLOCK_RANGE)
+        return ticks + _FIT.clock_range * round((elapsed / TICK - ticks) / _FIT.clock_range)
 
     def _increase(self, stamp: int) -> int:
         """Return the stamp, or the last one and a microsecond if it would not be later."""

@@ -20,18 +20,34 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Literal
 
-#: Largest number of frames in a step that still adds to the period [-].
-_MOST_FRAMES_PER_STEP = 8
-#: Smallest number of steps [-] and smallest span of short steps [ticks] from which the period is computed, and largest
-#: number of steps at the start of a stream that wait for this span [-].
-_INITIAL_STEPS, _INITIAL_SPAN, _MOST_WAITING_STEPS = 8, 250, 512
-#: Largest number of earlier steps from which the period is computed [-].
-_REMEMBERED_STEPS = 256
-#: Length of a step over the typical length above which frames count as lost [-].  The value lies above 4/3,
-#: because at 271 frames/s a clock in milliseconds advances by 3 or 4 ticks, and below 2, the ratio with one lost frame.
-_LONG_STEP = 1.5
-#: Number of different values of the device's clock, which has 32 bits and then starts again at zero [ticks].
-_CLOCK_RANGE = 1 << 32
+
+@dataclass(frozen=True, kw_only=True)
+class _Rules:
+    """Rules by which frames count as missing, checked with damaged streams at 271 frames/s.
+
+    Attributes:
+        most_frames_per_step: Largest number of frames in a step that still adds to the period [-].
+        initial_steps: Smallest number of steps from which the period is computed [-].
+        initial_span: Smallest span of short steps from which the period is computed [ticks].
+        most_waiting_steps: Largest number of steps at the start of a stream that wait for this span [-].
+        remembered_steps: Largest number of earlier steps from which the period is computed [-].
+        long_step: Length of a step over the typical length above which frames count as lost [-].  It lies above 4/3,
+            because at 271 frames/s a clock in milliseconds advances by 3 or 4 ticks, and below 2, the ratio with one
+            lost frame.
+        clock_range: Number of different values of the device's clock, which has 32 bits and then starts again at zero
+            [ticks].
+    """
+
+    most_frames_per_step: int = 8
+    initial_steps: int = 8
+    initial_span: int = 250
+    most_waiting_steps: int = 512
+    remembered_steps: int = 256
+    long_step: float = 1.5
+    clock_range: int = 1 << 32
+
+
+_RULES = _Rules()
 
 #: Kinds of gaps in a stream of frames.
 Kind = Literal[
@@ -94,7 +110,7 @@ class _Step:
     @property
     def length(self) -> int:
         """Number of ticks from the first frame to the second, also if the clock has started again at zero."""
-        return (self.after - self.before) % _CLOCK_RANGE
+        return (self.after - self.before) % _RULES.clock_range
 
 
 class Continuity:
@@ -102,7 +118,7 @@ class Continuity:
 
     def __init__(self) -> None:
         #: Lengths [ticks] and numbers of frames of the latest steps without a long gap.
-        self._steps: deque[tuple[int, int]] = deque(maxlen=_REMEMBERED_STEPS)
+        self._steps: deque[tuple[int, int]] = deque(maxlen=_RULES.remembered_steps)
         #: Steps at the start of the stream that have not been checked for gaps yet; None when the period is known.
         self._unchecked: list[_Step] | None = []
         self._last: int | None = None
@@ -126,8 +142,8 @@ class Continuity:
             return [] if gap is None else [gap]
         self._unchecked.append(step)
         waiting, short = len(self._unchecked), _find_short_steps(self._unchecked)
-        is_known = len(short) >= _INITIAL_STEPS and sum(short) >= _INITIAL_SPAN
-        return self.finish() if is_known or (short and waiting >= _MOST_WAITING_STEPS) else []
+        is_known = len(short) >= _RULES.initial_steps and sum(short) >= _RULES.initial_span
+        return self.finish() if is_known or (short and waiting >= _RULES.most_waiting_steps) else []
 
     def finish(self) -> list[Gap]:
         """Check the steps at the start of the stream that have not been checked yet, and return the gaps in them."""
@@ -142,7 +158,7 @@ class Continuity:
     def _add(self, step: _Step, period: float) -> None:
         """Add a step to those that give the period, unless it has a long gap or the clock repeated or was set back."""
         frames = round(step.length / period)
-        if 0 < frames <= _MOST_FRAMES_PER_STEP and step.length:
+        if 0 < frames <= _RULES.most_frames_per_step and step.length:
             self._steps.append((step.length, frames))
 
     def _compute_period(self) -> float:
@@ -154,11 +170,11 @@ class Continuity:
 def _find_short_steps(steps: Collection[_Step]) -> list[int]:
     """Return the lengths of the steps without a lost frame [ticks].
 
-    A frame counts as lost if the step exceeds the first octile of all steps by the factor `_LONG_STEP`.  Steps in which
-    the clock repeated or was set back do not count.
+    A frame counts as lost if the step exceeds the first octile of all steps by the factor `_RULES.long_step`.  Steps in
+    which the clock repeated or was set back do not count.
     """
-    ordered = sorted(step.length for step in steps if 0 < step.length < _CLOCK_RANGE // 2)
-    return ordered[: bisect_right(ordered, _LONG_STEP * ordered[len(ordered) // 8])] if ordered else []
+    ordered = sorted(step.length for step in steps if 0 < step.length < _RULES.clock_range // 2)
+    return ordered[: bisect_right(ordered, _RULES.long_step * ordered[len(ordered) // 8])] if ordered else []
 
 
 def _find_gap(step: _Step, period: float) -> Gap | None:
@@ -167,9 +183,9 @@ def _find_gap(step: _Step, period: float) -> Gap | None:
     frames = 0
     if step.length == 0:
         kind = "frame repeated"
-    elif step.length >= _CLOCK_RANGE // 2:
+    elif step.length >= _RULES.clock_range // 2:
         kind = "clock set back"
-    elif period and step.length > _LONG_STEP * period:
+    elif period and step.length > _RULES.long_step * period:
         kind, frames = "frames missing", max(1, round(step.length / period) - 1)
     elif step.skipped:
         kind = "bytes skipped"

@@ -7,8 +7,7 @@ from itertools import islice
 
 import numpy as np
 
-from validation.weiss.commands import Command
-from validation.weiss.frames import Reading, compress
+from validation.weiss.protocol import Command, Reading, compress
 from validation.weiss.sensor import Sensor, SensorError
 from validation.weiss.unconfirmed import TICK
 

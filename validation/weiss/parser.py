@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from validation.weiss.commands import LONGEST_TEXT, Command
-from validation.weiss.frames import HEAD_SIZE as FRAME_HEAD_SIZE
-from validation.weiss.frames import decode_frame
-from validation.weiss.messages import CHECKSUM_SIZE, HEAD_SIZE, PREAMBLE, Message, compute_checksum
+from validation.weiss.protocol import (
+    CHECKSUM_SIZE,
+    FRAME_HEAD_SIZE,
+    HEAD_SIZE,
+    LONGEST_TEXT,
+    PREAMBLE,
+    Command,
+    Message,
+    compute_checksum,
+    decode_frame,
+)
 
 #: Largest number of texels that is accepted in a frame while the array is unknown: that of the largest array of the
 #: manufacturer [-].

@@ -6,28 +6,42 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from validation.weiss import commands
-from validation.weiss.commands import Command, MatrixInfo, SystemInfo, Values
+from validation.weiss import protocol
 from validation.weiss.continuity import Continuity, Gap
-from validation.weiss.frames import Reading, decode_frame
 from validation.weiss.link import BUFFER_BYTES, Chunk, Link, LinkLostError, PortError
-from validation.weiss.messages import Message
 from validation.weiss.parser import Counters, Parser
+from validation.weiss.protocol import Command, MatrixInfo, Message, Reading, SystemInfo, Values, decode_frame
 from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, TARE, UNTARE
 
-#: Largest number of readings and gaps that are stored until the program takes them from the stream [-].
-_MOST_EVENTS = 8192
-#: Number of times that a command is sent before it counts as unanswered, and largest number of stored answers [-].
-_ATTEMPTS = 3
-#: Pause between two attempts to open a lost port again [s].
-_REOPEN_PAUSE = 0.1
-#: Factors on the timeout of an answer and on the interval between frames [-].  A stream counts as silent if no frame
-#: arrives during the longer of the two products.
-_SILENT_TIMEOUTS, _SILENT_INTERVALS = 2, 3
+
+@dataclass(frozen=True, kw_only=True)
+class _Patience:
+    """How long the driver waits and repeats; nothing in the protocol states these values.
+
+    Attributes:
+        most_events: Largest number of readings and gaps that are stored until the program takes them from the stream
+            [-].
+        attempts: Number of times that a command is sent before it counts as unanswered, and largest number of stored
+            answers [-].
+        reopen_pause: Pause between two attempts to open a lost port again [s].
+        silent_timeouts: A stream counts as silent after this many timeouts of an answer without a frame [-].
+        silent_intervals: A stream counts as silent only after this many intervals between frames as well [-].
+    """
+
+    most_events: int = 8192
+    attempts: int = 3
+    reopen_pause: float = 0.1
+    silent_timeouts: int = 2
+    silent_intervals: int = 3
+
+
+_PATIENCE = _Patience()
+
 _SECONDS_PER_NANOSECOND = 1e-9
 
 
@@ -86,17 +100,17 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     def read_info(self) -> SystemInfo:
         """Read kind, hardware revision, firmware version and serial number of the device."""
-        return commands.decode_system_info(self.ask(Command.SYSTEM_INFO))
+        return protocol.decode_system_info(self.ask(Command.SYSTEM_INFO))
 
     def read_matrix(self) -> MatrixInfo:
         """Read the numbers of rows and columns, the pitch and the full scale of the array."""
-        return commands.decode_matrix_info(self.ask(Command.MATRIX_INFO))
+        return protocol.decode_matrix_info(self.ask(Command.MATRIX_INFO))
 
     def read_mask(self) -> npt.NDArray[np.bool_]:
         """Read which texels of the array exist, shape (n,), if the device states this as `unconfirmed` assumes."""
-        data = commands.join_bytes(self.ask(Command.GET_MASK))
+        data = protocol.join_bytes(self.ask(Command.GET_MASK))
         try:
-            return commands.decode_mask(data, self.read_matrix().texels)
+            return protocol.decode_mask(data, self.read_matrix().texels)
         except ValueError as error:
             raise SensorError(f"{self.port}: the answer to `get mask` is not as assumed: {error}") from error
 
@@ -114,7 +128,7 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     def read_temperature(self) -> float:
         """Read the temperature of the device [degC]."""
-        return commands.decode_temperature(self.ask(Command.TEMPERATURE))
+        return protocol.decode_temperature(self.ask(Command.TEMPERATURE))
 
     def read_threshold(self) -> int:
         """Read the threshold below which a texel reads 0 [counts]."""
@@ -147,7 +161,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             run_length: Whether to request run-length encoding.
         """
         values = self.ask(Command.READ_SINGLE_FRAME, RUN_LENGTH_FLAG * run_length)
-        return decode_frame(commands.join_bytes(values), host_time=time.monotonic_ns())
+        return decode_frame(protocol.join_bytes(values), host_time=time.monotonic_ns())
 
     def ask(self, command: Command, *values: int | bytes) -> Values:
         """Send any documented command and return the values of its answer.
@@ -162,20 +176,22 @@ class Sensor(AbstractContextManager["Sensor"]):
             LinkLostError: If the port is lost.
         """
         name = command.name.lower().replace("_", " ")
-        for _ in range(_ATTEMPTS):
+        for _ in range(_PATIENCE.attempts):
             self._answers.clear()
-            self._link.write(commands.encode_request(command, *values))
+            self._link.write(protocol.encode_request(command, *values))
             message = self._await_answer(command)
             if message is None:
                 continue
             try:
-                status, answered = commands.decode_answer(message)
+                status, answered = protocol.decode_answer(message)
             except ValueError as error:
                 raise SensorError(f"{self.port}: the answer to `{name}` is not as assumed: {error}") from error
             if status:
-                raise SensorError(f"{self.port}: the sensor refused `{name}`: {commands.describe_status(status)}")
+                raise SensorError(f"{self.port}: the sensor refused `{name}`: {protocol.describe_status(status)}")
             return answered
-        raise NoAnswerError(f"{self.port}: no answer to `{name}` in {_ATTEMPTS * self.timeout:g} s; check the cable")
+        raise NoAnswerError(
+            f"{self.port}: no answer to `{name}` in {_PATIENCE.attempts * self.timeout:g} s; check the cable"
+        )
 
     def stream(
         self, *, run_length: bool = False, interval_ms: int = 0, reconnect: float = 0.0
@@ -194,7 +210,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             LinkLostError: If the port is lost and cannot be opened again within `reconnect`.
         """
         values = (RUN_LENGTH_FLAG * run_length, interval_ms)
-        silence = max(_SILENT_TIMEOUTS * self.timeout, _SILENT_INTERVALS * interval_ms * 1e-3)
+        silence = max(_PATIENCE.silent_timeouts * self.timeout, _PATIENCE.silent_intervals * interval_ms * 1e-3)
         self._start_stream(values)
         try:
             while True:
@@ -251,7 +267,7 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     def _ask_text(self, command: Command) -> str:
         """Send a command and return the text in its answer."""
-        return commands.join_bytes(self.ask(command)).decode("ascii", "replace")
+        return protocol.join_bytes(self.ask(command)).decode("ascii", "replace")
 
     def _await_answer(self, command: Command) -> Message | None:
         """Wait for the answer to a command and return it; None if it does not arrive in time."""
@@ -285,13 +301,13 @@ class Sensor(AbstractContextManager["Sensor"]):
         for message in messages:
             if message.identifier != Command.PERIODIC_FRAME:
                 self._answers.append(message)
-                del self._answers[:-_ATTEMPTS]
+                del self._answers[: -_PATIENCE.attempts]
                 continue
             reading = decode_frame(message.payload, host_time=host_time)
             gaps = self._continuity.add(reading.ticks, skipped=message.skipped, host_time=host_time)
             self._events += [*gaps, reading]
             self._last_ticks = reading.ticks
-        if len(self._events) > _MOST_EVENTS:
+        if len(self._events) > _PATIENCE.most_events:
             lost = len(self._events)
             self._events.clear()
             self._events.append(Gap(kind="overflow", host_time=host_time, frames=lost))
@@ -322,7 +338,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             self._receive(left)
         if not self._events:
             self._end_wait()
-            self._link.write(commands.encode_request(Command.START_PERIODIC_FRAMES, *values))
+            self._link.write(protocol.encode_request(Command.START_PERIODIC_FRAMES, *values))
             yield Gap(kind="silence", host_time=time.monotonic_ns(), seconds=silence)
         yield from self._take_events()
 
@@ -343,7 +359,7 @@ class Sensor(AbstractContextManager["Sensor"]):
         lost, last_ticks = time.monotonic_ns(), self._last_ticks
         self._link.close()
         while (time.monotonic_ns() - lost) * _SECONDS_PER_NANOSECOND < patience:
-            time.sleep(_REOPEN_PAUSE)
+            time.sleep(_PATIENCE.reopen_pause)
             try:
                 self._link = self._open_link()
                 self._parser = Parser(texels=self._parser.texels)

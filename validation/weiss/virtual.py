@@ -2,6 +2,10 @@
 
 `VirtualSensor` converts received bytes and times to sent bytes and needs no port; `serve` runs a virtual sensor on a
 port.  Where no source states how a real device answers, the virtual sensor follows the assumptions in `unconfirmed`.
+
+A fault of the serial line is a function that takes the bytes of a message and a random number generator, and returns
+the bytes that the receiver gets.  Every fault accepts any bytes, also none, because the faults of a message may be
+combined in any order.
 """
 
 from __future__ import annotations
@@ -10,33 +14,140 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from random import Random
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from validation.weiss import commands
-from validation.weiss.commands import LONGEST_TEXT, Command, MatrixInfo, Status, Values, encode_mask
-from validation.weiss.faults import FAULTS
-from validation.weiss.frames import LARGEST_COUNT, encode_frame
-from validation.weiss.messages import Message, encode_message
+from validation.weiss import protocol
 from validation.weiss.parser import Parser
+from validation.weiss.protocol import (
+    HEAD_SIZE,
+    LARGEST_COUNT,
+    LONGEST_TEXT,
+    PREAMBLE,
+    Command,
+    MatrixInfo,
+    Message,
+    Status,
+    Values,
+    encode_frame,
+    encode_mask,
+    encode_message,
+)
 from validation.weiss.unconfirmed import DEFAULT_TAG, RUN_LENGTH_FLAG, TARE, TICK
+
+#: Function from a message and a random number generator to the bytes that the receiver gets.
+Fault = Callable[[bytes, Random], bytes]
+
+
+def flip_bit(message: bytes, random: Random) -> bytes:
+    """Change one random bit of the message."""
+    start = _choose_index(message, random)
+    changed = bytes(byte ^ (1 << random.randrange(8)) for byte in message[start : start + 1])
+    return message[:start] + changed + message[start + 1 :]
+
+
+def change_bytes(message: bytes, random: Random) -> bytes:
+    """Replace one to eight consecutive bytes of the message by random bytes."""
+    start = _choose_index(message, random)
+    length = min(random.randint(1, 8), len(message) - start)
+    return message[:start] + random.randbytes(length) + message[start + length :]
+
+
+def drop_bytes(message: bytes, random: Random) -> bytes:
+    """Remove one to sixteen consecutive bytes of the message."""
+    start = _choose_index(message, random)
+    return message[:start] + message[start + random.randint(1, 16) :]
+
+
+def repeat_bytes(message: bytes, random: Random) -> bytes:
+    """Send one to sixteen consecutive bytes of the message twice."""
+    start = _choose_index(message, random)
+    end = start + random.randint(1, 16)
+    return message[:end] + message[start:]
+
+
+def insert_noise(message: bytes, random: Random) -> bytes:
+    """Insert one to forty random bytes in or before the message."""
+    start = _choose_index(message, random)
+    return message[:start] + random.randbytes(random.randint(1, 40)) + message[start:]
+
+
+def cut(message: bytes, random: Random) -> bytes:
+    """Truncate the message after a random number of bytes, at least one."""
+    return message[: random.randint(1, max(1, len(message) - 1))]
+
+
+def false_head(message: bytes, random: Random) -> bytes:
+    """Send the head of another message, with a random payload size and without payload, before the message."""
+    return PREAMBLE + random.choice((b"\x00", b"\x20")) + bytes([random.randrange(256), 0]) + message
+
+
+def wrong_size(message: bytes, random: Random) -> bytes:
+    """Replace the payload size in the head of the message by a random number."""
+    return message[: HEAD_SIZE - 2] + random.randbytes(2) + message[HEAD_SIZE:]
+
+
+def _choose_index(message: bytes, random: Random) -> int:
+    """Return the index of a random byte of the message; 0 if it has none."""
+    return random.randrange(max(1, len(message)))
+
+
+#: Every fault by the name that the command line takes.
+FAULTS: Mapping[str, Fault] = MappingProxyType(
+    {
+        "flip-bit": flip_bit,
+        "change-bytes": change_bytes,
+        "drop-bytes": drop_bytes,
+        "repeat-bytes": repeat_bytes,
+        "insert-noise": insert_noise,
+        "cut": cut,
+        # one to five bytes AA, the byte of the preamble, before the message
+        "extra-preamble": lambda message, random: PREAMBLE[:1] * random.randint(1, 5) + message,
+        "false-head": false_head,
+        "lose": lambda _message, _random: b"",
+        "repeat": lambda message, _: message + message,
+        # the text of a booting device of the SDH generation before the message
+        "boot-text": lambda message, _: b"\x1b[5n\x1b[5n\x1b[5n" + message,
+        "wrong-size": wrong_size,
+    }
+)
 
 #: Function from the time since the start [s] to the counts of the n texels, shape (n,) [-].
 Source = Callable[[float], npt.ArrayLike]
 
 #: Description of the array of a WTS 0614-34 sensor.
 WTS_0614_34 = MatrixInfo(columns=6, rows=14, cell_width=3.4e-3, cell_height=3.4e-3, full_scale=4095)
-#: Temperature of the virtual device at the start and after a long time [degC], and time constant of the exponential
-#: rise between them [s].
-_COLD, _WARM, _WARMING_TIME = 25.0, 35.0, 1200.0
-#: Test pattern `blob`, a moving Gaussian peak: largest count [-], and twice the variance of the Gaussian [texels^2].
-_BLOB_PEAK, _BLOB_SPREAD = 3000, 4.0
-#: Test pattern `ramp`: difference of the counts of consecutive texels [-], and increase over time [counts/s].
-_RAMP_STEP, _RAMP_RATE = 40, 1000
-#: Test pattern `corner`: count of the first texel; all other texels are zero [-].
-_CORNER_COUNT = 2000
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ShownValues:
+    """Temperatures and test patterns of the virtual sensor, chosen so that a user can tell them apart.
+
+    Attributes:
+        cold: Temperature of the device at the start [degC].
+        warm: Temperature of the device after a long time [degC].
+        warming_time: Time constant of the exponential rise between them [s].
+        blob_peak: Largest count of the pattern `blob`, a moving Gaussian peak [-].
+        blob_spread: Twice the variance of this Gaussian [texels^2].
+        ramp_step: Difference of the counts of consecutive texels of the pattern `ramp` [-].
+        ramp_rate: Increase of these counts over time [counts/s].
+        corner_count: Count of the first texel of the pattern `corner`; all others are zero [-].
+    """
+
+    cold: float = 25.0
+    warm: float = 35.0
+    warming_time: float = 1200.0
+    blob_peak: int = 3000
+    blob_spread: float = 4.0
+    ramp_step: int = 40
+    ramp_rate: int = 1000
+    corner_count: int = 2000
+
+
+_SHOWN = _ShownValues()
 
 
 class HasCounts(Protocol):
@@ -167,16 +278,16 @@ class VirtualSensor:
     def _answer(self, message: Message, now: float) -> bytes:
         """Execute the command in a message from the client and return the bytes of the answer."""
         try:
-            command, values = commands.decode_request(message)
+            command, values = protocol.decode_request(message)
         except KeyError:
             return encode_message(message.identifier, int(Status.COMMAND_UNKNOWN).to_bytes(2, "little"))
         except ValueError:
             status = Status.NOT_ENOUGH_PARAMETERS if not message.payload else Status.COMMAND_FORMAT_ERROR
-            return commands.encode_answer(Command(message.identifier), status)
+            return protocol.encode_answer(Command(message.identifier), status)
         if command in self._misbehaviour.refused:
-            return commands.encode_answer(command, self._misbehaviour.refused[command])
+            return protocol.encode_answer(command, self._misbehaviour.refused[command])
         status, answered = self._execute(command, values, now)
-        return commands.encode_answer(command, status, *answered)
+        return protocol.encode_answer(command, status, *answered)
 
     def _execute(self, command: Command, values: Values, now: float) -> tuple[Status, Values]:
         """Execute a command and return the status and the values of its answer."""
@@ -184,7 +295,7 @@ class VirtualSensor:
         if state is not None:
             return Status.SUCCESS, state
         number = values[0] if values and isinstance(values[0], int) else 0
-        data = commands.join_bytes(values)
+        data = protocol.join_bytes(values)
         match command:
             case Command.LOOP:
                 return Status.SUCCESS, (data,)
@@ -197,13 +308,13 @@ class VirtualSensor:
 
     def _report_state(self, now: float) -> Mapping[Command, Values]:
         """Return the values of the answers to all commands that only read a property of the device, by command."""
-        degrees = _WARM - (_WARM - _COLD) * math.exp(-now / _WARMING_TIME)
+        degrees = _SHOWN.warm - (_SHOWN.warm - _SHOWN.cold) * math.exp(-now / _SHOWN.warming_time)
         return {
-            Command.MATRIX_INFO: commands.encode_matrix_info(self.matrix),
+            Command.MATRIX_INFO: protocol.encode_matrix_info(self.matrix),
             Command.GET_THRESHOLD: (self._threshold,),
             Command.GET_GAIN: (self._gain,),
             Command.SENSOR_TYPE: (self.type.encode("ascii"),),
-            Command.TEMPERATURE: commands.encode_temperature(degrees),
+            Command.TEMPERATURE: protocol.encode_temperature(degrees),
             Command.SYSTEM_INFO: (1, 1, 0x1000, 1),
             Command.GET_TAG: (self._tag,),
             Command.GET_MASK: (encode_mask(self._active),),
@@ -283,12 +394,12 @@ def show_pattern(name: str, matrix: MatrixInfo = WTS_0614_34) -> Source:
         column = (matrix.columns - 1) * (1 + np.sin(2 * time)) / 2
         row = (matrix.rows - 1) * (1 + np.sin(time)) / 2
         squared = (x - column) ** 2 + (y - row) ** 2
-        return np.asarray(np.rint(_BLOB_PEAK * np.exp(-squared / _BLOB_SPREAD)), dtype=np.int64)
+        return np.asarray(np.rint(_SHOWN.blob_peak * np.exp(-squared / _SHOWN.blob_spread)), dtype=np.int64)
 
     patterns: dict[str, Source] = {
         "blob": show_blob,
-        "ramp": lambda time: (order * _RAMP_STEP + round(time * _RAMP_RATE)) % (LARGEST_COUNT + 1),
-        "corner": lambda _: np.where(order == 0, _CORNER_COUNT, 0),
+        "ramp": lambda time: (order * _SHOWN.ramp_step + round(time * _SHOWN.ramp_rate)) % (LARGEST_COUNT + 1),
+        "corner": lambda _: np.where(order == 0, _SHOWN.corner_count, 0),
         "zero": lambda _: np.zeros_like(order),
     }
     if name not in patterns:

@@ -12,9 +12,7 @@ from meshes.indenters.polygons import (
     compute_distance_from_inset,
     compute_signed_distance,
     find_inside,
-    make_hexagon,
 )
-from tests.support.polygon_area import compute_area
 
 SQUARE = ((-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0))
 HOLE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
@@ -42,28 +40,6 @@ def test_points_inside_have_a_positive_distance_and_others_a_negative_one(star, 
     assert np.array_equal(find_inside([star], *points)[clear], distance[clear] > 0)
 
 
-@given(star=stars(), points=POINTS, turn=st.floats(-4, 4), shift=st.tuples(st.floats(-5, 5), st.floats(-5, 5)))
-def test_rotating_and_moving_outline_and_points_together_changes_no_distance(star, points, turn, shift):
-    c, s = np.cos(turn), np.sin(turn)
-    rotation = np.array([[c, -s], [s, c]])
-    moved = (np.array(star) @ rotation.T + shift).tolist()
-    before = compute_signed_distance([star], *points)
-    after = compute_signed_distance([moved], *(rotation @ points + np.array(shift)[:, None]))
-    np.testing.assert_allclose(np.abs(after), np.abs(before), atol=1e-12)
-    clear = np.abs(before) > 1e-9
-    assert np.array_equal(after[clear] > 0, before[clear] > 0)
-    assert compute_area(moved) == pytest.approx(compute_area(star))
-
-
-@given(star=stars(), first=st.integers(0, 30), factor=st.floats(0.1, 10))
-def test_area_does_not_depend_on_the_first_corner_and_changes_sign_with_the_order(star, first, factor):
-    area = compute_area(star)
-    assert area > 0
-    assert compute_area(np.roll(star, first, axis=0)) == pytest.approx(area)
-    assert compute_area(star[::-1]) == pytest.approx(-area)
-    assert compute_area(factor * np.array(star)) == pytest.approx(factor**2 * area)
-
-
 @given(points=POINTS, inset=st.floats(0.01, 0.4))
 def test_the_distance_from_an_inset_square_is_that_from_the_smaller_square(points, inset):
     x, y = points
@@ -79,17 +55,6 @@ def test_distance_from_an_inset_and_depth_inside_add_up_to_at_least_the_inset(st
     distance = compute_distance_from_inset([star], inset, *points)
     assert (distance + depth >= 0.998 * inset).all()
     assert np.all(distance[depth > 1.002 * inset] == 0)
-
-
-def test_an_inset_deeper_than_the_outline_is_refused():
-    with pytest.raises(ValueError, match="leaves nothing"):
-        compute_distance_from_inset([SQUARE], 2.1, np.zeros(1), np.zeros(1))
-
-
-def test_a_hexagon_has_its_width_across_flats_along_x():
-    corners = np.array(make_hexagon(3.0))
-    assert np.ptp(corners, axis=0) == pytest.approx([3.0, 2 * np.sqrt(3)])
-    assert compute_area(corners) == pytest.approx(np.sqrt(3) / 2 * 9)
 
 
 @given(star=stars(), first=st.integers(0, 30))

@@ -54,14 +54,6 @@ def test_mirror_symmetry_follows_from_the_outline(points, symmetry):
     assert Prism(points=tuple((1e-3 * x, 1e-3 * y) for x, y in points)).mirror_symmetry == symmetry
 
 
-def test_a_hole_off_the_middle_breaks_the_symmetry_of_a_square():
-    outer = tuple((4e-3 * x, 4e-3 * y) for x, y in [(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    hole = np.array(outer) / 4
-    assert Prism(points=outer, holes=(tuple(map(tuple, hole)),)).mirror_symmetry == (True, True)
-    moved = tuple(map(tuple, hole + np.array([1e-3, 0])))
-    assert Prism(points=outer, holes=(moved,)).mirror_symmetry == (False, True)
-
-
 def test_an_axis_beside_the_outline_is_refused():
     with pytest.raises(ValueError, match=r"axis, at \(0, 0\), must stand within"):
         Prism(points=((1e-3, 1e-3), (2e-3, 1e-3), (1e-3, 2e-3)))

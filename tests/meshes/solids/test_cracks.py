@@ -9,7 +9,6 @@ from meshes.solids.triangles import (
     close_cracks,
     count_crossings,
     enclosed_volume,
-    label_parts,
     merge_corners,
 )
 
@@ -42,12 +41,6 @@ def test_corners_that_differ_by_the_last_digit_are_merged_wherever_they_lie(shif
     assert len(merge_corners(corners * (1 + 1e-12 * np.arange(3)[:, None]))[0]) == len(merge_corners(DOME)[0])
 
 
-def test_a_seam_of_faces_that_do_not_share_corners_is_named():
-    seamed = np.concatenate([make_dome(24, start=0.6), make_dome(19, rings=5, stop=0.6)])
-    with pytest.raises(ValueError, match=r"dome has a seam: \d+ edges .* join the faces"):
-        thicken(seamed, 1e-3, "dome", inward=True)
-
-
 @pytest.mark.parametrize("around", [8, 60])
 def test_a_seam_is_found_where_one_side_overlaps_the_other(around):
     seamed = np.concatenate([make_dome(24, start=0.6), make_dome(around, rings=5, stop=0.6)])
@@ -76,16 +69,6 @@ def test_a_border_of_very_many_corners_is_no_crack():
     assert np.linalg.norm(np.cross(*(closed[:, [1, 2]] - closed[:, :1]).transpose(1, 0, 2)), axis=1).sum() / 2 == (
         pytest.approx(np.pi * 10e-3 * np.hypot(10e-3, 5e-3), rel=1e-2)
     )
-
-
-def test_parts_of_a_long_row_are_found_in_few_rounds():
-    """Numbered at random, the lowest number would pass along the row one edge after the other."""
-    order = np.random.default_rng(0).permutation(50_000)
-    row = np.stack([order[:-1], order[1:]], axis=1)
-    assert (label_parts(50_001, row) == [*[0] * 50_000, 50_000]).all()
-    halves = label_parts(50_000, np.delete(row, 24_999, axis=0))
-    assert (halves[order[:25_000]] == order[:25_000].min()).all()
-    assert (halves[order[25_000:]] == order[25_000:].min()).all()
 
 
 def test_loose_parts_are_refused_with_their_place():

@@ -6,11 +6,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from meshes import read_stl
 from meshes.surfaces import underside
-from meshes.surfaces.underside import _Underside
 
 
 def limit(monkeypatch, **changes):
@@ -43,11 +41,6 @@ def test_a_warning_tells_that_the_hulls_do_not_reach_the_tolerance(write_stl, mo
     assert not caplog.text
 
 
-def test_a_large_tolerance_leaves_one_hull(write_stl, monkeypatch):
-    limit(monkeypatch, tolerance=1.0)
-    assert len(read_stl(write_stl("two-balls")).primitives()) == 1
-
-
 def test_of_too_many_corners_the_outermost_are_kept(write_stl, monkeypatch):
     """The lowest corner stays; elsewhere a sphere of 200 corners lies at most 2 % of its radius further in."""
     limit(monkeypatch, most_corners=200)
@@ -60,32 +53,3 @@ def test_of_too_many_corners_the_outermost_are_kept(write_stl, monkeypatch):
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     extent = ((corners - [0, 0, 5e-3]) @ directions.T).max(axis=0)
     assert 5e-3 - extent.min() < 0.02 * 5e-3
-
-
-@pytest.mark.slow
-def test_the_corners_that_are_kept_of_a_ball_are_spread_evenly():
-    """Below its middle no point is farther from a kept corner than 1.6 times the reach of a hexagonal lattice."""
-    random = np.random.default_rng(0)
-    points = random.normal(size=(30_000, 3))
-    points /= np.linalg.norm(points, axis=1)[:, None]
-    kept = underside._keep_outermost(points)
-    assert 0.9 * underside.HULLS.most_corners < len(kept) <= underside.HULLS.most_corners
-    apart = cKDTree(kept).query(points[points[:, 2] < 0])[0].max()
-    share = 2 * np.pi / (0.8 * underside.HULLS.most_corners)  # area of the lower half per direction below the middle
-    assert apart < 1.6 * np.sqrt(2 * share / (3 * np.sqrt(3)))
-
-
-def test_a_cut_lies_one_step_before_the_nearest_wall_and_never_behind_the_point():
-    """A floor of 1 mm with a wall down to 0 at x = 3 mm; points are 1 mm apart along x, and 0.5 mm along y."""
-    x, y = (each.ravel() for each in np.meshgrid(1e-3 * np.arange(6), 0.5e-3 * np.arange(4)))
-    height = np.where(x < 2.5e-3, 1e-3, 0.0)
-    sampled = _Underside(
-        x=x, y=y, height=height, levels=np.zeros(1), beside=np.zeros((1, 24)), top=2e-3, step=1e-3, tolerance=1e-6
-    )
-    point = int(np.flatnonzero((x == 0) & (y == 0.5e-3))[0])
-    np.testing.assert_allclose(sampled.find_wall(point, 0.0), [2e-3, 0.5e-3])
-    # below another point half a step away: the point itself, not beyond it
-    near = dataclasses.replace(sampled, height=np.where(y < 0.2e-3, 0.0, 1e-3))
-    np.testing.assert_allclose(near.find_wall(point, 0.0), [0.0, 0.5e-3])
-    np.testing.assert_allclose(near.find_wall(0, 0.0), [0.0, 0.0])
-    assert sampled.find_wall(point, -1.0).tolist() == [0.0, 0.5e-3]

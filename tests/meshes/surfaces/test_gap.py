@@ -46,22 +46,6 @@ def test_the_gap_is_the_height_of_the_lowest_of_any_triangles(triangles):
     np.testing.assert_allclose(TriangleGap(triangles).evaluate(*POINTS), expected, atol=1e-9)
 
 
-@given(triangles=SOUPS, height=st.floats(-5, 5), seed=st.integers(0, 100))
-def test_the_gap_moves_with_the_triangles_and_does_not_depend_on_their_order(triangles, height, seed):
-    before = TriangleGap(triangles).evaluate(*POINTS)
-    shuffled = np.random.default_rng(seed).permutation(triangles)
-    np.testing.assert_allclose(TriangleGap(shuffled).evaluate(*POINTS), before, atol=1e-12)
-    raised = TriangleGap(triangles + np.array([0, 0, height])).evaluate(*POINTS)
-    np.testing.assert_allclose(raised, before + height, atol=1e-9)
-
-
-@given(one=SOUPS, other=SOUPS)
-def test_the_gap_of_two_surfaces_is_the_smaller_of_their_gaps(one, other):
-    both = TriangleGap(np.concatenate([one, other])).evaluate(*POINTS)
-    each = np.minimum(TriangleGap(one).evaluate(*POINTS), TriangleGap(other).evaluate(*POINTS))
-    np.testing.assert_allclose(both, each, atol=1e-12)
-
-
 @pytest.mark.parametrize("name", ["sphere", "two-balls", "pyramid"])
 def test_the_gap_of_a_body_is_that_of_all_its_triangles(write_stl, name):
     body = read_stl(write_stl(name))
@@ -76,19 +60,3 @@ def test_corners_and_edges_belong_to_the_surface(write_stl):
     share = np.random.default_rng(4).dirichlet([1, 1], 60)
     for points in (lower.reshape(-1, 3), np.einsum("nki,sk->nsi", lower[:, :2], share).reshape(-1, 3)):
         np.testing.assert_allclose(gap.evaluate(points[:, 0], points[:, 1]), points[:, 2], atol=1e-9)
-
-
-def test_a_point_is_compared_with_few_of_many_triangles(write_stl, monkeypatch):
-    lower = select_facing_down(read_stl(write_stl("sphere")).triangles)
-    compared = []
-    find_lowest = TriangleGap._find_lowest
-
-    def count(self, points, start, members):
-        compared.append(members.sum())
-        return find_lowest(self, points, start, members)
-
-    monkeypatch.setattr(TriangleGap, "_find_lowest", count)
-    x, y = np.random.default_rng(1).uniform(-5e-3, 5e-3, (2, 100_000))
-    TriangleGap(lower).evaluate(x, y)
-    assert len(lower) > 500
-    assert sum(compared) < 10 * len(x)

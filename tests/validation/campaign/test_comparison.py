@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
 from validation.campaign.comparison import compare_models
-from validation.campaign.run import run_case
 
 CASE = Case.read("sphere", "sphere:radius=5mm", "200 g", at="0.7mm,-1.1mm")
 
@@ -16,7 +16,7 @@ def comparison(wts_derivation):
 
 
 def test_a_comparison_scores_like_a_campaign(comparison, wts_derivation):
-    result = run_case(wts_derivation.sensor.cover, wts_derivation.parameters, CASE)
+    result = LayeredBench(cover=wts_derivation.sensor.cover, fast=wts_derivation.parameters).solve(CASE)
     assert comparison.score.as_json() == pytest.approx(result.predictions["fast"].score.as_json())
 
 

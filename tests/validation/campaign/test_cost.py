@@ -4,9 +4,10 @@ import dataclasses
 
 import pytest
 
+from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
 from validation.campaign.cost import Clock, Plan, classify, plan_solves
-from validation.campaign.run import run_campaign, run_case
+from validation.campaign.run import run_campaign
 
 CASES = (
     Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),
@@ -64,15 +65,15 @@ def test_kinds_of_problems(bonded):
 
 def test_an_interrupted_run_keeps_the_finished_cases(wts_derivation, monkeypatch):
     cover, parameters = wts_derivation.sensor.cover, wts_derivation.parameters
-    finished = run_case(cover, parameters, CASES[0])
+    finished = LayeredBench(cover=cover, fast=parameters).solve(CASES[0])
 
-    def run(_cover, _parameters, case, *_, **__):
+    def run(_bench, case):
         if case is not CASES[0]:
             raise KeyboardInterrupt
         return finished
 
-    monkeypatch.setattr("validation.campaign.run.run_case", run)
-    result = run_campaign(cover, parameters, CASES)
+    monkeypatch.setattr("validation.campaign.bench.LayeredBench.solve", run)
+    result = run_campaign(LayeredBench(cover=cover, fast=parameters), CASES)
     assert result.interrupted
     assert [each.case.name for each in result.cases] == ["sphere"]
     assert [(each.name, each.reason) for each in result.skipped] == [
@@ -85,6 +86,6 @@ def test_a_run_without_a_finished_case_is_interrupted(wts_derivation, monkeypatc
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("validation.campaign.run.run_case", interrupt)
+    monkeypatch.setattr("validation.campaign.bench.LayeredBench.solve", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        run_campaign(wts_derivation.sensor.cover, wts_derivation.parameters, CASES)
+        run_campaign(LayeredBench(cover=wts_derivation.sensor.cover, fast=wts_derivation.parameters), CASES)

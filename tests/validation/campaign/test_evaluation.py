@@ -5,13 +5,13 @@ import dataclasses
 import pytest
 
 from validation.campaign.case import Case
-from validation.campaign.evaluation import evaluate, verify
+from validation.campaign.evaluation import evaluate
 from validation.errors import InputError
 from validation.sensor_file import load
 
 
 def test_elements_agree_with_the_closed_form_layer(wts_derivation):
-    differences = verify(wts_derivation)
+    differences = wts_derivation.verification
     assert 0 < differences["radial_profile"] < 5e-3
     assert 0 < differences["texel_response"] < 5e-3
 
@@ -19,7 +19,7 @@ def test_elements_agree_with_the_closed_form_layer(wts_derivation):
 def test_verification_notices_a_response_that_is_one_percent_off(wts_derivation):
     spread = wts_derivation.influence
     off = dataclasses.replace(spread, pressure_per_force=1.01 * spread.pressure_per_force)
-    assert verify(dataclasses.replace(wts_derivation, influence=off))["radial_profile"] > 5e-3
+    assert dataclasses.replace(wts_derivation, influence=off).verification["radial_profile"] > 5e-3
 
 
 def test_cover_of_limited_size_is_refused_before_any_work():

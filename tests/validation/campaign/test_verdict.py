@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import Criterion, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.results import SkippedCase
@@ -20,7 +21,7 @@ CASES = (
 
 @pytest.fixture(scope="module")
 def result(wts_derivation):
-    return run_campaign(wts_derivation.sensor.cover, wts_derivation.parameters, CASES)
+    return run_campaign(LayeredBench(cover=wts_derivation.sensor.cover, fast=wts_derivation.parameters), CASES)
 
 
 @pytest.fixture(scope="module")

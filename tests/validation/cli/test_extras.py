@@ -80,7 +80,7 @@ MISSING = [
     (["derive", "fingertip"], "fem"),
     (["mesh", "fingertip", "--out", "meshed"], "fem,view"),
     (["regress", "wts-0614-34", "--update"], "fem"),
-    (["validate-force", "gelsight-mini"], "fem"),
+    (["validate", "wts-0614-34", "--measured", "gelsight-mini"], "fem"),
     (["export", "wts-0614-34", "--thickness", "1mm"], "fem"),
     (["view", "wts-0614-34", *BALL, "--thickness", "1mm"], "fem"),
     (["datasheet", "wts-0614-34", "--thickness", "1mm"], "fem"),

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from fem_reference import ConvergenceError, result_store
+from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import Inputs, read_campaign
 from validation.campaign.case import Case
-from validation.campaign.run import run_case, summarise
+from validation.campaign.run import summarise
 from validation.credibility import evidence, input_uncertainty
 from validation.credibility.comparison_error import ComparisonError, compare_quantities
 from validation.credibility.evidence import describe_domain, group_errors
@@ -30,7 +31,7 @@ def only(**inputs):
 @pytest.fixture(scope="module")
 def results(wts_derivation):
     sensor = wts_derivation.sensor
-    return [run_case(sensor.cover, wts_derivation.parameters, case) for case in (BALL, BLOCK)]
+    return [LayeredBench(cover=sensor.cover, fast=wts_derivation.parameters).solve(case) for case in (BALL, BLOCK)]
 
 
 def test_the_coarse_image_is_near_the_reference(results, wts_derivation):
@@ -210,12 +211,13 @@ def test_solutions_are_listed_on_three_grids(results):
 
 
 def test_errors_are_grouped_and_the_range_is_that_of_the_cases(results, wts_derivation):
-    groups = group_errors(results)
+    bench = LayeredBench(cover=wts_derivation.sensor.cover, fast=wts_derivation.parameters)
+    groups = group_errors(bench, results)
     assert set(groups) == {"load", "shape", "pose"}
     assert groups["load"]["2 N and more"]["misplaced_force"].cases == 2
     assert groups["shape"]["box"]["misplaced_force"].mean == results[1].predictions["fast"].score.misplaced_force
     assert set(groups["pose"]) == {"inside, not turned", "turned"}
-    domain = describe_domain(wts_derivation.sensor.cover, results)
+    domain = describe_domain(bench, results)
     assert domain["load_N"] == (BALL.load, BALL.load)
     assert domain["depth_over_thickness"][0] == min(r.reference.depth for r in results) / 2e-3
 
@@ -256,12 +258,11 @@ def test_a_case_whose_inputs_cannot_be_propagated_costs_its_comparison_and_a_lin
             raise ConvergenceError("too coarse")
         return propagate_inputs(cover, array, case, inputs)
 
-    monkeypatch.setattr(evidence, "propagate_inputs", propagate)
-    monkeypatch.setattr(evidence, "verify_code", lambda *_: ())
+    monkeypatch.setattr(input_uncertainty, "propagate_inputs", propagate)
+    monkeypatch.setattr("validation.credibility.code_verification.verify_code", lambda *_: ())
     sensor = wts_derivation.sensor
-    gathered = evidence.gather_evidence(
-        sensor.cover, wts_derivation.parameters, read_campaign(None, sensor.array), summarise(results, (), None)
-    )
+    bench = LayeredBench(cover=sensor.cover, fast=wts_derivation.parameters)
+    gathered = evidence.gather_evidence(bench, read_campaign(None, sensor.array), summarise(results, (), None))
     assert set(gathered.inputs) == {each.case.name for each in results[1:]}
     assert {each.case for each in gathered.errors} == set(gathered.inputs)
     assert gathered.failed == (f"input uncertainty of {results[0].case.name}: too coarse",)

@@ -9,14 +9,16 @@ from fem_reference.curved_cover import press_curved
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes import Material
 from meshes.bounded_file import parse_toml
-from validation.campaign.campaign_file import Criterion, parse_campaign
+from validation.campaign.campaign_file import Criterion, Inputs, parse_campaign
 from validation.campaign.cost import Plan
+from validation.campaign.evaluation import evaluate
+from validation.campaign.run import run_campaign
 from validation.campaign.verdict import judge
-from validation.curved import evidence
-from validation.curved.campaign import CURVED_MODELS, CurvedCampaign, plan_presses
+from validation.credibility import solid_verification as evidence
+from validation.credibility.evidence import gather_evidence
+from validation.credibility.solid_verification import check_shell
+from validation.curved.bench import CURVED_MODELS, SolidBench, plan_presses
 from validation.curved.derive import derive_curved
-from validation.curved.evaluate import evaluate_curved
-from validation.curved.evidence import check_shell, gather_curved_evidence
 from validation.curved.places import CurvedPlaces
 from validation.curved.reference import press_case
 
@@ -44,7 +46,7 @@ def plan(small_pad):
 
 @pytest.fixture(scope="module")
 def bench(small_pad):
-    return CurvedCampaign(derivation=derive_curved(small_pad), meshes=small_pad.body.meshes())
+    return SolidBench(derivation=derive_curved(small_pad))
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +56,7 @@ def cost(small_pad, plan):
 
 @pytest.fixture(scope="module")
 def result(bench, plan, cost):
-    return bench.run(plan.cases, cost, None)
+    return run_campaign(bench, plan.cases, plan=cost)
 
 
 def test_the_cost_is_announced_before_the_long_computations(small_pad, plan, tmp_path, monkeypatch):
@@ -65,9 +67,9 @@ def test_the_cost_is_announced_before_the_long_computations(small_pad, plan, tmp
         told.append("derived")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("validation.curved.evaluate.derive_curved", derive)
+    monkeypatch.setattr("validation.curved.derive.derive_curved", derive)
     with pytest.raises(KeyboardInterrupt):
-        evaluate_curved(small_pad, plan, announce=told.append)
+        evaluate(small_pad, campaign=plan, announce=told.append)
     assert len(told) == 2
     assert told[0].startswith("2 cases, 2 reference solutions missing from the store; about ")
     assert told[1] == "derived"
@@ -130,8 +132,8 @@ def test_the_null_model_puts_the_whole_load_on_texels(result):
 def test_force_on_the_wrong_texel_is_noticed(bench, plan, cost, monkeypatch):
     cover = bench.require_fast_model()
     shifted = dataclasses.replace(cover, influence=np.roll(cover.influence, 1, axis=0))
-    monkeypatch.setattr(CurvedCampaign, "require_fast_model", lambda _: shifted)
-    wrong = bench.run(plan.cases, cost, None)
+    monkeypatch.setattr(SolidBench, "require_fast_model", lambda _: shifted)
+    wrong = run_campaign(bench, plan.cases, plan=cost)
     verdict = judge(plan, wrong)
     assert verdict.word == "not accepted"
 
@@ -144,15 +146,15 @@ def test_one_mesh_decides_nothing(plan, result):
 
 
 def test_an_interrupted_run_keeps_what_is_finished(bench, plan, monkeypatch):
-    solve = CurvedCampaign.solve
+    solve = SolidBench.solve
 
     def stop(self, case):
         if case.name == "edge":
             raise KeyboardInterrupt
         return solve(self, case)
 
-    monkeypatch.setattr(CurvedCampaign, "solve", stop)
-    found = bench.run(plan.cases, Plan(cases=2, missing=(True, True), seconds=(1.0, 1.0)), None)
+    monkeypatch.setattr(SolidBench, "solve", stop)
+    found = run_campaign(bench, plan.cases, plan=Plan(cases=2, missing=(True, True), seconds=(1.0, 1.0)))
     assert found.interrupted
     assert [each.case.name for each in found.cases] == ["ball"]
     assert [each.reason for each in found.skipped] == ["interrupted"]
@@ -161,18 +163,18 @@ def test_an_interrupted_run_keeps_what_is_finished(bench, plan, monkeypatch):
 def test_a_case_that_never_touches_costs_itself(bench, plan, cost):
     ball = plan.cases[0]
     away = dataclasses.replace(ball, name="away", pose=dataclasses.replace(ball.pose, direction=(0.0, 0.0, 1.0)))
-    found = bench.run((ball, away), cost, None)
+    found = run_campaign(bench, (ball, away), plan=cost)
     assert [each.name for each in found.skipped] == ["away"]
 
 
-def test_groups_and_range_are_those_of_the_cases(small_pad, result):
+def test_groups_and_range_are_those_of_the_cases(bench, plan, result):
     stopped = dataclasses.replace(result, interrupted=True)
-    found = gather_curved_evidence(small_pad, small_pad.body.meshes(), stopped)
+    found = gather_evidence(bench, plan, stopped)
     assert set(found.groups["shape"]) == {"sphere", "box"}
     assert set(found.groups["direction"]) == {"along the normal", "oblique"}
     assert found.domain["load_N"] == (0.2, 0.3)
     assert np.degrees(found.domain["obliquity_rad"]) == pytest.approx((0, 30), abs=1e-6)
-    assert found.failed == ("interrupted: codes are not verified",)
+    assert found.failed == ("interrupted: codes are not verified, inputs not propagated, stages not scored",)
 
 
 def test_coarse_meshes_of_the_shell_converge_to_its_closed_form_alike_at_every_thickness(monkeypatch):
@@ -194,3 +196,15 @@ def test_the_shell_agrees_with_its_closed_form_and_a_stiffer_one_does_not(small_
     solve = evidence.texel_responses
     monkeypatch.setattr(evidence, "texel_responses", lambda mesh, texels, _: solve(mesh, texels, wrong))
     assert not check_shell(material, 2e-3).passed
+
+
+def test_uncertain_inputs_change_the_image_as_they_should(bench, plan):
+    """A moved indenter moves the centre of pressure; a stiffer cover under the same load concentrates the force."""
+    ball = plan.cases[0]
+    one = dict.fromkeys(("modulus", "poisson_ratio", "thickness", "position", "yaw", "friction"), 0.0)
+    found = bench.propagate(ball, Inputs(**one | {"position": 1e-4}))
+    assert list(found.uncertainties) == ["position x [m]", "position y [m]"]
+    assert 1e-3 < found.misplaced_total < 0.2
+    assert bench.propagate(ball, Inputs(**one | {"yaw": 0.1})).misplaced_total < 1e-2
+    stiff = bench.propagate(ball, Inputs(**one | {"modulus": 0.1}))
+    assert stiff.effects["modulus [relative]"][np.argmax(stiff.image)] > 0

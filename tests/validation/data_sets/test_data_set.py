@@ -183,16 +183,6 @@ def test_copies_in_two_series_are_kept_once_and_told(tmp_path):
     assert "the same content as" in problems[0]
 
 
-def test_without_splits_heavy_loads_are_predicted_from_light_ones(tmp_path):
-    for load in (1.0, 2.0, 3.0, 4.0):
-        record(tmp_path / f"{load:.0f}.csv", load=load)
-    loads = ", ".join(f"'{load}.csv' = '{load} N'" for load in (1, 2, 3, 4))
-    found = read(tmp_path, HEAD + f"[[series]]\nname = 'a'\nfiles = '*.csv'\nloads = {{ {loads} }}\n")
-    (split,) = found.splits
-    assert [file.path.name for file in found.files if split.fit[0].takes(file, file.load)] == ["1.csv", "2.csv"]
-    assert [file.path.name for file in found.files if split.score[0].takes(file, file.load)] == ["3.csv", "4.csv"]
-
-
 def test_the_folder_is_named_by_option_variable_or_file(tmp_path, monkeypatch):
     monkeypatch.delenv("SOFTCOVER_RECORDINGS", raising=False)
     assert find_data_set() is None
@@ -207,8 +197,10 @@ def test_the_folder_is_named_by_option_variable_or_file(tmp_path, monkeypatch):
     alone.write_text(text)
     for given in ((beside,), (apart,), (tmp_path / "data",), (tmp_path / "data", alone)):
         assert [file.path.name for file in find_data_set(*given).files] == ["a.csv"]
-    with pytest.raises(InputError, match="no recordings of it in"):
-        find_data_set(alone)
+    (tmp_path / "empty").mkdir()
+    for given in (alone, tmp_path / "empty"):
+        with pytest.raises(InputError, match=r"^\S+\.toml: no recordings of it in"):
+            find_data_set(given)
     monkeypatch.setenv("SOFTCOVER_RECORDINGS", str(tmp_path / "data"))
     assert len(find_data_set(alone).files) == 1
     assert find_data_set().name == "set"
@@ -216,13 +208,6 @@ def test_the_folder_is_named_by_option_variable_or_file(tmp_path, monkeypatch):
         find_data_set(tmp_path / "nowhere")
     with pytest.raises(InputError, match="no such data-set file"):
         find_data_set(None, "nothing.toml")
-
-
-def test_an_empty_folder_is_one_clear_error(tmp_path):
-    with pytest.raises(InputError) as caught:
-        find_data_set(tmp_path)
-    (line,) = caught.value.faults
-    assert line.startswith("kiechle-sdh2.toml: no recordings of it in")
 
 
 def test_faults_of_a_file_without_recordings_stand_on_lines_of_their_own(tmp_path):

@@ -1,16 +1,24 @@
-"""ROS 1 and ROS 2 recordings of other programs."""
+"""Bags of other programs: frames and forces are read; hostile, damaged and compressed bags are refused."""
 
 import contextlib
+import os
+import resource
 import sqlite3
+import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import Writer
-from rosbags.typesys import Stores, get_typestore
+from mcap.stream_reader import zstandard
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Writer
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tests.support.ros_bags import COUNTS, write_bag
-from validation.recordings import RecordingError, bags
-from validation.recordings.importing import open_recording
+from validation.recordings import RecordingError, bags, recording
+from validation.recordings.importing import add_forces, open_recording
 
 
 @pytest.mark.parametrize("first", [True, False], ids=["ros1", "ros2"])
@@ -95,3 +103,221 @@ def test_public_types_are_known_to_bags_that_define_none_as_before_ros_2_iron(tm
     recording = open_recording(folder)
     assert np.array_equal(recording.arrays[0].counts, COUNTS)
     assert recording.forces.tolist() == [0, 0.5, 1, 1.5, 2]
+
+
+#: More than any bag of these sizes may unpack to [bytes].
+BOMB = 2**30
+
+
+def pack_zeros(size):
+    packer = zstandard.ZstdCompressor(level=1).compressobj()
+    return b"".join([packer.compress(bytes(2**24)) for _ in range(size // 2**24)]) + packer.flush()
+
+
+def record(kind, content):
+    return struct.pack("<BQ", kind, len(content)) + content
+
+
+def text(value):
+    return struct.pack("<I", len(value)) + value
+
+
+def write_mcap_bomb(path):
+    """Write an MCAP file of another program, whose only chunk unpacks to `BOMB` bytes."""
+    schema = record(3, struct.pack("<H", 1) + text(b"x/msg/Y") + text(b"ros2msg") + text(b"uint8 a"))
+    channel = record(4, struct.pack("<HH", 1, 1) + text(b"/pad") + text(b"cdr") + text(b""))
+    packed = pack_zeros(BOMB)
+    chunk = record(6, struct.pack("<QQQI", 0, 1, BOMB, 0) + text(b"zstd") + struct.pack("<Q", len(packed)) + packed)
+    head, end = b"\x89MCAP0\r\n", record(15, bytes(4)) + record(2, bytes(20))
+    path.write_bytes(head + record(1, text(b"ros2") + text(b"other")) + schema + channel + chunk + end + head)
+
+
+def write_one(path, kind, definition, message, *, times=(5,)):
+    """Write a ROS 1 bag of one topic with a message type of its own."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg(definition, kind))
+    with Writer1(path) as writer:
+        connection = writer.add_connection("/pad", kind, typestore=store)
+        for time in times:
+            writer.write(connection, time, store.serialize_ros1(store.types[kind](**message), kind))
+    return path
+
+
+@pytest.mark.slow
+def test_a_chunk_that_unpacks_to_a_gigabyte_is_refused_within_the_memory_for_its_size(tmp_path):
+    """In a process of its own, to see its peak."""
+    write_mcap_bomb(tmp_path / "bomb.mcap")
+    assert (tmp_path / "bomb.mcap").stat().st_size < 2**20
+    script = """
+import resource, sys
+from validation.recordings import RecordingError, recording
+from validation.recordings.importing import open_recording
+import rosbags.highlevel
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+try:
+    open_recording(sys.argv[1])
+except RecordingError as error:
+    print(error)
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024, resource.getrlimit(resource.RLIMIT_AS)[0])
+"""
+    words = [sys.executable, "-c", script, str(tmp_path / "bomb.mcap")]
+    out = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()  # noqa: S603 -- this test's own script
+    assert "unpacks to more than the 40" in out[0]
+    added, limit = out[1].split()
+    assert float(added) < 500
+    assert int(limit) == resource.getrlimit(resource.RLIMIT_AS)[0]
+
+
+@pytest.mark.parametrize(
+    "mode",
+    [CompressionMode.FILE, pytest.param(CompressionMode.MESSAGE, marks=pytest.mark.slow)],
+    ids=["file", "message"],
+)
+def test_a_compressed_folder_is_read_and_one_that_unpacks_to_a_gigabyte_is_refused(tmp_path, mode):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind = "std_msgs/msg/UInt8MultiArray"
+    layout = store.types["std_msgs/msg/MultiArrayLayout"]
+    side = store.types["std_msgs/msg/MultiArrayDimension"]
+    sides = [side(label=name, size=size, stride=1) for name, size in (("rows", 3), ("columns", 2))]
+    values = np.arange(6, dtype=np.uint8)
+    message = store.types[kind](layout=layout(dim=sides, data_offset=0), data=values)
+    writer = Writer2(tmp_path / "bag", version=9)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/pad", kind, typestore=store)
+        writer.write(connection, 5, store.serialize_cdr(message, kind))
+    assert open_recording(tmp_path / "bag").arrays[0].counts.tolist() == [values.tolist()]
+    (stored,) = (file for file in (tmp_path / "bag").iterdir() if file.name != "metadata.yaml")
+    if mode is CompressionMode.FILE:
+        stored.write_bytes(pack_zeros(BOMB))
+    else:
+        with contextlib.closing(sqlite3.connect(stored)) as base, base:
+            base.execute("UPDATE messages SET data = ?", (pack_zeros(BOMB),))
+    with pytest.raises(RecordingError, match=r"unpacks to more than the|File too large"):
+        open_recording(tmp_path / "bag")
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != stored.stat().st_size
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a.db3"])
+def test_pipes_are_refused_and_never_waited_for(tmp_path, name):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(RecordingError, match="is no regular file"):
+        open_recording(tmp_path / name)
+    folder = write_bag(tmp_path / "bag", {"/pad": "wts_driver/msg/Frame"}, first=False)
+    os.mkfifo(folder / "pipe")
+    with pytest.raises(RecordingError, match="is no regular file"):
+        open_recording(folder)
+
+
+def test_large_bags_are_refused_before_they_are_opened(tmp_path):
+    with (tmp_path / "a.bag").open("wb") as file:
+        file.truncate(2**32 + 1)
+    folder = write_bag(tmp_path / "bag", {"/pad": "wts_driver/msg/Frame"}, first=False)
+    (folder / "metadata.yaml").write_text((folder / "metadata.yaml").read_text() + "# " + "x" * 2**18)
+    many = tmp_path / "many"
+    many.mkdir()
+    for number in range(1001):
+        (many / f"{number}.db3").touch()
+    for path in (tmp_path / "a.bag", folder, many):
+        with pytest.raises(RecordingError, match="too large; accepted: 4096 MiB in 1000 files"):
+            open_recording(path)
+        with pytest.raises(RecordingError, match="too large"):
+            add_forces(open_recording(write_one_frame(tmp_path)), path)
+
+
+def test_deep_metadata_is_refused_before_it_is_parsed(tmp_path):
+    folder = write_bag(tmp_path / "bag", {"/pad": "wts_driver/msg/Frame"}, first=False)
+    good = (folder / "metadata.yaml").read_text()
+    for depth, refused in ((30, False), (2000, True)):
+        (folder / "metadata.yaml").write_text(f"{good}\nmore: {'[' * depth}{']' * depth}\n")
+        if refused:
+            with pytest.raises(RecordingError, match=r"metadata\.yaml: has brackets more than 32 deep"):
+                open_recording(folder)
+        else:
+            assert np.array_equal(open_recording(folder).arrays[0].counts, COUNTS)
+
+
+def write_one_frame(folder):
+    path = folder / "good.bag"
+    path.unlink(missing_ok=True)
+    return write_bag(path, {"/pad": "wts_driver/msg/Frame"}, first=True)
+
+
+@pytest.mark.parametrize(
+    ("definition", "message"),
+    [
+        ("uint32 rows\nuint32 cols\nuint32[] data", {"rows": 1, "cols": 1, "data": np.array([2**31], np.uint32)}),
+        ("string rows\nuint8 cols\nuint8[] data", {"rows": "3", "cols": 2, "data": np.arange(6, dtype=np.uint8)}),
+        ("uint8 rows\nuint8 cols\nfloat64[] data", {"rows": 1, "cols": 1, "data": np.array([1e300])}),
+        ("uint8 rows\nuint8 cols\nuint8[] data", {"rows": 0, "cols": 0, "data": np.zeros(0, np.uint8)}),
+        ("uint32 rows\nuint32 cols\nuint8[] data", {"rows": 101, "cols": 100, "data": np.zeros(10_100, np.uint8)}),
+        ("string encoding\nstring height\nstring width\nstring step\nuint8 is_bigendian\nuint8[] data",
+         {"encoding": "mono8", "height": "a", "width": "b", "step": "c", "is_bigendian": 0,
+          "data": np.zeros(1, np.uint8)}),
+        ("uint8[] encoding\nuint8[] data", {"encoding": np.zeros(3, np.uint8), "data": np.zeros(1, np.uint8)}),
+    ],
+    ids=["count", "type", "float", "empty", "texels", "image", "encoding"],
+)  # fmt: skip
+def test_messages_of_wrong_types_and_sizes_are_refused_in_one_line(tmp_path, definition, message):
+    path = write_one(tmp_path / "a.bag", "x/msg/Y", definition, message)
+    with pytest.raises(RecordingError) as caught:
+        open_recording(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "definition"),
+    [
+        ("x/msg/Y", "uint8 a; open({!r}, 'w')"),
+        ("x/msg/Y", "uint8[open({!r}, 'w')] a"),
+        ("x/msg/Y", "string S='\\' + str(open({!r}, 'w')) + '\nuint8 a"),
+        ("x/msg/Y", 'string S="""; open({!r}, "w")\nuint8 a'),
+        ("x/msg/Y:\n    open({!r}, 'w')\nclass Z", "uint8 a"),
+        ("x/msg/Y' + str(open({!r}, 'w')) + '", "uint8 a"),
+    ],
+)
+def test_definitions_of_messages_run_no_code_of_theirs(tmp_path, kind, definition):
+    made = tmp_path / "made"
+    with Writer1(tmp_path / "a.bag") as writer:
+        texts = (text.replace("{!r}", repr(str(made))) for text in (kind, definition))
+        connection = writer.add_connection("/pad", next(texts), msgdef=next(texts), md5sum="0" * 32)
+        writer.write(connection, 5, b"\x01")
+    with pytest.raises(RecordingError):
+        open_recording(tmp_path / "a.bag")
+    assert not made.exists()
+
+
+def test_a_camera_beside_the_array_is_left_out(tmp_path):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind = "sensor_msgs/msg/Image"
+    header = store.types["std_msgs/msg/Header"](
+        stamp=store.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0), frame_id=""
+    )
+
+    def image(rows, columns):
+        data = np.zeros(rows * columns, np.uint8)
+        return store.types[kind](
+            header=header, height=rows, width=columns, encoding="mono8", is_bigendian=0, step=columns, data=data
+        )
+
+    with Writer2(tmp_path / "bag", version=9) as writer:
+        for topic, message in (("/camera", image(240, 320)), ("/pad", image(14, 6))):
+            connection = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connection, 5, store.serialize_cdr(message, kind))
+    (array,) = open_recording(tmp_path / "bag").arrays
+    assert array.counts.shape == (1, 84)
+
+
+def test_more_messages_than_a_bag_of_its_size_can_hold_are_refused(tmp_path, monkeypatch):
+    path = write_bag(tmp_path / "a.bag", {"/pad": "wts_driver/msg/Frame"}, first=True)
+    monkeypatch.setattr(recording, "LIMITS", recording.Limits(kept=1000, ratio=0))
+    with pytest.raises(RecordingError, match="far more messages than a recording of its size"):
+        open_recording(path)
+
+
+def test_good_bags_are_read_within_the_limits(tmp_path):
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    recording = open_recording(write_bag(tmp_path / "a.bag", {"/pad": "wts_driver/msg/Frame"}, first=True))
+    assert np.array_equal(recording.arrays[0].counts, COUNTS)
+    assert resource.getrlimit(resource.RLIMIT_AS) == before

@@ -21,9 +21,9 @@ from tests.support.virtual_port import VirtualPort, is_ramp
 from validation.recordings import capture, mcap_reader
 from validation.recordings.recording import Setup
 from validation.weiss.clock import Residual
-from validation.weiss.frames import Reading
 from validation.weiss.parser import Parser
-from validation.weiss.sensor import Sensor
+from validation.weiss.protocol import Reading
+from validation.weiss.sensor import NoAnswerError, Sensor
 from validation.weiss.virtual import Misbehaviour, show_pattern
 
 #: Recorders that are killed at the same time in the long test.
@@ -156,6 +156,20 @@ def test_a_recording_ends_after_its_time(tmp_path):
     assert done.ended == "done"
     assert len(mcap_reader.read(done.path).times) == done.frames > 0
     assert events[-1].host_time - start >= 0.1e9
+
+
+def test_an_unanswered_optional_question_ends_no_recording(tmp_path, monkeypatch):
+    def stay_silent(_):
+        raise NoAnswerError("no answer")
+
+    with _running() as port, Sensor(port.name) as sensor:
+        for question in ("read_temperature", "read_tag", "read_mask"):
+            monkeypatch.setattr(Sensor, question, stay_silent)
+        done = capture.record(sensor, tmp_path / "a.mcap", seconds=0.1)
+    recording = mcap_reader.read(done.path)
+    assert len(recording.times) == done.frames > 0
+    assert not recording.temperatures.size
+    assert not {"temperature", "tag"} & set(recording.setup.device)
 
 
 def test_gaps_are_in_the_file(tmp_path):

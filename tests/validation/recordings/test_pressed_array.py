@@ -18,7 +18,7 @@ from validation.recordings.capture import record
 from validation.recordings.importing import save
 from validation.recordings.live_frames import replay_frames
 from validation.recordings.recording import Recording, find_pressed_array, make_array
-from validation.weiss.commands import MatrixInfo
+from validation.weiss.protocol import MatrixInfo
 from validation.weiss.sensor import Sensor
 from validation.weiss.virtual import show_recording
 

@@ -15,7 +15,6 @@ from meshes.catalogue import ARRAYS
 from validation.recordings import Recording, Setup
 from validation.recordings.recording import (
     convert_to_utc,
-    count_seconds,
     find_pressed_array,
     hash_contents,
     make_array,
@@ -53,11 +52,6 @@ def test_layouts_are_compared_by_position_size_and_mask():
 def test_dates_keep_microseconds(nanoseconds):
     since_1970 = convert_to_utc(nanoseconds) - datetime(1970, 1, 1, tzinfo=UTC)
     assert since_1970 // timedelta(microseconds=1) == nanoseconds // 1000
-
-
-def test_times_count_from_the_start():
-    start = 1_600_000_000_000_000_000
-    assert count_seconds([(start, "a"), (start + 1_500_000_000, "b")], start).tolist() == [0, 1.5]
 
 
 def test_the_hash_of_a_folder_covers_its_files_in_order(tmp_path):

@@ -14,12 +14,12 @@ from mcap.records import Chunk
 from mcap.stream_reader import lz4, zstandard
 from mcap.writer import CompressionType, Writer
 
-from validation.recordings import labels, unpacking
+from validation.recordings import labels, recording
 from validation.recordings.importing import open_recording, save
+from validation.recordings.mcap_reader import MOST_CHUNK_BYTES, unpack_records
 from validation.recordings.mcap_writer import FORCE_TOPIC, GAP_TOPIC, SETUP_TOPIC, TEMPERATURE_TOPIC, name_topics
-from validation.recordings.recording import Recording, RecordingError, make_array
+from validation.recordings.recording import Budget, Recording, RecordingError, make_array
 from validation.recordings.ros_messages import TEXT, FrameMessage, define_type, encode_frame, encode_text
-from validation.recordings.unpacking import MOST_CHUNK_BYTES, unpack_records
 
 
 def simple_recording(frames=1):
@@ -29,6 +29,7 @@ def simple_recording(frames=1):
     return Recording(path=Path("x"), sha256="", started=started, times=times, arrays=(make_array(3, 2, counts),))
 
 
+BUDGET = Budget(Path("x"), 2**32)
 HEAD = "# rows = 1\n# columns = 2\n"
 
 
@@ -189,7 +190,7 @@ def test_a_chunk_never_unpacks_to_more_than_it_states_or_is_accepted(compression
     tracemalloc.start()
     try:
         with pytest.raises(RecordingError, match="a chunk"):
-            list(unpack_records(chunk(packed, size=stated, compression=compression)))
+            list(unpack_records(chunk(packed, size=stated, compression=compression), BUDGET))
         assert tracemalloc.get_traced_memory()[1] < MOST_CHUNK_BYTES + 2**20
     finally:
         tracemalloc.stop()
@@ -210,8 +211,8 @@ RECORD = b"\x99" + (3).to_bytes(8, "little") + b"abc"
 )
 def test_damaged_chunks_are_refused(data, options, message):
     with pytest.raises(RecordingError, match=message):
-        list(unpack_records(chunk(data, **options)))
-    assert list(unpack_records(chunk(RECORD, size=12, compression="", crc=zlib.crc32(RECORD)))) == []
+        list(unpack_records(chunk(data, **options), BUDGET))
+    assert list(unpack_records(chunk(RECORD, size=12, compression="", crc=zlib.crc32(RECORD)), BUDGET)) == []
 
 
 def test_a_small_file_with_a_large_chunk_is_refused(tmp_path):
@@ -229,8 +230,7 @@ def test_a_small_file_with_a_large_chunk_is_refused(tmp_path):
 
 
 def test_more_messages_than_a_file_of_its_size_can_hold_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(unpacking, "_MOST_COLLECTED", 10_000)
-    monkeypatch.setattr(unpacking, "_MOST_RATIO", 0)
+    monkeypatch.setattr(recording, "LIMITS", recording.Limits(kept=10_000, ratio=0))
     save(simple_recording(frames=100), tmp_path / "a.mcap")
     refuse(tmp_path / "a.mcap", "far more messages")
 
@@ -259,3 +259,26 @@ def test_a_time_beyond_64_bits_is_refused(tmp_path, topic):
             writer.add_message(writer.register_channel(name, "cdr", schema), log_time=when, data=data, publish_time=0)
         writer.finish()
     refuse(tmp_path / "a.mcap", "no possible time")
+
+
+@pytest.mark.parametrize("chunks", [1, 5])
+def test_many_records_in_a_small_file_are_refused_in_total(tmp_path, chunks):
+    """Chunks of empty records: each keeps the limits of a chunk, all of them together exceed those of the file."""
+    data = b"\x99" + bytes(8)
+    with (tmp_path / "a.mcap").open("wb") as file:
+        file.write(b"\x89MCAP0\r\n\x01" + (8).to_bytes(8, "little") + bytes(8))
+        for _ in range(chunks):
+            count = 2**18 // chunks
+            packed = zstandard.compress(data * count)
+            content = (
+                bytes(16)
+                + (len(data) * count).to_bytes(8, "little")
+                + bytes(4)
+                + (4).to_bytes(4, "little")
+                + b"zstd"
+                + len(packed).to_bytes(8, "little")
+                + packed
+            )
+            file.write(b"\x06" + len(content).to_bytes(8, "little") + content)
+    assert (tmp_path / "a.mcap").stat().st_size < 2000
+    refuse(tmp_path / "a.mcap", "far more messages than a recording of its size")

@@ -13,11 +13,10 @@ from hypothesis import strategies as st
 from meshes import TexelArray
 from tests.support.recordings import recordings
 from validation.cli.entry import main
-from validation.cli.heat_map import draw_heat_map
 from validation.recordings import RecordingError, tables
 from validation.recordings.importing import open_recording
 from validation.recordings.live_frames import replay_frames
-from validation.weiss.commands import MatrixInfo
+from validation.weiss.protocol import MatrixInfo
 from validation.weiss.sensor import Sensor
 from validation.weiss.virtual import show_recording
 
@@ -182,11 +181,6 @@ def test_a_device_that_shows_tared_counts_sends_zero_for_negative_ones(tmp_path,
     matrix = MatrixInfo(columns=3, rows=1, cell_width=3.4e-3, cell_height=3.4e-3, full_scale=4095)
     with Sensor(plug_in(show_recording([0.0, 1.0], array.counts), matrix=matrix).name) as sensor:
         assert sensor.read_frame().counts.min() == 0
-
-
-def test_a_heat_map_of_negative_counts_is_drawn():
-    image = np.array([[-300, 4095], [0, 7]])
-    assert "-300" in str(draw_heat_map(image, image / 4095))
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from fastmodel import Butterworth
 from fem_reference import point_spread
 from tests.validation.regression.planted import NEIGHBOURS, REFERENCE, REQUIRED
 from validation.campaign import campaign_file
+from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
-from validation.campaign.run import run_case
 from validation.derivation import kernel_fit
 from validation.derivation.cover_kernels import cover_cells
 from validation.regression.baseline import compare, make_baseline
@@ -123,7 +123,7 @@ def test_accuracy_is_that_of_the_derived_parameters_on_the_cover_of_the_sensor(w
     groups = {group: EXPERIMENTS[group] for group in ("reference", "accuracy")}
     readings, failures = measure(subject, groups=groups, progress=lambda _: None)
     assert not failures
-    expected = run_case(cover, parameters, BALL)
+    expected = LayeredBench(cover=cover, fast=parameters).solve(BALL)
     assert readings["reference: load"].numbers == {"ball": pytest.approx((BALL.load,))}
     assert readings["reference: depth"].numbers == {"ball": pytest.approx((1e3 * expected.reference.depth,), rel=1e-5)}
     misplaced = expected.predictions["fast"].score.misplaced_force

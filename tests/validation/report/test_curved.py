@@ -11,8 +11,8 @@ from meshes.bounded_file import parse_toml
 from meshes.solids.texels import cylinder_texels
 from tests.support.report_page import Page, is_printed
 from validation.campaign.campaign_file import parse_campaign
-from validation.curved import evidence
-from validation.curved.evaluate import evaluate_curved
+from validation.campaign.evaluation import evaluate
+from validation.credibility.code_verification import Check
 from validation.curved.places import CurvedPlaces
 from validation.render.image import Scale, tactile_image
 from validation.report import write_report
@@ -32,7 +32,7 @@ at = "off grid"
 direction = "oblique x"
 tilt = "0deg,45deg"
 """
-CHECK = evidence.Check(
+CHECK = Check(
     name="made up", exact="made up", sizes=(1.0, 0.5, 0.25), errors=(0.0401, 0.0123, 0.0031), result=0.0031,
     least_order=1.0, tolerance=0.01,
 )  # fmt: skip
@@ -44,8 +44,8 @@ def evaluation(small_pad):
     plan = parse_campaign(parse_toml(TEXT), small_pad.array, source="mine", cover=small_pad.cover, curved=places)
     with pytest.MonkeyPatch.context() as patch:
         # solved by a slow test of its own
-        patch.setattr(evidence, "check_shell", lambda *_: CHECK)
-        return evaluate_curved(small_pad, plan)
+        patch.setattr("validation.curved.bench.check_shell", lambda *_: CHECK)
+        return evaluate(small_pad, campaign=plan)
 
 
 @pytest.fixture(scope="module")

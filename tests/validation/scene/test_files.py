@@ -55,11 +55,6 @@ def test_a_trial_picture_that_fails_says_why(monkeypatch, program, said):
     assert rendering._try_to_draw("", "") == said
 
 
-def test_nothing_is_missing_where_nothing_is_drawn():
-    assert not lacks_picture(())
-    assert not lacks_picture(("press.json",))
-
-
 def test_hexahedra_of_27_nodes_are_split_without_gaps(small_pad):
     mesh = make_meshes(small_pad)[-1]
     cells = split_cells(mesh)

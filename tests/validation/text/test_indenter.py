@@ -5,7 +5,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshes import Box, Prism, RoundedTip, Sphere, read_stl
+from meshes import Prism, read_stl
 from validation.errors import InputError
 from validation.text.indenter import _EXAMPLES, SHAPES, read_depth, read_indenter, read_load, read_position, read_yaw
 
@@ -75,17 +75,6 @@ def test_an_open_body_leaves_with_2(part, softcover):
         status, out, err = softcover(command, "wts-0614-34", "--indenter", f"mesh:path={part}", "--load", "5N")
         assert (status, out) == (2, "")
         assert "is not closed: it has 3 open edges" in err
-
-
-def test_lengths_are_si():
-    assert read_indenter("sphere:radius=5mm") == Sphere(radius=5e-3)
-    assert read_indenter("box:size=10mmx8mmx5mm") == Box(size=(10e-3, 8e-3, 5e-3))
-    assert read_indenter("tip") == RoundedTip(radius=1e-3)
-
-
-def test_positions_and_yaw_are_si():
-    assert read_position("0.7mm,-1.1mm") == pytest.approx((0.7e-3, -1.1e-3))
-    assert read_yaw("-31deg") == pytest.approx(math.radians(-31))
 
 
 def test_all_faults_of_one_indenter_at_once():

@@ -57,15 +57,6 @@ def test_fault_names_place_and_an_accepted_example(value, kind, fragment):
     assert math.isfinite(read_quantity(example, kind))
 
 
-@pytest.mark.parametrize("text", ["10mmx10mmx5mm", "10 mm x 10 mm x 5 mm", "10mm,10mm,5mm"])
-def test_sizes_are_joined_by_x_or_comma(text):
-    assert read_quantities(text, "length", 3) == pytest.approx((0.01, 0.01, 0.005))
-
-
-def test_negative_positions():
-    assert read_quantities("0.7mm,-1.1mm", "length", 2) == pytest.approx((0.7e-3, -1.1e-3))
-
-
 def test_wrong_count_shows_how_many_are_wanted():
     with pytest.raises(match=r"--at: '1mm' is not 2 values; write for example '2mm,2mm'"):
         read_quantities("1mm", "length", 2, place="--at")

@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.weiss.commands import Command, encode_request
 from validation.weiss.continuity import Continuity
-from validation.weiss.frames import decode_frame
 from validation.weiss.parser import Parser
+from validation.weiss.protocol import Command, decode_frame, encode_request
 from validation.weiss.virtual import Misbehaviour, VirtualSensor, show_pattern
 
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from validation.weiss import inquiry
-from validation.weiss.commands import Command, Status
-from validation.weiss.frames import Reading
 from validation.weiss.inquiry import inquire
+from validation.weiss.protocol import Command, Reading, Status
 from validation.weiss.sensor import Sensor
 from validation.weiss.virtual import Misbehaviour, show_pattern
 

@@ -6,8 +6,8 @@ import pytest
 
 from tests.support.virtual_port import is_ramp, wait_until
 from validation.weiss.continuity import Gap
-from validation.weiss.frames import Reading
 from validation.weiss.link import Link, LinkLostError, PortError
+from validation.weiss.protocol import Reading
 from validation.weiss.sensor import Sensor
 
 

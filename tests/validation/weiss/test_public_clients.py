@@ -13,7 +13,7 @@ from tests.support.wts_clients import (
     stream_run_length,
     wait_for_tag,
 )
-from validation.weiss.commands import MatrixInfo
+from validation.weiss.protocol import MatrixInfo
 from validation.weiss.virtual import show_pattern
 
 MATRIX = MatrixInfo(columns=6, rows=13, cell_width=3.4e-3, cell_height=3.4e-3, full_scale=4095)

@@ -11,11 +11,9 @@ import pytest
 import serial
 
 from tests.support.virtual_port import answer_always, is_ramp, take, wait_until
-from validation.weiss.commands import Command, Status, encode_request
 from validation.weiss.continuity import Gap
-from validation.weiss.frames import Reading
 from validation.weiss.link import LinkLostError
-from validation.weiss.messages import encode_message
+from validation.weiss.protocol import Command, Reading, Status, encode_message, encode_request
 from validation.weiss.sensor import NoAnswerError, Sensor, SensorError
 from validation.weiss.virtual import WTS_0614_34, Misbehaviour, show_pattern
 

@@ -7,9 +7,8 @@ import pytest
 import serial
 
 from tests.support.virtual_port import is_ramp, take, wait_until
-from validation.weiss.commands import Command, encode_request
 from validation.weiss.link import PortError
-from validation.weiss.messages import compute_checksum
+from validation.weiss.protocol import Command, compute_checksum, encode_request
 from validation.weiss.sensor import Sensor
 from validation.weiss.serve import BACKLOG_BYTES, PseudoTerminal, serve
 from validation.weiss.virtual import VirtualSensor, show_pattern

@@ -70,13 +70,13 @@ def derive(
         from validation.cli.curved.derive import derive_curved_cover
 
         return derive_curved_cover(description, out, json=json)
-    from validation.derivation.derive import derive as derive_parameters
+    from validation.derivation.derive import derive_layers
 
     files: tuple[str, ...] = ()
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(out)) if out else None
         with Progress() as progress:
-            derivation = derive_parameters(description, progress=progress)
+            derivation = derive_layers(description, progress=progress)
         if folder:
             from validation.report.derivation import write_derivation
 

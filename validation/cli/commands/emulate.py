@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from meshes import TexelArray
-    from validation.weiss.commands import MatrixInfo
+    from validation.weiss.protocol import MatrixInfo
     from validation.weiss.virtual import Misbehaviour, Source
 
 #: Names of the tactile images that the emulated sensor can show without a recording or a model.
@@ -98,8 +98,7 @@ def emulate(
 
 
 def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbehaviour:
-    from validation.weiss.faults import FAULTS
-    from validation.weiss.virtual import Misbehaviour
+    from validation.weiss.virtual import FAULTS, Misbehaviour
 
     rates = {}
     for text in faults:
@@ -191,8 +190,7 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
 
 
 def _make_matrix(show: str, texels: TexelArray, full_scale: int) -> MatrixInfo:
-    from validation.weiss.commands import MatrixInfo
-    from validation.weiss.frames import LARGEST_COUNT
+    from validation.weiss.protocol import LARGEST_COUNT, MatrixInfo
 
     if full_scale > LARGEST_COUNT:
         raise InputError(f"--show: {show} has counts up to {full_scale}; the protocol has 12 bits, 0..{LARGEST_COUNT}")

@@ -181,10 +181,10 @@ def _make_subject(source: SensorDescription | Parameters, seed: int, progress: P
 
     if not isinstance(source, SensorDescription):
         return Subject(parameters=source, seed=seed)
-    from validation.derivation.derive import derive
+    from validation.derivation.derive import derive_layers
 
     tell_unused(source, ", and this check computes its finite elements without")
-    found = derive(source, progress=progress)
+    found = derive_layers(source, progress=progress)
     return Subject(parameters=found.parameters, derivation=found, seed=seed, progress=progress.step)
 
 

@@ -31,6 +31,12 @@ _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings unde
 _DataSet = Annotated[
     str | None, Parameter(name="--data-set", help="Data-set file, or kiechle-sdh2; that in the folder when not given.")
 ]
+_Measured = Annotated[
+    str | None,
+    Parameter(
+        help="File of measured forces with their own cover, or gelsight-mini: compare the finite elements with them."
+    ),
+]
 
 #: Built-in sensor that `softcover demo` evaluates, and built-in sensor that made the recordings under known weights.
 _DEMO, _RECORDED = "wts-0614-34", "sdh2-distal"
@@ -70,6 +76,7 @@ def validate(
     quick: _Quick = False,
     recordings: _Recordings = None,
     data_set: _DataSet = None,
+    measured: _Measured = None,
     material: MaterialName = None,
     thickness: Thickness = None,
     layer: Layers = None,
@@ -89,10 +96,18 @@ def validate(
         softcover validate sdh2-distal --recordings ~/tactile-sensors
         softcover validate sensor.toml --recordings data-set.toml
         softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json
+        softcover validate wts-0614-34 --measured gelsight-mini
     """
     from validation.cli.sensors import read_description
     from validation.data_sets.locate import describe_unused_recordings, find_data_set
 
+    if measured is not None:
+        if quick or any(given is not None for given in (campaign, recordings, data_set, material, thickness, layer)):
+            raise InputError("--measured: measured forces have a cover of their own; leave out all options but --json")
+        from validation.cli.measured_force import compare_measured_force
+
+        compare_measured_force(measured, json=json)
+        return DONE
     description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
     if description.body is not None and (recordings is not None or data_set is not None):
         raise InputError("--recordings, --data-set: recordings of curved covers are not scored; leave them out")
@@ -107,17 +122,10 @@ def validate(
 
 def _read_campaign(path: Path | None, sensor: SensorDescription, *, quick: bool) -> Campaign:
     """Read a campaign file or the default campaign, and shorten it for a quick run; faults in cases are printed."""
-    from validation.campaign.campaign_file import read_campaign
+    from validation.campaign.evaluation import read_plan
 
-    if sensor.body is None:
-        campaign = read_campaign(path, sensor.array)
-    else:
-        from validation.curved.places import CurvedPlaces
-        from validation.curved.press import make_meshes
-
-        with Progress() as progress:
-            places = CurvedPlaces(mesh=make_meshes(sensor, progress)[-1], texels=sensor.array)
-        campaign = read_campaign(path, sensor.array, cover=sensor.cover, curved=places)
+    with Progress() as progress:
+        campaign = read_plan(path, sensor, progress)
     for line in campaign.left_out:
         say(f"softcover: left out: {line}")
     return campaign.shorten() if quick else campaign
@@ -152,20 +160,14 @@ def _evaluate(
     started = time.perf_counter()
     files = recordings.files if recordings else ()
     require("skfem", *REPORT_MODULES, *list_modules(file.path for file in files))
+    from validation.campaign.evaluation import evaluate
     from validation.report import write_report
 
     _tell_friction(sensor)
     with new_folder(out) as folder, Progress() as progress:
-        if sensor.body is not None:
-            from validation.curved.evaluate import evaluate_curved
-
-            evaluation = evaluate_curved(sensor, campaign, progress=progress, announce=say)
-        else:
-            from validation.campaign.evaluation import evaluate
-
-            evaluation = evaluate(
-                sensor, campaign=campaign, recordings=recordings, recorded=recorded, progress=progress, announce=say
-            )
+        evaluation = evaluate(
+            sensor, campaign=campaign, recordings=recordings, recorded=recorded, progress=progress, announce=say
+        )
         progress("report")
         write_report(evaluation, folder)
     if json:

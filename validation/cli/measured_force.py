@@ -1,14 +1,11 @@
-"""The command `softcover validate-force`, which compares the finite elements with measured forces."""
+"""Comparison of the finite elements with measured forces on the command line: `softcover validate --measured FILE`."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from validation.cli.options import Json
 from validation.cli.output import describe_cover, print_json, print_table, say, show
 from validation.cli.progress import Progress
 
@@ -16,25 +13,28 @@ if TYPE_CHECKING:
     from validation.measured_force.case import Measurement
     from validation.measured_force.comparison import ForceComparison, Row
 
-_Measurement = Annotated[str, Parameter(help="A TOML file with measured forces, or a built-in one: gelsight-mini.")]
 
+def compare_measured_force(measured: str, *, json: bool) -> None:
+    """Compare the finite elements with forces that were measured at known depths, and print the comparison.
 
-def validate_force(measurement: _Measurement, *, json: Json = False) -> None:
-    """Compare the finite elements with forces that were measured at known depths, without slip and without friction.
+    The moduli are fitted to some of the points, and the others are scored, with the uncertainty of the comparison, both
+    without slip and without friction.
 
-    The moduli are fitted to some of the points, and the others are scored, with the uncertainty of the comparison.
+    Args:
+        measured: A file of measured forces, or the name of a built-in measurement.
+        json: Whether to print JSON.
 
-    Examples of use:
-
-        softcover validate-force gelsight-mini
-        softcover validate-force my-pad.toml --json
+    Raises:
+        InputError: If the file has faults.
+        MissingExtraError: If the finite elements are not installed.
+        OSError: If the file exists and cannot be read.
     """
     from validation.extras import require
     from validation.measured_force.case import read_measured_force
     from validation.measured_force.comparison import compare_measurement
 
     started = time.perf_counter()
-    given = read_measured_force(measurement)
+    given = read_measured_force(measured)
     require("skfem")
     with Progress() as progress:
         comparison = compare_measurement(given, progress)

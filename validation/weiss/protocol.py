@@ -1,12 +1,21 @@
-"""Commands of a Weiss WTS sensor: identifiers, and conversion of requests and answers to and from bytes.
+"""Format of the messages of a Weiss WTS sensor: commands, answers and frames as bytes.
 
-An answer has the identifier of its command, and its payload starts with a status (16 bits, unsigned, little-endian).
-Frames that the sensor sends periodically have no status.
+A message on the serial line is `AA AA AA`, identifier, payload size, payload, checksum.  The identifier is one byte;
+payload size and checksum are unsigned 16-bit numbers, little-endian.  An answer has the identifier of its command, and
+its payload starts with a status (16 bits, unsigned, little-endian).  A frame holds the counts of all texels at one
+instant, raw or run-length encoded; frames that the sensor sends periodically have no status.
+
+The checksum is a 16-bit cyclic redundancy check (CRC) with the polynomial 0x1021 and the initial value 0xFFFF over the
+message from the first AA on.  The device combines the table of the normal (non-reflected) CRC with the shift direction
+of the reflected CRC.  This update is not invertible: after a few bytes the checksum takes only 8192 different values.
+Errors confined to one byte are always detected.  Of random errors in a payload, one in 8192 is not detected; a standard
+CRC would miss one in 65536.  Functions that decode frames therefore also check the content of the frames.
 """
 
 from __future__ import annotations
 
 import struct
+from binascii import crc_hqx
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
@@ -15,8 +24,73 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from validation.weiss.messages import Message, encode_message
-from validation.weiss.unconfirmed import GAIN_FORMAT, MASK_BIT_ORDER, THRESHOLD_FORMAT
+from validation.weiss.unconfirmed import (
+    GAIN_FORMAT,
+    MASK_BIT_ORDER,
+    RUN_LENGTH_FLAG,
+    RUN_LENGTH_VALUE_BITS,
+    THRESHOLD_FORMAT,
+    TICK,
+)
+
+CountArray = npt.NDArray[np.uint16]
+
+#: First bytes of every message.
+PREAMBLE = b"\xaa\xaa\xaa"
+#: Number of bytes of a message before its payload, and after its payload.
+HEAD_SIZE, CHECKSUM_SIZE = 6, 2
+#: Largest size of a payload that the 16-bit field in the head can state [bytes].
+_LARGEST_PAYLOAD = 0xFFFF
+#: Table of the CRC: checksum of each single byte, by the normal (non-reflected) CRC with the polynomial 0x1021, which
+#: `crc_hqx` computes.
+_TABLE = tuple(crc_hqx(bytes([byte]), 0) for byte in range(256))
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A complete message that a sensor or its client has sent.
+
+    Attributes:
+        identifier: Identifier of the command, 0..255 but never 0xAA.
+        payload: Content of the message without head and checksum.
+        skipped: Number of bytes between the previous message and this message that belong to no message [-].
+    """
+
+    identifier: int
+    payload: bytes
+    skipped: int = 0
+
+
+def compute_checksum(data: bytes, state: int = 0xFFFF) -> int:
+    """Compute the checksum of the bytes of a message; it is 0 for a complete message that includes its checksum.
+
+    Args:
+        data: Bytes of the message, from the first AA on.
+        state: Checksum of the bytes of the message before `data`; the initial value if there are none.
+    """
+    for byte in data:
+        state = _TABLE[(state ^ byte) & 0xFF] ^ (state >> 8)
+    return state
+
+
+#: Checksum of the preamble, from which the checksum of every message continues.
+_PREAMBLE_CHECKSUM = compute_checksum(PREAMBLE)
+
+
+def encode_message(identifier: int, payload: bytes = b"") -> bytes:
+    """Return the bytes of a message with an identifier and a payload.
+
+    Raises:
+        ValueError: If the identifier is not a byte or is 0xAA, which a receiver would take for the preamble, or if the
+            payload is too long.
+    """
+    if not 0 <= identifier <= 0xFF or identifier == PREAMBLE[0]:  # noqa: PLR2004 -- a byte
+        raise ValueError(f"a message identifier is 0..255 and not 0xAA, not {identifier:#x}")
+    if len(payload) > _LARGEST_PAYLOAD:
+        raise ValueError(f"a payload holds at most {_LARGEST_PAYLOAD} bytes, not {len(payload)}")
+    body = bytes([identifier]) + len(payload).to_bytes(2, "little") + payload
+    return PREAMBLE + body + compute_checksum(body, _PREAMBLE_CHECKSUM).to_bytes(CHECKSUM_SIZE, "little")
+
 
 #: Layout of the status at the start of the payload of an answer: unsigned, 16 bits, little-endian.
 _STATUS = struct.Struct("<H")
@@ -301,3 +375,103 @@ def _unpack(command: Command, layout: str | None, payload: bytes) -> Values:
         return (payload,) if layout is None else struct.unpack(layout, payload)
     except struct.error as error:
         raise ValueError(f"{command.name}: {len(payload)} bytes do not fit its layout {layout!r}") from error
+
+
+#: Largest count of a texel, a number of 12 bits [-].
+LARGEST_COUNT = 0x0FFF
+#: Layout of the start of a frame: time on the clock of the device (unsigned, 32 bits, little-endian), flags (8 bits).
+_FRAME_HEAD = struct.Struct("<IB")
+#: Number of bytes before the counts of a frame.
+FRAME_HEAD_SIZE = _FRAME_HEAD.size
+#: Largest number of equal counts that one run-length unit can hold, because the number has 4 bits [-].
+_LONGEST_RUN = 15
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Reading:
+    """One frame that a sensor has sent: the counts of all texels at one instant.
+
+    Attributes:
+        counts: Counts of the n texels, shape (n,), row by row, x fastest [-].
+        ticks: Time of the frame on the clock of the device, 32 bits unsigned [ticks].
+        host_time: Time at which the last byte of the frame was read, on the monotonic clock of the host [ns]; 0 for a
+            frame that did not come from a port.
+        run_length: Whether the frame was sent run-length encoded.
+    """
+
+    counts: CountArray
+    ticks: int
+    host_time: int = 0
+    run_length: bool = False
+
+    @property
+    def time(self) -> float:
+        """Time of the frame on the clock of the device [s]."""
+        return self.ticks * TICK
+
+
+def encode_frame(ticks: int, counts: npt.ArrayLike, *, run_length: bool = False) -> bytes:
+    """Return a frame as bytes: the payload of a periodic frame, or of a requested single frame after the status.
+
+    Args:
+        ticks: Time of the frame on the clock of the device [ticks]; the lowest 32 bits are used.
+        counts: Counts 0..4095 of the n texels, shape (n,) [-].
+        run_length: Whether to run-length encode the counts.
+
+    Raises:
+        ValueError: If a count does not fit 12 bits.
+    """
+    values = np.asarray(counts).ravel()
+    if values.size and (int(values.min()) < 0 or int(values.max()) > LARGEST_COUNT):
+        raise ValueError(f"texel values must lie in 0..{LARGEST_COUNT}, not {values.min()}..{values.max()}")
+    head = _FRAME_HEAD.pack(ticks & 0xFFFFFFFF, RUN_LENGTH_FLAG * run_length)
+    texels = values.astype("<u2")
+    return head + (compress(texels) if run_length else texels.tobytes())
+
+
+def decode_frame(payload: bytes, *, texels: int | None = None, host_time: int = 0) -> Reading:
+    """Decode the payload of a frame message.
+
+    Args:
+        payload: Clock, flags and counts of the frame, without the status of an answer.
+        texels: Expected number of texels; any number is accepted if not given [-].
+        host_time: Time at which the last byte was read, on the monotonic clock of the host [ns].
+
+    Raises:
+        ValueError: If the payload is too short, has unknown flags, a count over 12 bits or the wrong number of texels.
+    """
+    if len(payload) < FRAME_HEAD_SIZE:
+        raise ValueError(f"a frame has at least {FRAME_HEAD_SIZE} bytes, not {len(payload)}")
+    ticks, flags = _FRAME_HEAD.unpack_from(payload)
+    if flags & ~RUN_LENGTH_FLAG or len(payload) % 2 != FRAME_HEAD_SIZE % 2:
+        raise ValueError(f"not a frame: flags {flags:#04x}, {len(payload)} bytes")
+    units = np.frombuffer(payload, dtype="<u2", offset=FRAME_HEAD_SIZE)
+    run_length = bool(flags & RUN_LENGTH_FLAG)
+    counts = _expand(units) if run_length else units.astype(np.uint16)
+    if counts.size and int(counts.max()) > LARGEST_COUNT:
+        raise ValueError(f"texel value {counts.max()} does not fit 12 bits")
+    if texels is not None and counts.size != texels:
+        raise ValueError(f"a frame of this array has {texels} texels, not {counts.size}")
+    return Reading(counts=counts, ticks=ticks, host_time=host_time, run_length=run_length)
+
+
+def compress(counts: CountArray) -> bytes:
+    """Run-length encode the counts of n texels, each 0..4095, shape (n,)."""
+    if not counts.size:
+        return b""
+    starts = np.flatnonzero(np.concatenate(([True], counts[1:] != counts[:-1])))
+    lengths = np.diff(np.append(starts, counts.size))
+    # a run that is longer than one unit can hold is divided into full units of 15 counts and a rest of 1..15 counts
+    full, rest = np.divmod(lengths - 1, _LONGEST_RUN)
+    values = np.repeat(counts[starts].astype(np.uint16), full + 1)
+    runs = np.full(values.size, _LONGEST_RUN, dtype=np.uint16)
+    runs[np.cumsum(full + 1) - 1] = rest + 1
+    return bytes((values | (runs << RUN_LENGTH_VALUE_BITS)).astype("<u2").tobytes())
+
+
+def _expand(units: CountArray) -> CountArray:
+    """Decode run-length units to the counts of the n texels, shape (n,)."""
+    runs = units >> RUN_LENGTH_VALUE_BITS
+    if not runs.all():
+        raise ValueError("a run of length 0 in a run-length encoded frame")
+    return np.repeat(units & LARGEST_COUNT, runs).astype(np.uint16)

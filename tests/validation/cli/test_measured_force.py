@@ -41,7 +41,7 @@ def press_stuck(cover, contact):
 @pytest.mark.parametrize(("solve", "index", "bound"), [(press_smooth, 0, "frictionless"), (press_stuck, 1, "no slip")])
 def test_the_modulus_and_the_bound_of_an_exact_solution_come_back(softcover, tmp_path, solve, index, bound):
     (tmp_path / "pad.toml").write_text(made_up(solve))
-    status, out, _ = softcover("validate-force", "pad.toml", "--json")
+    status, out, _ = softcover("validate", "wts-0614-34", "--measured", "pad.toml", "--json")
     found = json.loads(out)
     row = found["rows"][index]
     assert status == 0
@@ -56,7 +56,7 @@ def test_the_modulus_and_the_bound_of_an_exact_solution_come_back(softcover, tmp
 @pytest.mark.slow
 def test_the_table_fits_a_terminal_and_names_the_bounds(softcover, tmp_path):
     (tmp_path / "pad.toml").write_text(made_up(press_smooth))
-    status, out, _ = softcover("validate-force", "pad.toml")
+    status, out, _ = softcover("validate", "wts-0614-34", "--measured", "pad.toml")
     assert status == 0
     assert "shear modulus 0.2414 MPa" in out
     assert max(len(line) for line in out.splitlines() if "\u2502" in line) <= 80
@@ -65,15 +65,17 @@ def test_the_table_fits_a_terminal_and_names_the_bounds(softcover, tmp_path):
 
 def test_faults_are_lines(softcover, tmp_path):
     (tmp_path / "pad.toml").write_text(FILE.format("")[: -len("\n\n")])
-    assert softcover("validate-force", "gelsight")[::2] == (
+    assert softcover("validate", "wts-0614-34", "--measured", "gelsight")[::2] == (
         2,
         (
             "softcover: gelsight: no such file or built-in measurement; did you mean 'gelsight-mini'? accepted: "
             "gelsight-mini, or a TOML file\n"
         ),
     )
-    status, _, err = softcover("validate-force", "pad.toml")
+    status, _, err = softcover("validate", "wts-0614-34", "--measured", "pad.toml")
     assert (status, err) == (2, "softcover: pad.toml: point: is missing; write for example the tables [[point]]\n")
     (tmp_path / "broken.toml").write_text("name =")
-    assert softcover("validate-force", "broken.toml")[2].startswith("softcover: broken.toml: not a TOML file")
-    assert "no such file" in softcover("validate-force", "absent.toml")[2]
+    assert softcover("validate", "wts-0614-34", "--measured", "broken.toml")[2].startswith(
+        "softcover: broken.toml: not a TOML file"
+    )
+    assert "no such file" in softcover("validate", "wts-0614-34", "--measured", "absent.toml")[2]

@@ -1,0 +1,192 @@
+"""A bench: one sensor, ready to be pressed by the reference and by all models.
+
+A campaign and the evidence beside its scores ask a bench and never for the kind of its cover.  A bench says by
+`left_out` what it does not compute, and why.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from meshes import Cover
+from validation.campaign.campaign_file import Inputs
+from validation.campaign.case import Case
+from validation.campaign.cost import Plan, plan_solves
+from validation.campaign.reference_press import press_reference
+from validation.campaign.results import MODELS, CaseResult, Reference
+from validation.campaign.run import predict
+
+if TYPE_CHECKING:
+    from fastmodel import Parameters
+    from meshes.array_types import FloatArray
+    from validation.credibility.code_verification import Check
+    from validation.credibility.input_uncertainty import InputUncertainty
+    from validation.credibility.stages import StageErrors
+    from validation.published.calibration import ComparisonModels
+
+#: Load between the two groups of loads [N], and share of the load outside the array above which a case is at the edge.
+_HEAVY, _AT_EDGE = 2.0, 0.05
+
+
+class Bench(ABC):
+    """What a campaign asks of a sensor with any cover."""
+
+    #: Names of the scored models, with a description of each for tables; one is `fast`.
+    models: ClassVar[Mapping[str, str]]
+    #: Sections of the report that are not computed for this kind of cover, with the reason or the cost, as sentences.
+    left_out: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    @abstractmethod
+    def parameters(self) -> Parameters:
+        """Parameters of the fast model."""
+
+    @property
+    def comparison(self) -> ComparisonModels | None:
+        """Published models that are scored in the same cases; None for none."""
+        return None
+
+    @abstractmethod
+    def plan(self, cases: Sequence[Case]) -> Plan:
+        """Find out which presses are missing from the store, and how long the cases take."""
+
+    @abstractmethod
+    def solve(self, case: Case) -> CaseResult:
+        """Compute one case by finite elements and by all models, and score the models.
+
+        Raises:
+            ValueError: If a model cannot compute the case.
+            ConvergenceError: If the finite elements did not converge.
+        """
+
+    @abstractmethod
+    def verify(self, results: Sequence[CaseResult]) -> Iterator[tuple[str, Callable[[], Sequence[Check]]]]:
+        """Yield the checks of the codes: what is verified, and a function that does it."""
+
+    @abstractmethod
+    def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
+        """Propagate the uncertain inputs to the image of a case."""
+
+    def score_stages(self, results: Sequence[CaseResult]) -> StageErrors | None:  # noqa: ARG002 -- for others
+        """Score the stages of the fast model; None where that is left out or the model has no cover data."""
+        return None
+
+    @abstractmethod
+    def classify(self, result: CaseResult) -> Mapping[str, str]:
+        """Return the groups of a case whose errors are pooled: the name of its member by the name of the group."""
+
+    @abstractmethod
+    def measure(self, result: CaseResult) -> Mapping[str, float]:
+        """Return the quantities of a case whose ranges are the validated domain, in SI units."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LayeredBench(Bench):
+    """A wide cover of flat layers.
+
+    Attributes:
+        cover: The cover in the finite-element model.
+        fast: Parameters of the fast model.
+        friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
+        published: Published models, already fitted (`prepare_models`); None for none.
+    """
+
+    models = MODELS
+    cover: Cover
+    fast: Parameters
+    friction: float = 0.0
+    published: ComparisonModels | None = field(default=None)
+
+    @property
+    def parameters(self) -> Parameters:
+        """Parameters of the fast model."""
+        return self.fast
+
+    @property
+    def comparison(self) -> ComparisonModels | None:
+        """Published models that are scored in the same cases; None for none."""
+        return self.published
+
+    def plan(self, cases: Sequence[Case]) -> Plan:
+        """Find out which presses are missing from the store, and how long the cases take."""
+        return plan_solves(self.cover, self.fast.array, cases, friction=self.friction)
+
+    def solve(self, case: Case) -> CaseResult:
+        """Compute one case by finite elements and by all models, and score the models."""
+        from fastmodel import indent
+
+        parameters, array = self.fast, self.fast.array
+        reference = Reference.of(press_reference(self.cover, array, case, friction=self.friction))
+        turned = case.turned
+        press = partial(indent, parameters, turned.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw)
+        fast, area = press(method="default"), press(method="area")
+        published: Mapping[str, tuple[FloatArray, float]] = {}
+        if self.published is None:
+            boxes = press(method="boxes")
+        else:
+            # The published models read the contacts of the same simulation.
+            scene, published = self.published.predict(self.cover, parameters, turned)
+            boxes = scene.boxes
+        kept = np.where(array.active, boxes.contact_forces, 0.0)
+        forces = {
+            "fast": (fast.texel_forces, fast.outside),
+            "area": (area.texel_forces, area.outside),
+            "boxes": (boxes.texel_forces, boxes.outside),
+            "no-spread": (kept, case.load - float(kept.sum())),
+            "zeros": (np.zeros(array.count), 0.0),
+        }
+        return CaseResult(
+            case=case,
+            reference=reference,
+            predictions=predict(reference, forces, case.load, parameters),
+            warnings=fast.warnings,
+            published=predict(reference, published, case.load, parameters),
+        )
+
+    def verify(
+        self,
+        results: Sequence[CaseResult],  # noqa: ARG002 -- other covers press a case
+    ) -> Iterator[tuple[str, Callable[[], Sequence[Check]]]]:
+        """Yield the checks of the codes against closed forms on this cover."""
+        from validation.credibility.code_verification import verify_code
+
+        yield "code verification", partial(verify_code, self.cover, self.fast.array)
+
+    def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
+        """Propagate the uncertain inputs to the image of a case."""
+        from validation.credibility.input_uncertainty import propagate_inputs
+
+        return propagate_inputs(self.cover, self.fast.array, case, inputs)
+
+    def score_stages(self, results: Sequence[CaseResult]) -> StageErrors | None:
+        """Score the stages of the fast model; None if it has no tables of the cover."""
+        from validation.credibility.stages import score_stages
+
+        return score_stages(self.cover, self.fast, results)
+
+    def classify(self, result: CaseResult) -> Mapping[str, str]:
+        """Return load, shape and pose of a case as words."""
+        case, outside = result.case, result.reference.outside / result.case.load
+        turned = math.degrees(case.pose.yaw) % 90 != 0
+        return {
+            "load": "below 2 N" if case.load < _HEAVY else "2 N and more",
+            "shape": case.shape.split(":")[0],
+            "pose": "over an edge" if outside > _AT_EDGE else "turned" if turned else "inside, not turned",
+        }
+
+    def measure(self, result: CaseResult) -> Mapping[str, float]:
+        """Return load, depth, contact area and the share of the load outside the array."""
+        reference, load = result.reference, result.case.load
+        return {
+            "load_N": load,
+            "depth_over_thickness": reference.depth / self.cover.thickness,
+            "contact_area_m2": reference.contact_area,
+            "share_outside_array": reference.outside / load,
+        }
