@@ -102,8 +102,9 @@ class Pressed:
         from fem_reference.linear_response.axisymmetric import find_constrained, mesh_cover
         from meshes import Cover, Layer, Sphere
 
-        contact_problem._STEP_TOLERANCE = contact_problem._TARGET_TOLERANCE = task["tolerance"]  # noqa: SLF001
-        contact_problem._AUGMENTATIONS = 0  # noqa: SLF001
+        contact_problem._SETTINGS = contact_problem.PathSettings(  # noqa: SLF001
+            step_tolerance=task["tolerance"], target_tolerance=task["tolerance"], augmentations=0
+        )
         cover = Cover(layers=(Layer(thickness=1.0, material=rubber),))
         mesh, _ = mesh_cover(cover, task["through"], np.array(task["radii"]))
         elements = prepare_elements(mesh, axisymmetric=True)

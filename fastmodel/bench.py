@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.attachment import recommend_options
 from fastmodel.compiled import report_slow_compilation
@@ -121,41 +120,39 @@ def indent(
     at: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
     pose: Pose | None = None,
-    direction: npt.ArrayLike | None = None,
     method: str | TexelContact = DEFAULT,
 ) -> FastIndentation:
     """Press one guided indenter on the array until it rests under a load.
 
-    With a direction, and where the cover has points, the indenter moves without a simulation.  Otherwise it is lowered
-    along the normal of the array in a simulation, and its weight is the load; the pose must then lie over the array.
+    At a pose, and where the cover has points, the indenter moves along the pose's direction without a simulation.
+    Otherwise it is lowered along the normal of the array in a simulation, and its weight is the load.
 
     Args:
         parameters: The array and its cover.
         indenter: The shape.
         load: Force along the direction of motion [N].
-        at: Position of the indenter's axis in the array's frame, if no pose is given [m].
-        yaw: Rotation of the indenter about that axis, if no pose is given [rad].
-        pose: Orientation of the indenter, and a position on its way, in the array's frame.
-        direction: Direction of motion, any length, shape (3,); by default that of the pose.
+        at: Position of the indenter's axis in the array's frame, without a pose [m].
+        yaw: Rotation of the indenter about that axis, without a pose [rad].
+        pose: Place, direction of motion and orientation of the indenter.
         method: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default the best method that the
             parameters allow (see `choose_method`).
 
     Raises:
         FastModelError: If an argument has a wrong type, the load is not positive, a number is not finite, no contact
             method has this name, the method needs cover data that the parameters lack, no texel is under the indenter,
-            the texels do not carry the load, or a direction is given for a cover without points.
+            the texels do not carry the load, or the pose has another direction than the normal and the cover no points.
     """
     check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
+    check_type("pose", pose, (Pose, type(None)), "a meshes.Pose")
     name, chosen = choose_method(method, parameters)
-    if not isinstance(chosen, MeshContact) or chosen.surface is None or (pose is None and direction is None):
-        if direction is not None:
-            raise FastModelError(f"the contact method {name!r} presses along the array's normal; give no direction")
+    if pose is None or not isinstance(chosen, MeshContact) or chosen.surface is None:
         if pose is not None:
+            if pose.direction != Pose().direction:
+                raise FastModelError(f"the contact method {name!r} presses along the normal, not {pose.direction}")
             at, yaw, indenter = pose.at, pose.yaw, tilt_indenter(indenter, pose.tilt) if any(pose.tilt) else indenter
         return indent_together(parameters, [Placement(indenter=indenter, load=load, at=at, yaw=yaw)], method=method)
-    pose = pose or Pose.planar(at, yaw)
     started, array, surface = time.perf_counter(), parameters.array, chosen.surface
-    found = press_points(surface, indenter, pose, load=load, direction=direction)
+    found = press_points(surface, indenter, pose, load=load)
     contact_forces = np.bincount(surface.find_texels(array), found.forces, array.count).astype(np.float64)
     reading = Reading(contact_forces, found.texel_forces, load, np.array([found.depth]), fewest_cells=found.points)
     return FastIndentation(

@@ -21,6 +21,23 @@ import numpy as np
 from meshes import Material
 from meshes.array_types import FloatArray
 
+
+@dataclass(frozen=True, kw_only=True)
+class MaterialSettings:
+    """Numbers of the material laws."""
+
+    #: Relative difference of two principal stretches below which divided differences of the stresses are replaced by
+    #: their limit for equal stretches, to avoid cancellation [-].
+    equal: float = 1e-5
+    #: Largest stretch, or reciprocal of the smallest, that is examined for stability [-].
+    largest: float = 8.0
+    #: Number of stretches up to it [-].
+    stretches: int = 600
+
+
+_SETTINGS = MaterialSettings()
+
+
 #: Row and column of each selected component of a 3 x 3 tensor.
 Places = tuple[tuple[int, int], ...]
 
@@ -264,11 +281,6 @@ class Yeoh:
         )
 
 
-#: Relative difference of two principal stretches below which divided differences of the stresses are replaced by their
-#: limit for equal stretches, to avoid cancellation [-].
-_EQUAL = 1e-5
-
-
 @dataclass(frozen=True, kw_only=True)
 class Ogden:
     """Ogden energy W = sum 2 mu / alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3) (Ogden 1972).
@@ -357,7 +369,7 @@ def _divide_differences(
     Where la and lb are equal, the second quotient is replaced by its limit.
     """
     gap = stretch[..., a] - stretch[..., b]
-    close = np.abs(gap) < _EQUAL * stretch[..., a]
+    close = np.abs(gap) < _SETTINGS.equal * stretch[..., a]
     limit = (curve[..., a, a] + curve[..., b, b]) / 2 - curve[..., a, b]
     minus = np.where(close, limit, (slope[..., a] - slope[..., b]) / np.where(close, 1.0, gap))
     plus = (slope[..., a] + slope[..., b]) / (stretch[..., a] + stretch[..., b])
@@ -400,8 +412,6 @@ _MODES = {
 }
 #: Modes in which the thickness of a pressed cover shrinks, and the exponent of their stretch in the thickness [-].
 _SQUEEZING = {"uniaxial compression": 1.0, "equibiaxial tension": -2.0, "planar tension": -1.0}
-#: Largest stretch, or reciprocal of the smallest, that is examined, and number of stretches up to it [-].
-_LARGEST, _STRETCHES = 8.0, 600
 
 
 def find_unstable_stretches(material: Material) -> dict[str, float]:
@@ -420,7 +430,7 @@ def find_unstable_stretches(material: Material) -> dict[str, float]:
     """
     if material.small_strain_only:
         return {}
-    strain = np.linspace(0, np.log(_LARGEST), _STRETCHES)[1:]
+    strain = np.linspace(0, np.log(_SETTINGS.largest), _SETTINGS.stretches)[1:]
     out = {}
     for mode, direction in _MODES.items():
         falls = np.flatnonzero(np.diff(_measure_stress(material, strain, np.array(direction))) <= 0)

@@ -34,6 +34,25 @@ import numpy.typing as npt
 from meshes.atomic_file import replace, sweep, temporary_files
 from meshes.bounded_file import FileLimitError, open_regular, pack_npz, parse_json, read_bytes, unpack_npz
 
+
+@dataclass(frozen=True, kw_only=True)
+class StoreSettings:
+    """Limits on the files of the store, against damaged and foreign files."""
+
+    #: Largest accepted size of an entry [bytes].
+    most_bytes: int = 2**32
+    #: Largest accepted size of a manifest [bytes].
+    most_manifest_bytes: int = 2**24
+    #: Largest accepted number of arrays of an entry; a path in three dimensions has about 36 for each load or depth
+    #: [-].
+    most_arrays: int = 2**14
+    #: Time in the year 2242; later ones are no times at which an entry was written [s since 1970].
+    latest: float = 2.0**33
+
+
+_SETTINGS = StoreSettings()
+
+
 _LOG = logging.getLogger(__name__)
 
 #: Pattern of the header, which is the first line of an entry's file, and the length of the header [bytes].
@@ -41,12 +60,6 @@ _HEADER = re.compile(rb"softcover-entry 1 sha256=([0-9a-f]{64}) bytes=(\d{16})\n
 _HEADER_LENGTH = len(f"softcover-entry 1 sha256={'0' * 64} bytes={0:016d}\n")
 #: Ending of the file name of an entry.
 _SUFFIX = ".entry"
-#: Largest accepted size of an entry, and of its manifest [bytes].
-_MOST_BYTES, _MOST_MANIFEST_BYTES = 2**32, 2**24
-#: Largest accepted number of arrays of an entry; a path in three dimensions has about 36 for each load or depth [-].
-_MOST_ARRAYS = 2**14
-#: Time in the year 2242; later ones are no times at which an entry was written [s since 1970].
-_LATEST = 2.0**33
 #: Libraries whose versions are part of every key, because the results depend on the versions.
 _LIBRARIES = ("numpy", "scipy", "scikit-fem")
 
@@ -322,7 +335,7 @@ def _read_checked(path: Path) -> tuple[dict[str, Any], Arrays]:
         OSError: If the file cannot be read.
     """
     try:
-        content = read_bytes(path, most=_MOST_BYTES)
+        content = read_bytes(path, most=_SETTINGS.most_bytes)
     except FileLimitError as error:
         raise DamagedEntryError(str(error)) from None
     header, body = _HEADER.match(content), content[_HEADER_LENGTH:]
@@ -334,7 +347,10 @@ def _read_checked(path: Path) -> tuple[dict[str, Any], Arrays]:
         raise DamagedEntryError("fails its sha256")
     text, _, blob = body.partition(b"\n")
     try:
-        manifest, arrays = parse_json(text), unpack_npz(blob, most=_MOST_BYTES, most_arrays=_MOST_ARRAYS)
+        manifest, arrays = (
+            parse_json(text),
+            unpack_npz(blob, most=_SETTINGS.most_bytes, most_arrays=_SETTINGS.most_arrays),
+        )
     except FileLimitError as error:
         raise DamagedEntryError(f"has bad content: {error}") from None
     if not isinstance(manifest, dict) or manifest.get("arrays") != sorted(arrays):
@@ -356,7 +372,7 @@ def _describe_entry(path: Path) -> Entry | None:
         with open_regular(path) as file:
             if not _HEADER.fullmatch(file.readline(_HEADER_LENGTH)):
                 return _build_entry(path, {}, "does not begin like an entry of this version")
-            manifest = parse_json(file.readline(_MOST_MANIFEST_BYTES))
+            manifest = parse_json(file.readline(_SETTINGS.most_manifest_bytes))
     except OSError as error:
         return _build_entry(path, {}, f"cannot be read: {error.strerror}")
     except FileLimitError:
@@ -388,7 +404,7 @@ def _build_entry(path: Path, manifest: Mapping[str, Any], problem: str = "") -> 
         path=path,
         kind=str(manifest.get("kind", "unknown")),
         code=str(manifest.get("code", "unknown")),
-        created=created if isinstance(created, float) and 0 <= created < _LATEST else status.st_mtime,
+        created=created if isinstance(created, float) and 0 <= created < _SETTINGS.latest else status.st_mtime,
         size=status.st_size,
         inputs=inputs if isinstance(inputs, dict) else {},
         problem=problem,

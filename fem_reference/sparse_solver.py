@@ -18,6 +18,7 @@ import copy
 import os
 import sys
 import weakref
+from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -29,20 +30,32 @@ import scipy.sparse.linalg as spla
 
 from meshes.array_types import FloatArray, IntArray
 
+
+@dataclass(frozen=True, kw_only=True)
+class SparseSettings:
+    """Numbers that choose the backend and check its solutions."""
+
+    #: Non-zero entries in the upper triangle of a matrix from which pardiso is chosen.  Loading pardiso takes longer
+    #: than solving a smaller system (2000 unknowns in 2-D, 600 in 3-D) with SuperLU [-].
+    small: int = 40_000
+    #: A diagonal pivot of SuperLU is replaced by an off-diagonal one if it is smaller than this fraction of the
+    #: largest entry of its column [-].
+    pivot: float = 1e-8
+    #: Residual over the largest entry of the right-hand side below which refinement of a solution stops, near double
+    #: precision [-].
+    rounding: float = 1e-13
+    #: Largest number of refinements [-].
+    refinements: int = 2
+    #: Residual after refinement, over the largest entry of the right-hand side, above which the matrix counts as
+    #: singular [-].
+    wrong: float = 1e-6
+
+
+_SETTINGS = SparseSettings()
+
+
 #: Names of the solver backends.
 BACKENDS = ("pardiso", "metis", "plain")
-#: Number of non-zero entries in the upper triangle of a matrix from which pardiso is chosen [-].  Loading pardiso takes
-#: longer than solving a smaller system (2000 unknowns in 2-D, 600 in 3-D) with SuperLU.
-_SMALL = 40_000
-#: Pivoting threshold of SuperLU: a diagonal pivot is replaced by an off-diagonal one if it is smaller than this
-#: fraction of the largest entry of its column [-].
-_PIVOT = 1e-8
-#: Iterative refinement of a solution: residual over the largest entry of the right-hand side below which refinement
-#: stops, near double precision, and largest number of refinements [-].
-_ROUNDING, _REFINEMENTS = 1e-13, 2
-#: Residual after refinement, over the largest entry of the right-hand side, above which the matrix counts as
-#: singular [-].
-_WRONG = 1e-6
 
 
 class SymmetricFactors:
@@ -94,14 +107,14 @@ class SymmetricFactors:
         columns = right.reshape(len(right), -1)
         out = self._engine.solve(columns)
         size = np.abs(columns).max(initial=0.0)
-        for _ in range(_REFINEMENTS):
+        for _ in range(_SETTINGS.refinements):
             residual = columns - self._multiply(out)
-            if not np.abs(residual).max(initial=0.0) > _ROUNDING * size:
+            if not np.abs(residual).max(initial=0.0) > _SETTINGS.rounding * size:
                 break
             out += self._engine.solve(residual)
         else:
             residual = columns - self._multiply(out)
-        if not np.abs(residual).max(initial=0.0) <= _WRONG * size:
+        if not np.abs(residual).max(initial=0.0) <= _SETTINGS.wrong * size:
             raise np.linalg.LinAlgError("the system is singular: a part can move without force")
         return out.reshape(right.shape)
 
@@ -229,7 +242,7 @@ class _SuperLU:
         self._pattern = permuted.indices, permuted.indptr
         self._options: dict[str, Any] = {}
         if order == "metis":
-            self._options = {"permc_spec": "NATURAL", "diag_pivot_thresh": _PIVOT}
+            self._options = {"permc_spec": "NATURAL", "diag_pivot_thresh": _SETTINGS.pivot}
 
     def factorise(self, upper: sp.csr_matrix) -> None:
         matrix = sp.csc_matrix((upper.data[self._slot], *self._pattern), shape=upper.shape)
@@ -251,7 +264,7 @@ def _choose_backend(backend: str | None, entries: int) -> str:
         if wanted not in BACKENDS:
             raise ValueError(f"unknown solver {wanted!r}; known solvers: {', '.join(BACKENDS)}")
         return wanted
-    if entries >= _SMALL and _can_load_pardiso():
+    if entries >= _SETTINGS.small and _can_load_pardiso():
         return "pardiso"
     return "metis" if find_spec("pymetis") else "plain"
 

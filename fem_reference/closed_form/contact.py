@@ -30,21 +30,36 @@ from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes,
 from meshes import Cone, Cover, Cylinder, Indenter, Layer, RoundedTip, Sphere, TexelArray
 from meshes.array_types import FloatArray
 
-#: Smallest number of Gauss points of the integral equation, number of points per thickness of the top layer, and
-#: largest number [-].
-_NODES, _NODES_PER_LAYER, _MOST_NODES = 96, 12, 1600
-#: Largest contact radius over the thickness of the top layer, where the largest number of points is still accurate to
-#: 3e-6; at twice this radius the force is in error by 4 %, and then has any sign [-].
-_MOST_THICKNESSES = 400.0
-#: Largest contact radius over the radius of the indenter, short of the sphere's vertical wall [-].
-_WIDEST = 0.95
-#: Product of wave number and thickness of the top layer at which the integral for m(s) ends: exp(-2 x 25) = 2e-22 [-].
-_DEEP = 25.0
-#: Number of rings in which the sign of the contact pressure is checked, and force on a ring over the total force below
-#: which the sign is rounding [-].
-_RINGS, _PULL = 48, 1e-7
-#: Gauss points along a panel in the integral of a texel's force, and panels per cover thickness [-].
-_POINTS, _PANELS = 8, 2
+
+@dataclass(frozen=True, kw_only=True)
+class ContactSettings:
+    """Numbers of the integral equation of the contact."""
+
+    #: Smallest number of Gauss points of the integral equation [-].
+    nodes: int = 96
+    #: Gauss points of the integral equation per thickness of the top layer [-].
+    nodes_per_layer: int = 12
+    #: Largest number of Gauss points of the integral equation [-].
+    most_nodes: int = 1600
+    #: Largest contact radius over the thickness of the top layer, where `most_nodes` is still accurate to 3e-6; at
+    #: twice this radius the force is in error by 4 %, and then has any sign [-].
+    most_thicknesses: float = 400.0
+    #: Largest contact radius over the radius of the indenter, short of the sphere's vertical wall [-].
+    widest: float = 0.95
+    #: Product of wave number and thickness of the top layer at which the integral for m(s) ends: exp(-2 x 25) = 2e-22
+    #: [-].
+    deep: float = 25.0
+    #: Rings in which the sign of the contact pressure is checked [-].
+    rings: int = 48
+    #: Force on a ring over the total force below which the sign is rounding [-].
+    pull: float = 1e-7
+    #: Gauss points along a panel in the integral of a texel's force [-].
+    points: int = 8
+    #: Panels per cover thickness in that integral [-].
+    panels: int = 2
+
+
+_SETTINGS = ContactSettings()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,8 +141,8 @@ def integrate_texels(
     pressure = base_pressure(float(np.hypot(*(np.abs(centres).max(axis=0) + half))))
     points, weights = [], []
     for edge in half:
-        panels = int(np.ceil(2 * edge / thickness * _PANELS))
-        nodes, weight = np.polynomial.legendre.leggauss(_POINTS)
+        panels = int(np.ceil(2 * edge / thickness * _SETTINGS.panels))
+        nodes, weight = np.polynomial.legendre.leggauss(_SETTINGS.points)
         ends = np.linspace(-edge, edge, panels + 1)[:-1, None]
         points.append((ends + (nodes + 1) * edge / panels).ravel())
         weights.append(np.tile(weight * edge / panels, panels))
@@ -217,7 +232,7 @@ def indent(
         return float(np.log(ratio))
 
     top = cover.layers[-1].thickness
-    rim, resolved = _WIDEST * shape.radius, _MOST_THICKNESSES * top
+    rim, resolved = _SETTINGS.widest * shape.radius, _SETTINGS.most_thicknesses * top
     widest = rim if nodes is not None else min(rim, resolved)
     # From a contact as wide as the top layer is thick, because far wider ones are not resolved.
     bracket = _bracket_root(miss, float(np.log(min(top, widest))), float(np.log(widest)))
@@ -246,8 +261,8 @@ def _require_push(contact: LayerContact) -> LayerContact:
     Raises:
         ValueError: If cover and indenter would have to pull on one another, as under a wide punch on a stiff foil.
     """
-    rings = contact.force_within(contact.contact_radius * np.linspace(0.0, 1.0, _RINGS + 1))
-    if (np.diff(rings) < -_PULL * contact.force).any():
+    rings = contact.force_within(contact.contact_radius * np.linspace(0.0, 1.0, _SETTINGS.rings + 1))
+    if (np.diff(rings) < -_SETTINGS.pull * contact.force).any():
         raise ValueError("the indenter would have to pull on a part of the contact, which separates instead")
     return contact
 
@@ -280,10 +295,10 @@ class _Equation:
 
     def __init__(self, cover: Cover, radius: float, nodes: int | None) -> None:
         if nodes is None:
-            if radius > _MOST_THICKNESSES * cover.layers[-1].thickness * (1 + 1e-12):
+            if radius > _SETTINGS.most_thicknesses * cover.layers[-1].thickness * (1 + 1e-12):
                 raise ValueError(_describe_unresolved(cover))
-            wanted = _NODES_PER_LAYER * radius / cover.layers[-1].thickness
-            nodes = int(min(max(_NODES, wanted), _MOST_NODES))
+            wanted = _SETTINGS.nodes_per_layer * radius / cover.layers[-1].thickness
+            nodes = int(min(max(_SETTINGS.nodes, wanted), _SETTINGS.most_nodes))
         points, weights = np.polynomial.legendre.leggauss(nodes)
         material = cover.layers[-1].material
         self._cover = cover
@@ -319,9 +334,10 @@ class _Equation:
 
 
 def _describe_unresolved(cover: Cover) -> str:
-    radius = 1e3 * _MOST_THICKNESSES * cover.layers[-1].thickness
+    most = _SETTINGS.most_thicknesses
+    radius = 1e3 * most * cover.layers[-1].thickness
     return (
-        f"the contact is wider than the integral equation resolves: {radius:.4g} mm radius, {_MOST_THICKNESSES:g} "
+        f"the contact is wider than the integral equation resolves: {radius:.4g} mm radius, {most:g} "
         f"thicknesses of the top layer"
     )
 
@@ -336,8 +352,8 @@ def _tabulate_kernel(cover: Cover) -> CubicSpline:
     top, b = cover.layers[-1], cover.thickness
     step = 2 * LOGARITHMIC_HALF_WIDTH / LOGARITHMIC_POINTS
     k = np.exp(step * (np.arange(LOGARITHMIC_POINTS) + 0.5) - LOGARITHMIC_HALF_WIDTH) / np.sqrt(top.thickness * b)
-    deep = k * top.thickness > _DEEP
-    safe = np.where(deep, _DEEP / top.thickness, k)
+    deep = k * top.thickness > _SETTINGS.deep
+    safe = np.where(deep, _SETTINGS.deep / top.thickness, k)
     relative = np.where(deep, 0.0, transfer(cover, safe).compliance / half_space_compliance(top, safe) - 1)
     offset = fhtoffset(step, -0.5)
     s = np.exp(offset) / k[::-1]

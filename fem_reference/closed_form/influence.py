@@ -17,19 +17,32 @@ from fem_reference.closed_form.layer import point_response, transfer
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
 
+
+@dataclass(frozen=True, kw_only=True)
+class InfluenceSettings:
+    """Numbers of the Hankel transform and of the table of texel responses."""
+
+    #: Exponent of the power law that weights the integrand of the Hankel transform, so that it vanishes at both ends
+    #: [-].
+    bias: float = -0.5
+    #: Product of wave number and thickness of the top layer beyond which the cover responds like a half space: exp(-2
+    #: x 30) = 1e-26 [-].
+    deep: float = 30.0
+    #: Points per cover thickness of the table of texel responses [-].
+    resolution: int = 12
+    #: Largest number of points along a side of the table [-].
+    most_points: int = 3072
+    #: Base pressure, over its largest value, below which it is taken for zero beyond some distance [-].
+    negligible: float = 1e-7
+
+
+_SETTINGS = InfluenceSettings()
+#: Distances from the load that are searched, over the cover thickness [-].
+_DISTANCES = np.linspace(6.0, 60.0, 109)
+
+
 #: Points of the logarithmic grids, and natural logarithm of their largest over their middle value [-].
 LOGARITHMIC_POINTS, LOGARITHMIC_HALF_WIDTH = 8192, 20.0
-#: Exponent of the power law by which the Hankel transform weights its integrand, so that the integrand vanishes at both
-#: ends of the grid [-].
-_BIAS = -0.5
-#: Product of wave number and thickness of the top layer beyond which the cover responds like a half space:
-#: exp(-2 x 30) = 1e-26 [-].
-_DEEP = 30.0
-#: Thicknesses per spacing of the table of texel responses, and largest number of points along a side of the table [-].
-_RESOLUTION, _MOST_POINTS = 12, 3072
-#: Base pressure, over its largest value, below which it is taken for zero beyond some distance, and the distances from
-#: the load that are searched, over the cover's thickness [-].
-_NEGLIGIBLE, _DISTANCES = 1e-7, np.linspace(6.0, 60.0, 109)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,11 +78,11 @@ def tabulate_excess(cover: Cover) -> Excess:
     step = 2 * LOGARITHMIC_HALF_WIDTH / LOGARITHMIC_POINTS
     middle = 1 / np.sqrt(top.thickness * cover.thickness)
     k = middle * np.exp(step * (np.arange(LOGARITHMIC_POINTS) + 0.5) - LOGARITHMIC_HALF_WIDTH)
-    deep = k * top.thickness > _DEEP
-    known = transfer(cover, np.where(deep, _DEEP / top.thickness, k)).compliance
+    deep = k * top.thickness > _SETTINGS.deep
+    known = transfer(cover, np.where(deep, _SETTINGS.deep / top.thickness, k)).compliance
     excess = np.where(deep, 0.0, known * k - plane)
-    offset = fhtoffset(step, 0.0, bias=_BIAS)
-    shifted = fht(excess + plane * np.exp(-k * cover.thickness), step, 0.0, offset=offset, bias=_BIAS)
+    offset = fhtoffset(step, 0.0, bias=_SETTINGS.bias)
+    shifted = fht(excess + plane * np.exp(-k * cover.thickness), step, 0.0, offset=offset, bias=_SETTINGS.bias)
     r = np.exp(offset) / k[::-1]
     value = (shifted / r - plane / np.hypot(r, cover.thickness)) / (2 * np.pi)
     inside = (r > 1e-4 * top.thickness) & (r < 1e4 * cover.thickness)
@@ -80,7 +93,7 @@ def find_reach(cover: Cover) -> float:
     """Find the distance from a point load beyond which the pressure on the base is negligible [m]."""
     pressure = np.abs(point_response(cover, cover.thickness * _DISTANCES))
     largest = abs(float(point_response(cover, 0.0)))
-    left = np.flatnonzero(pressure > _NEGLIGIBLE * largest)
+    left = np.flatnonzero(pressure > _SETTINGS.negligible * largest)
     return float(
         cover.thickness * _DISTANCES[min(left[-1] + 1, len(_DISTANCES) - 1)] if len(left) else 6 * cover.thickness
     )
@@ -119,7 +132,9 @@ def tabulate_texel_response(cover: Cover, size: tuple[float, float]) -> TexelRes
     """
     reach = find_reach(cover)
     half = tuple(edge / 2 + reach for edge in size)
-    count = [min(_MOST_POINTS, 2 * int(np.ceil(each * _RESOLUTION / cover.thickness))) for each in half]
+    count = [
+        min(_SETTINGS.most_points, 2 * int(np.ceil(each * _SETTINGS.resolution / cover.thickness))) for each in half
+    ]
     spacing = [2 * each / n for each, n in zip(half, count, strict=True)]
     kx, ky = (2 * np.pi * np.fft.fftfreq(n, d) for n, d in zip(count, spacing, strict=True))
     ky = np.abs(ky[: count[1] // 2 + 1])

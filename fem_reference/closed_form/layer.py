@@ -21,16 +21,26 @@ from scipy.special import j0
 from meshes import Cover, Layer
 from meshes.array_types import FloatArray
 
-#: Product of wave number k and cover thickness below which the response is interpolated by a parabola in k that ends at
-#: the exact limit for k = 0, because the linear systems are ill-conditioned at small k [-].
-_SMALL = 2e-3
-#: Product of wave number and cover thickness at which the integrals over the wave number end, because the base pressure
-#: is negligible beyond: exp(-60) = 1e-26 [-].
-_LARGE = 60.0
-#: Smallest number of panels of a Hankel transform, and number of Gauss points in each panel [-].
-_PANELS, _PANEL_POINTS = 64.0, 10
-#: Number of distances for which Bessel functions are computed at once, to limit the memory [-].
-_BLOCK = 512
+
+@dataclass(frozen=True, kw_only=True)
+class LayerSettings:
+    """Numbers of the integrals over the wave number."""
+
+    #: Product of wave number k and cover thickness below which the response is interpolated by a parabola in k that
+    #: ends at the exact limit for k = 0, because the linear systems are ill-conditioned at small k [-].
+    small: float = 2e-3
+    #: Product of wave number and cover thickness at which the integrals end, because the base pressure is negligible
+    #: beyond: exp(-60) = 1e-26 [-].
+    large: float = 60.0
+    #: Smallest number of panels of a Hankel transform [-].
+    panels: float = 64.0
+    #: Gauss points in each panel [-].
+    panel_points: int = 10
+    #: Distances for which Bessel functions are computed at once, to limit the memory [-].
+    block: int = 512
+
+
+_SETTINGS = LayerSettings()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,11 +69,11 @@ def transfer(cover: Cover, wave_number: npt.ArrayLike) -> Transfer:
     k = np.atleast_1d(np.asarray(wave_number, dtype=float))
     if (k < 0).any():
         raise ValueError("wave numbers must not be negative")
-    small = k * cover.thickness < _SMALL
-    solved = _solve(cover, np.where(small, _SMALL / cover.thickness, k))
+    small = k * cover.thickness < _SETTINGS.small
+    solved = _solve(cover, np.where(small, _SETTINGS.small / cover.thickness, k))
     limit_compliance, limit_base = _compute_uniform_limit(cover)
-    # Below `_SMALL`, interpolate linearly in k^2 from the limit k = 0, because the response is an even function of k.
-    fraction = np.where(small, (k * cover.thickness / _SMALL) ** 2, 1.0)
+    # Small k: interpolate linearly in k^2 from the limit k = 0, because the response is an even function of k.
+    fraction = np.where(small, (k * cover.thickness / _SETTINGS.small) ** 2, 1.0)
     return Transfer(
         compliance=limit_compliance + fraction * (solved.compliance - limit_compliance),
         base=limit_base + fraction * (solved.base - limit_base),
@@ -83,9 +93,9 @@ def traction_compliance(cover: Cover, wave_number: npt.ArrayLike) -> FloatArray:
         +x on the top.  For axisymmetric loads cos(k x) becomes J0(k r), and sin(k x) becomes J1(k r).
     """
     k = np.atleast_1d(np.asarray(wave_number, dtype=float))
-    # Below `_SMALL` the linear systems are ill-conditioned; there the compliances are constant on the diagonal and
+    # At small k the linear systems are ill-conditioned; there the compliances are constant on the diagonal and
     # proportional to k off the diagonal.
-    solvable = np.maximum(k, _SMALL / cover.thickness)
+    solvable = np.maximum(k, _SETTINGS.small / cover.thickness)
     ratio = k / solvable
     one = np.ones_like(k)
     return np.asarray(_solve_tractions(cover, solvable)[0] * np.array([[one, ratio], [ratio, one]]).T)
@@ -101,7 +111,7 @@ def transfer_to_base(cover: Cover, wave_number: FloatArray) -> tuple[FloatArray,
     Returns:
         Pressure on the base per pressure cos(k x), and per shear traction sin(k x) along +x, shape (m,) each [-].
     """
-    solvable = np.maximum(wave_number, _SMALL / cover.thickness)
+    solvable = np.maximum(wave_number, _SETTINGS.small / cover.thickness)
     shear = _solve_tractions(cover, solvable)[1][:, 1] * wave_number / solvable
     return transfer(cover, wave_number).base, shear
 
@@ -153,9 +163,9 @@ def point_response(cover: Cover, radius: npt.ArrayLike) -> FloatArray:
     density = transfer(cover, k).base * k * weight / (2 * np.pi)
     flat = r.ravel()
     out = np.empty_like(flat)
-    for start in range(0, flat.size, _BLOCK):
-        block = flat[start : start + _BLOCK]
-        out[start : start + _BLOCK] = j0(block[:, None] * k) @ density
+    for start in range(0, flat.size, _SETTINGS.block):
+        block = flat[start : start + _SETTINGS.block]
+        out[start : start + _SETTINGS.block] = j0(block[:, None] * k) @ density
     return out.reshape(r.shape)
 
 
@@ -181,9 +191,9 @@ def hankel_nodes(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
     Returns:
         Gauss-Legendre nodes and weights, shape (m,) each [1/m].
     """
-    top = _LARGE / cover.thickness
-    panels = int(np.ceil(max(_PANELS, top * reach / np.pi)))
-    nodes, weights = np.polynomial.legendre.leggauss(_PANEL_POINTS)
+    top = _SETTINGS.large / cover.thickness
+    panels = int(np.ceil(max(_SETTINGS.panels, top * reach / np.pi)))
+    nodes, weights = np.polynomial.legendre.leggauss(_SETTINGS.panel_points)
     edges = np.linspace(0, top, panels + 1)
     half = np.diff(edges)[:, None] / 2
     return (edges[:-1, None] + half * (nodes + 1)).ravel(), (half * weights).ravel()

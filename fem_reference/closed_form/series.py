@@ -9,6 +9,7 @@ last half of the terms makes the error small except where the load itself has a 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,14 +18,38 @@ from scipy.special import expit
 
 from meshes.array_types import FloatArray
 
+
+@dataclass(frozen=True, kw_only=True)
+class SeriesSettings:
+    """Numbers of Fourier series and of their quadrature."""
+
+    #: Gauss points in a panel [-].
+    points: int = 16
+    #: Largest phase of a harmonic in a panel [rad].
+    phase: float = 8.0
+    #: Smallest number of panels in each half of the interval [-].
+    panels: int = 2
+    #: Largest change of a harmonic between two sets of panels, over the sum of the moduli of the forces [-].
+    settled: float = 1e-9
+    #: Smallest number of terms [-].
+    first: int = 64
+    #: Largest number of terms of the traction on the base [-].
+    most_terms: int = 2**17
+    #: First number of terms of the displacement of the top [-].
+    first_top: int = 2**8
+    #: Largest number of terms of the displacement of the top [-].
+    most_top: int = 2**13
+    #: Part of a sum that rounding leaves [-].
+    rounding: float = 1e-14
+    #: Order times span at which the transfer to the base is negligible: exp(-60) = 1e-26 [-].
+    deep: float = 60.0
+
+
+_SETTINGS = SeriesSettings()
+
+
 #: A traction: constant, or a function of angles, shape (n,) [rad], that returns values, shape (n,) [Pa].
 Traction = float | Callable[[FloatArray], FloatArray]
-
-#: Gauss points in a panel [-], largest phase of a harmonic in a panel [rad], and smallest number of panels
-#: in each half of the interval [-].
-_POINTS, _PHASE, _PANELS = 16, 8.0, 2
-#: Largest change of a harmonic between two sets of panels, over the sum of the moduli of the forces [-].
-_SETTLED = 1e-9
 
 
 def place_points(start: float, end: float, highest: int, refinement: int = 1) -> tuple[FloatArray, FloatArray]:
@@ -45,8 +70,8 @@ def place_points(start: float, end: float, highest: int, refinement: int = 1) ->
         Angles, shape (n,) [rad], and weights, shape (n,) [rad].
     """
     half = (end - start) / 2
-    panels = 2 * refinement * max(_PANELS, int(np.ceil(np.pi * highest * half / (2 * _PHASE))))
-    nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
+    panels = 2 * refinement * max(_SETTINGS.panels, int(np.ceil(np.pi * highest * half / (2 * _SETTINGS.phase))))
+    nodes, weights = np.polynomial.legendre.leggauss(_SETTINGS.points)
     edges = np.linspace(-np.pi / 2, np.pi / 2, panels + 1)
     width = np.diff(edges)[:, None] / 2
     t, weight = (edges[:-1, None] + width * (nodes + 1)).ravel(), (width * weights).ravel()
@@ -78,20 +103,8 @@ def check_resolved(coarse: npt.NDArray[Any], fine: npt.NDArray[Any], size: float
     Raises:
         ValueError: If they differ by more than 1e-9 of `size`.
     """
-    if np.abs(fine - coarse).max(initial=0.0) > _SETTLED * size:
+    if np.abs(fine - coarse).max(initial=0.0) > _SETTINGS.settled * size:
         raise ValueError("the traction is not smooth inside its interval; split it into several loads where it jumps")
-
-
-#: Smallest number of terms [-].
-_FIRST = 64
-#: Largest number of terms of the traction on the base [-].
-_MOST_TERMS = 2**17
-#: First and largest number of terms of the displacement of the top [-].
-_FIRST_TOP, _MOST_TOP = 2**8, 2**13
-#: Part of a sum that rounding leaves [-].
-_ROUNDING = 1e-14
-#: Order times span at which the transfer to the base is negligible: exp(-60) = 1e-26 [-].
-_DEEP = 60.0
 
 
 def count_base_terms(transfer: Callable[[FloatArray], FloatArray], span: float, tolerance: float) -> int:
@@ -109,12 +122,14 @@ def count_base_terms(transfer: Callable[[FloatArray], FloatArray], span: float, 
     Raises:
         ValueError: If more than 131072 terms are needed, as in a layer thinner than about 0.0005 radii.
     """
-    count = int(np.ceil(_DEEP / span)) + _FIRST
-    if count > _MOST_TERMS:
-        raise ValueError(f"the layer is too thin for its radius: its series needs more than {_MOST_TERMS} terms")
+    count = int(np.ceil(_SETTINGS.deep / span)) + _SETTINGS.first
+    if count > _SETTINGS.most_terms:
+        raise ValueError(
+            f"the layer is too thin for its radius: its series needs more than {_SETTINGS.most_terms} terms"
+        )
     norms = np.linalg.norm(transfer(np.arange(float(count))), axis=(1, 2)) * np.arange(1, count + 1)
     left_out = np.cumsum(norms[::-1])[::-1]
-    return int(np.argmax(left_out <= max(tolerance, _ROUNDING) * left_out[0]))
+    return int(np.argmax(left_out <= max(tolerance, _SETTINGS.rounding) * left_out[0]))
 
 
 def converge_top(evaluate: Callable[[int], FloatArray], tolerance: float) -> FloatArray:
@@ -127,9 +142,9 @@ def converge_top(evaluate: Callable[[int], FloatArray], tolerance: float) -> Flo
     Raises:
         ValueError: If the values do not settle, as at a concentrated load, where they are infinite.
     """
-    count = _FIRST_TOP
+    count = _SETTINGS.first_top
     before = evaluate(count)
-    while count < _MOST_TOP:
+    while count < _SETTINGS.most_top:
         count *= 2
         now = evaluate(count)
         change, size = np.abs(now - before).max(initial=0.0), np.abs(now).max(initial=0.0)

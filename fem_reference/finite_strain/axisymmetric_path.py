@@ -22,33 +22,44 @@ from fem_reference.linear_response.axisymmetric import BaseResponse, find_constr
 from meshes import FlatPunch, Indenter
 from meshes.array_types import FloatArray
 
+
+@dataclass(frozen=True, kw_only=True)
+class AxisymmetricPathSettings:
+    """Numbers of loading paths in the r-z plane."""
+
+    #: Part of the bulk modulus that acts on the displacements directly, under curved indenters at finite strain, in
+    #: shear moduli.  Without it, balls on incompressible covers stop before 75 % of the thickness [-].
+    direct_bulk: float = 50.0
+    #: Element size at the rounded edge of a flat punch over the radius of the edge [-].
+    edge_element: float = 0.46
+    #: Radius of the region of small elements over the radius of the contact, under a curved indenter [-].
+    fine_region: float = 1.25
+    #: Size ratio of neighbouring elements away from the contact, minus one, times the number of elements through the
+    #: cover [-].
+    growth: float = 1.2
+    #: Gap between indenter and cover, over the depth, above which a surface node is out of contact.  In the outermost
+    #: element in contact the surface deviates from the indenter by less than this value [-].
+    open: float = 1e-2
+    #: Nodes out of contact from which the edge of the contact is extrapolated [-].
+    open_nodes: int = 4
+    #: Nodes inside the contact to which the extrapolated edge is limited [-].
+    closed_nodes: int = 3
+
+
+_SETTINGS = AxisymmetricPathSettings()
+
+
 #: Contact penalty: contact pressure per penetration, in shear moduli per element size.  A high contact pressure reduces
 #: the stiffness of the surface elements, and the penalty must exceed the reduction by far; below about 30, surfaces
 #: under high pressure wrinkle [-].
 PENALTY = 300.0
-#: Part of the bulk modulus that acts on the displacements directly, under curved indenters at finite strain, in shear
-#: moduli.  Without it, balls on incompressible covers stop before 75 % of the thickness [-].
-_DIRECT_BULK = 50.0
 #: Depth of the first step of a loading path over the cover thickness, small enough for a linear response [-].
 FIRST_DEPTH = 0.02
 #: Smallest number of steps of a loading path with friction, over the number of elements through the cover, in the r-z
 #: plane.  The error of the steps then decreases with the elements, and the differences between grids show both [-].
 FRICTION_STEPS = 1.25
-#: Element size at the rounded edge of a flat punch over the radius of the edge [-].
-_EDGE_ELEMENT = 0.46
-#: Radius of the region of small elements over the radius of the contact, under a curved indenter [-].
-_FINE_REGION = 1.25
-#: Size ratio of neighbouring elements away from the contact, minus one, times the number of elements through the
-#: cover [-].
-_GROWTH = 1.2
 #: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
 _ON_BOUNDARY = 1e-9
-#: Gap between indenter and cover, over the depth, above which a surface node counts as out of contact.  In the
-#: outermost element in contact the surface deviates from the indenter by less than this value [-].
-_OPEN = 1e-2
-#: The edge of the contact is extrapolated from this many nodes out of contact, and limited to the interval from this
-#: many nodes inside the contact to the first node out of contact [-].
-_OPEN_NODES, _CLOSED_NODES = 4, 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,7 +125,7 @@ def press_axisymmetric(
     elements = prepare_elements(mesh, region=region, axisymmetric=True)
     # Contact problem in units of the cover's thickness and shear modulus.
     surface = IndenterSurface(indenter=path.indenter, fillet=fillet, unit=units.length, load_scale=path.load_scale)
-    direct = 0.0 if isinstance(path.indenter, FlatPunch) or path.load_scale < 1 else _DIRECT_BULK
+    direct = 0.0 if isinstance(path.indenter, FlatPunch) or path.load_scale < 1 else _SETTINGS.direct_bulk
     solid = Solid.from_cover(elements, path.cover, units, direct=direct)
     problem = ContactProblem(
         solid=solid,
@@ -154,11 +165,11 @@ def _grade_radii(
     Returns:
         Element edges, and the height of the elements at the top [thicknesses].
     """
-    size, growth = min(1.0, radius) / count, 1 + _GROWTH / count
+    size, growth = min(1.0, radius) / count, 1 + _SETTINGS.growth / count
     if isinstance(indenter, FlatPunch):
-        top = _EDGE_ELEMENT * fillet
+        top = _SETTINGS.edge_element * fillet
         return grade_around_edge(top, size, radius, reach, growth), top
-    return grade_outward(size, _FINE_REGION * radius, reach, growth), size
+    return grade_outward(size, _SETTINGS.fine_region * radius, reach, growth), size
 
 
 def _describe_state(
@@ -209,10 +220,12 @@ def _measure_area(surface: IndenterSurface, top: FloatArray, reached: ContactEqu
     """
     r, z = top[:, 0], top[:, 1]
     gap = 1 - reached.depth + surface.height(r, np.zeros_like(r)) - z
-    closed = np.flatnonzero(gap < _OPEN * reached.depth)
+    closed = np.flatnonzero(gap < _SETTINGS.open * reached.depth)
     first_open = int(closed.max()) + 1 if closed.size else 0
-    if isinstance(surface.indenter, FlatPunch) or first_open == 0 or first_open + _OPEN_NODES > len(r):
+    if isinstance(surface.indenter, FlatPunch) or first_open == 0 or first_open + _SETTINGS.open_nodes > len(r):
         return reached.contact.area
-    near = slice(first_open, first_open + _OPEN_NODES)
+    near = slice(first_open, first_open + _SETTINGS.open_nodes)
     slope, intercept = np.polyfit(r[near], gap[near] ** (2 / 3), 1)
-    return float(np.pi * np.clip(-intercept / slope, r[max(first_open - _CLOSED_NODES, 0)], r[first_open]) ** 2)
+    return float(
+        np.pi * np.clip(-intercept / slope, r[max(first_open - _SETTINGS.closed_nodes, 0)], r[first_open]) ** 2
+    )

@@ -31,23 +31,44 @@ from fem_reference.finite_strain.loading_path import LoadingPath, Units
 from meshes import Cover, FlatPunch
 from meshes.array_types import FloatArray, IntArray
 
+
+@dataclass(frozen=True, kw_only=True)
+class BlockSettings:
+    """Numbers of loading paths on blocks in three dimensions."""
+
+    #: Element size at the edge of a rectangular face, whose edges lie on mesh lines, over the radius of the rounded
+    #: edge [-].
+    on_line_element: float = 0.6
+    #: Element size everywhere under a face of another outline, over the radius of the rounded edge [-].
+    off_line_element: float = 1.3
+    #: Element size at the edge of the contact under a curved indenter, over the regular size, which follows from the
+    #: number of elements through the cover [-].
+    edge_element: float = 0.5
+    #: Largest element size in the contact over the regular size [-].
+    largest_element: float = 1.2
+    #: Largest number of equal elements along half a footprint, per element through the cover, to limit the memory [-].
+    most_elements: int = 6
+    #: Smallest number of elements through each layer [-].
+    layer_elements: int = 2
+    #: Distance from the outline of a flat punch, over its smaller half width, below which a point counts as on the
+    #: outline [-].
+    on_outline: float = 1e-6
+    #: Mean penetration over depth below which augmentation stops, without friction.  Most of the effect of the
+    #: penetration cancels in the difference from the baseline [-].
+    overlap: float = 2e-3
+    #: The same with friction, which the baseline lacks, so that less cancels [-].
+    friction_overlap: float = 5e-4
+    #: Gap between indenter and cover, over the depth, below which a node counts as in contact [-].
+    closed: float = 0.01
+
+
+_SETTINGS = BlockSettings()
+
+
 #: Base pressure on a grid: ascending positions along x, shape (m,) [m], and along y, shape (n,) [m], and the pressure
 #: at the grid points, shape (m, n) [Pa].
 BasePressure = tuple[FloatArray, FloatArray, FloatArray]
 
-#: Element size over the radius of the rounded edge of a flat punch: at the edge of a rectangular face, whose edges lie
-#: on mesh lines, and everywhere under a face of another outline [-].
-_ON_LINE_ELEMENT, _OFF_LINE_ELEMENT = 0.6, 1.3
-#: Element sizes over the regular size, which follows from the number of elements through the cover: at the edge of the
-#: contact under a curved indenter, and largest size in the contact [-].
-_EDGE_ELEMENT, _LARGEST_ELEMENT = 0.5, 1.2
-#: Largest number of equal elements along half a footprint, per element through the cover, to limit the memory [-].
-_MOST_ELEMENTS = 6
-#: Smallest number of elements through each layer [-].
-_LAYER_ELEMENTS = 2
-#: Distance from the outline of a flat punch, over its smaller half width, below which a point counts as on the
-#: outline [-].
-_ON_OUTLINE = 1e-6
 #: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
 _ON_BOUNDARY = 1e-9
 
@@ -145,12 +166,12 @@ def lay_out_block(
     unit = path.units.length
     fillet, reach, *halves = (value / unit for value in (fillet, reach, *contact_half))
     size = min(1.0, 2 * min(halves)) / elements_per_thickness
-    fine = _ON_LINE_ELEMENT * fillet if isinstance(indenter, FlatPunch) else _EDGE_ELEMENT * size
-    most = _LARGEST_ELEMENT * size
+    fine = _SETTINGS.on_line_element * fillet if isinstance(indenter, FlatPunch) else _SETTINGS.edge_element * size
+    most = _SETTINGS.largest_element * size
     if isinstance(indenter, FlatPunch) and not is_rectangular(indenter):
         finest = max(half / (1 if mirror else 0.5) for half, mirror in zip(halves, symmetric, strict=True))
-        finest /= _MOST_ELEMENTS * elements_per_thickness
-        fine = most = max(min(size, _OFF_LINE_ELEMENT * fillet), finest)
+        finest /= _SETTINGS.most_elements * elements_per_thickness
+        fine = most = max(min(size, _SETTINGS.off_line_element * fillet), finest)
     sides = [grade_contact(half, reach, fine=fine, most=most) for half in halves]
     return Block(
         sides=[x if mirror else np.concatenate([-x[:0:-1], x]) for x, mirror in zip(sides, symmetric, strict=True)],
@@ -168,7 +189,7 @@ def mesh_block(block: Block, cover: Cover, elements_per_thickness: int) -> Mixed
         cover: Cover with all lengths divided by its thickness.
         elements_per_thickness: Number of elements through the cover; each layer gets at least two [-].
     """
-    counts = [max(_LAYER_ELEMENTS, round(layer.thickness * elements_per_thickness)) for layer in cover.layers]
+    counts = [max(_SETTINGS.layer_elements, round(layer.thickness * elements_per_thickness)) for layer in cover.layers]
     heights, layer = layer_heights([each.thickness for each in cover.layers], counts, surface_size=block.size)
     mesh, region = mesh_layers(block.sides, heights, layer)
     return prepare_elements(mesh, region=region)
@@ -262,18 +283,15 @@ def is_rectangular(shape: FlatPunch) -> bool:
     """Return whether the face of a flat punch is a rectangle along x and y, so that its outline lies on mesh lines."""
     half = np.array(shape.footprint)
     corners = half * [[1, 1], [-1, 1], [-1, -1], [1, -1]]
-    filled = abs(float(shape.signed_distance(np.zeros(1), np.zeros(1))[0]) - half.min()) < _ON_OUTLINE * half.min()
-    return filled and bool((np.abs(shape.signed_distance(*corners.T)) < _ON_OUTLINE * half.min()).all())
+    filled = (
+        abs(float(shape.signed_distance(np.zeros(1), np.zeros(1))[0]) - half.min()) < _SETTINGS.on_outline * half.min()
+    )
+    return filled and bool((np.abs(shape.signed_distance(*corners.T)) < _SETTINGS.on_outline * half.min()).all())
 
 
-#: Mean penetration over depth below which augmentation stops, without and with friction.  Most of the effect of the
-#: penetration cancels in the difference from the baseline; with friction, which the baseline lacks, less cancels [-].
-_OVERLAP, _FRICTION_OVERLAP = 2e-3, 5e-4
 #: Smallest number of steps of a loading path with friction, over the number of elements through the cover.  The error
 #: of the steps then decreases with the elements, and the differences between grids show both [-].
 FRICTION_STEPS = 3
-#: Gap between indenter and cover, over the depth, below which a node counts as in contact [-].
-_CLOSED = 0.01
 #: Distance from the top of the cover, over its thickness, below which a node counts as on the top [-].
 _ON_TOP = 1e-9
 
@@ -400,7 +418,7 @@ def add_change(baseline: Guess, change: Guess, elements: MixedElements, surface:
     top = np.flatnonzero(elements.nodes[:, 2] > 1 - _ON_TOP)
     x, y, _ = elements.nodes[top].T
     gap = surface.height(x, y) - baseline.depth - baseline.state[3 * top + 2]
-    closed = gap < _CLOSED * baseline.depth
+    closed = gap < _SETTINGS.closed * baseline.depth
     top, gap = top[closed], gap[closed]
     moved = elements.nodes[top, :2] + np.column_stack([state[3 * top], state[3 * top + 1]])
     state[3 * top + 2] = surface.height(*moved.T) - depth - gap
@@ -430,7 +448,7 @@ def _follow(
         constrained=find_constrained(block, solid.elements, bonded=path.cover.base == "bonded"),
         units=path.units,
         load_scale=path.load_scale,
-        overlap=_FRICTION_OVERLAP if path.friction else _OVERLAP,
+        overlap=_SETTINGS.friction_overlap if path.friction else _SETTINGS.overlap,
         friction_steps=friction_steps,
     )
     first = FIRST_DEPTH * path.load_scale

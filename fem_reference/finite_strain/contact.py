@@ -32,21 +32,31 @@ from fem_reference.elements.taylor_hood import MixedElements, evaluate_shapes
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceContactSettings:
+    """Numbers of the penalty method and of friction."""
+
+    #: Contact pressure per reference area, in units of stress, above which the penalty grows in proportion.  A surface
+    #: under high pressure wrinkles unless the penalty exceeds the pressure over the element size by far [-].
+    stiffen: float = 10.0
+    #: Polynomial order of the quadrature on the top facets [-].
+    order: int = 5
+    #: Largest distance over which the motion of a point that will touch is extrapolated, over the last step [-].
+    ahead: float = 2.0
+    #: Absolute value below which a shape function counts as zero on a facet [-].
+    zero: float = 1e-9
+
+
+_SETTINGS = SurfaceContactSettings()
+
+
 #: Stiffness of the tangential spring of friction over the normal penalty, for finite friction coefficients.  With a
 #: stiffer spring, the trial traction leaves the friction cone on one side and then on the opposite side, and Newton's
 #: method cycles.  The elastic slip of the soft spring vanishes as slip is recorded [-].
 TANGENTIAL_PENALTY = 1 / 40
-#: Contact pressure per reference area, in units of stress, above which the penalty grows in proportion.  A surface
-#: under high pressure wrinkles unless the penalty exceeds the pressure over the element size by far [-].
-_STIFFEN = 10.0
-#: Polynomial order of the quadrature on the top facets [-].
-_ORDER = 5
 #: Distance from the top of the cover, over the height of the top, below which a facet counts as part of the top [-].
 _ON_TOP = 1e-9
-#: Largest distance over which the motion of a point that will touch is extrapolated, over the last step [-].
-_AHEAD = 2.0
-#: Absolute value below which a shape function counts as zero on a facet [-].
-_ZERO = 1e-9
 #: Lower bound of denominators that may be zero [N] or [Pa].
 _TINY = 1e-300
 
@@ -115,9 +125,9 @@ class TopPoints:
         """Place the points on the facets at the height `top` [m]."""
         mesh = elements.basis.mesh
         facets = mesh.facets_satisfying(lambda x: np.abs(x[-1] - top) < _ON_TOP * top, boundaries_only=True)
-        basis = skfem.FacetBasis(mesh, elements.basis.elem, facets=facets, intorder=_ORDER)
+        basis = skfem.FacetBasis(mesh, elements.basis.elem, facets=facets, intorder=_SETTINGS.order)
         shapes = evaluate_shapes(basis)
-        on_facet = np.abs(shapes).max(axis=(0, 1)) > _ZERO
+        on_facet = np.abs(shapes).max(axis=(0, 1)) > _SETTINGS.zero
         position = np.asarray(basis.global_coordinates())
         return cls(
             shape=shapes[..., on_facet],
@@ -299,7 +309,7 @@ class SurfaceContact:
             step = contact.depth - self._last_depth
             closing = (self._last_gap - contact.gap) / step
             ahead = np.where(closing > 0, contact.gap / np.where(closing > 0, closing, 1.0), 0.0)
-            ahead = np.where(contact.pressure > 0, 0.0, np.clip(ahead, 0.0, _AHEAD * step))
+            ahead = np.where(contact.pressure > 0, 0.0, np.clip(ahead, 0.0, _SETTINGS.ahead * step))
             self._ahead = ahead[..., None] * (contact.position - self._last_position) / step
             self._last_depth, self._last_gap, self._last_position = contact.depth, contact.gap, contact.position
         open_ = (contact.pressure <= 0)[..., None]
@@ -316,7 +326,7 @@ class SurfaceContact:
             pressure: Largest contact pressure per reference area [units of stress].
         """
         if not self.friction:
-            self._penalty = self._first_penalty * max(1.0, pressure / _STIFFEN)
+            self._penalty = self._first_penalty * max(1.0, pressure / _SETTINGS.stiffen)
 
     def augment(self, pressure: FloatArray) -> None:
         """Set the pressure at each quadrature point that is added to that of the penalty, to reduce the penetration.

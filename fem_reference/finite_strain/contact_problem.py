@@ -36,27 +36,45 @@ from fem_reference.finite_strain.newton import (
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes.array_types import FloatArray, IntArray
 
+
+@dataclass(frozen=True, kw_only=True)
+class PathSettings:
+    """Numbers of loading paths."""
+
+    #: Depth over cover thickness at which a loading path ends: the cover under the indenter cannot vanish [-].
+    deepest: float = 0.98
+    #: Largest residual at a target: forces over the largest nodal contact force, volumes over the volume per pressure
+    #: unknown, the error of the load over the load [-].
+    target_tolerance: float = 1e-6
+    #: Largest residual in the steps between targets [-].
+    step_tolerance: float = 1e-3
+    #: Largest number of augmentations at a target [-].
+    augmentations: int = 6
+    #: Largest number of Newton iterations in a step without friction [-].
+    iterations: int = 24
+    #: The same with friction, where the same iterations also find the friction cones [-].
+    friction_iterations: int = 60
+    #: Change of the contact pressures over their sum below which the friction cones are no longer updated [-].
+    cone_change: float = 1e-4
+    #: First step from a guess between targets, over the distance to the next target [-].
+    step_from_between: float = 0.25
+    #: Largest number of times that the first step of a loading path is halved [-].
+    first_halvings: int = 12
+    #: Largest number of times that it is then doubled [-].
+    first_doublings: int = 4
+    #: Decimal digits, relative to the largest coordinate, to which coordinates of nodes on one mesh line agree [-].
+    digits: int = 9
+    #: Loads of the equilibria between targets that serve as initial guesses, over the largest load [-].
+    shares: tuple[float, ...] = (0.8, 0.6, 0.4, 0.2)
+
+
+_SETTINGS = PathSettings()
+
+
 _LOG = logging.getLogger(__name__)
 
-#: Depth over cover thickness at which a loading path ends: the cover under the indenter cannot vanish [-].
-_DEEPEST = 0.98
 #: Mean penetration of indenter and cover, over the depth, below which augmentation stops [-].
 OVERLAP = 2.5e-4
-#: Largest residual at a target, and in the steps between targets.  Residual forces are divided by the largest nodal
-#: contact force, volume residuals by the volume per pressure unknown, the error of the load by the load [-].
-_TARGET_TOLERANCE, _STEP_TOLERANCE = 1e-6, 1e-3
-#: Largest number of augmentations at a target [-].
-_AUGMENTATIONS = 6
-#: Largest number of Newton iterations in a step without friction, and with friction, where the same iterations also
-#: find the friction cones [-].
-_ITERATIONS, _FRICTION_ITERATIONS = 24, 60
-#: Tolerance of the iteration that updates the friction cones from the contact pressures: change of the pressures
-#: between two updates over their sum [-].
-_CONE_CHANGE = 1e-4
-#: First step from a guess between targets, over the distance to the next target [-].
-_STEP_FROM_BETWEEN = 0.25
-#: Largest number of times that the first step of a loading path is halved, and then doubled [-].
-_FIRST_HALVINGS, _FIRST_DOUBLINGS = 12, 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -153,7 +171,7 @@ class ContactProblem:
             reached = None if guess is None else self._solve_from_guess(guess, target, control, last)
             if reached is None:
                 start = self._start_between(between, target, control, last)
-                step = None if start is None else (target - getattr(start, control)) * _STEP_FROM_BETWEEN
+                step = None if start is None else (target - getattr(start, control)) * _SETTINGS.step_from_between
                 start = start or last or self._take_first_step(first, target, control)
                 step = step or (start.load if control == "load" else first)
                 try:
@@ -181,7 +199,7 @@ class ContactProblem:
         self.contact.augment(np.zeros_like(self.contact.weight))
         self.contact.stiffen(guess.contact_pressure)
         try:
-            return self._solve(guess.state, depth, load, used, tolerance=_STEP_TOLERANCE)
+            return self._solve(guess.state, depth, load, used, tolerance=_SETTINGS.step_tolerance)
         except STEP_FAILURES as error:
             _LOG.info("guess for %s %.4g failed: %s", control, target, error)
             return None
@@ -214,8 +232,8 @@ class ContactProblem:
             state, depth = _extrapolate(before, here, aim, control)
             self.contact.stiffen(float(here.contact.pressure.max()))
             load = aim if control == "load" else None
-            reached = self._solve(state, depth, load, here.iterations, tolerance=_STEP_TOLERANCE, near=here)
-            if self.load_scale == 1 and reached.depth >= _DEEPEST:
+            reached = self._solve(state, depth, load, here.iterations, tolerance=_SETTINGS.step_tolerance, near=here)
+            if self.load_scale == 1 and reached.depth >= _SETTINGS.deepest:
                 raise ConvergenceError(
                     "the indenter would touch the base: its tip passes between the nodes of the mesh"
                 )
@@ -247,12 +265,12 @@ class ContactProblem:
         undeformed = np.zeros(self.solid.elements.displacements + self.solid.elements.pressures)
         most = target / self.friction_steps if self.contact.friction else np.inf
         largest = min(most, target) if control == "depth" else np.inf
-        steps = [depth / 2**count for count in range(_FIRST_HALVINGS)]
-        for step in (*steps, *(depth * 2**count for count in range(1, _FIRST_DOUBLINGS + 1))):
+        steps = [depth / 2**count for count in range(_SETTINGS.first_halvings)]
+        for step in (*steps, *(depth * 2**count for count in range(1, _SETTINGS.first_doublings + 1))):
             if step > largest:
                 continue
             try:
-                here = self._solve(undeformed, step, None, 0, tolerance=_STEP_TOLERANCE)
+                here = self._solve(undeformed, step, None, 0, tolerance=_SETTINGS.step_tolerance)
             except STEP_FAILURES as error:
                 _LOG.info("first step %.3g failed: %s", step, error)
                 continue
@@ -266,16 +284,16 @@ class ContactProblem:
     def _tighten(self, here: ContactEquilibrium, control: Control) -> ContactEquilibrium:
         """Reduce the penetration of an equilibrium by augmentation, then solve with the smaller target tolerance."""
         pressure = np.zeros_like(here.contact.pressure)
-        for _ in range(_AUGMENTATIONS):
+        for _ in range(_SETTINGS.augmentations):
             if here.contact.overlap < self.overlap * here.depth:
                 break
             self.contact.augment(here.contact.pressure)
-            closer = self._solve_again(here, control, _STEP_TOLERANCE)
+            closer = self._solve_again(here, control, _SETTINGS.step_tolerance)
             if closer is None:
                 self.contact.augment(pressure)
                 break
             here, pressure = closer, here.contact.pressure
-        return self._solve_again(here, control, _TARGET_TOLERANCE) or here
+        return self._solve_again(here, control, _SETTINGS.target_tolerance) or here
 
     def _solve_again(self, here: ContactEquilibrium, control: Control, tolerance: float) -> ContactEquilibrium | None:
         """Solve for the same target from a nearby state; return None if Newton's method does not converge."""
@@ -327,7 +345,7 @@ class ContactProblem:
             seen = state, contact
             balanced = self._is_balanced(internal + contact.force, contact, load, tolerance)
             equilibrium = None
-            if balanced and self.contact.update_cone(contact) <= max(tolerance, _CONE_CHANGE):
+            if balanced and self.contact.update_cone(contact) <= max(tolerance, _SETTINGS.cone_change):
                 equilibrium = ContactEquilibrium(
                     state=state,
                     depth=depth,
@@ -346,7 +364,7 @@ class ContactProblem:
                 changed=balanced,
             )
 
-        iterations = _FRICTION_ITERATIONS if self.contact.friction else _ITERATIONS
+        iterations = _SETTINGS.friction_iterations if self.contact.friction else _SETTINGS.iterations
         return solve_newton(linearise, np.append(state, depth), iterations=iterations)
 
     def _solve_step(
@@ -389,12 +407,6 @@ def _extrapolate(
     return here.state + ahead * (here.state - before.state), depth
 
 
-#: Number of decimal digits, relative to the largest coordinate, to which coordinates of nodes on one mesh line agree.
-_DIGITS = 9
-#: Loads of the equilibria between targets that serve as initial guesses, over the largest load [-].
-_SHARES = (0.8, 0.6, 0.4, 0.2)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolvedPath:
     """Equilibria of a loading path on one mesh.
@@ -424,7 +436,7 @@ class SolvedPath:
         """
         loads = np.array([each.load for each in self.steps])
         least = loads.min(initial=np.inf)
-        wanted = [share * self.equilibria[-1].load for share in _SHARES] if wanted is None else wanted
+        wanted = [share * self.equilibria[-1].load for share in _SETTINGS.shares] if wanted is None else wanted
         chosen = dict.fromkeys(int(np.argmin(np.abs(loads - load))) for load in wanted if load >= least)
         below = [load for load in wanted if load < least]
         coarse = self.coarse.transfer_steps(target, below) if self.coarse else []
@@ -481,7 +493,7 @@ def _interpolate(positions: FloatArray, values: FloatArray, wanted: FloatArray) 
     Returns:
         Interpolated values, shape (m,).
     """
-    digits = _DIGITS - int(np.ceil(np.log10(np.abs(positions).max())))
+    digits = _SETTINGS.digits - int(np.ceil(np.log10(np.abs(positions).max())))
     lines, index = [], []
     for axis in range(positions.shape[1]):
         line, inverse = np.unique(np.round(positions[:, axis], digits), return_inverse=True)

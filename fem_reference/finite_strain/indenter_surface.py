@@ -25,15 +25,31 @@ from meshes import FlatPunch, Indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Pose
 
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceSettings:
+    """Numbers of the smoothed lower surface of an indenter."""
+
+    #: Height, over the cover thickness, at which smoothed surfaces are clipped; a pressed cover never reaches it [-].
+    highest: float = 2.0
+    #: Step of the difference quotients for slope and curvature, over the radius of the fillet [-].
+    step: float = 1 / 100
+    #: Grid cells on each side outside the footprint of the indenter [-].
+    margin: int = 5
+    #: Largest number of cells along the longer half of the footprint, to limit the memory [-].
+    most_cells: int = 500
+    #: Radius of the cone with which one erosion of the heightmap limits its slope [cells].
+    cone_radius: int = 3
+
+
+_SETTINGS = SurfaceSettings()
+
+
 #: Largest slope of the indenter's surface, 60 degrees; the surface of a cover that separates at an edge is less
 #: steep [-].
 STEEPEST = float(np.tan(np.radians(60)))
 #: Distance from the axis of a sphere, over its radius, at which the slope of the surface is `STEEPEST` [-].
 _RIM = float(np.sin(np.arctan(STEEPEST)))
-#: Height, over the cover thickness, at which smoothed surfaces are clipped; a pressed cover never reaches it [-].
-_HIGHEST = 2.0
-#: Step of the difference quotients for slope and curvature, over the radius of the fillet [-].
-_STEP = 1 / 100
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,7 +105,7 @@ class IndenterSurface:
             y: y coordinates of the points, same shape [units of length].
         """
         x, y = self._to_local(x, y)
-        h = self.fillet * _STEP
+        h = self.fillet * _SETTINGS.step
         height = self._local_height(x, y)
         east, west = self._local_height(x + h, y), self._local_height(x - h, y)
         north, south = self._local_height(x, y + h), self._local_height(x, y - h)
@@ -125,7 +141,7 @@ class IndenterSurface:
     def _heightmap(self) -> SmoothedHeightmap:
         """Smoothed surface of a curved shape without an axis of revolution."""
         return SmoothedHeightmap(
-            self.indenter, cell=self.fillet / 2, steepest=STEEPEST, highest=_HIGHEST, unit=self.unit
+            self.indenter, cell=self.fillet / 2, steepest=STEEPEST, highest=_SETTINGS.highest, unit=self.unit
         )
 
     def _extend_round_shape(self, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -158,13 +174,6 @@ def _round_edge(beyond: FloatArray, radius: float) -> FloatArray:
     return np.asarray(bend + (ramp * arc + arc**2) / (2 * radius) + STEEPEST * np.maximum(beyond - steep, 0))
 
 
-#: Number of grid cells on each side outside the footprint of the indenter, and largest number of cells along the
-#: longer half of the footprint [-].
-_MARGIN, _MOST_CELLS = 5, 500
-#: Radius of the cone with which one erosion of the heightmap limits its slope [cells].
-_CONE_RADIUS = 3
-
-
 class SmoothedHeightmap:
     """Twice continuously differentiable approximation of an indenter's lower surface, in units of length.
 
@@ -178,8 +187,8 @@ class SmoothedHeightmap:
 
     def __init__(self, indenter: Indenter, *, cell: float, steepest: float, highest: float, unit: float) -> None:
         half = np.array(indenter.footprint) / unit
-        self._cell, self._steepest = max(cell, float(half.max()) / _MOST_CELLS), steepest
-        self._extent = np.ceil(half / self._cell).astype(int) + _MARGIN
+        self._cell, self._steepest = max(cell, float(half.max()) / _SETTINGS.most_cells), steepest
+        self._extent = np.ceil(half / self._cell).astype(int) + _SETTINGS.margin
         x, y = np.meshgrid(*(np.arange(-n, n + 1) * self._cell for n in self._extent), indexing="ij")
         heights = np.minimum(indenter.gap(x * unit, y * unit) / unit, highest)
         self._heights = _limit_slope(heights, steepest * self._cell)
@@ -213,7 +222,7 @@ def _limit_slope(heights: FloatArray, step: float) -> FloatArray:
 
     Each pass takes the minimum over all upward cones of this slope with their tips on the surface (a grey erosion).
     """
-    offset = np.arange(-_CONE_RADIUS, _CONE_RADIUS + 1)
+    offset = np.arange(-_SETTINGS.cone_radius, _SETTINGS.cone_radius + 1)
     cone = step * np.hypot(*np.meshgrid(offset, offset))
     while True:
         lower = np.asarray(ndimage.grey_erosion(heights, structure=-cone, mode="nearest"))  # type: ignore[call-overload]

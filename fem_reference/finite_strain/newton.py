@@ -20,25 +20,39 @@ from fem_reference.finite_strain.hyperelastic import InvertedElementError
 from fem_reference.finite_strain.loading_path import Control
 from meshes.array_types import FloatArray, IntArray
 
+
+@dataclass(frozen=True, kw_only=True)
+class NewtonSettings:
+    """Numbers of Newton's method and of the steps of a loading path."""
+
+    #: Largest number of times that Newton steps which invert an element are halved in one solution [-].
+    halvings: int = 4
+    #: Slope of the potential energy along a Newton step at its end, over that at its beginning, in magnitude, above
+    #: which a step that has passed the minimum of the energy is partly reversed [-].
+    overshoot: float = 0.3
+    #: Smallest fraction of a Newton step that is reversed [-].
+    least_back: float = 0.1
+    #: Largest fraction of a Newton step that is reversed [-].
+    most_back: float = 0.9
+    #: Smallest step along a loading path over the load or depth reached; with smaller steps the solver gives up.
+    #: Under a tip the first loads are far below the target [-].
+    smallest_step: float = 1 / 256
+    #: Largest length of the last step to a target over the planned step, so that no tiny step remains [-].
+    last_step: float = 1.3
+    #: Factor by which the step along a loading path grows after an easy step, before the first failed step [-].
+    growth: float = 1.8
+    #: The same after a failed step, which is near the longest that converges: most of a path's time would go into
+    #: further failures [-].
+    careful_growth: float = 1.2
+
+
+_SETTINGS = NewtonSettings()
+
+
 _LOG = logging.getLogger(__name__)
 
 #: Exceptions that Newton's method raises when a step along the loading path was too long.
 STEP_FAILURES = (ConvergenceError, np.linalg.LinAlgError)
-#: Largest number of times that Newton steps which invert an element are halved in one solution [-].
-_HALVINGS = 4
-#: Slope of the potential energy along a Newton step at its end, over that at its beginning, in magnitude, above which
-#: a step that has passed the minimum of the energy is partly reversed [-].
-_OVERSHOOT = 0.3
-#: Smallest and largest fraction of a Newton step that is reversed [-].
-_LEAST_BACK, _MOST_BACK = 0.1, 0.9
-#: Smallest step along a loading path over the load or depth reached; with smaller steps the solver gives up.  Under a
-#: tip the first loads are far below the target [-].
-_SMALLEST_STEP = 1 / 256
-#: Largest length of the last step to a target over the planned step, so that no tiny step remains [-].
-_LAST_STEP = 1.3
-#: Factors by which the step along a loading path grows after an easy step, before and after the first failed step.  A
-#: step that failed is near the longest that converges, and most of a path's time would go into further failures [-].
-_GROWTH, _CAREFUL_GROWTH = 1.8, 1.2
 #: Number of Newton iterations below which a step counts as easy [-].
 EASY_ITERATIONS = 8
 
@@ -126,7 +140,7 @@ def solve_newton(
         try:
             here = linearise(unknowns, iteration)
         except InvertedElementError:
-            if step is None or halvings == _HALVINGS:
+            if step is None or halvings == _SETTINGS.halvings:
                 raise
             step, halvings = step / 2, halvings + 1
             unknowns = unknowns - step
@@ -177,9 +191,9 @@ def walk_to(
     Raises:
         PathConvergenceError: If a step fails even after repeated halving.
     """
-    before, here, extrapolates, growth = None, start, True, _GROWTH
+    before, here, extrapolates, growth = None, start, True, _SETTINGS.growth
     while (done := getattr(here, control)) != target:
-        aim = target if abs(target - done) <= _LAST_STEP * step else done + np.sign(target - done) * step
+        aim = target if abs(target - done) <= _SETTINGS.last_step * step else done + np.sign(target - done) * step
         try:
             reached = solve(before if extrapolates else None, here, aim)
         except STEP_FAILURES as error:
@@ -187,8 +201,8 @@ def walk_to(
             if extrapolates and before is not None:
                 extrapolates = False  # once more from the last equilibrium itself
                 continue
-            step, growth = abs(aim - done) / 2, _CAREFUL_GROWTH
-            if step < abs(done or target) * _SMALLEST_STEP:
+            step, growth = abs(aim - done) / 2, _SETTINGS.careful_growth
+            if step < abs(done or target) * _SETTINGS.smallest_step:
                 raise PathConvergenceError(
                     f"no convergence beyond {describe(here)}: {error}",
                     cause=str(error),
@@ -231,6 +245,6 @@ def _measure_overshoot(slope_before: float, slope_after: float) -> float:
     Returns:
         Fraction of the step; 0 if the step has not passed the minimum of the energy by much [-].
     """
-    if slope_before * slope_after >= 0 or abs(slope_after) < _OVERSHOOT * abs(slope_before):
+    if slope_before * slope_after >= 0 or abs(slope_after) < _SETTINGS.overshoot * abs(slope_before):
         return 0.0
-    return float(np.clip(slope_after / (slope_after - slope_before), _LEAST_BACK, _MOST_BACK))
+    return float(np.clip(slope_after / (slope_after - slope_before), _SETTINGS.least_back, _SETTINGS.most_back))

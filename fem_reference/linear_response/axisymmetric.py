@@ -27,15 +27,25 @@ from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover
 from meshes.array_types import FloatArray, IntArray
 
+
+@dataclass(frozen=True, kw_only=True)
+class AxisymmetricSettings:
+    """Numbers of the meshes in the r-z plane."""
+
+    #: Radius, over the cover thickness, within which the mesh of a point load has elements of equal size [-].
+    even: float = 4.0
+    #: Size ratio of neighbouring elements outside this radius, minus one, times the number of elements through the
+    #: cover [-].
+    growth: float = 1.2
+    #: Smallest number of elements through a layer [-].
+    least: int = 2
+
+
+_SETTINGS = AxisymmetricSettings()
+
+
 #: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
 _TOLERANCE = 1e-9
-#: Radius, over the cover thickness, within which the mesh of a point load has elements of equal size [-].
-_EVEN = 4.0
-#: Size ratio of neighbouring elements outside this radius, minus one, times the number of elements through the
-#: cover [-].
-_GROWTH = 1.2
-#: Smallest number of elements through a layer [-].
-_LEAST = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,7 +102,7 @@ def solve_point_load(cover: Cover, *, elements_per_thickness: int, reach: float)
     # the matrix well conditioned.
     unit, modulus = cover.thickness, cover.layers[-1].material.shear_modulus
     size = unit / elements_per_thickness
-    radii = grade_outward(size, _EVEN * unit, reach, growth=1 + _GROWTH / elements_per_thickness)
+    radii = grade_outward(size, _SETTINGS.even * unit, reach, growth=1 + _SETTINGS.growth / elements_per_thickness)
     mesh, region = mesh_cover(cover, elements_per_thickness, radii)
     elements = prepare_elements(mesh.scaled(1 / unit), region=region, axisymmetric=True)
     shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / modulus
@@ -143,7 +153,7 @@ def mesh_cover(
         The mesh, and the index of the layer of each element.
     """
     size = cover.thickness / count
-    counts = [max(_LEAST, round(layer.thickness / size)) for layer in cover.layers]
+    counts = [max(_SETTINGS.least, round(layer.thickness / size)) for layer in cover.layers]
     heights, layer = layer_heights([each.thickness for each in cover.layers], counts, surface_size=surface_size)
     return mesh_layers([radii], heights, layer)
 

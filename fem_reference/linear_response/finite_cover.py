@@ -34,20 +34,48 @@ from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
+
+@dataclass(frozen=True, kw_only=True)
+class FiniteCoverSettings:
+    """Numbers of the meshes of a quarter of a cover, and of the evaluation of its response."""
+
+    #: Distance of the boundary of a wide cover from the array, over the decay length of the cover's response [-].
+    margin: float = 12.0
+    #: Distance from texel edges and side edges, over the cover thickness, within which elements have the smallest size
+    #: [-].
+    near: float = 2.0
+    #: Increase of the element size per distance farther away [-].
+    growth: float = 0.35
+    #: Distance between two texel edges, over the element size, below which both share one element edge [-].
+    sliver: float = 0.05
+    #: Samples of the element size between two texel edges [-].
+    samples: int = 401
+    #: Exponent of the heights of the element edges in the bottom layer; above 1 the elements are small at the base,
+    #: where the texel edges are [-].
+    crowding: float = 1.5
+    #: Gauss points along a side of a texel, per cover thickness, for uniform pressure on the texel [-].
+    texel_points: int = 12
+    #: Points in the search for the half width of a texel's response [-].
+    width_points: int = 400
+    #: Distance of this search beyond the edge of the texel over the cover thickness [-].
+    width_reach: float = 2.0
+    #: Unknowns above which a progress line warns that the solution takes minutes [-].
+    many: int = 300_000
+    #: Unknowns of the finest grid above which grids are coarsened: about 4.5 GB and two minutes [-].
+    most: int = 450_000
+    #: Smallest number of elements per thickness that is left, over that of `GRIDS` [-].
+    coarsest: float = 0.4
+    #: Loads evaluated at once, to limit the memory [-].
+    block: int = 4000
+    #: Texels solved at once, to limit the memory [-].
+    columns: int = 64
+
+
+_SETTINGS = FiniteCoverSettings()
+
+
 #: Parities in x and y of the four parts of a load: 0 for even, 1 for odd.
 PARITIES = ((0, 0), (0, 1), (1, 0), (1, 1))
-#: Distance of the boundary of a wide cover from the array, over the decay length of the cover's response [-].
-_MARGIN = 12.0
-#: Distance from texel edges and side edges, over the cover thickness, within which elements have the smallest size, and
-#: increase of the element size per distance farther away [-].
-_NEAR, _GROWTH = 2.0, 0.35
-#: Distance between two texel edges, over the element size, below which both share one element edge [-].
-_SLIVER = 0.05
-#: Number of samples of the element size between two texel edges [-].
-_SAMPLES = 401
-#: Exponent of the heights of the element edges in the bottom layer; values above 1 give small elements at the base,
-#: where the texel edges are [-].
-_CROWDING = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +147,7 @@ def mesh_quarter(cover: Cover, array: TexelArray, resolution: Resolution) -> Ten
     x, y = (_grade_side(cover, array, axis, resolution.across) for axis in (0, 1))
     thicknesses = [layer.thickness for layer in cover.layers]
     counts = [max(1, round(resolution.through * each / cover.thickness)) for each in thicknesses]
-    heights, layer = layer_heights(thicknesses, counts, crowd_base=_CROWDING)
+    heights, layer = layer_heights(thicknesses, counts, crowd_base=_SETTINGS.crowding)
     return build_solid(cover, (x, y, heights / cover.thickness), layer, resolution.order)
 
 
@@ -193,12 +221,12 @@ def _grade_side(cover: Cover, array: TexelArray, axis: int, across: float) -> Fl
     centres, half = array.centres[:, axis], array.texel_size[axis] / 2
     texel_edges = np.unique(np.round(np.abs(np.concatenate([centres - half, centres + half])) / unit, 9))
     if cover.size is None:
-        end = float(texel_edges[-1]) + _MARGIN * decay_length(cover) / unit
+        end = float(texel_edges[-1]) + _SETTINGS.margin * decay_length(cover) / unit
     else:
         end = cover.size[axis] / 2 / unit
     marks = [0.0]
     for mark in texel_edges:
-        if mark - marks[-1] > _SLIVER / across and end - mark > _SLIVER / across:
+        if mark - marks[-1] > _SETTINGS.sliver / across and end - mark > _SETTINGS.sliver / across:
             marks.append(float(mark))
     sharp = [texel_edges[0] == 0.0, *[True] * (len(marks) - 1), True]
     marks.append(end)
@@ -208,9 +236,9 @@ def _grade_side(cover: Cover, array: TexelArray, axis: int, across: float) -> Fl
 
 def _grade_between(low: float, high: float, across: float, sharp: tuple[bool, bool]) -> FloatArray:
     """Place element edges in (low, high], with size 1 / across near ends marked `sharp` and growing away from these."""
-    x = np.linspace(low, high, _SAMPLES)
+    x = np.linspace(low, high, _SETTINGS.samples)
     distance = np.minimum(x - low if sharp[0] else np.inf, high - x if sharp[1] else np.inf)
-    return fill_by_spacing(x, (1 + _GROWTH * np.maximum(distance - _NEAR, 0)) / across)[1:]
+    return fill_by_spacing(x, (1 + _SETTINGS.growth * np.maximum(distance - _SETTINGS.near, 0)) / across)[1:]
 
 
 #: Element sizes of the three grids; the result is that of the finest grid.
@@ -219,18 +247,6 @@ GRIDS = (
     Resolution(across=2.25, through=3),
     Resolution(across=3.4, through=4),
 )
-#: Number of Gauss points along a side of a texel, per cover thickness, for uniform pressure on the texel [-].
-_TEXEL_POINTS = 12
-#: Search for the half width of a texel's response: number of points, and distance beyond the edge of the texel over the
-#: cover thickness [-].
-_WIDTH_POINTS, _WIDTH_REACH = 400, 2.0
-#: Number of unknowns above which a progress line warns that the solution takes minutes [-].
-_MANY = 300_000
-#: Number of unknowns of the finest grid above which grids are coarsened, about 4.5 GB and two minutes, and smallest
-#: number of elements per thickness that is left, over that of `GRIDS` [-].
-_MOST, _COARSEST = 450_000, 0.4
-#: Numbers of loads evaluated and of texels solved at once, to limit the memory [-].
-_BLOCK, _COLUMNS = 4000, 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -304,7 +320,7 @@ class SolidInfluence:
         Returns:
             Force on each of n texels, shape (n,) [-].
         """
-        return load_texel(self, array, load, texel, points_per_thickness=_TEXEL_POINTS)
+        return load_texel(self, array, load, texel, points_per_thickness=_SETTINGS.texel_points)
 
     def outside(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
         """Compute the part of a unit point load that no active texel measures: force on the base less texel forces.
@@ -335,7 +351,7 @@ class SolidInfluence:
         """
         rows, columns = np.nonzero(loads)
         places, force = np.column_stack([x[rows], y[columns]]), loads[rows, columns]
-        blocks = np.array_split(np.arange(len(force)), max(1, len(force) // _BLOCK))
+        blocks = np.array_split(np.arange(len(force)), max(1, len(force) // _SETTINGS.block))
         texels = sum(force[block] @ self.texel_influence(array, places[block]) for block in blocks)
         grid = self.grids[-1]
         at_x, at_y = (line.at(np.abs(each) / self.thickness) for line, each in ((grid.x, x), (grid.y, y)))
@@ -373,7 +389,9 @@ class SolidInfluence:
     def _find_half_width(self, grid: AdjointSolution) -> float:
         """Find the distance of a load along x at which the force on the middle texel is half its largest value [m]."""
         centre = self.array.centres[self.array.middle, :2]
-        distance = np.linspace(0, self.array.texel_size[0] / 2 + _WIDTH_REACH * self.thickness, _WIDTH_POINTS)
+        distance = np.linspace(
+            0, self.array.texel_size[0] / 2 + _SETTINGS.width_reach * self.thickness, _SETTINGS.width_points
+        )
         side = -np.sign(centre[0]) or 1.0  # towards the middle of the cover
         places = centre + np.column_stack([side * distance, np.zeros(len(distance))])
         places = places[np.abs(places[:, 0]) <= grid.x.edges[-1] * self.thickness]
@@ -436,7 +454,7 @@ def solid_influence(
         for number, resolution in enumerate(resolutions):
             if progress is not None:
                 unknowns = _count_unknowns(cover, array, resolution)
-                patience = "; this takes minutes" if unknowns > _MANY else ""
+                patience = "; this takes minutes" if unknowns > _SETTINGS.many else ""
                 progress(f"solid, {resolution.through} elements through the cover, {unknowns} unknowns{patience}")
             found = solve_adjoint(cover, array, resolution)
             out |= {f"texels_{number}": found.texels, f"whole_{number}": found.whole}
@@ -444,7 +462,9 @@ def solid_influence(
 
     texels = {"centres": array.centres, "texel_size": array.texel_size}
     grids = [(r.across, r.through, r.order) for r in resolutions]
-    data = result_store.fetch("solid-influence", {"cover": cover, "texels": texels, "grids": grids}, compute)
+    data = result_store.fetch(
+        "solid-influence", {"cover": cover, "texels": texels, "grids": grids, "settings": _SETTINGS}, compute
+    )
     solutions = []
     for number, resolution in enumerate(resolutions):
         x, y, _ = mesh_quarter(cover, array, resolution).lines
@@ -463,18 +483,19 @@ def choose_grids(cover: Cover, array: TexelArray) -> tuple[Resolution, ...]:
     Raises:
         ValueError: If even the coarsest grids have too many unknowns.
     """
-    for share in np.arange(1.0, _COARSEST - 0.01, -0.1):
+    for share in np.arange(1.0, _SETTINGS.coarsest - 0.01, -0.1):
         grids = tuple(replace(each, across=each.across * float(share)) for each in GRIDS)
         unknowns = _count_unknowns(cover, array, grids[-1])
-        if unknowns <= _MOST:
+        if unknowns <= _SETTINGS.most:
             return grids
     if cover.size is None:
         raise ValueError(f"the array is too large for the three-dimensional solution: {unknowns} unknowns")
     width, height = 1e3 * np.array(cover.size)
-    accepted = np.sqrt(_MOST / unknowns)
+    most = _SETTINGS.most
+    accepted = np.sqrt(most / unknowns)
     raise ValueError(
         f"cover.size: {width:.4g} x {height:.4g} mm is {max(cover.size) / cover.thickness:.0f} times the thickness and "
-        f"needs {unknowns / 1e6:.1f} million unknowns in three dimensions, where at most {_MOST / 1e6:.2g} million are "
+        f"needs {unknowns / 1e6:.1f} million unknowns in three dimensions, where at most {most / 1e6:.2g} million are "
         f"accepted; use a size of at most {width * accepted:.3g} x {height * accepted:.3g} mm, or leave `size` out: "
         "sides farther than about 4 thicknesses from the contact have no effect"
     )
@@ -512,8 +533,8 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
         matrix, constrained = constrain_parity(solid, upper, parity, sliding=cover.base == "sliding")
         factors.factorise(matrix)
         tops = []
-        for start in range(0, len(displaced[0]), _COLUMNS):
-            load = -solid.compute_base_forces(*(part[start : start + _COLUMNS] for part in displaced))
+        for start in range(0, len(displaced[0]), _SETTINGS.columns):
+            load = -solid.compute_base_forces(*(part[start : start + _SETTINGS.columns] for part in displaced))
             load[constrained] = 0.0
             tops.append(_select_top(solid, factors.solve(load)))
         top = np.concatenate(tops)

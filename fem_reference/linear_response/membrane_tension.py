@@ -24,13 +24,24 @@ from fem_reference.linear_response.surface_compliance import SurfaceCompliance, 
 from meshes import Cover
 from meshes.array_types import FloatArray
 
-#: Product of wave number and cover thickness at which the integrals over the wave number end, smallest number of their
-#: panels, and number of Gauss points in each panel [-].
-_LAST_WAVE, _PANELS, _PANEL_POINTS = 60.0, 64.0, 10
-#: Number of distances for which Bessel functions are computed at once, to limit the memory [-].
-_BLOCK = 256
-#: Least product of wave number and contact radius in the transform of Hertz's pressure, which cancels below [-].
-_SMALL_WAVE = 1e-3
+
+@dataclass(frozen=True, kw_only=True)
+class TensionSettings:
+    """Numbers of the integrals over the wave number."""
+
+    #: Product of wave number and cover thickness at which the integrals end [-].
+    last_wave: float = 60.0
+    #: Smallest number of panels of the integrals [-].
+    panels: float = 64.0
+    #: Gauss points in each panel [-].
+    panel_points: int = 10
+    #: Distances for which Bessel functions are computed at once, to limit the memory [-].
+    block: int = 256
+    #: Least product of wave number and contact radius in the transform of Hertz's pressure, which cancels below [-].
+    small_wave: float = 1e-3
+
+
+_SETTINGS = TensionSettings()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,10 +76,10 @@ class StretchedResponse:
     @classmethod
     def prepare(cls, cover: Cover, radius: FloatArray) -> StretchedResponse:
         """Compute the response of a wide cover to waves and the transform to distances of shape (m,) [m]."""
-        end = _LAST_WAVE / cover.thickness
-        panels = int(np.ceil(max(_PANELS, end * float(radius.max()) / np.pi)))
-        k, weight = gauss_points(np.linspace(0, end, panels + 1), _PANEL_POINTS)
-        blocks = (radius[start : start + _BLOCK] for start in range(0, len(radius), _BLOCK))
+        end = _SETTINGS.last_wave / cover.thickness
+        panels = int(np.ceil(max(_SETTINGS.panels, end * float(radius.max()) / np.pi)))
+        k, weight = gauss_points(np.linspace(0, end, panels + 1), _SETTINGS.panel_points)
+        blocks = (radius[start : start + _SETTINGS.block] for start in range(0, len(radius), _SETTINGS.block))
         bessel = np.concatenate([j0(np.outer(block, k)) for block in blocks])
         return cls(
             radius=radius, wave_number=k, waves=solve_waves(cover, k), hankel=bessel * (k * weight / (2 * np.pi))
@@ -105,7 +116,7 @@ class StretchedResponse:
         The Hankel transform of Hertz's pressure per force is 3 (sin x - x cos x) / x^3 with x the product of wave
         number and radius of the circle.
         """
-        x = np.maximum(self.wave_number * contact_radius, _SMALL_WAVE)
+        x = np.maximum(self.wave_number * contact_radius, _SETTINGS.small_wave)
         load = 3 * (np.sin(x) - x * np.cos(x)) / x**3
         return np.asarray(self.hankel @ (load * self.waves.base * (1 - self._reduce(stretch))))
 

@@ -42,14 +42,41 @@ from meshes import Cover, TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import Pose
 
+
+@dataclass(frozen=True, kw_only=True)
+class PointSpreadSettings:
+    """Numbers of the point spread function, of its integrals over texels and of sums of many forces."""
+
+    #: Distance of the outer boundary from the load over the decay length of the cover's response, whose slowest mode
+    #: has decayed to 1e-5 there [-].
+    reach: float = 16.0
+    #: Gauss points along a side of a texel per cover thickness, for uniform pressure on the texel [-].
+    texel_points: int = 6
+    #: Smallest number of these points [-].
+    least_points: int = 8
+    #: Equal panels near the axis, in integrals of the base pressure over the distance from the axis [-].
+    even_panels: int = 48
+    #: Equal panels per cover thickness [-].
+    per_thickness: int = 12
+    #: Ratio of neighbouring panels farther away [-].
+    panel_growth: float = 1.1
+    #: Largest distance in the table of outlines over the reach of the pressure [-].
+    farthest: float = 300.0
+    #: Smallest singular value of a table that is kept, over the largest [-].
+    rank: float = 1e-11
+    #: Distance between texel edges, over the smaller side of a texel, below which the edges count as one [-].
+    same_edge: float = 1e-6
+    #: Step of the grid to which contact forces are moved for the superposition, over the cover thickness [-].
+    grid_step: float = 1 / 8
+    #: Grid points that replace one force along each axis [-].
+    stencil: int = 6
+
+
+_SETTINGS = PointSpreadSettings()
+
+
 #: Number of elements through the cover on the three grids; the result is that of the finest grid [-].
 GRIDS = (8, 12, 18)
-#: Distance of the outer boundary from the load, over the decay length of the cover's response; the slowest mode of the
-#: response has decayed to 1e-5 at this distance [-].
-_REACH = 16.0
-#: Number of Gauss points along a side of a texel per cover thickness, for uniform pressure on the texel, and smallest
-#: number of these points [-].
-_TEXEL_POINTS, _LEAST_POINTS = 6, 8
 
 
 class TexelInfluence(Protocol):
@@ -161,7 +188,7 @@ class PointSpread:
         Returns:
             Force on each of n texels, shape (n,) [-].
         """
-        return load_texel(self, array, load, texel, points_per_thickness=_TEXEL_POINTS)
+        return load_texel(self, array, load, texel, points_per_thickness=_SETTINGS.texel_points)
 
     def outside(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
         """Compute the part of a unit point load that no active texel measures, by integrals along the texels' outline.
@@ -239,7 +266,7 @@ def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None)
     """
     if cover.size is not None:
         raise ValueError("free side edges are not supported by the axisymmetric solve; leave out cover.size")
-    reach = _REACH * decay_length(cover)
+    reach = _SETTINGS.reach * decay_length(cover)
 
     def compute() -> dict[str, Any]:
         out: dict[str, Any] = {}
@@ -250,7 +277,9 @@ def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None)
             out |= response.pack(f"{n}", reach)
         return out
 
-    data = result_store.fetch("point-spread", {"cover": cover, "reach": reach, "grids": GRIDS}, compute)
+    data = result_store.fetch(
+        "point-spread", {"cover": cover, "reach": reach, "grids": GRIDS, "settings": _SETTINGS}, compute
+    )
     *coarse, finest = (PointSpread.unpack(data, f"{n}", thickness=cover.thickness) for n in GRIDS)
     return replace(finest, coarse=tuple(coarse))
 
@@ -279,21 +308,10 @@ def load_texel(
     centre = array.centres[array.middle if texel is None else texel, :2]
     nodes, weights = np.zeros(1), np.full(1, 2.0)
     if load == "uniform":
-        count = max(_LEAST_POINTS, int(points_per_thickness * max(array.texel_size) / source.thickness))
+        count = max(_SETTINGS.least_points, int(points_per_thickness * max(array.texel_size) / source.thickness))
         nodes, weights = np.polynomial.legendre.leggauss(count)
     x, y = centre[:, None] + nodes * np.array(array.texel_size)[:, None] / 2
     return source.base_forces(array, x, y, np.outer(weights, weights) / 4)[:-1]
-
-
-#: Panels for integrals of the base pressure over the distance from the axis: number of equal panels near the axis,
-#: number of these per cover thickness, and ratio of neighbouring panels farther away [-].
-_EVEN_PANELS, _PER_THICKNESS, _PANEL_GROWTH = 48, 12, 1.1
-#: Largest distance in the table of outlines over the reach of the pressure [-].
-_FARTHEST = 300.0
-#: Smallest singular value of a table that is kept, over the largest [-].
-_RANK = 1e-11
-#: Distance between texel edges, over the smaller side of a texel, below which the edges count as one [-].
-_SAME_EDGE = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -354,7 +372,7 @@ class _OddTable:
         knots = self.spline.get_knots()
         matrix = self.spline.get_coeffs().reshape(len(knots[0]) - 4, len(knots[1]) - 4)
         left, size, right = np.linalg.svd(matrix)
-        kept = size > _RANK * size[0]
+        kept = size > _SETTINGS.rank * size[0]
         root = np.sqrt(size[kept])
         return left[:, kept] * root, right[kept].T * root
 
@@ -449,7 +467,7 @@ class RadialPressure:
     @cached_property
     def _outlines(self) -> _OddTable:
         """Force on the triangle of the axis, (x, 0) and (x, y): x times the integral of Q / r^2 from 0 to y."""
-        edges = _cut_panels(self.thickness, _FARTHEST * float(self.radius[-1]))
+        edges = _cut_panels(self.thickness, _SETTINGS.farthest * float(self.radius[-1]))
         points, share = gauss_points(edges, 6)
         density = self._enclosed(np.hypot(edges[:, None], points)) * share
         cells = density.reshape(len(edges), -1, 6).sum(axis=2)
@@ -485,9 +503,9 @@ class RadialPressure:
 
 def _cut_panels(thickness: float, reach: float) -> FloatArray:
     """Compute the edges of integration panels from 0 to `reach`, equal near the axis and growing away from it [m]."""
-    step = thickness / _PER_THICKNESS
-    even = np.arange(_EVEN_PANELS + 1) * step
-    steps = growing_steps(_PANEL_GROWTH * step, reach - even[-1], lambda step: _PANEL_GROWTH * step)
+    step = thickness / _SETTINGS.per_thickness
+    even = np.arange(_SETTINGS.even_panels + 1) * step
+    steps = growing_steps(_SETTINGS.panel_growth * step, reach - even[-1], lambda step: _SETTINGS.panel_growth * step)
     edges = np.append(even, even[-1] + np.cumsum(steps))
     edges[-1] = reach
     return edges
@@ -514,7 +532,7 @@ def _find_edges(array: TexelArray) -> tuple[FloatArray, FloatArray, IntArray]:
     """
     if not array.planar:
         raise ValueError("a planar cover needs a planar array: all texels at z = 0 looking along +z")
-    grain = min(array.texel_size) * _SAME_EDGE
+    grain = min(array.texel_size) * _SETTINGS.same_edge
     positions, indices = [], []
     for axis in range(2):
         half = array.texel_size[axis] / 2
@@ -543,11 +561,6 @@ def _find_outline(array: TexelArray) -> tuple[FloatArray, FloatArray, FloatArray
     return x, y, vertical, level
 
 
-#: Step of the grid to which contact forces are moved for the superposition, over the cover thickness, and number of
-#: grid points that replace one force along each axis [-].
-_GRID_STEP, _STENCIL = 1 / 8, 6
-
-
 def superpose(contact: FloatArray, base_response: TexelInfluence, array: TexelArray, pose: Pose) -> FloatArray:
     """Compute the forces on n texels and then the force outside them due to all contact forces, shape (n + 1,) [N].
 
@@ -558,7 +571,7 @@ def superpose(contact: FloatArray, base_response: TexelInfluence, array: TexelAr
         pose: Pose of the indenter in the frame of the array.
     """
     x, y, force = contact.T
-    step = base_response.thickness * _GRID_STEP
+    step = base_response.thickness * _SETTINGS.grid_step
     (grid_x, along), (grid_y, across) = (_interpolate(each, step) for each in pose.to_array(x, y))
     loads = (along.T @ sp.diags_array(force) @ across).toarray()
     return base_response.base_forces(array, grid_x, grid_y, loads)
@@ -575,16 +588,16 @@ def _interpolate(places: FloatArray, step: float) -> tuple[FloatArray, sp.csr_ar
         Points of the grid, shape (g,) [m], and the weight of every point at every place, shape (m, g) [-].
     """
     low, high = float(places.min()), float(places.max())
-    count = max(_STENCIL, int(np.ceil((high - low) / step)) + 1)
+    count = max(_SETTINGS.stencil, int(np.ceil((high - low) / step)) + 1)
     if not high > low:
         return np.array([low]), sp.csr_array(np.ones((len(places), 1)))
     grid = np.linspace(low, high, count)
     offset = (places - low) / (high - low) * (count - 1)
-    first = np.clip(np.floor(offset).astype(int) - _STENCIL // 2 + 1, 0, count - _STENCIL)
-    node = np.arange(_STENCIL)
+    first = np.clip(np.floor(offset).astype(int) - _SETTINGS.stencil // 2 + 1, 0, count - _SETTINGS.stencil)
+    node = np.arange(_SETTINGS.stencil)
     local = (offset - first)[:, None]
-    weight = np.ones((len(places), _STENCIL))
+    weight = np.ones((len(places), _SETTINGS.stencil))
     for other in node:
         weight *= np.where(node == other, 1.0, (local - other) / np.where(node == other, 1, node - other))
-    row = np.repeat(np.arange(len(places)), _STENCIL)
+    row = np.repeat(np.arange(len(places)), _SETTINGS.stencil)
     return grid, sp.csr_array((weight.ravel(), (row, (first[:, None] + node).ravel())), shape=(len(places), count))

@@ -20,34 +20,70 @@ from fem_reference.elements.line import Line, gauss_points, line_matrix
 from meshes import Cover
 from meshes.array_types import FloatArray
 
-#: Product x of wave number and thickness of the top layer above which the layers below have no effect, because
-#: exp(-2 x) is below 1e-11 [-].
-_SHORT_WAVES = 13.0
-#: Part of the largest wave number above which the effect of the layers below is faded out: cut off, the error of the
-#: elements at short waves would ripple through all distances [-].
-_FADE = 0.8
-#: Number of quadratic elements through each layer [-].
-_ELEMENTS = 16
-#: Panels of the integral over the wave number k: largest length in half periods of J0(k reach), length at k = 0 times
-#: the cover thickness, and length over k at larger k [-].
-_PANEL_PERIODS, _FIRST_PANEL, _PANEL_RATIO = 4.0, 0.25, 0.3
-#: Number of Gauss points in each panel [-].
-_PANEL_POINTS = 12
-#: Number of points of the compliance table per thickness of the thinnest layer, and largest number per thickness of the
-#: top layer; smallest number of points to the reach, and ratio of neighbouring steps far from the load [-].
-_TABLE_POINTS, _MOST_PER_LAYER, _LEAST_POINTS, _TABLE_GROWTH = 10, 40, 200, 1.02
-#: Distance at which the displacement counts as zero, over the decay length or, if that is longer, the distance over
-#: which the stretch of a stiff layer decays [-].
-_DECAY = 28.0
-#: Number of wave numbers per factor e at which the response is solved; others are interpolated [-].
-_SOLVED_WAVES = 30
-#: Distance between cells over their larger side below which their compliance is integrated exactly [-].
-_NEIGHBOURS = 32.0
-#: Length of the panels of quadratures, and size of a cell below which a pair of points suffices, over the thickness of
-#: the top layer [-].
-_PANEL, _SMALL_CELL = 0.6, 0.2
-#: Number of parts in which the compliance table is computed, to limit the memory of the Bessel functions [-].
-_BLOCKS = 8
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceSettings:
+    """Numbers of the compliance table, and of the outer boundaries of meshes."""
+
+    #: Product x of wave number and thickness of the top layer above which the layers below have no effect: exp(-2 x)
+    #: is below 1e-11 [-].
+    short_waves: float = 13.0
+    #: Part of the largest wave number above which the effect of the layers below is faded out: cut off, the error of
+    #: the elements at short waves would ripple through all distances [-].
+    fade: float = 0.8
+    #: Quadratic elements through each layer [-].
+    elements: int = 16
+    #: Largest length of a panel of the integral over the wave number k, in half periods of J0(k reach) [-].
+    panel_periods: float = 4.0
+    #: Length of the panel at k = 0, times the cover thickness [-].
+    first_panel: float = 0.25
+    #: Length of a panel over k at larger k [-].
+    panel_ratio: float = 0.3
+    #: Gauss points in each panel [-].
+    panel_points: int = 12
+    #: Points of the compliance table per thickness of the thinnest layer [-].
+    table_points: int = 10
+    #: Largest number of points of the table per thickness of the top layer [-].
+    most_per_layer: int = 40
+    #: Smallest number of points of the table to the reach [-].
+    least_points: int = 200
+    #: Ratio of neighbouring steps of the table far from the load [-].
+    table_growth: float = 1.02
+    #: Distance at which the displacement counts as zero, over the decay length or, if that is longer, the distance
+    #: over which the stretch of a stiff layer decays [-].
+    decay: float = 28.0
+    #: Wave numbers per factor e at which the response is solved; others are interpolated [-].
+    solved_waves: int = 30
+    #: Distance between cells over their larger side below which their compliance is integrated exactly [-].
+    neighbours: float = 32.0
+    #: Length of the panels of quadratures over the thickness of the top layer [-].
+    panel: float = 0.6
+    #: Size of a cell, over the thickness of the top layer, below which a pair of points suffices [-].
+    small_cell: float = 0.2
+    #: Parts in which the compliance table is computed, to limit the memory of the Bessel functions [-].
+    blocks: int = 8
+    #: Part of the radius of axisymmetric meshes that is proportional to the decay length of the cover's response [-].
+    reach: float = 12.0
+    #: Distance of the outer boundary from the contact in three dimensions, over the decay length [-].
+    solid_reach: float = 7.0
+    #: Part of the radius of axisymmetric meshes that is proportional to the contact radius [-].
+    reach_radii: float = 1.5
+    #: Part of this radius that is proportional to the membrane length of a stiff top layer, where the top is held
+    #: sideways by friction [-].
+    reach_in_plane: float = 4.0
+    #: This radius on a sliding base over the sum of decay length and contact radius: the response decays only with the
+    #: square of the distance, and the boundary changes forces by less than 0.005 % [-].
+    reach_sliding: float = 40.0
+    #: Least radius of axisymmetric meshes for a stiff top layer, over the distance over which the stretch of that
+    #: layer decays; leaves 0.1 % of the texel forces [-].
+    reach_membrane: float = 0.3
+    #: Largest value of that least radius over the cover thickness: the factorisation fails for longer elements [-].
+    longest: float = 40.0
+
+
+_SETTINGS = SurfaceSettings()
+
+
 #: Number added to distances to avoid division by zero at the corners of a rectangle [m].
 _TINY = 1e-300
 
@@ -102,7 +138,7 @@ def membrane_length(cover: Cover) -> float:
     return max(lengths)
 
 
-def solve_waves(cover: Cover, wave_number: FloatArray, *, elements_per_layer: int = _ELEMENTS) -> WaveResponse:
+def solve_waves(cover: Cover, wave_number: FloatArray, *, elements_per_layer: int = _SETTINGS.elements) -> WaveResponse:
     """Solve the one-dimensional problem through the thickness of a cover for every wave number.
 
     Args:
@@ -185,7 +221,7 @@ class SurfaceCompliance:
         distance = np.maximum(np.hypot(x, y), min(width, height))
         spread = (width**2 * (3 * (x / distance) ** 2 - 1) + height**2 * (3 * (y / distance) ** 2 - 1)) / 12
         value = width * height / distance * (1 + spread / distance**2)
-        near = distance < _NEIGHBOURS * max(width, height)
+        near = distance < _SETTINGS.neighbours * max(width, height)
         value[near] = _integrate_twice(x[near], y[near], width, height) / (width * height)
         rules = [_cut_triangular(size, self.scale) for size in (width, height)]
         out[within] = self.half_space * value + width * height * self._average_regular(x, y, rules)
@@ -207,7 +243,9 @@ class SurfaceCompliance:
         return np.where(distance < self.reach, value, -self.half_space / np.maximum(distance, self.reach))
 
 
-def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = _ELEMENTS) -> SurfaceCompliance:
+def surface_compliance(
+    cover: Cover, reach: float, *, elements_per_layer: int = _SETTINGS.elements
+) -> SurfaceCompliance:
     """Tabulate the compliance of the top of a wide cover over the distance from a point load.
 
     Args:
@@ -216,19 +254,21 @@ def surface_compliance(cover: Cover, reach: float, *, elements_per_layer: int = 
         elements_per_layer: Number of quadratic elements through each layer [-].
     """
     top = cover.layers[-1]
-    farthest = _DECAY * max(decay_length(cover), membrane_length(cover))
+    farthest = _SETTINGS.decay * max(decay_length(cover), membrane_length(cover))
     decayed, reach = reach >= farthest, min(reach, farthest)
     k, weight = _wave_numbers(cover, reach)
     solved = _interpolate_waves(cover, k, elements_per_layer)
     half_space = (1 - top.material.poisson_ratio) / (top.material.shear_modulus * k)  # Johnson 1985, eq. 2.61
-    fade = np.cos(np.pi / 2 * np.clip((k / k[-1] - _FADE) / (1 - _FADE), 0, 1)) ** 2
+    fade = np.cos(np.pi / 2 * np.clip((k / k[-1] - _SETTINGS.fade) / (1 - _SETTINGS.fade), 0, 1)) ** 2
     excess = (solved - half_space) * fade * k * weight / (2 * np.pi)
-    fine = min(layer.thickness for layer in cover.layers) / _TABLE_POINTS
-    step = min(max(fine, top.thickness / _MOST_PER_LAYER), reach / _LEAST_POINTS)
-    growing = growing_steps(step, reach, lambda each: max(step, min(_TABLE_GROWTH * each, reach / _LEAST_POINTS)))
+    fine = min(layer.thickness for layer in cover.layers) / _SETTINGS.table_points
+    step = min(max(fine, top.thickness / _SETTINGS.most_per_layer), reach / _SETTINGS.least_points)
+    growing = growing_steps(
+        step, reach, lambda each: max(step, min(_SETTINGS.table_growth * each, reach / _SETTINGS.least_points))
+    )
     radius = np.append(0.0, np.cumsum(growing))
     radius *= reach / radius[-1]
-    table = np.concatenate([j0(np.outer(block, k)) @ excess for block in np.array_split(radius, _BLOCKS)])
+    table = np.concatenate([j0(np.outer(block, k)) @ excess for block in np.array_split(radius, _SETTINGS.blocks)])
     return SurfaceCompliance(
         half_space=(1 - top.material.poisson_ratio) / (2 * np.pi * top.material.shear_modulus),
         regular=CubicSpline(radius, table, bc_type=("clamped", "not-a-knot")),
@@ -245,7 +285,7 @@ def _interpolate_waves(cover: Cover, wave_number: FloatArray, elements_per_layer
     The compliance is smooth over the logarithm of the wave number, so that many wave numbers need few solutions.
     """
     first, last = np.log(wave_number[[0, -1]])
-    count = int(np.ceil(_SOLVED_WAVES * (last - first))) + 1
+    count = int(np.ceil(_SETTINGS.solved_waves * (last - first))) + 1
     if count >= len(wave_number):
         return solve_waves(cover, wave_number, elements_per_layer=elements_per_layer).compliance
     solved = np.exp(np.linspace(first, last, count))
@@ -256,12 +296,14 @@ def _interpolate_waves(cover: Cover, wave_number: FloatArray, elements_per_layer
 
 def _wave_numbers(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
     """Compute Gauss points and weights in the wave number k, fine enough for J0(k r) up to r = `reach` [1/m]."""
-    end = _SHORT_WAVES / cover.layers[-1].thickness
-    longest = np.pi / reach * _PANEL_PERIODS
+    end = _SETTINGS.short_waves / cover.layers[-1].thickness
+    longest = np.pi / reach * _SETTINGS.panel_periods
     edges = [0.0]
     while edges[-1] < end:
-        edges.append(edges[-1] + min(longest, max(_FIRST_PANEL / cover.thickness, _PANEL_RATIO * edges[-1])))
-    return gauss_points(np.array(edges), _PANEL_POINTS)
+        edges.append(
+            edges[-1] + min(longest, max(_SETTINGS.first_panel / cover.thickness, _SETTINGS.panel_ratio * edges[-1]))
+        )
+    return gauss_points(np.array(edges), _SETTINGS.panel_points)
 
 
 def _assemble(cover: Cover, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -327,7 +369,9 @@ def _integrate_twice(x: FloatArray, y: FloatArray, width: float, height: float) 
 
 def _cut_uniform(size: float, scale: float) -> tuple[FloatArray, FloatArray]:
     """Return points and weights of a quadrature for the mean over an interval of a size around 0, weights sum to 1."""
-    points, weights = gauss_points(np.linspace(-size / 2, size / 2, int(np.ceil(size / scale / _PANEL)) + 1), 2)
+    points, weights = gauss_points(
+        np.linspace(-size / 2, size / 2, int(np.ceil(size / scale / _SETTINGS.panel)) + 1), 2
+    )
     return points, weights / size
 
 
@@ -336,29 +380,12 @@ def _cut_triangular(size: float, scale: float) -> tuple[FloatArray, FloatArray]:
 
     The difference of two positions, each distributed evenly over an interval, has a triangular distribution.
     """
-    if size < _SMALL_CELL * scale:  # exact up to degree 3
+    if size < _SETTINGS.small_cell * scale:  # exact up to degree 3
         return size / np.sqrt(6) * np.array([-1.0, 1.0]), np.array([0.5, 0.5])
-    half = np.linspace(0, size, int(np.ceil(size / scale / _PANEL)) + 1)
+    half = np.linspace(0, size, int(np.ceil(size / scale / _SETTINGS.panel)) + 1)
     points, weights = gauss_points(half, 3)
     weights = weights * (1 - points / size) / size
     return np.concatenate([-points, points]), np.concatenate([weights, weights])
-
-
-#: Distance of the outer boundary over the decay length of the cover's response: part of the radius of axisymmetric
-#: meshes, and distance from the contact in three dimensions [-].
-_REACH, _SOLID_REACH = 12.0, 7.0
-#: Part of the radius of axisymmetric meshes that is proportional to the contact radius, over the contact radius [-].
-_REACH_RADII = 1.5
-#: Part of the radius of axisymmetric meshes that is proportional to the membrane length of a stiff top layer, where the
-#: top is held sideways by friction [-].
-_REACH_IN_PLANE = 4.0
-#: Radius of axisymmetric meshes on a sliding base, where the response decays only with the square of the distance, over
-#: the sum of decay length and contact radius; the outer boundary then changes forces by less than 0.005 % [-].
-_REACH_SLIDING = 40.0
-#: Least radius of axisymmetric meshes for a stiff top layer: over the distance over which the stretch of that layer
-#: decays, which leaves 0.1 % of the texel forces, and at most so many thicknesses, because the factorisation fails for
-#: longer elements [-].
-_REACH_MEMBRANE, _LONGEST = 0.3, 40.0
 
 
 def choose_linear_reach(cover: Cover, contact_radius: float) -> float:
@@ -370,8 +397,8 @@ def choose_linear_reach(cover: Cover, contact_radius: float) -> float:
     """
     decay = decay_length(cover)
     if cover.base == "sliding":
-        return _REACH_SLIDING * (decay + contact_radius)
-    return _REACH * decay + _REACH_RADII * contact_radius
+        return _SETTINGS.reach_sliding * (decay + contact_radius)
+    return _SETTINGS.reach * decay + _SETTINGS.reach_radii * contact_radius
 
 
 def choose_friction_reach(cover: Cover, contact_radius: float) -> float:
@@ -381,7 +408,7 @@ def choose_friction_reach(cover: Cover, contact_radius: float) -> float:
         cover: Laterally wide cover.
         contact_radius: Estimated radius of the largest contact [m].
     """
-    stretch = _REACH_IN_PLANE * membrane_length(cover) + _REACH_RADII * contact_radius
+    stretch = _SETTINGS.reach_in_plane * membrane_length(cover) + _SETTINGS.reach_radii * contact_radius
     return max(choose_linear_reach(cover, contact_radius), stretch)
 
 
@@ -392,19 +419,19 @@ def choose_reach(cover: Cover, contact_radius: float) -> float:
         cover: Laterally wide cover.
         contact_radius: Estimated radius of the largest contact [m].
     """
-    stretch = min(_REACH_MEMBRANE * membrane_length(cover), _LONGEST * cover.thickness)
+    stretch = min(_SETTINGS.reach_membrane * membrane_length(cover), _SETTINGS.longest * cover.thickness)
     return max(choose_linear_reach(cover, contact_radius), stretch)
 
 
 def choose_solid_reach(cover: Cover) -> float:
     """Choose the distance from the contact to the outer boundary of a mesh in three dimensions [m]."""
-    return (_REACH_SLIDING if cover.base == "sliding" else _SOLID_REACH) * decay_length(cover)
+    return (_SETTINGS.reach_sliding if cover.base == "sliding" else _SETTINGS.solid_reach) * decay_length(cover)
 
 
 def warn_of_boundary(cover: Cover) -> tuple[str, ...]:
     """State that a stiff foil reaches beyond the outer boundary of the meshes, if it does."""
-    wanted = _REACH_MEMBRANE * membrane_length(cover)
-    if wanted <= max(_LONGEST * cover.thickness, _REACH * decay_length(cover)):
+    wanted = _SETTINGS.reach_membrane * membrane_length(cover)
+    if wanted <= max(_SETTINGS.longest * cover.thickness, _SETTINGS.reach * decay_length(cover)):
         return ()
     sentence = (
         f"the stiff top reaches {wanted * 1e3:.3g} mm in its plane, beyond the fixed outer boundary of the mesh: the "

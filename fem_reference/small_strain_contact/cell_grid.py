@@ -10,23 +10,39 @@ from scipy import ndimage
 
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Number of samples along each side of a rectangle around a face, and number of parts along each side of a sample into
-#: which samples at the outline are divided [-].
-_SAMPLES, _PARTS = 801, 8
-#: Number of cells of the pattern that all grids repeat: smallest and largest number along an axis, largest number in
-#: all.  Grids that are up to this factor finer are tried for one that fits the edges of the face better [-].
-_LEAST, _MOST, _MOST_IN_ALL, _FINER = 16, 96, 3600, 1.2
-#: Number of cells across the walls of a face, and per thickness of the top layer, where a pattern is repeated nine
-#: times [-].
-_PER_WALL, _PER_LAYER = 45, 4
-#: Share of a face that lies on walls thinner than the wall that the cells resolve [-].
-_THIN_SHARE = 0.1
-#: Smallest jump of the width of a face, over its largest width, that counts as a straight edge [-].
-_JUMP = 0.05
-#: Largest jump of the width of a face over four samples at a straight edge, over that over two [-].
-_SHARP = 1.2
-#: Largest distance between an edge and a cell edge, over a cell, that counts as a fit [-].
-_FIT = 0.02
+
+@dataclass(frozen=True, kw_only=True)
+class GridSettings:
+    """Numbers that choose the cells of a contact and measure the face of an indenter."""
+
+    #: Samples along each side of a rectangle around a face [-].
+    samples: int = 801
+    #: Parts along each side of a sample at the outline, in each of which one point is tested [-].
+    parts: int = 8
+    #: Smallest number of cells of the repeated pattern along an axis [-].
+    least: int = 16
+    #: Largest number of cells of the repeated pattern along an axis [-].
+    most: int = 96
+    #: Largest number of cells of the repeated pattern, to limit the computing time [-].
+    most_in_all: int = 3600
+    #: Grids that are up to this factor finer are tried for one that fits the edges of the face better [-].
+    finer: float = 1.2
+    #: Cells across the walls of a face, where a pattern is repeated nine times [-].
+    per_wall: int = 45
+    #: Cells per thickness of the top layer, where a pattern is repeated nine times [-].
+    per_layer: int = 4
+    #: Share of a face that lies on walls thinner than the wall that the cells resolve [-].
+    thin_share: float = 0.1
+    #: Smallest jump of the width of a face, over its largest width, that counts as a straight edge [-].
+    jump: float = 0.05
+    #: Largest jump of the width of a face over four samples at a straight edge, over that over two [-].
+    sharp: float = 1.2
+    #: Largest distance between an edge and a cell edge, over a cell, that counts as a fit [-].
+    fit: float = 0.02
+
+
+_SETTINGS = GridSettings()
+
 
 #: Function that computes the gap between indenter and cover [m] from x and y [m]; inf where no contact is possible.
 GapFunction = Callable[[FloatArray, FloatArray], FloatArray]
@@ -59,14 +75,14 @@ class Face:
         """
         share = _sample(gap, middle, half)
         if not share.any():
-            size = 2e3 * half.max() / _SAMPLES
+            size = 2e3 * half.max() / _SETTINGS.samples
             raise ValueError(f"no point of a grid of {size:.2g} mm lies on the indenter's face: its walls are too thin")
-        step = 2 * half / _SAMPLES
+        step = 2 * half / _SETTINGS.samples
         low, high, walls, edges = np.empty(2), np.empty(2), np.empty(2), []
         for axis in range(2):
             lines = np.moveaxis(share, axis, 0)
             width = lines.sum(axis=1)
-            ends = _find_end(width), _SAMPLES - _find_end(width[::-1])
+            ends = _find_end(width), _SETTINGS.samples - _find_end(width[::-1])
             low[axis], high[axis] = (middle - half)[axis] + step[axis] * np.array(ends)
             walls[axis] = step[axis] * _measure_walls(lines > 0.5)  # noqa: PLR2004 -- half covered
             edges.append((_find_edges(width) - ends[0]) / (ends[1] - ends[0]))
@@ -145,31 +161,31 @@ def choose_counts(half: FloatArray, face: Face | None, layer: float, cells: int)
     Returns:
         Numbers of cells, shape (2,).
     """
-    wanted = 2 * half / layer * _PER_LAYER / 9
+    wanted = 2 * half / layer * _SETTINGS.per_layer / 9
     edges: tuple[FloatArray, FloatArray] = (np.empty(0), np.empty(0))
     if face is not None:
-        wanted = np.maximum(wanted, 2 * half / face.walls * _PER_WALL / 9)
+        wanted = np.maximum(wanted, 2 * half / face.walls * _SETTINGS.per_wall / 9)
         edges = face.edges
-    pattern = np.clip(wanted, _LEAST, _MOST)
-    excess = pattern.prod() / _MOST_IN_ALL
+    pattern = np.clip(wanted, _SETTINGS.least, _SETTINGS.most)
+    excess = pattern.prod() / _SETTINGS.most_in_all
     if excess > 1:
-        pattern = np.maximum(pattern / np.sqrt(excess), _LEAST)
-    counts = cells // _LEAST * np.ceil(pattern).astype(int)
+        pattern = np.maximum(pattern / np.sqrt(excess), _SETTINGS.least)
+    counts = cells // _SETTINGS.least * np.ceil(pattern).astype(int)
     return np.array([_fit_edges(int(n), each) for n, each in zip(counts, edges, strict=True)])
 
 
 def _sample(gap: GapFunction, middle: FloatArray, half: FloatArray) -> FloatArray:
     """Return the share of each sample of a fine regular grid over a rectangle that lies on the face [-]."""
-    step = 2 * half / _SAMPLES
-    centres = [m - h + (np.arange(_SAMPLES) + 0.5) * s for m, h, s in zip(middle, half, step, strict=True)]
+    step = 2 * half / _SETTINGS.samples
+    centres = [m - h + (np.arange(_SETTINGS.samples) + 0.5) * s for m, h, s in zip(middle, half, step, strict=True)]
     x, y = np.meshgrid(*centres, indexing="ij")
     inside: BoolArray = np.isfinite(gap(x, y))
     around = np.ones((3, 3), dtype=bool)
     outline = ndimage.binary_dilation(inside, around) & ~ndimage.binary_erosion(inside, around)
     # One point at random in each part, so that the rounding to whole parts does not add up along a straight edge.
-    u, v = (each.ravel() for each in np.indices((_PARTS, _PARTS)))
-    chance = np.random.default_rng(0).random((2, int(outline.sum()), _PARTS**2))
-    u, v = ((each + jitter) / _PARTS - 0.5 for each, jitter in zip((u, v), chance, strict=True))
+    u, v = (each.ravel() for each in np.indices((_SETTINGS.parts, _SETTINGS.parts)))
+    chance = np.random.default_rng(0).random((2, int(outline.sum()), _SETTINGS.parts**2))
+    u, v = ((each + jitter) / _SETTINGS.parts - 0.5 for each, jitter in zip((u, v), chance, strict=True))
     share = inside.astype(float)
     points = x[outline][:, None] + step[0] * u, y[outline][:, None] + step[1] * v
     share[outline] = np.isfinite(gap(*points)).mean(axis=1)
@@ -196,7 +212,7 @@ def _measure_walls(lines: BoolArray) -> float:
     length = np.sort(np.nonzero(change == -1)[1] - np.nonzero(change == 1)[1])
     if not length.size:
         return 1.0
-    return float(length[np.searchsorted(length.cumsum(), _THIN_SHARE * length.sum())])
+    return float(length[np.searchsorted(length.cumsum(), _SETTINGS.thin_share * length.sum())])
 
 
 def _find_edges(width: FloatArray) -> FloatArray:
@@ -209,7 +225,9 @@ def _find_edges(width: FloatArray) -> FloatArray:
     jump = np.abs(padded[3:-1] - padded[1:-3])
     around = np.abs(padded[4:] - padded[:-4])
     largest = ndimage.maximum_filter1d(jump, 3, mode="constant")
-    middle = np.flatnonzero((jump > _JUMP * width.max()) & (jump == largest) & (around < _SHARP * jump))
+    middle = np.flatnonzero(
+        (jump > _SETTINGS.jump * width.max()) & (jump == largest) & (around < _SETTINGS.sharp * jump)
+    )
     middle = middle[np.diff(middle, prepend=-2) > 1]  # an edge between two samples is found in both
     before, own, after = (padded[middle + shift] for shift in (1, 2, 3))
     return np.asarray(middle + (after - own) / (after - before))
@@ -217,6 +235,6 @@ def _find_edges(width: FloatArray) -> FloatArray:
 
 def _fit_edges(least: int, edges: FloatArray) -> int:
     """Find the smallest number of cells, at least `least`, that fits edges; the best of all tried if none does."""
-    tried = np.arange(least, int(_FINER * least) + 1)
+    tried = np.arange(least, int(_SETTINGS.finer * least) + 1)
     miss = np.array([np.abs(n * edges - np.round(n * edges)).max(initial=0.0) for n in tried])
-    return int(tried[np.argmax(miss < _FIT)] if (miss < _FIT).any() else tried[miss.argmin()])
+    return int(tried[np.argmax(miss < _SETTINGS.fit)] if (miss < _SETTINGS.fit).any() else tried[miss.argmin()])

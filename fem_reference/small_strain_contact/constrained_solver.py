@@ -15,6 +15,7 @@ of the spectrum of K is the preconditioner.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,22 +26,32 @@ from fem_reference.errors import ConvergenceError
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance
 from meshes.array_types import BoolArray, FloatArray
 
-#: Largest number of exchanges of cells, and largest number of exchanges of all wrong cells at once without a new
-#: minimum of the number of wrong cells [-].
-_EXCHANGES, _PATIENCE = 400, 10
-#: Overlap of cover and indenter at a cell, over the largest penetration of the undeformed surface, below which the cell
-#: counts as free of overlap [-].
-_NEGLIGIBLE = 1e-8
-#: Largest number of iterations of conjugate gradients, and norm of the residual displacement over that of the given
-#: displacement at which the iteration stops [-].
-_ITERATIONS, _RESIDUAL = 1000, 1e-8
-#: The same norm while the set of cells in contact still changes: a wrong sign of a pressure costs only an exchange [-].
-_LOOSE_RESIDUAL = 1e-4
-#: Smallest value of the spectrum of the compliance in the preconditioner, over its largest value [-].
-_SPECTRUM_FLOOR = 1e-6
-#: Largest difference between the sums of pressures and the prescribed sums, over the largest prescribed sum, in
-#: equilibrium [-].
-_BALANCE = 1e-6
+
+@dataclass(frozen=True, kw_only=True)
+class ActiveSetSettings:
+    """Limits and tolerances of the active set and of its conjugate gradients."""
+
+    #: Largest number of exchanges of cells [-].
+    exchanges: int = 400
+    #: Largest number of exchanges of all wrong cells in a row without a new minimum of their number [-].
+    patience: int = 10
+    #: Overlap at a cell, over the largest penetration of the undeformed surface, below which the cell is free of
+    #: overlap [-].
+    negligible: float = 1e-8
+    #: Largest number of iterations of conjugate gradients [-].
+    iterations: int = 1000
+    #: Norm of the residual displacement over that of the given displacement at which the iteration stops [-].
+    residual: float = 1e-8
+    #: The same norm while the set of cells in contact changes: a wrong sign of a pressure then costs only an exchange
+    #: [-].
+    loose_residual: float = 1e-4
+    #: Smallest value of the spectrum of the compliance in the preconditioner, over its largest value [-].
+    spectrum_floor: float = 1e-6
+    #: Largest error of the prescribed sums in equilibrium, over the largest prescribed sum [-].
+    balance: float = 1e-6
+
+
+_SETTINGS = ActiveSetSettings()
 
 
 class ComplianceOperator:
@@ -72,7 +83,7 @@ class ComplianceOperator:
         kernel = surface.average_over_cells(x, y, *cell)[np.ix_(*turned)]
         self._spectrum = fft.rfft2(kernel)
         size = np.abs(self._spectrum)
-        self._inverse = kernel[0, 0] / np.maximum(size, _SPECTRUM_FLOOR * size.max())
+        self._inverse = kernel[0, 0] / np.maximum(size, _SETTINGS.spectrum_floor * size.max())
 
     def displace(self, pressure: FloatArray) -> FloatArray:
         """Compute the downward displacements of all cells [m] under pressures on the cells [Pa], shape of the grid."""
@@ -128,9 +139,9 @@ def find_pressures(
     gap = np.where(allowed, gap, 0.0)
     columns = np.zeros((0, *gap.shape)) if columns is None else columns
     sums = np.zeros(0) if sums is None else sums
-    fewest, patience = gap.size + 1, _PATIENCE
-    system, residual = _Touching(compliance, gap, columns, sums), _LOOSE_RESIDUAL
-    for _ in range(_EXCHANGES):
+    fewest, patience = gap.size + 1, _SETTINGS.patience
+    system, residual = _Touching(compliance, gap, columns, sums), _SETTINGS.loose_residual
+    for _ in range(_SETTINGS.exchanges):
         pressure, motion = system.solve(touching, residual)
         shed = shed and bool((touching & (pressure < 0)).any() and (touching & (pressure > 0)).any())
         if shed:
@@ -139,22 +150,22 @@ def find_pressures(
         remaining = gap - np.tensordot(motion, columns, 1)
         overlap = remaining + compliance.displace(pressure)
         deepest = max(0.0, -float(remaining[allowed].min()))
-        wrong = (touching & (pressure < 0)) | (allowed & ~touching & (overlap < -_NEGLIGIBLE * deepest))
+        wrong = (touching & (pressure < 0)) | (allowed & ~touching & (overlap < -_SETTINGS.negligible * deepest))
         count = int(wrong.sum())
-        if residual > _RESIDUAL and (count == 0 or count >= fewest):
-            residual, fewest = _RESIDUAL, gap.size + 1
+        if residual > _SETTINGS.residual and (count == 0 or count >= fewest):
+            residual, fewest = _SETTINGS.residual, gap.size + 1
             continue
         if count == 0:
             system.check_balance(pressure)
             return pressure, motion
         if count < fewest:
-            fewest, patience = count, _PATIENCE
+            fewest, patience = count, _SETTINGS.patience
         elif patience > 0:
             patience -= 1
         else:
             wrong.flat[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last cell alone cannot cycle (Murty 1974)
         touching = touching ^ wrong
-    raise ConvergenceError(f"the contact did not settle in {_EXCHANGES} exchanges on {gap.shape} cells")
+    raise ConvergenceError(f"the contact did not settle in {_SETTINGS.exchanges} exchanges on {gap.shape} cells")
 
 
 class _Touching:
@@ -198,7 +209,7 @@ class _Touching:
     def check_balance(self, pressure: FloatArray) -> None:
         """Raise `ConvergenceError` if pressures [Pa] on the cells do not have the prescribed sums."""
         missing = self._sums - np.tensordot(self._columns, pressure, 2)
-        if np.abs(missing).max(initial=0.0) > _BALANCE * np.abs(self._sums).max(initial=0.0):
+        if np.abs(missing).max(initial=0.0) > _SETTINGS.balance * np.abs(self._sums).max(initial=0.0):
             raise ConvergenceError("no motion of the indenters balances their loads and moments")
 
 
@@ -217,7 +228,7 @@ def _solve_displacement(
     residual = given - np.where(touching, compliance.displace(pressure), 0.0) if pressure.any() else given
     small = tolerance * float(np.linalg.norm(given))
     direction, previous = np.zeros_like(wanted), 1.0
-    for _ in range(_ITERATIONS):
+    for _ in range(_SETTINGS.iterations):
         if np.linalg.norm(residual) <= small:
             return pressure
         weighted = np.where(touching, compliance.precondition(residual), 0.0)
@@ -228,4 +239,4 @@ def _solve_displacement(
         step = energy / float((image * direction).sum())
         pressure += step * direction
         residual -= step * image
-    raise ConvergenceError(f"conjugate gradients did not converge in {_ITERATIONS} iterations")
+    raise ConvergenceError(f"conjugate gradients did not converge in {_SETTINGS.iterations} iterations")

@@ -26,35 +26,51 @@ from meshes import Cover, Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import Pose
 
-#: Number of elements per cover thickness, and number of parts into which each element of a coarse pattern is divided
-#: along x and y; with 2, the additional compliance is wrong by up to a third, with 3, by at most 2 % [-].
-_PARTS = 3
-#: Distance of a free edge from the contact above which the edge is neglected, and width of the meshed surroundings,
-#: over the decay length of the cover's response.  The effect of an edge decays from the contact to the edge and again
-#: from the edge to the contact [-].
-_NEAR, _FAR = 6.0, 8.0
-#: The same on a sliding base, where the effect decays only with the square of the distance; at the first of the two it
-#: is below 0.06 % of the force [-].
-_NEAR_SLIDING, _FAR_SLIDING = 15.0, 40.0
-#: Size of the pattern's elements at the sides of the cover over the distance of the sides from the contact, and
-#: smallest and largest value of this size over the cover thickness [-].
-_FINE, _SMALLEST, _LARGEST = 4 / 3, 1 / 2, 2.0
-#: Smallest distance between contact and sides from which the element size is computed, over the width of the
-#: contact [-].
-_CLEARANCE = 0.15
-#: Smallest number of the pattern's elements across a contact [-].
-_LEAST = 1.5
-#: Increase of the pattern's element size per distance from contact and sides, in the cover and in its surroundings [-].
-_GROWTH, _OUTWARD = 1.2, 1.6
-#: Distance between the edge of a face and a side or the middle of the cover, over the cover thickness, below which the
-#: edge of the face is no element edge of its own [-].
-_SLIVER = 0.02
-#: Number of samples of the element size from the middle of the cover to its side [-].
-_SAMPLES = 2001
-#: Exponent of the depths of the element edges in the top layer; values above 1 give small elements at the top [-].
-_CROWDING = 1.5
-#: Number of right-hand sides solved at once, to limit the memory [-].
-_BLOCK = 64
+
+@dataclass(frozen=True, kw_only=True)
+class SideSettings:
+    """Numbers of the meshes that give the effect of free side edges."""
+
+    #: Elements per cover thickness, and parts of each element of a coarse pattern along x and y.  With 2, the
+    #: additional compliance is wrong by up to a third, with 3, by at most 2 % [-].
+    parts: int = 3
+    #: Distance of a free edge from the contact, over the decay length, above which the edge is neglected.  Its effect
+    #: decays from the contact to the edge and again from the edge to the contact [-].
+    near: float = 6.0
+    #: Width of the meshed surroundings over the decay length of the cover's response [-].
+    far: float = 8.0
+    #: As `near`, on a sliding base, where the effect decays only with the square of the distance and is below 0.06 %
+    #: of the force here [-].
+    near_sliding: float = 15.0
+    #: As `far`, on a sliding base [-].
+    far_sliding: float = 40.0
+    #: Size of the pattern's elements at the sides of the cover over the distance of the sides from the contact [-].
+    fine: float = 4 / 3
+    #: Smallest value of this size over the cover thickness [-].
+    smallest: float = 1 / 2
+    #: Largest value of this size over the cover thickness [-].
+    largest: float = 2.0
+    #: Smallest distance between contact and sides from which the element size is computed, over the width of the
+    #: contact [-].
+    clearance: float = 0.15
+    #: Smallest number of the pattern's elements across a contact [-].
+    least: float = 1.5
+    #: Increase of the pattern's element size per distance from contact and sides, in the cover [-].
+    growth: float = 1.2
+    #: The same increase in the surroundings of the cover [-].
+    outward: float = 1.6
+    #: Distance between the edge of a face and a side or the middle of the cover, over the cover thickness, below which
+    #: the edge of the face is no element edge of its own [-].
+    sliver: float = 0.02
+    #: Samples of the element size from the middle of the cover to its side [-].
+    samples: int = 2001
+    #: Exponent of the depths of the element edges in the top layer; above 1 the elements are small at the top [-].
+    crowding: float = 1.5
+    #: Right-hand sides solved at once, to limit the memory [-].
+    block: int = 64
+
+
+_SETTINGS = SideSettings()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,7 +106,7 @@ class SideEdges:
     @property
     def near(self) -> bool:
         """Whether a side of the cover is so near that its effect on the contact is not neglected."""
-        near = _NEAR_SLIDING if self.cover.base == "sliding" else _NEAR
+        near = _SETTINGS.near_sliding if self.cover.base == "sliding" else _SETTINGS.near
         return bool(self._distance < near * decay_length(self.cover))
 
     def contain(self, x: FloatArray, y: FloatArray) -> BoolArray:
@@ -169,16 +185,16 @@ class SideEdges:
         """
         unit = self.cover.thickness
         spans = [_mirror_span(ends / unit) for ends in self._box]
-        clearance = max(self._distance / unit, _CLEARANCE * min(high - low for low, high in spans))
-        size = float(np.clip(_FINE * clearance, _SMALLEST, _LARGEST))
+        clearance = max(self._distance / unit, _SETTINGS.clearance * min(high - low for low, high in spans))
+        size = float(np.clip(_SETTINGS.fine * clearance, _SETTINGS.smallest, _SETTINGS.largest))
         thicknesses = [layer.thickness for layer in self.cover.layers]
-        counts = [max(1, round(_PARTS * each / unit)) for each in thicknesses]
-        heights, layer = layer_heights(thicknesses, counts, crowd_surface=_CROWDING)
+        counts = [max(1, round(_SETTINGS.parts * each / unit)) for each in thicknesses]
+        heights, layer = layer_heights(thicknesses, counts, crowd_surface=_SETTINGS.crowding)
         inner = [
             _grade_cover(*span, side / unit, size, sharp=self.indenter.is_flat)
             for span, side in zip(spans, self._side, strict=True)
         ]
-        far = _FAR_SLIDING if self.cover.base == "sliding" else _FAR
+        far = _SETTINGS.far_sliding if self.cover.base == "sliding" else _SETTINGS.far
         far *= decay_length(self.cover) / unit
         outer = [np.concatenate([edges, _grade_surroundings(edges[-1], far, size)]) for edges in inner]
         lines = [Line(edges=edges, order=2) for edges in inner]
@@ -226,20 +242,22 @@ def _grade_cover(low: float, high: float, end: float, size: float, *, sharp: boo
         size: Size of the pattern's element at the side; elements grow away from side and contact [thicknesses].
         sharp: Whether the pressure is singular at the edges of the contact, which then become element edges.
     """
-    marks = [0.0, *(mark for mark in (low, high) if sharp and _SLIVER < mark < end - _SLIVER), end]
+    marks = [0.0, *(mark for mark in (low, high) if sharp and _SETTINGS.sliver < mark < end - _SETTINGS.sliver), end]
     edges = [np.zeros(1)]
     for start, stop in pairwise(marks):
-        x = np.linspace(start, stop, _SAMPLES)
+        x = np.linspace(start, stop, _SETTINGS.samples)
         distance = np.maximum(np.maximum(low - x, x - high), 0)
-        largest = max((high - low) / _LEAST, size) + _GROWTH * distance
-        edges.append(fill_by_spacing(x, np.minimum(size + _GROWTH * (end - x), largest), parts=_PARTS)[1:])
+        largest = max((high - low) / _SETTINGS.least, size) + _SETTINGS.growth * distance
+        edges.append(
+            fill_by_spacing(x, np.minimum(size + _SETTINGS.growth * (end - x), largest), parts=_SETTINGS.parts)[1:]
+        )
     return np.concatenate(edges)
 
 
 def _grade_surroundings(end: float, length: float, size: float) -> FloatArray:
     """Place growing element edges outside the side of a cover, from `end` to `end + length`; see `_grade_cover`."""
-    x = np.linspace(0, length, _SAMPLES)
-    return np.asarray(end + fill_by_spacing(x, size + _OUTWARD * x, parts=_PARTS)[1:])
+    x = np.linspace(0, length, _SETTINGS.samples)
+    return np.asarray(end + fill_by_spacing(x, size + _SETTINGS.outward * x, parts=_SETTINGS.parts)[1:])
 
 
 def _solve_flexibility(
@@ -266,7 +284,7 @@ def _solve_flexibility(
         matrix, constrained = constrain_parity(solid, upper, parity, sliding=sliding)
         factors.factorise(matrix)
         parts = []
-        for block in np.array_split(unknown, max(1, len(unknown) // _BLOCK)):
+        for block in np.array_split(unknown, max(1, len(unknown) // _SETTINGS.block)):
             load = np.zeros((upper.shape[0], len(block)))
             load[block, np.arange(len(block))] = ~constrained[block]
             parts.append(factors.solve(load)[unknown])

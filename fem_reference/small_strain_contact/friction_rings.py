@@ -31,24 +31,39 @@ from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Indenter
 from meshes.array_types import FloatArray, IntArray
 
-#: Radius of the outermost ring under a curved indenter, over that of the largest contact without friction [-].
-_MARGIN = 1.2
-#: Rings across the largest contact of a curved indenter, and steps of its approach, per element through the cover [-].
-_RINGS, _STEPS = 6, 8
-#: Width of the rings at the edge of a flat face over its radius, times the square of the number of elements through
-#: the cover [-].
-_EDGE = 0.2
-#: Size ratio of neighbouring elements, minus one, times the number of elements through the cover [-].
-_GROWTH = 1.2
-#: Rings of each of the two forces from which the edge of the contact is found [-].
-_FIT = 2
+
+@dataclass(frozen=True, kw_only=True)
+class RingSettings:
+    """Numbers of the rings, their approach and their active set."""
+
+    #: Radius of the outermost ring under a curved indenter, over that of the largest contact without friction [-].
+    margin: float = 1.2
+    #: Rings across the largest contact of a curved indenter, per element through the cover [-].
+    rings: int = 6
+    #: Steps of the approach of a curved indenter, per element through the cover [-].
+    steps: int = 8
+    #: Width of the rings at the edge of a flat face over its radius, times the square of the number of elements
+    #: through the cover [-].
+    edge: float = 0.2
+    #: Size ratio of neighbouring elements, minus one, times the number of elements through the cover [-].
+    growth: float = 1.2
+    #: Rings of each of the two forces from which the edge of the contact is found [-].
+    fit: int = 2
+    #: Relative tolerance of the conditions of contact and slip [-].
+    tolerance: float = 1e-9
+    #: Exchanges after which only the worst ring is exchanged [-].
+    all_at_once: int = 40
+    #: Largest number of exchanges [-].
+    exchanges: int = 2000
+
+
+_SETTINGS = RingSettings()
+
+
 #: Gauss points across a ring.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 #: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
 _ON_BOUNDARY = 1e-9
-#: Relative tolerance of the conditions of contact and slip; number of exchanges after which only the worst ring is
-#: exchanged, and largest number of exchanges [-].
-_TOLERANCE, _ALL_AT_ONCE, _EXCHANGES = 1e-9, 40, 2000
 #: Lower bound of denominators that may be zero.
 _TINY = 1e-300
 #: Conditions of a ring; a sliding ring has the sign of its shear on the cover.
@@ -104,7 +119,7 @@ class _Step(NamedTuple):
 
 def count_rings(count: int) -> int:
     """Return the number of rings across the largest contact, for a number of elements through the cover."""
-    return _RINGS * count
+    return _SETTINGS.rings * count
 
 
 class RingContact:
@@ -137,14 +152,14 @@ class RingContact:
 
     def _grade(self) -> tuple[FloatArray, FloatArray]:
         """Return the edges of the rings and those of all elements along the radius [thicknesses]."""
-        growth = 1 + _GROWTH / self._count
+        growth = 1 + _SETTINGS.growth / self._count
         coarse = min(1.0, self._radius) / self._count
         rim = self._indenter.footprint[0] / self._units.length
         if self._indenter.is_flat:
-            radii = grade_around_edge(_EDGE * rim / self._count**2, coarse, rim, self._reach, growth)
+            radii = grade_around_edge(_SETTINGS.edge * rim / self._count**2, coarse, rim, self._reach, growth)
             return radii[: int(np.argmin(np.abs(radii - rim))) + 1], radii
         width = self._radius / count_rings(self._count)
-        rings = int(np.ceil(min(_MARGIN * self._radius, rim) / width - _ON_BOUNDARY))
+        rings = int(np.ceil(min(_SETTINGS.margin * self._radius, rim) / width - _ON_BOUNDARY))
         edges = width * np.arange(rings + 1)
         beyond = growing_steps(
             width, self._reach - edges[-1], lambda step: step * (growth**2 if step < coarse else growth)
@@ -197,7 +212,7 @@ class RingContact:
         zero = np.zeros(rings)
         here = _Step(0.0, np.zeros(2 * rings), zero, np.full(rings, _OPEN), zero, zero, zero)
 
-        plan = self._plan_depths(depth / self._units.length, 1 if friction == 0 else _STEPS * self._count)
+        plan = self._plan_depths(depth / self._units.length, 1 if friction == 0 else _SETTINGS.steps * self._count)
         following = next(plan)
         reached: list[RingState] = []
         for target in (each / unit for each in targets):
@@ -225,7 +240,7 @@ class RingContact:
         def miss(depth: float) -> float:
             return self._measure(self._advance(here, depth, friction), "load") / target - 1
 
-        depth = brentq(miss, here.depth, ahead.depth, xtol=1e-14, rtol=_TOLERANCE)
+        depth = brentq(miss, here.depth, ahead.depth, xtol=1e-14, rtol=_SETTINGS.tolerance)
         return self._advance(here, float(depth), friction)
 
     def _measure(self, step: _Step, control: Control) -> float:
@@ -252,18 +267,20 @@ class RingContact:
         condition[(condition == _OPEN) & (wanted > 0)] = _STICKS if friction else _INWARD
         if not before.condition.any():
             condition[wanted <= 0] = _OPEN
-        for exchange in range(_EXCHANGES):
+        for exchange in range(_SETTINGS.exchanges):
             traction = self._balance(condition, target, friction)
             pressure, shear = traction[:n], traction[n:]
             moved = self._compliance @ traction
             excess = _find_violations(condition, pressure, shear, (moved - target) / scale, friction)
-            if not (excess > _TOLERANCE).any():
+            if not (excess > _SETTINGS.tolerance).any():
                 gap, step = moved[:n] - wanted, max(depth - before.depth, _TINY)
                 rate, closing = (moved[n:] - before.outward) / step, (before.gap - gap) / step
                 return _Step(depth, traction, moved[n:], condition, gap, rate, closing)
-            worst = excess > (_TOLERANCE if exchange < _ALL_AT_ONCE else excess.max() * (1 - _TOLERANCE))
+            worst = excess > (
+                _SETTINGS.tolerance if exchange < _SETTINGS.all_at_once else excess.max() * (1 - _SETTINGS.tolerance)
+            )
             condition[worst] = _exchange(condition[worst], pressure[worst], shear[worst], friction)
-        raise ConvergenceError(f"contact and slip of {n} rings did not settle in {_EXCHANGES} exchanges")
+        raise ConvergenceError(f"contact and slip of {n} rings did not settle in {_SETTINGS.exchanges} exchanges")
 
     def _predict_touch(self, before: _Step, depth: float) -> FloatArray:
         """Return the outward displacements with which rings touch: of open rings, if their last motion continues."""
@@ -323,11 +340,14 @@ class RingContact:
         """
         pressure = step.traction[: len(self._area)]
         last = int(np.flatnonzero(pressure > 0)[-1])
-        if self._indenter.is_flat or last < 2 * _FIT or last + 1 == len(pressure):
+        if self._indenter.is_flat or last < 2 * _SETTINGS.fit or last + 1 == len(pressure):
             return float(self._edges[last + 1])
-        inner, middle = self._edges[[last + 1 - 2 * _FIT, last + 1 - _FIT]]
+        inner, middle = self._edges[[last + 1 - 2 * _SETTINGS.fit, last + 1 - _SETTINGS.fit]]
         force = self._area * pressure
-        ratio = force[last + 1 - _FIT :].sum() / force[last + 1 - 2 * _FIT : last + 1 - _FIT].sum()
+        ratio = (
+            force[last + 1 - _SETTINGS.fit :].sum()
+            / force[last + 1 - 2 * _SETTINGS.fit : last + 1 - _SETTINGS.fit].sum()
+        )
 
         def miss(radius: float) -> float:
             outside = (radius**2 - middle**2) ** 1.5

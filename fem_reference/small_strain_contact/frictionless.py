@@ -20,24 +20,39 @@ from fem_reference.small_strain_contact.free_edges import SideEdges
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Number of samples of the height of an axisymmetric indenter along its radius [-].
-_RADII = 10_001
-#: Largest number of solutions on successively smaller grids; a grid is at most twenty times smaller than the last [-].
-_REFINEMENTS = 8
-#: Half width of the contact over that of the grid, along each axis, above which the grid is fine enough [-].
-_FILLED = 0.8
-#: Half width of a new grid over that of the last contact, and smallest ratio of successive half widths of the grid [-].
-_MARGIN, _SHRINKING = 1.1, 0.05
-#: Share of all cells that the initial guess of a contact under a given load contains [-].  The cells with the smallest
-#: gaps are taken.
-_FIRST_SHARE = 0.2
-#: Largest gap over the depth of the cells in the initial guess of a contact at a given depth [-].
-_FIRST_DEPTH = 0.5
-#: Smallest number of cells in the initial guess of a contact [-].
-_FIRST_CELLS = 9
-#: Ratio of the cells of a grid and of the coarser grid whose contact is its initial guess, and smallest number of cells
-#: of that along an axis.  Under a stiff top layer every exchange of cells peels only one ring off the contact [-].
-_COARSENING, _COARSEST = 3, 16
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionlessSettings:
+    """Numbers of the contact of one indenter: refinement of its grid, first guesses, and area."""
+
+    #: Samples of the height of an axisymmetric indenter along its radius [-].
+    radii: int = 10_001
+    #: Largest number of solutions on successively smaller grids [-].
+    refinements: int = 8
+    #: Half width of the contact over that of the grid, along each axis, above which the grid is fine enough [-].
+    filled: float = 0.8
+    #: Half width of a new grid over that of the last contact [-].
+    margin: float = 1.1
+    #: Smallest ratio of successive half widths of the grid: a grid is at most twenty times smaller than the last [-].
+    shrinking: float = 0.05
+    #: Share of all cells, those with the smallest gaps, in the initial guess of a contact under a given load [-].
+    first_share: float = 0.2
+    #: Largest gap over the depth of the cells in the initial guess of a contact at a given depth [-].
+    first_depth: float = 0.5
+    #: Smallest number of cells in the initial guess of a contact [-].
+    first_cells: int = 9
+    #: Cells of a grid over those of the coarser grid whose contact is its initial guess, along an axis.  Under a stiff
+    #: top layer every exchange of cells peels only one ring off the contact [-].
+    coarsening: int = 3
+    #: Smallest number of cells of that coarser grid along an axis [-].
+    coarsest: int = 16
+    #: Half width of the square of cells to which a polynomial is fitted at the edge of the contact [cells].
+    fitted: int = 2
+    #: Parts of a cell along each axis in which the edge of the contact is located [-].
+    parts: int = 12
+
+
+_SETTINGS = FrictionlessSettings()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,7 +119,7 @@ def solve_contact(
         first = face.middle, face.half
     fixed = indenter.mirror_symmetry if face is None and sides is None else (True, True)
     middle, half = first
-    for _ in range(_REFINEMENTS):
+    for _ in range(_SETTINGS.refinements):
         grid = CellGrid.span(middle, half, choose_counts(half, face, surface.scale, cells))
         if face is not None:
             grid = grid.match_area(measure_gap, face)
@@ -117,9 +132,11 @@ def solve_contact(
         # If the gaps of all cells exceed the depth, the contact is around the cell with the smallest gap.
         near = touching if touching.any() else gap == gap.min()
         middle, extent = _enclose(grid, near, middle, fixed)
-        if face is not None or (extent > _FILLED * half).all():
+        if face is not None or (extent > _SETTINGS.filled * half).all():
             break
-        middle, half = _clip(middle, np.minimum(np.maximum(_MARGIN * extent, _SHRINKING * half), half), first)
+        middle, half = _clip(
+            middle, np.minimum(np.maximum(_SETTINGS.margin * extent, _SETTINGS.shrinking * half), half), first
+        )
     if not touching.any():
         raise TooShallowError(f"nothing touches on cells of {max(grid.cell) * 1e3:.2g} mm; press deeper")
     force = pressure[touching] * grid.area
@@ -163,7 +180,7 @@ def bound_contact(indenter: Indenter, thickness: float) -> tuple[float, float]:
     """
     if not indenter.axisymmetric:
         return indenter.footprint
-    r = np.linspace(0, indenter.footprint[0], _RADII)
+    r = np.linspace(0, indenter.footprint[0], _SETTINGS.radii)
     low = np.flatnonzero(indenter.gap(r, np.zeros_like(r)) <= thickness)
     radius = float(r[min(int(low[-1]) + 1, len(r) - 1)])
     return radius, radius
@@ -184,9 +201,9 @@ def guess_touching(gap: FloatArray, depth: float | None) -> BoolArray:
     if (heights == 0).all():
         return allowed
     if depth is None:
-        return np.asarray(allowed & (gap <= np.quantile(heights, _FIRST_SHARE)))
-    few = float(np.sort(heights)[min(_FIRST_CELLS, heights.size) - 1])
-    return np.asarray(allowed & (gap <= max(few, _FIRST_DEPTH * depth)))
+        return np.asarray(allowed & (gap <= np.quantile(heights, _SETTINGS.first_share)))
+    few = float(np.sort(heights)[min(_SETTINGS.first_cells, heights.size) - 1])
+    return np.asarray(allowed & (gap <= max(few, _SETTINGS.first_depth * depth)))
 
 
 def _guess_from_coarser(
@@ -214,8 +231,8 @@ def _guess_from_coarser(
     Returns:
         Whether each cell is in the guess, shape (rows, columns); None if the grid is too coarse for a coarser one.
     """
-    counts = np.array(grid.x.shape) // _COARSENING
-    if counts.min() < _COARSEST:
+    counts = np.array(grid.x.shape) // _SETTINGS.coarsening
+    if counts.min() < _SETTINGS.coarsest:
         return None
     coarse = CellGrid.span(grid.middle, half, counts)
     gap = measure_gap(coarse.x, coarse.y)
@@ -256,12 +273,6 @@ def _solve(
     return pressure, float(motion[0])
 
 
-#: Half width of the square of cells to which a polynomial is fitted [cells].
-_FITTED = 2
-#: Number of parts of a cell along each axis in which the edge is located [-].
-_PARTS = 12
-
-
 def measure_area(pressure: FloatArray, allowed: BoolArray, cell: tuple[float, float]) -> float:
     """Measure the contact area.
 
@@ -280,9 +291,9 @@ def measure_area(pressure: FloatArray, allowed: BoolArray, cell: tuple[float, fl
     """
     touching = pressure > 0
     ring = np.ones((3, 3), dtype=bool)
-    known = ndimage.binary_erosion(touching, ring, iterations=_FITTED)
+    known = ndimage.binary_erosion(touching, ring, iterations=_SETTINGS.fitted)
     # Beside cells that cannot touch, the contact ends at the edge of the indenter, where the pressure does not vanish.
-    whole = ndimage.binary_erosion(touching | ~allowed, ring, iterations=_FITTED, border_value=1) & touching
+    whole = ndimage.binary_erosion(touching | ~allowed, ring, iterations=_SETTINGS.fitted, border_value=1) & touching
     if not known.any():
         return float(touching.sum() * cell[0] * cell[1])
     band = ndimage.binary_dilation(touching, ring) & allowed & ~whole
@@ -291,12 +302,12 @@ def measure_area(pressure: FloatArray, allowed: BoolArray, cell: tuple[float, fl
     nearest = source[0][place], source[1][place]
     share = np.zeros(len(place[0]))
     fitted = _fit_squares(pressure**2, nearest)
-    part = (np.arange(_PARTS) + 0.5) / _PARTS - 0.5
+    part = (np.arange(_SETTINGS.parts) + 0.5) / _SETTINGS.parts - 0.5
     for u in part:
         for v in part:
             x, y = place[0] - nearest[0] + u, place[1] - nearest[1] + v
             share += (_list_powers(x, y) * fitted).sum(axis=0) > 0
-    share /= _PARTS**2
+    share /= _SETTINGS.parts**2
     inside = touching[place]
     share[(share == 1) & ~inside] = 0.0
     share[(share == 0) & inside] = 1.0
@@ -305,7 +316,7 @@ def measure_area(pressure: FloatArray, allowed: BoolArray, cell: tuple[float, fl
 
 def _fit_squares(values: FloatArray, place: tuple[IntArray, IntArray]) -> FloatArray:
     """Fit a quadratic polynomial to the 5 x 5 values around each of m places, coefficients of shape (6, m)."""
-    offset = np.arange(-_FITTED, _FITTED + 1)
+    offset = np.arange(-_SETTINGS.fitted, _SETTINGS.fitted + 1)
     rows, columns = (each.ravel() for each in np.meshgrid(offset, offset, indexing="ij"))
     around = np.array([values[place[0] + i, place[1] + j] for i, j in zip(rows, columns, strict=True)])
     return np.asarray(np.linalg.pinv(_list_powers(rows.astype(float), columns.astype(float)).T) @ around)

@@ -32,10 +32,46 @@ from meshes.array_types import FloatArray, IntArray
 from meshes.indenters.punches import PolygonalPunch
 from meshes.pose import Pose
 
-#: Element size at the edge of the punch over the smaller of its radius and the thickness of the top layer [-].
-_EDGE = 1e-4
-#: Size ratio of neighbouring elements, minus one, times the number of elements through the cover [-].
-_GROWTH = 1.2
+
+@dataclass(frozen=True, kw_only=True)
+class NoSlipSettings:
+    """Numbers of the meshes under a flat face without slip."""
+
+    #: Element size at the edge of a punch of revolution over the smaller of its radius and the thickness of the top
+    #: layer [-].
+    disk_edge: float = 1e-4
+    #: Size ratio of neighbouring elements in the r-z plane, minus one, times the number of elements through the cover
+    #: [-].
+    disk_growth: float = 1.2
+    #: Increase of the element size per distance from the face [-].
+    outward: float = 0.6
+    #: Increase of the element size per distance from the sides of the face inside it, where the sides are farther than
+    #: a cover thickness away [-].
+    inward: float = 0.3
+    #: Element size at the free sides of a cover over the cover thickness, times the number of elements through the
+    #: cover [-].
+    at_side: float = 1.5
+    #: Element size at the free sides, if larger, over the distance of the face from the sides [-].
+    at_far_side: float = 0.3
+    #: Samples of the element size between two mesh lines, on each half [-].
+    samples: int = 400
+    #: Smallest distance of a sample from these lines over the distance between them [-].
+    closest: float = 1e-5
+    #: Distance over the thickness of the cover below which two positions are equal [-].
+    same: float = 1e-7
+    #: Factor on the thickness of the top layer in the comparison of lengths that sets the element size at the sides of
+    #: a face [-].
+    thin_top: float = 4.0
+    #: Factor on the number of elements across a face without mirror symmetry, to limit the computing time [-].
+    unsymmetric: float = 0.6
+    #: Distance from the outline of a face, over the smaller of its half width and the cover thickness, within which
+    #: tensile forces count as discretisation error of the singular stress at the edge [-].
+    at_edge: float = 0.1
+
+
+_SETTINGS = NoSlipSettings()
+
+
 #: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
 _ON_BOUNDARY = 1e-9
 
@@ -72,9 +108,9 @@ def press_stuck_disk(cover: Cover, radius: float, *, elements_per_thickness: int
     # Units of length and stress are the cover thickness and the shear modulus of the top layer.
     unit, modulus = cover.thickness, cover.layers[-1].material.shear_modulus
     size = min(unit, radius) / elements_per_thickness
-    fine = _EDGE * min(radius, cover.layers[-1].thickness)
+    fine = _SETTINGS.disk_edge * min(radius, cover.layers[-1].thickness)
     reach = choose_friction_reach(cover, radius)
-    radii = grade_around_edge(fine, size, radius, reach, 1 + _GROWTH / elements_per_thickness)
+    radii = grade_around_edge(fine, size, radius, reach, 1 + _SETTINGS.disk_growth / elements_per_thickness)
     mesh, region = mesh_cover(cover, elements_per_thickness, radii, surface_size=fine)
     elements = prepare_elements(mesh.scaled(1 / unit), region=region, axisymmetric=True)
     shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / modulus
@@ -100,24 +136,6 @@ def press_stuck_disk(cover: Cover, radius: float, *, elements_per_thickness: int
         rings=rings,
         tension=measure_tension(rings[:, 1], radius - rings[:, 0], min(radius, unit)),
     )
-
-
-#: Increase of the element size per distance from the face, and from the sides of the face inside it where the sides are
-#: farther than a cover thickness away [-].
-_OUTWARD, _INWARD = 0.6, 0.3
-#: Element size at the free sides of a cover: over the cover thickness, times the number of elements through the cover,
-#: or if larger, over the distance of the face from the sides [-].
-_AT_SIDE, _AT_FAR_SIDE = 1.5, 0.3
-#: Number of samples of the element size between two mesh lines, and smallest distance of a sample from these lines over
-#: the distance between them [-].
-_SAMPLES, _CLOSEST = 400, 1e-5
-#: Distance over the thickness of the cover below which two positions are equal [-].
-_SAME = 1e-7
-#: Factor on the thickness of the top layer in the comparison of lengths that sets the element size at the sides of a
-#: face [-].
-_THIN_TOP = 4.0
-#: Factor on the number of elements across a face without mirror symmetry, to limit the computing time [-].
-_UNSYMMETRIC = 0.6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +186,7 @@ def lies_on_lines(face: FlatPunch, pose: Pose) -> bool:
         return False
     if isinstance(face, Box):
         return True
-    small = _SAME * min(face.footprint)
+    small = _SETTINGS.same * min(face.footprint)
     return all(
         min(abs(b[0] - a[0]), abs(b[1] - a[1])) < small
         for polygon in face.polygons
@@ -205,7 +223,7 @@ def press_face(cover: Cover, face: FlatPunch, pose: Pose, grid: FaceGrid) -> tup
     matrix = (upper + sp.triu(upper, 1).T).tocsr()
     x, y, _ = (line.nodes * unit for line in solid.lines)
     inside = np.asarray(face.signed_distance(*pose.to_indenter(*np.meshgrid(x, y, indexing="ij"))))
-    touched = inside > -_SAME * unit
+    touched = inside > -_SETTINGS.same * unit
     positions = [each[touched] for each in np.meshgrid(x, y, indexing="ij")]
     number = [
         int(solid.offsets[axis]) + np.arange(np.prod(solid.field_shape(axis))).reshape(solid.field_shape(axis))
@@ -289,7 +307,7 @@ class _Lines:
     def _edge(self) -> float:
         """Element size at sides of the face that lie on mesh lines [thicknesses]."""
         top = self.cover.layers[-1].thickness / self.cover.thickness
-        return self.grid.edge * min(1.0, self._half, _THIN_TOP * top)
+        return self.grid.edge * min(1.0, self._half, _SETTINGS.thin_top * top)
 
     @cached_property
     def _corners(self) -> FloatArray:
@@ -307,10 +325,10 @@ class _Lines:
         symmetric = find_mirror_planes(self.face, self.pose)
         start, end = self._find_ends(axis, low, high)
         marks = np.unique(corners) if self._on_lines else np.array([low, high])
-        marks = marks[np.append(True, np.diff(marks) > _SAME)]
+        marks = marks[np.append(True, np.diff(marks) > _SETTINGS.same)]
         if symmetric[axis]:
-            start, marks = 0.0, marks[marks > _SAME]
-        inner = marks[(marks > start + _SAME) & (marks < end - _SAME)]
+            start, marks = 0.0, marks[marks > _SETTINGS.same]
+        inner = marks[(marks > start + _SETTINGS.same) & (marks < end - _SETTINGS.same)]
         parts = [np.array([start])]
         for first, last in pairwise([start, *inner, end]):
             x = _sample(first, last)
@@ -341,16 +359,16 @@ class _Lines:
         regular = min(1.0, 2 * self._half) / self.grid.through
         if self._on_lines:
             nearest = np.abs(x[:, None] - marks).min(axis=1)
-            inward = _INWARD * np.maximum(nearest - 1, 0)
-            size = regular + np.where(outside > 0, _OUTWARD * outside, inward)
+            inward = _SETTINGS.inward * np.maximum(nearest - 1, 0)
+            size = regular + np.where(outside > 0, _SETTINGS.outward * outside, inward)
             size = np.minimum(size, self._edge + self.grid.growth * nearest)
         else:
-            across = self.grid.across * (1.0 if symmetric else _UNSYMMETRIC)
-            size = min(regular, max(self.face.footprint) / self.cover.thickness / across) + _OUTWARD * outside
+            across = self.grid.across * (1.0 if symmetric else _SETTINGS.unsymmetric)
+            size = min(regular, max(self.face.footprint) / self.cover.thickness / across) + _SETTINGS.outward * outside
         if self.cover.size is not None:
             clearance = min(boundary - ends[1], boundary + ends[0])
-            at_side = max(_AT_SIDE / self.grid.through, _AT_FAR_SIDE * clearance)
-            size = np.minimum(size, at_side + _OUTWARD * np.minimum(boundary - x, x + boundary))
+            at_side = max(_SETTINGS.at_side / self.grid.through, _SETTINGS.at_far_side * clearance)
+            size = np.minimum(size, at_side + _SETTINGS.outward * np.minimum(boundary - x, x + boundary))
         return size
 
     def along_z(self) -> tuple[FloatArray, IntArray]:
@@ -373,13 +391,8 @@ class _Lines:
 
 def _sample(first: float, last: float) -> FloatArray:
     """Return positions from `first` to `last` that lie close together at both ends."""
-    near = np.concatenate([[0.0], np.geomspace(_CLOSEST, 0.5, _SAMPLES)])
+    near = np.concatenate([[0.0], np.geomspace(_SETTINGS.closest, 0.5, _SETTINGS.samples)])
     return np.asarray(first + (last - first) * np.unique(np.concatenate([near, 1 - near])))
-
-
-#: Distance from the outline of a face, over the smaller of its half width and the cover thickness, within which
-#: tensile forces count as discretisation error of the singular stress at the edge [-].
-_AT_EDGE = 0.1
 
 
 def measure_tension(forces: FloatArray, inside: FloatArray, size: float) -> float:
@@ -392,5 +405,5 @@ def measure_tension(forces: FloatArray, inside: FloatArray, size: float) -> floa
         inside: Distance of each node from the outline of the face, shape (n,) [m].
         size: Smaller of the face's half width and the cover thickness [m].
     """
-    away = inside > _AT_EDGE * size
+    away = inside > _SETTINGS.at_edge * size
     return float(-np.minimum(forces[away], 0.0).sum() / forces.sum())

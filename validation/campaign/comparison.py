@@ -23,7 +23,7 @@ Progress = Callable[[str], None]
 #: Models that a user can name: finite elements and the fast model.
 MODELS = ("fem", "fast")
 #: Contact methods of the fast model that a user can name.
-METHODS = ("default", "cover", "foundation", "area", "boxes")
+METHODS = ("default", "cover", "foundation", "area", "boxes", "curved")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,6 +6,7 @@ import pytest
 from fem_reference import press
 from fem_reference.curved_cover import press_curved, press_curved_finite
 from fem_reference.errors import ConvergenceError
+from fem_reference.finite_strain.contact_problem import PathSettings
 from meshes import Cover, Layer, Material, Sphere
 from meshes.pose import Pose
 from meshes.solids import flat_pad, phalanx
@@ -50,7 +51,7 @@ def test_what_is_outside_its_range_is_refused():
 
 def test_a_path_that_stops_early_names_how_far_it_came(monkeypatch):
     pose = Pose.facing([0, 0, 12e-3], DOWN)
-    monkeypatch.setattr("fem_reference.finite_strain.contact_problem._ITERATIONS", 1)
+    monkeypatch.setattr("fem_reference.finite_strain.contact_problem._SETTINGS", PathSettings(iterations=1))
     with pytest.raises(ConvergenceError, match=r"no convergence even at a depth of .* mm"):
         press_curved_finite(MESHES, SMALL.texels, NEO, BALL, pose, depth=1.2e-3)
 

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from meshes.solids.shell import thicken
-from meshes.solids.solid_mesh import LEAST_THROUGH, check_quality
+from meshes.solids.solid_mesh import LIMITS, check_quality
 from validation.curved.body import CoverBody, mesh_shell
 
 pytest.importorskip("pytetwild")
@@ -37,7 +37,7 @@ def test_elements_that_are_too_few_through_the_thickness_are_made_smaller(tmp_pa
     shell = thicken(np.array(ball.triangles), 1e-3, "ball", inward=True)
     told = []
     (mesh,) = mesh_shell(shell, "ball", (0.9e-3,), 0.0, told.append)
-    assert check_quality(mesh).through >= LEAST_THROUGH
+    assert check_quality(mesh).through >= LIMITS.through
     sizes = [float(line.split()[2]) for line in told]
     assert 1 < len(sizes) <= 4
     assert np.diff(np.log(sizes)) == pytest.approx(np.log(0.85), rel=0.05)
