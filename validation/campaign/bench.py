@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import partial, singledispatch
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -21,6 +21,7 @@ from validation.campaign.case import Case
 from validation.campaign.cost import Plan, plan_solves
 from validation.campaign.reference_press import press_reference
 from validation.campaign.results import MODELS, CaseResult, Reference, predict
+from validation.derivation.derive import Derivation
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -189,3 +190,31 @@ class LayeredBench(Bench):
             "contact_area_m2": reference.contact_area,
             "share_outside_array": reference.outside / load,
         }
+
+
+@singledispatch
+def prepare_bench(derivation: object, cases: Sequence[Case], progress: Callable[[str], None] | None = None) -> Bench:
+    """Return the bench on which cases are scored; each kind of derivation registers its own.
+
+    Args:
+        derivation: What was derived from a sensor.
+        cases: The cases that will be scored; nothing may be fitted to them.
+        progress: Called with the name of each part.
+
+    Raises:
+        InputError: If the fast model of the sensor cannot be scored.
+        TypeError: If no bench is registered for the derivation.
+    """
+    del cases, progress
+    raise TypeError(f"no bench is registered for {type(derivation).__name__}")
+
+
+@prepare_bench.register
+def _(derivation: Derivation, cases: Sequence[Case], progress: Callable[[str], None] | None = None) -> Bench:
+    from validation.published.calibration import prepare_models
+
+    if progress:
+        progress("fit of the comparison models")
+    sensor, parameters = derivation.sensor, derivation.parameters
+    published = prepare_models(sensor.cover, parameters, cases, friction=sensor.friction)
+    return LayeredBench(cover=sensor.cover, fast=parameters, friction=sensor.friction, published=published)

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+import validation.curved.bench  # noqa: F401 -- registers the bench of solid covers
+from validation.campaign.bench import prepare_bench
 from validation.campaign.campaign_file import Campaign, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.cost import Plan, plan_solves
@@ -147,7 +149,7 @@ def evaluate(
         announce(cost.describe())
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
-    bench = derivation.prepare(plan.cases, progress)
+    bench = prepare_bench(derivation, plan.cases, progress)
     result = run_campaign(bench, plan.cases, plan=cost, progress=progress.step if progress else None)
     evidence = gather_evidence(bench, plan, result, progress)
     clock.append(time.perf_counter())

@@ -12,7 +12,7 @@ import numpy as np
 
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes.array_types import FloatArray
-from validation.campaign.bench import Bench
+from validation.campaign.bench import Bench, prepare_bench
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.campaign.cost import Plan
@@ -223,3 +223,16 @@ def plan_presses(sensor: SensorDescription, meshes: tuple[SolidMesh, ...], cases
         seconds=tuple(_PRESS if absent else _STORED_PRESS for absent in missing),
         rest=_REST if any(missing) else _STORED_REST,
     )
+
+
+@prepare_bench.register
+def _(
+    derivation: CurvedDerivation,
+    cases: Sequence[Case],  # noqa: ARG001 -- nothing is fitted to other presses
+    progress: Callable[[str], None] | None = None,
+) -> Bench:
+    if progress:
+        progress("fast model, compliance of the surface")
+    bench = SolidBench(derivation=derivation)
+    bench.require_fast_model()
+    return bench

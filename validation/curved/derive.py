@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from fastmodel.fitting.surface_gaussian import SurfaceGaussian
     from fem_reference.curved_cover import TexelResponses
     from meshes.solids import SolidMesh
-    from validation.campaign.case import Case
-    from validation.curved.bench import SolidBench
 
 #: Number of points along each edge of a texel at which a uniform load on the texel is sampled [-].
 _POINTS = 3
@@ -129,24 +127,6 @@ class CurvedDerivation:
     def verification(self) -> Mapping[str, float]:
         """Differences from closed forms: none is known for the responses of a solid."""
         return {}
-
-    def prepare(
-        self,
-        cases: Sequence[Case],  # noqa: ARG002 -- nothing is fitted to other presses
-        progress: Callable[[str], None] | None = None,
-    ) -> SolidBench:
-        """Return the bench on which cases are scored.
-
-        Raises:
-            InputError: If the meshes are too fine for the fast model.
-        """
-        from validation.curved.bench import SolidBench
-
-        if progress:
-            progress("fast model, compliance of the surface")
-        bench = SolidBench(derivation=self)
-        bench.require_fast_model()
-        return bench
 
     @property
     def result(self) -> CurvedResponses:

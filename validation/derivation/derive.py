@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from fastmodel.parameters import Parameters
     from fastmodel.surface import CoverCells
     from fem_reference.linear_response.point_spread import PointSpread
-    from validation.campaign.bench import LayeredBench
-    from validation.campaign.case import Case
     from validation.curved.derive import CurvedDerivation
 
 FloatArray = npt.NDArray[np.float64]
@@ -131,17 +129,6 @@ class Derivation:
         force = weights @ point_response(self.sensor.cover, np.hypot(*points.T)) * np.prod(array.texel_size)
         middle = self.texel_response[array.rows // 2, array.columns // 2]
         return {"radial_profile": float(profile), "texel_response": float(abs(middle - force))}
-
-    def prepare(self, cases: Sequence[Case], progress: Progress | None = None) -> LayeredBench:
-        """Return the bench on which cases are scored, with published models that are fitted to other presses."""
-        from validation.campaign.bench import LayeredBench
-        from validation.published.calibration import prepare_models
-
-        if progress:
-            progress("fit of the comparison models")
-        sensor, parameters = self.sensor, self.parameters
-        published = prepare_models(sensor.cover, parameters, cases, friction=sensor.friction)
-        return LayeredBench(cover=sensor.cover, fast=parameters, friction=sensor.friction, published=published)
 
     @property
     def result(self) -> FlatResponses:
