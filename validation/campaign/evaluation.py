@@ -10,13 +10,12 @@ import dataclasses
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
-from importlib import metadata
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-import validation.curved.bench  # noqa: F401 -- registers the bench of solid covers
 from validation.campaign.bench import prepare_bench
 from validation.campaign.campaign_file import Campaign, read_campaign
 from validation.campaign.case import Case
@@ -149,6 +148,7 @@ def evaluate(
         announce(cost.describe())
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
+    import_module("validation.curved.bench")  # registers the bench of solid covers
     bench = prepare_bench(derivation, plan.cases, progress)
     result = run_campaign(bench, plan.cases, plan=cost, progress=progress.step if progress else None)
     evidence = gather_evidence(bench, plan, result, progress)

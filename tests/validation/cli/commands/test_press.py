@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fastmodel
+from fem_reference.finite_strain.contact_problem import PathSettings
 from validation.cli.press_options import read_friction_option
 from validation.errors import InputError
 
@@ -96,7 +97,7 @@ def test_the_faults_of_all_options_are_reported_at_once(softcover):
 
 
 def test_a_loading_path_that_stops_is_status_4_in_one_line(softcover, monkeypatch):
-    monkeypatch.setattr("fem_reference.finite_strain.contact_problem._ITERATIONS", 1)
+    monkeypatch.setattr("fem_reference.finite_strain.contact_problem._SETTINGS", PathSettings(iterations=1))
     press = ("press", "wts-0614-34", "--material", "ecoflex-00-30", "--indenter", "sphere:radius=5mm", "--load", "1N")
     status, _, err = softcover(*press, "--model", "fem")
     assert status == 4
