@@ -97,6 +97,21 @@ class CurvedIndentation:
     warnings: tuple[str, ...] = ()
     shear: FloatArray | None = None
 
+    @property
+    def total_force(self) -> float:
+        """The load, under the name that it has on flat covers [N]."""
+        return self.load
+
+    @property
+    def balance(self) -> float:
+        """Difference between the forces on base and cover along the motion, over the load [-]."""
+        return float((self.base_force - self.force) @ self.force / (self.load * np.linalg.norm(self.force)))
+
+    @property
+    def outside(self) -> float:
+        """Zero: the force beside the texels is the vector `unmeasured` [N]."""
+        return 0.0
+
 
 def press_curved(
     meshes: SolidMesh | Sequence[SolidMesh],

@@ -76,6 +76,30 @@ class Indentation:
     seconds: float
     grid_values: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
+    @property
+    def force(self) -> FloatArray:
+        """Force of the indenter on the cover, shape (3,) [N]."""
+        across = (0.0, 0.0) if self.shear is None else self.shear.sum(axis=0)
+        return np.array([*across, -self.total_force])
+
+    @property
+    def moment(self) -> FloatArray | None:
+        """Moment of this force about the origin of the array's frame, shape (3,) [N m]; None with friction."""
+        if self.shear is not None:
+            return None  # the heights of the contact points are not kept
+        x, y, pressed = self.contact.T
+        return np.array([-(y @ pressed), x @ pressed, 0.0])
+
+    @property
+    def base_force(self) -> FloatArray:
+        """Force of the cover on its base, shape (3,) [N]; across the normal that of the indenter."""
+        return np.array([*self.force[:2], -float(self.texel_forces.sum()) - self.outside])
+
+    @property
+    def unmeasured(self) -> FloatArray:
+        """Part of the force on the base that no texel measures, shape (3,) [N]."""
+        return np.asarray(self.base_force + np.array([0.0, 0.0, float(self.texel_forces.sum())]))
+
 
 def combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place, *, seconds: float) -> Indentation:
     """Combine the solutions of one target on three grids to the result for one pose.

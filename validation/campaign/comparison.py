@@ -55,13 +55,18 @@ class Comparison:
         sensor, image = self.sensor, self.sensor.array.image
         models: dict[str, Any] = {}
         if self.fem is not None and "fem" in self.models:
-            models["fem"] = Reference.of(self.fem).as_json() | {"texel_forces": image(self.fem.texel_forces)}
+            models["fem"] = Reference.of(self.fem).as_json() | {
+                "texel_forces": image(self.fem.texel_forces),
+                "mesh": None,
+            }
         if self.fast is not None:
             models["fast"] = {
                 "texel_forces": image(self.fast.texel_forces),
                 "contact_forces": image(self.fast.contact_forces),
                 # With rigid boxes as texels the depth is None: the penetration depends on a setting of MuJoCo.
                 **{name: getattr(self.fast, name) for name in ("outside", "total_force", "method", "depth", "seconds")},
+                "force": [0.0, 0.0, -self.fast.total_force],
+                "misplaced_force": None if self.score is None else self.score.misplaced_force,
                 "warnings": list(self.fast.warnings),
             }
         return {

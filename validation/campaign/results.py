@@ -52,12 +52,12 @@ class Reference(Result):
         assumptions: Assumptions of the solution by topic.
         warnings: Reasons not to rely on the result.
         balance: Forces on texels and outside over the load, minus 1 [-].
-        energy: Elastic energy stored in the cover [J].
+        energy: Elastic energy stored in the cover; None on curved covers [J].
         seconds: Elapsed time of the computation [s].
         grid_values: Quantities on the three grids, coarsest first, in SI units.
-        force, moment: Of the indenter on the cover, on curved covers, shape (3,) [N], [N m].
-        base_force, base_moment: Of the cover on the base, on curved covers, shape (3,) [N], [N m].
-        unmeasured: Part of the base force that no texel measures, on curved covers, shape (3,) [N].
+        force, moment: Of the indenter on the cover, shape (3,) [N], [N m]; no moment with friction on flat covers.
+        base_force, base_moment: Of the cover on the base, shape (3,) [N], [N m]; the moment on curved covers.
+        unmeasured: Part of the base force that no texel measures, shape (3,) [N].
         found: The whole result of the solver; None in a result that was read from a file.
     """
 
@@ -85,18 +85,8 @@ class Reference(Result):
         """Return the reference that a solver found; a reference is returned as it is."""
         if isinstance(found, Reference):
             return found
-        whole = getattr(found, "found", found)
-        values = {
-            each.name: next(getattr(source, each.name) for source in (found, whole) if hasattr(source, each.name))
-            for each in dataclasses.fields(cls)
-            if each.name != "found" and (hasattr(found, each.name) or hasattr(whole, each.name))
-        }
-        return cls(**values, found=whole)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the result as a dictionary of JSON values, without what the kind of cover does not have."""
-        absent = {name for name, value in vars(self).items() if value is None}
-        return {name: value for name, value in super().as_json().items() if name not in absent}
+        names = [each.name for each in dataclasses.fields(cls) if each.name != "found"]
+        return cls(**{name: getattr(found, name) for name in names if hasattr(found, name)}, found=found)
 
 
 def _as_reference(value: object) -> object:

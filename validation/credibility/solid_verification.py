@@ -15,7 +15,7 @@ from meshes.solids.swept import cylinder_surface
 from validation.campaign.case import Case
 from validation.campaign.results import CaseResult
 from validation.credibility.code_verification import Check
-from validation.curved.reference import press_case
+from validation.curved.press import press_case
 from validation.sensor_file import SensorDescription
 
 #: Radius of the core of the checked shell over its thickness, half its length over the thickness, and half the width

@@ -22,7 +22,7 @@ from validation.credibility.input_uncertainty import InputUncertainty
 from validation.credibility.solid_verification import check_finer_mesh, check_shell
 from validation.curved.derive import CurvedDerivation
 from validation.curved.fast import press_fast
-from validation.curved.reference import press_case
+from validation.curved.press import press_case
 from validation.errors import InputError
 
 if TYPE_CHECKING:

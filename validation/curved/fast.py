@@ -48,9 +48,15 @@ class FastPress:
         """Return the result as a dictionary."""
         return {
             "texel_forces": self.texel_forces,
+            "contact_forces": None,  # they act on points of the surface, not on texels
+            "outside": 0.0,
+            "total_force": self.load,
+            "method": "curved",
+            "depth": None,
+            "seconds": self.seconds,
             "force": self.force,
             "misplaced_force": self.misplaced,
-            "seconds": self.seconds,
+            "warnings": [],
         }
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from meshes import Indenter, Pose
 from meshes.solids.solid_mesh import check_quality
@@ -14,11 +18,18 @@ from validation.campaign.case import tabulate_pose
 from validation.curved.fast import FastPress, derive_fast_model, press_fast
 from validation.curved.places import CurvedPlaces, PoseText
 from validation.errors import InputError
+from validation.json_values import json_text
+from validation.metrics import Score, published_line, score
 from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fem_reference.curved_cover import CurvedIndentation
+    from fem_reference.curved_cover.facet_surface import FacetSurface
     from meshes.solids import SolidMesh
+    from validation.campaign.case import Case
+
+#: Parts of a result that follow from the mesh and are not stored.
+_FROM_MESH = ("mesh", "top")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,6 +42,7 @@ class CurvedPress:
         touch: Place and direction of the indenter.
         fem: Result of the finite elements.
         seconds: Wall time of the finite elements [s].
+        wanted: Load [N] or depth [m] that was asked for, under the name `load` or `depth`.
         fast: Result of the fast model under the same load; None if not wanted or not possible.
     """
 
@@ -39,33 +51,38 @@ class CurvedPress:
     touch: Pose
     fem: CurvedIndentation
     seconds: float
+    wanted: Mapping[str, float]
     fast: FastPress | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Return the result as a dictionary, under the names that the command line prints as JSON."""
-        found = self.fem
-        vectors = ("force", "moment", "base_force", "base_moment", "unmeasured")
+        from validation.campaign.results import Reference
+
+        described = Reference.of(self.fem).as_json() | {"mesh": describe_mesh(self.fem.mesh), "seconds": self.seconds}
         return {
             "sensor": self.sensor.name,
             "cover": self.sensor.describe_cover(),
             "indenter": self.shape,
+            "load": self.fem.load,
+            "wanted": dict(self.wanted),
+            "stopped": None,
             **tabulate_pose(self.touch),
-            "load": found.load,
-            "models": {
-                "fem": {
-                    "texel_forces": found.texel_forces,
-                    **{name: getattr(found, name) for name in vectors},
-                    "depth": found.depth,
-                    "contact_area": found.contact_area,
-                    "error_estimate": dict(found.error_estimate),
-                    "assumptions": dict(found.assumptions),
-                    "warnings": list(found.warnings),
-                    "mesh": describe_mesh(found.mesh),
-                    "seconds": self.seconds,
-                },
-                **({"fast": self.fast.as_json()} if self.fast else {}),
-            },
+            "models": {"fem": described} | ({"fast": self.fast.as_json()} if self.fast else {}),
+            "scores": None if self.score is None else self.score.as_json(),
         }
+
+    @cached_property
+    def score(self) -> Score | None:
+        """Score of the fast model against the finite elements; None without the fast model."""
+        if self.fast is None:
+            return None
+        return score(
+            self.fem.texel_forces,
+            self.fast.texel_forces,
+            load=self.fem.load,
+            array=self.sensor.array,
+            line=published_line(self.sensor.electronics),
+        )
 
 
 def press_sensor(
@@ -103,27 +120,94 @@ def press_sensor(
         ConvergenceError: If the contact is not found.
     """
     coefficient = choose_friction(sensor, friction, finite=finite)
-    from fem_reference.curved_cover import press_curved, press_curved_finite
-
     started = time.perf_counter()
     meshes = make_meshes(sensor, progress)
     touch = CurvedPlaces(mesh=meshes[-1], texels=sensor.array).find(pose or PoseText())
-    solve = press_curved_finite if finite else press_curved
-    found = solve(
-        meshes,
-        sensor.array,
-        sensor.cover.layers[0].material,
-        indenter,
-        touch,
-        load=load,
-        depth=depth,
-        friction=coefficient,
-        progress=progress,
+    found = press_stored(
+        sensor, meshes, indenter, touch, load=load, depth=depth, friction=coefficient, finite=finite, progress=progress
     )
     seconds = time.perf_counter() - started
     cover = derive_fast_model(sensor, meshes, progress) if fast else None
     model = press_fast(cover, indenter, touch, found.load, found) if cover is not None else None
-    return CurvedPress(sensor=sensor, shape=shape, touch=touch, fem=found, seconds=seconds, fast=model)
+    wanted = {name: value for name, value in (("load", load), ("depth", depth)) if value is not None}
+    return CurvedPress(sensor=sensor, shape=shape, touch=touch, fem=found, seconds=seconds, wanted=wanted, fast=model)
+
+
+def press_case(sensor: SensorDescription, meshes: Sequence[SolidMesh], case: Case) -> CurvedIndentation:
+    """Compute one case by finite elements at small strain, or read the result from the store; see `press_stored`."""
+    return press_stored(sensor, meshes, case.indenter, case.pose, load=case.load, friction=choose_friction(sensor))
+
+
+def press_stored(
+    sensor: SensorDescription,
+    meshes: Sequence[SolidMesh],
+    indenter: Indenter,
+    pose: Pose,
+    *,
+    load: float | None = None,
+    depth: float | None = None,
+    friction: float = 0.0,
+    finite: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> CurvedIndentation:
+    """Press an indenter on a curved cover by finite elements, or read the result from the store.
+
+    Args:
+        sensor: A sensor with a curved cover.
+        meshes: Meshes of the cover, coarsest first.
+        indenter: The indenter.
+        pose: Its pose and direction of motion.
+        load: Force along the direction [N]; give either load or depth.
+        depth: Distance from the first touch [m].
+        friction: 0, or inf for no slip [-].
+        finite: Whether strains are finite; else small.
+        progress: Called with a line of text before each step.
+
+    Raises:
+        ValueError: If the indenter never touches or would go through most of the cover.
+        ConvergenceError: If the contact or the load is not found.
+    """
+    from fem_reference import result_store
+    from fem_reference.curved_cover import CurvedIndentation, press_curved, press_curved_finite
+
+    texels, material = sensor.array, sensor.cover.layers[0].material
+    solve = press_curved_finite if finite else press_curved
+
+    def compute() -> dict[str, Any]:
+        found = solve(
+            meshes, texels, material, indenter, pose, load=load, depth=depth, friction=friction, progress=progress
+        )
+        values = {field.name: getattr(found, field.name) for field in fields(found) if field.name not in _FROM_MESH}
+        values = {name: value for name, value in values.items() if value is not None}
+        arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray | float)}
+        texts = {name: value for name, value in values.items() if name not in arrays}
+        return {**arrays, "texts": np.array(json_text(texts))}
+
+    inputs = {
+        "meshes": [mesh.digest for mesh in meshes], "texels": texels, "material": material, "indenter": indenter,
+        "pose": pose, "load": load, "depth": depth, "friction": friction, "finite": finite,
+    }  # fmt: skip
+    stored = result_store.fetch("curved-press", inputs, compute)
+    values: dict[str, Any] = {
+        name: value if value.ndim else float(value) for name, value in stored.items() if name != "texts"
+    }
+    texts = json.loads(str(stored["texts"]))
+    values |= {name: tuple(each) if isinstance(each, list) else _restore(each) for name, each in texts.items()}
+    return CurvedIndentation(mesh=meshes[-1], top=_find_top(meshes[-1]), **values)
+
+
+def _restore(values: Any) -> Any:  # noqa: ANN401 -- JSON
+    """Return a mapping with nan for null, which JSON has instead."""
+    return {name: math.nan if value is None else value for name, value in values.items()}
+
+
+@lru_cache(maxsize=3)
+def _find_top(mesh: SolidMesh) -> FacetSurface:
+    from fem_reference.curved_cover.facet_surface import FacetSurface
+    from fem_reference.curved_cover.responses import lay_out
+
+    layout = lay_out(mesh)
+    return FacetSurface.part_of(layout.elements.nodes, layout.top)
 
 
 def choose_friction(sensor: SensorDescription, given: float | None = None, *, finite: bool = False) -> float:

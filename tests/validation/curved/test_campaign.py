@@ -20,7 +20,7 @@ from validation.credibility.solid_verification import check_shell
 from validation.curved.bench import CURVED_MODELS, SolidBench, plan_presses
 from validation.curved.derive import derive_curved
 from validation.curved.places import CurvedPlaces
-from validation.curved.reference import press_case
+from validation.curved.press import press_case
 
 TEXT = """
 [[case]]
@@ -78,7 +78,7 @@ def test_the_cost_is_announced_before_the_long_computations(small_pad, plan, tmp
 def test_a_stored_press_is_the_press(small_pad, plan, result):
     case = plan.cases[1]
     with stored_only():
-        found = press_case(small_pad, small_pad.body.meshes(), case).found
+        found = press_case(small_pad, small_pad.body.meshes(), case)
     material = small_pad.cover.layers[0].material
     known = press_curved(
         small_pad.body.meshes(), small_pad.array, material, case.indenter, case.pose, load=0.2,

@@ -10,8 +10,7 @@ from meshes import Box, Sphere
 from validation.campaign.case import Case
 from validation.curved.files import write_press
 from validation.curved.places import CurvedPlaces, read_pose
-from validation.curved.press import make_meshes, press_sensor
-from validation.curved.reference import press_case
+from validation.curved.press import make_meshes, press_case, press_sensor
 from validation.curved.touch import find_middle, find_touch_place
 from validation.errors import InputError
 from validation.json_values import json_text

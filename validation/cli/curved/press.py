@@ -127,8 +127,9 @@ def press_by_fast_model(
             raise InputError("--model: the meshes of this cover are too fine for the fast model; write --model fem")
         found = press_fast(cover, shape, touch, load)
     if json:
-        about = {"sensor": sensor.name, "cover": sensor.describe_cover(), "indenter": text.indenter}
-        print_json({**about, **tabulate_pose(touch), "load": load, "models": {"fast": found.as_json()}})
+        about = {"sensor": sensor.name, "cover": sensor.describe_cover(), "indenter": text.indenter, "load": load}
+        asked = {"wanted": {"load": load}, "stopped": None, **tabulate_pose(touch)}
+        print_json({**about, **asked, "models": {"fast": found.as_json()}, "scores": None})
         return DONE
     rows = [
         ("cover", describe_body(sensor)),
