@@ -25,6 +25,9 @@ html_math_renderer = "mathml"
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["site"]
 
+# `Sensor` is a class of fastmodel and one of the driver: a mention in a signature may mean either.
+suppress_warnings = ["ref.python"]
+
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 # Docstrings mark code by single backticks, as Markdown does.
