@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from validation.cli.meaning import print_meaning
 from validation.cli.options import Json
-from validation.cli.output import print_json, print_rows, print_table, say, show, show_wrapped
+from validation.cli.output import print_json, print_meaning, print_rows, print_table, say, show, show_wrapped
 from validation.errors import InputError, match_name, nearest
 
 if TYPE_CHECKING:
