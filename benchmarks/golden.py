@@ -221,7 +221,8 @@ def execute(run: Run, texts: dict[str, str], store: Path) -> dict[str, Any]:
     """Run a golden run in a folder of its own; return what is compared."""
     environment = {name: value for name, value in os.environ.items() if name != "SOFTCOVER_RECORDINGS"}
     environment |= {"SOFTCOVER_STORE": str(store), "PYTHONPATH": str(ROOT), "COLUMNS": "120", "NO_COLOR": "1"}
-    environment |= {"SOFTCOVER_SOLVER": "metis"}  # the same sums on every machine; pardiso differs in the ninth digit
+    # The same sums on every machine: pardiso, and several threads, differ in the ninth digit.
+    environment |= {"SOFTCOVER_SOLVER": "metis", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     recordings = os.environ.get("SOFTCOVER_RECORDINGS", "")
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
