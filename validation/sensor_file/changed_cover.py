@@ -179,7 +179,7 @@ def _change_material(material: Material, change: Mapping[str, Any], modulus: flo
 
 def _describe(material: Material) -> dict[str, Any]:
     """Return the parameters of a material as in the table `material` of a sensor file."""
-    units = MODELS[material.model]
+    units = {name: each.unit for name, each in MODELS[material.model].parameters.items()}
     table: dict[str, Any] = {}
     for name in material.parameters:
         values = [f"{value!r} Pa" if units[name] == "Pa" else value for value in material.terms(name)]
@@ -208,7 +208,7 @@ def _convert(key: str, text: str) -> object:
 
 def _scale(material: Material, factor: float) -> Material:
     """Multiply all moduli of a material by a factor [-]."""
-    units = MODELS[material.model]
+    units = {name: each.unit for name, each in MODELS[material.model].parameters.items()}
     parameters = {
         name: tuple(value * (factor if units[name] == "Pa" else 1.0) for value in material.terms(name))
         for name in material.parameters
