@@ -147,7 +147,7 @@ class CurvedDerivation:
             gaussian={"sigma_m": self.gaussian.sigma, "residual": self.gaussian.residual},
             error_estimate=self.responses.error_estimate,
             meshes=tuple(describe_mesh(grid.mesh) for grid in self.responses.grids),
-            notes=sensor.body.notes if sensor.body else (),
+            notes=sensor.cover.notes,
             warnings=self.warnings,
             assumed_electronics=sensor.assumed_electronics,
             seconds=self.seconds,
