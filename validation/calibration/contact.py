@@ -10,7 +10,7 @@ import numpy as np
 
 import meshes
 from fastmodel import Parameters, indent
-from fastmodel.contact.methods import DEFAULT, choose_method
+from fastmodel.attachment import DEFAULT, choose_method
 from fastmodel.errors import MissedArrayError
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
 from meshes.array_types import FloatArray

@@ -217,8 +217,8 @@ def _(derivation: Derivation, cases: Sequence[Case], progress: Callable[[str], N
     if progress:
         progress("fit of the comparison models")
     sensor, parameters = derivation.sensor, derivation.parameters
-    published = prepare_models(sensor.cover, parameters, cases, friction=sensor.friction)
-    return LayeredBench(cover=sensor.cover, fast=parameters, friction=sensor.friction, published=published)
+    published = prepare_models(sensor.layered_cover, parameters, cases, friction=sensor.friction)
+    return LayeredBench(cover=sensor.layered_cover, fast=parameters, friction=sensor.friction, published=published)
 
 
 #: Time of one missing solution by the kind of problem, on one core of a computer of 2020 [s].  `foil` are covers with a

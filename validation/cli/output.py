@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
 
-    from meshes import Cover
+    from meshes import Cover, SolidCover
     from meshes.array_types import FloatArray
 
 
@@ -174,7 +174,7 @@ def describe_errors(estimates: Mapping[str, float]) -> str:
     )
 
 
-def describe_cover(cover: Cover) -> str:
+def describe_cover(cover: Cover | SolidCover) -> str:
     """Describe a cover in one line of text, which begins with ASSUMED if the real cover was never measured."""
     layers = " + ".join(
         f"{1e3 * layer.thickness:.4g} mm {layer.material.name} "
@@ -183,4 +183,6 @@ def describe_cover(cover: Cover) -> str:
     )
     if cover.size is not None:
         layers += ", {:.4g} x {:.4g} mm, free side edges".format(*(1e3 * edge for edge in cover.size))
+    if cover.source:
+        layers += f"; {cover.source}"
     return f"ASSUMED: {layers}" if cover.assumed else layers

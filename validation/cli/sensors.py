@@ -45,21 +45,9 @@ def read_description(
             f"name the sensor file or the built-in sensor that it was derived from{instead and f', or {instead}'}"
         )
     found = load(sensor, material=material, thickness=thickness, layers=layers or ())
-    return _tell_assumed(found if curved else _refuse_curved(found))
-
-
-def _refuse_curved(found: SensorDescription) -> SensorDescription:
-    """Return a description whose cover is flat.
-
-    Raises:
-        InputError: If the cover is curved.
-    """
-    if found.body is not None:
-        raise InputError(
-            f"{found.source}: has a curved cover, which this command cannot treat; `softcover mesh`, `derive`, `press` "
-            "and `validate` can; `export`, `view`, `datasheet` and `emulate` take the folder that `derive --out` writes"
-        )
-    return found
+    if not curved:
+        _ = found.layered_cover  # a solid is refused
+    return _tell_assumed(found)
 
 
 def _tell_assumed(found: SensorDescription) -> SensorDescription:
@@ -94,7 +82,10 @@ def read_sensor(
         OSError: If the file exists and cannot be read.
     """
     found = api.load(sensor, material=material, thickness=thickness, layers=layers or ())
-    return found if isinstance(found, Parameters) else _tell_assumed(_refuse_curved(found))
+    if isinstance(found, Parameters):
+        return found
+    _ = found.layered_cover  # a solid is refused
+    return _tell_assumed(found)
 
 
 def check_curved_method(found: SensorDescription | Parameters | None, method: str) -> None:

@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 
 from fem_reference.closed_form.cylinder import ArcLoad, CylinderLayer
 from fem_reference.curved_cover import texel_responses
-from meshes import Cover, Cylinder, Material, Sphere, TexelArray
+from meshes import Cover, Cylinder, Material, SolidCover, Sphere, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, Pose
 from meshes.solids import SolidMesh, sweep
@@ -299,11 +299,12 @@ def check_finer_mesh(
     Raises:
         ValueError: If the cover cannot be meshed more finely.
     """
-    if sensor.body is None or sensor.body.refine is None:
+    cover = sensor.cover
+    if not isinstance(cover, SolidCover) or cover.refine is None:
         raise ValueError("there is none, because the mesh of this cover was given or made of tetrahedra")
     if len(meshes) == 1:
         return []
-    finer = sensor.body.refine(sensor.body.thickness)
+    finer = cover.refine(cover.thickness)
     kinds = ([each for each in results if each.case.indenter.axisymmetric == wanted] for wanted in (True, False))
     chosen = [min(each, key=lambda result: result.reference.contact_area) for each in kinds if each]
     out = []

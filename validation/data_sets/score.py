@@ -111,7 +111,7 @@ def list_methods(sensor: SensorDescription, parameters: Parameters) -> dict[str,
     methods = {FAST: make_fast_method(parameters)}
     if parameters.surface is not None:
         methods[f"{FAST}, boxes"] = make_fast_method(parameters, "boxes")
-    methods["reference"] = make_reference_method(sensor.cover, sensor.array)
+    methods["reference"] = make_reference_method(sensor.layered_cover, sensor.array)
     return methods
 
 

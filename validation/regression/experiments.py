@@ -75,7 +75,7 @@ class Subject:
         from validation.campaign.run import run_campaign
 
         cases = default_cases(self.parameters.array)
-        bench = LayeredBench(cover=self.derivation.sensor.cover, fast=self.parameters)
+        bench = LayeredBench(cover=self.derivation.sensor.layered_cover, fast=self.parameters)
         return run_campaign(bench, cases, progress=self.progress)
 
 

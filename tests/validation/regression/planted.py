@@ -9,6 +9,7 @@ import textwrap
 from dataclasses import replace
 
 import numpy as np
+from fastmodel.running import RunningSensor
 
 import fastmodel.bench
 import fastmodel.contact.area
@@ -22,8 +23,6 @@ from fastmodel.contact.area import AreaReader
 from fastmodel.contact.boxes import BoxReader
 from fastmodel.contact.cover import _PressureReader
 from fastmodel.pressure.cell_grid import CellGrid
-from fastmodel.running import RunningSensor
-from fastmodel.signal.chain import SignalChain
 from fem_reference.indentation import press
 from validation.regression import experiments as fixed_images
 from validation.text import indenter
@@ -114,13 +113,13 @@ def change_texel(factor, texel=17):
 
 def lag(monkeypatch, parameters):
     """Make the chain pass each sample on only when the next one arrives."""
-    healthy = SignalChain.take
+    healthy = RunningSensor._take
 
     def take(self, reading):
         before, self.waiting = getattr(self, "waiting", reading), reading
         healthy(self, before)
 
-    monkeypatch.setattr(SignalChain, "take", take)
+    monkeypatch.setattr(RunningSensor, "_take", take)
     return parameters
 
 
@@ -241,7 +240,7 @@ NEIGHBOURS = {
     "threshold lost": (edit(Electronics, "counts", "signal - self.threshold", "signal"), "electronics: threshold"),
     "hysteresis halved": (edit(Electronics, "apply_hysteresis", "forces - self.hysteresis_width, forces", "forces - 0.5 * self.hysteresis_width, forces"), "electronics: hysteresis"),
     "hysteresis not reset": (
-        edit(SignalChain, "settle", "others)\n", "others)._replace(play=self._state.play) if hasattr(self, '_state') else self._functions.settle(forces, np.float64(reading.carried), others)\n"),
+        edit(RunningSensor, "reset", "self._functions.settle(*_list_signals(self.reading))", "self._functions.settle(*_list_signals(self.reading))._replace(**({'play': self._state.play} if hasattr(self, '_state') else {}))"),
         "reset: trace of the load before",
     ),
     "noise +10 %": (edit(Electronics, "counts", "self.noise * drawn", "1.1 * self.noise * drawn"), "noise: standard deviation"),

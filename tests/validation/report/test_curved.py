@@ -40,7 +40,7 @@ CHECK = Check(
 
 @pytest.fixture(scope="module")
 def evaluation(small_pad):
-    places = CurvedPlaces(mesh=small_pad.body.meshes()[-1], texels=small_pad.array)
+    places = CurvedPlaces(mesh=small_pad.cover.meshes()[-1], texels=small_pad.array)
     plan = parse_campaign(parse_toml(TEXT), small_pad.array, source="mine", cover=small_pad.cover, curved=places)
     with pytest.MonkeyPatch.context() as patch:
         # solved by a slow test of its own
