@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 import fastmodel
 from fastmodel import Parameters
+from meshes import SolidCover
 from validation.errors import InputError, nearest
 from validation.extras import REPORT_MODULES, require
 from validation.output_folder import make_file_name, new_folder, write_text
@@ -155,7 +156,7 @@ def derive(
     require("skfem")
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(new_folder(Path(out))) if out else None
-        if description.body is not None:
+        if isinstance(description.cover, SolidCover):
             from validation.curved.derive import derive_curved
             from validation.curved.files import write_derivation as write_curved
 
@@ -222,7 +223,7 @@ def press(
     if (newtons is None) == (metres is None):
         raise InputError("--load, --depth: give one of them, for example --load 4.9N or --depth 0.3mm")
     coefficient = None if friction is None else read_friction(friction, place="--friction", example="0.4")
-    if isinstance(found, SensorDescription) and found.body is not None:
+    if isinstance(found, SensorDescription) and isinstance(found.cover, SolidCover):
         from validation.curved.places import read_pose
         from validation.curved.press import press_sensor
 
@@ -314,8 +315,8 @@ def regress(
     """
     from validation.derivation.derive import Derivation
     from validation.regression.baseline import compare, make_baseline, merge, read_baseline
+    from validation.regression.experiments import Subject, describe_sensor
     from validation.regression.quantities import measure
-    from validation.regression.subject import Subject, describe_sensor
 
     found, path, shown = load_any(sensor), Path(baseline), _Stages(progress)
     if isinstance(found, Parameters):

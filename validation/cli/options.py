@@ -231,11 +231,8 @@ def read_description(
 
 def _accept(found: SensorDescription, *, curved: bool) -> SensorDescription:
     """Return a description that a command can treat; keep a note on what is assumed about its electronics."""
-    if not curved and found.body is not None:
-        raise InputError(
-            f"{found.source}: has a curved cover, which this command cannot treat; `softcover mesh`, `derive`, `press` "
-            "and `validate` can; `export`, `view`, `datasheet` and `emulate` take the folder that `derive --out` writes"
-        )
+    if not curved:
+        _ = found.layered_cover  # a solid is refused
     if assumed := ", ".join(found.assumed_electronics):
         note(
             f"{found.source} does not state all of [electronics]; assumed: {assumed}; counts and images follow from "

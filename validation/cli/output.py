@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
     from rich.progress import TaskID
 
-    from meshes import Cover
+    from meshes import Cover, SolidCover
     from meshes.array_types import FloatArray
     from validation.render.table import Table
 
@@ -211,7 +211,7 @@ def describe_vector(force: Sequence[float] | FloatArray) -> str:
     return "net force ({:.2f}, {:.2f}, {:.2f}) N".format(*force)
 
 
-def describe_cover(cover: Cover) -> str:
+def describe_cover(cover: Cover | SolidCover) -> str:
     """Describe a cover in one line of text, which begins with ASSUMED if the real cover was never measured."""
     layers = " + ".join(
         f"{1e3 * layer.thickness:.4g} mm {layer.material.name} "
@@ -220,4 +220,6 @@ def describe_cover(cover: Cover) -> str:
     )
     if cover.size is not None:
         layers += ", {:.4g} x {:.4g} mm, free side edges".format(*(1e3 * edge for edge in cover.size))
+    if cover.source:
+        layers += f"; {cover.source}"
     return f"ASSUMED: {layers}" if cover.assumed else layers

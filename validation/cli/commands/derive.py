@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from meshes import SolidCover
 from validation.cli.entry import DONE
 from validation.cli.meaning import explain_derivation
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
@@ -67,7 +68,7 @@ def derive(
 
     description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
     _require_modules(description, pictures=out is not None)
-    if description.body is not None:
+    if isinstance(description.cover, SolidCover):
         from validation.cli.curved.derive import derive_curved_cover
 
         return derive_curved_cover(description, out, json=json)
@@ -103,7 +104,7 @@ def _require_modules(sensor: SensorDescription, *, pictures: bool) -> None:
     from validation.extras import require
     from validation.sensor_file import BUILT_IN
 
-    if sensor.body is None:
+    if not isinstance(sensor.cover, SolidCover):
         stored = sensor is BUILT_IN.get(sensor.name)
         way_out = f"write the stored parameters: softcover export {sensor.name} --out FOLDER" if stored else ""
         require("skfem", useful=("matplotlib",) if pictures else (), otherwise=way_out)

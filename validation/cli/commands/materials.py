@@ -107,7 +107,7 @@ def _show_material(material: Material) -> None:
     from validation.report.material_curve import trace_stress
 
     def format_parameter(name: str) -> str:
-        pressure = MODELS[material.model][name] == "Pa"
+        pressure = MODELS[material.model].parameters[name].unit == "Pa"
         return ", ".join(_format_pressure(value) if pressure else f"{value:g}" for value in material.terms(name))
 
     bulk = "infinite (incompressible)" if math.isinf(material.bulk_modulus) else _format_pressure(material.bulk_modulus)

@@ -341,7 +341,7 @@ def _trace(request: _Request, points: int, out: Path, *, json: bool) -> int:
     with new_folder(out) as folder:
         with Progress() as progress:
             curve = trace_curve(
-                request.sensor.cover,
+                request.sensor.layered_cover,
                 request.sensor.array,
                 case.indenter,
                 points=points,

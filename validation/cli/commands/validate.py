@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from meshes import SolidCover
 from validation.cli.entry import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
 from validation.cli.output import Progress, describe_cover, make_console, note, print_json, say, show, show_wrapped
@@ -108,7 +109,7 @@ def validate(
         compare_measured_force(measured, json=json)
         return DONE
     description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
-    if description.body is not None and (recordings is not None or data_set is not None):
+    if isinstance(description.cover, SolidCover) and (recordings is not None or data_set is not None):
         raise InputError("--recordings, --data-set: recordings of curved covers are not scored; leave them out")
     # Recordings belong to one sensor.  Those of the environment variable may be of another sensor, so only recordings
     # that the user names are used.
