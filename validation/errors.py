@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import ParamSpec, TypeVar, cast
 
 P = ParamSpec("P")
@@ -20,6 +21,20 @@ class InputError(ValueError):
     def __init__(self, *faults: str) -> None:
         super().__init__("\n".join(faults))
         self.faults = faults
+
+
+@contextlib.contextmanager
+def at(place: str) -> Iterator[None]:
+    """Begin each fault of bad input that the `with` block raises with a place, such as `sensor.toml: `.
+
+    Raises:
+        InputError: With the faults of an `InputError`, or the lines of another `ValueError`.
+    """
+    try:
+        yield
+    except ValueError as error:
+        faults = error.faults if isinstance(error, InputError) else str(error).splitlines()
+        raise InputError(*(f"{place}{fault}" for fault in faults)) from None
 
 
 class Faults(list[str]):

@@ -124,6 +124,11 @@ class ArrayTable(Table):
     mask: Annotated[list[list[str]], Read(_read_mask, _MASK_JSON)] | None = None
     name: str | None = None
 
+    def list_faults(self) -> Iterator[tuple[str, str]]:
+        """Yield that one of rows and columns is missing beside positions."""
+        if (self.rows is None) != (self.columns is None):
+            yield "", "give both rows and columns, or leave both out: the image is then one row of texels"
+
     @model_validator(mode="before")
     @classmethod
     def _allow_positions_alone(cls, data: object) -> object:

@@ -11,28 +11,22 @@ from pydantic import create_model
 
 from meshes import Cover, Layer, Material, SolidCover
 from meshes.material import MODELS
-from validation.errors import InputError
+from validation.errors import Faults, InputError, at
 from validation.schema import Table, parse
 from validation.schema.types import PARAMETERS, Length, MaterialTable, Read, read_material_name
 
 #: Largest accepted number of characters of one change [-].
 _LONGEST = 500
 _EXAMPLE = "write for example '--layer 1:thickness=1mm,youngs_modulus=2MPa'"
-_Material = Annotated[Material, Read(read_material_name)]
 #: Fields of the material's table that a change may replace.
 _FIELDS = ("youngs_modulus", "poisson_ratio", "hardness", "model", *PARAMETERS)
-
-
-class _Replacement(Table):
-    """One layer that replaces a cover: values of `--material` and `--thickness`."""
-
-    material: _Material | None = None
-    thickness: Length | None = None
-
-
-_MATERIAL_FIELDS: Any = {name: (MaterialTable.model_fields[name].rebuild_annotation() | None, None) for name in _FIELDS}
-#: Values of one option `--layer`; those of the material are checked again as a whole table.
-_Change = create_model("_Change", __base__=_Replacement, **_MATERIAL_FIELDS)
+_OPTIONAL: dict[str, Any] = {
+    "material": (Annotated[Material, Read(read_material_name)] | None, None),
+    "thickness": (Length | None, None),
+    **{name: (MaterialTable.model_fields[name].rebuild_annotation() | None, None) for name in _FIELDS},
+}
+#: New values of a layer, as texts.
+_Change: Any = create_model("_Change", __base__=Table, **_OPTIONAL)
 
 
 def change_cover(
@@ -49,41 +43,33 @@ def change_cover(
         layers: Changes of layers, each of the form `NUMBER:KEY=VALUE,...`; see `read_change`.
 
     Raises:
-        InputError: With one line per fault: unknown names, bad quantities, a layer that the cover does not have, or
-            only one of `material` and `thickness` for a cover of several layers.
+        InputError: With one line per fault: unknown names, bad quantities, a layer that the cover does not have, only
+            one of `material` and `thickness` for a cover of several layers, or a thickness that follows from a shape.
     """
-    if material is not None or thickness is not None:
-        cover = _replace_cover(cover, material, thickness)
-    faults: list[str] = []
+    faults = Faults()
+    kept, assumed = list(cover.layers), cover.assumed
+    given = {"material": material, "thickness": thickness}
+    replaced = {key: value for key, value in given.items() if value is not None}
+    if len(replaced) == 1 and len(kept) > 1:
+        faults.append(
+            "--material, --thickness: the cover has several layers; give both to replace them by one, or change one "
+            "layer: --layer 1:thickness=1mm"
+        )
+    if replaced:
+        kept = [faults.read(_change_layer, kept[0], replaced, "--")]
+        faults.refuse()
+        assumed = assumed and len(replaced) == 1
     changes: dict[int, dict[str, str]] = {}
     for text in layers:
-        try:
-            number, change = read_change(text, len(cover.layers))
-            changes.setdefault(number, {}).update(change)
-        except InputError as error:
-            faults += error.faults
-    changed = list(cover.layers)
-    for number, change in changes.items():
-        try:
-            changed[number - 1] = _change_layer(cover.layers[number - 1], change, f"--layer {number}")
-        except InputError as error:
-            faults += error.faults
-    if faults:
-        raise InputError(*faults)
+        if change := faults.read(read_change, text, len(kept)):
+            changes.setdefault(change[0], {}).update(change[1])
+    changed = list(kept)
+    for number, values in changes.items():
+        changed[number - 1] = faults.read(_change_layer, kept[number - 1], values, f"--layer {number}: ")
+    faults.refuse()
     known = len(changes) == len(changed) and all(map(_is_known, changes.values()))
-    return _replace_layers(cover, tuple(changed), assumed=cover.assumed and not known)
-
-
-def _replace_layers(cover: Cover | SolidCover, layers: tuple[Layer, ...], *, assumed: bool) -> Cover | SolidCover:
-    """Replace the layers of a cover.
-
-    Raises:
-        InputError: If its thickness follows from a given shape.
-    """
-    try:
-        return dataclasses.replace(cover, layers=layers, assumed=assumed)
-    except ValueError as error:
-        raise InputError(f"--thickness: {error}") from None
+    with at("--thickness: "):
+        return dataclasses.replace(cover, layers=tuple(changed), assumed=assumed and not known)
 
 
 def read_change(text: str, count: int) -> tuple[int, dict[str, str]]:
@@ -105,17 +91,14 @@ def read_change(text: str, count: int) -> tuple[int, dict[str, str]]:
     if not 1 <= int(number) <= count:
         known = "only layer 1" if count == 1 else f"layers 1 (bottom) to {count} (top)"
         raise InputError(f"--layer: the cover has no layer {int(number)}, {known}; {_EXAMPLE}")
-    faults, change = [], {}
+    faults, change = Faults(), {}
     for part in rest.split(","):
         key, equals, value = (piece.strip() for piece in part.partition("="))
-        if key in _Change.model_fields and not (equals and value):
-            faults.append(f"--layer {int(number)}: {key} has no value; {_EXAMPLE}")
-        elif key in change:
-            faults.append(f"--layer {int(number)}: {key} is given twice; {_EXAMPLE}")
-        else:
-            change[key] = value
-    if faults:
-        raise InputError(*faults)
+        if key in change or (key in _Change.model_fields and not (equals and value)):
+            fault = "is given twice" if key in change else "has no value"
+            faults.append(f"--layer {int(number)}: {key} {fault}; {_EXAMPLE}")
+        change[key] = value
+    faults.refuse()
     return int(number), change
 
 
@@ -125,17 +108,18 @@ def _is_known(change: Mapping[str, str]) -> bool:
     return "thickness" in change and elastic
 
 
-def _change_layer(layer: Layer, change: Mapping[str, str], option: str) -> Layer:
-    raw = {key: _convert(key, text) for key, text in change.items()}
-    read: Any = parse(raw, _Change, source=option)
-    own = {key: value for key, value in raw.items() if key in _FIELDS}
-    material = layer.material if read.material is None else read.material
-    if own:
-        material = _change_material(material, own, read.youngs_modulus, option)
-    return Layer(thickness=layer.thickness if read.thickness is None else read.thickness, material=material)
+def _change_layer(layer: Layer, change: Mapping[str, str], place: str) -> Layer:
+    """Change a layer; messages about its new values, which are texts by key, begin with `place`."""
+    with at(place):
+        read = parse({key: _convert(key, text) for key, text in change.items()}, _Change)
+        material = layer.material if read.material is None else read.material
+        own = {key: getattr(read, key) for key in change if key in _FIELDS}
+        return Layer(
+            thickness=read.thickness or layer.thickness, material=_change_material(material, own) if own else material
+        )
 
 
-def _change_material(material: Material, change: Mapping[str, Any], modulus: float | None, option: str) -> Material:
+def _change_material(material: Material, change: dict[str, Any]) -> Material:
     """Change values of a material.
 
     A new Young's modulus of a rubber multiplies all moduli of its strain energy, so that the shape of its stress-strain
@@ -143,48 +127,34 @@ def _change_material(material: Material, change: Mapping[str, Any], modulus: flo
 
     Args:
         material: The material.
-        change: New values, by the keys of the table `material` of a sensor file and as such a table holds them.
-        modulus: The new Young's modulus; None if it stays [Pa].
-        option: Option that holds the change, for messages.
+        change: New values, by the keys of the table `material` of a sensor file.
 
     Raises:
-        InputError: If the material model has no such parameter.
+        ValueError: If the material model has no such parameter.
     """
-    replaced = not {"model", "hardness"}.isdisjoint(change)
-    scaled = modulus is not None and "model" not in change and material.model != "linear-elastic"
-    table = {
-        "model": material.model,
-        "poisson_ratio": material.poisson_ratio,
-        **({} if replaced else _describe(material)),
-        **{key: value for key, value in change.items() if not (scaled and key == "youngs_modulus")},
-    }
-    try:
-        made = parse(table, MaterialTable, source=option).make()
-    except InputError:
-        raise
-    except ValueError as error:
-        raise InputError(f"{option}: {error}") from None
-    if scaled and modulus is not None:
-        made = _scale(made, modulus / made.youngs_modulus)
-    only_ratio = set(change) == {"poisson_ratio"}
+    kept = {} if {"model", "hardness"} & set(change) else dict(material.parameters)
+    values = {"model": material.model, "poisson_ratio": material.poisson_ratio, **kept, **change}
+    scaled = "youngs_modulus" in change and "model" not in change and material.model != "linear-elastic"
+    modulus = values.pop("youngs_modulus") if scaled else 0.0
+    made = MaterialTable.model_construct(**values).make()
+    if scaled:
+        factor = modulus / made.youngs_modulus
+        units = {name: each.unit for name, each in MODELS[made.model].parameters.items()}
+        scaled_terms = {
+            name: tuple(value * (factor if units[name] == "Pa" else 1.0) for value in made.terms(name))
+            for name in made.parameters
+        }
+        parameters = {name: terms if len(terms) > 1 else terms[0] for name, terms in scaled_terms.items()}
+        made = dataclasses.replace(made, parameters=parameters)
+    spreads = material if set(change) == {"poisson_ratio"} else made
     return dataclasses.replace(
         made,
         name=f"{material.name}, changed",
         source=f"{', '.join(change)} given by the user; else {material.source}",
-        spread=material.spread if only_ratio else made.spread,
-        spread_above=material.spread_above if only_ratio else made.spread_above,
+        spread=spreads.spread,
+        spread_above=spreads.spread_above,
         poisson_spread=0.0 if "poisson_ratio" in change else material.poisson_spread,
     )
-
-
-def _describe(material: Material) -> dict[str, Any]:
-    """Return the parameters of a material as in the table `material` of a sensor file."""
-    units = {name: each.unit for name, each in MODELS[material.model].parameters.items()}
-    table: dict[str, Any] = {}
-    for name in material.parameters:
-        values = [f"{value!r} Pa" if units[name] == "Pa" else value for value in material.terms(name)]
-        table[name] = values if len(values) > 1 else values[0]
-    return table
 
 
 def _convert(key: str, text: str) -> object:
@@ -204,49 +174,3 @@ def _convert(key: str, text: str) -> object:
     if key == "alpha":
         return [read_number(part) for part in text.split("/")]
     return text.split("/") if key == "mu" else text
-
-
-def _scale(material: Material, factor: float) -> Material:
-    """Multiply all moduli of a material by a factor [-]."""
-    units = {name: each.unit for name, each in MODELS[material.model].parameters.items()}
-    parameters = {
-        name: tuple(value * (factor if units[name] == "Pa" else 1.0) for value in material.terms(name))
-        for name in material.parameters
-    }
-    return dataclasses.replace(
-        material, parameters={name: terms if len(terms) > 1 else terms[0] for name, terms in parameters.items()}
-    )
-
-
-def _replace_cover(cover: Cover | SolidCover, material: str | None, thickness: str | None) -> Cover | SolidCover:
-    """Replace a cover by one of a single layer with another material or thickness.
-
-    Args:
-        cover: The cover.
-        material: Name of the new material; the material stays if None.
-        thickness: New thickness with its unit; the thickness stays if None.
-
-    Raises:
-        InputError: If the material is unknown or the thickness is not a positive length, or if only one of the two is
-            given and the cover has several layers.
-    """
-    faults: list[str] = []
-    if (material is None or thickness is None) and len(cover.layers) > 1:
-        faults.append(
-            "--material, --thickness: the cover has several layers; give both to replace them by one, or change one "
-            "layer: --layer 1:thickness=1mm"
-        )
-    given = {"material": material, "thickness": thickness}
-    try:
-        read = parse({key: value for key, value in given.items() if value is not None}, _Replacement)
-    except InputError as error:
-        raise InputError(*faults, *(f"--{fault}" for fault in error.faults)) from None
-    if faults:
-        raise InputError(*faults)
-    first = cover.layers[0]
-    chosen = Layer(
-        thickness=first.thickness if read.thickness is None else read.thickness,
-        material=first.material if read.material is None else read.material,
-    )
-    assumed = cover.assumed and (material is None or thickness is None)
-    return _replace_layers(cover, (chosen,), assumed=assumed)

@@ -12,12 +12,12 @@ from meshes import Layer, SolidCover, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids import check_quality, read_mesh
 from meshes.solids.covers import make_shell_cover
-from meshes.solids.shell import Shell, join, select_base, thicken
+from meshes.solids.shell import Shell, join, list_border, point_normals, select_base, thicken
 from meshes.solids.solid_mesh import LIMITS
 from meshes.solids.tetrahedra import classify_boundary, list_boundary
-from meshes.solids.triangles import check_closed, close_cracks, enclosed_volume, nearest_points
+from meshes.solids.triangles import check_closed, close_cracks, enclosed_volume, merge_corners, nearest_points
 from meshes.surfaces.files import orient_tetrahedra, read_tetrahedra, read_triangles
-from validation.errors import InputError
+from validation.errors import InputError, at
 from validation.extras import require
 from validation.schema.sensor import CurvedCoverTable
 
@@ -40,14 +40,12 @@ def build_solid(table: CurvedCoverTable, folder: Path) -> SolidCover:
         InputError: With one line per fault: keys that do not go together, a missing unit, files that cannot be read, or
             surfaces of which no body can be made.
     """
-    try:
+    with at("cover: "):
         if table.mesh is not None:
             return _take_mesh(table, folder)
         require("trimesh", useful=("skfem", "pytetwild"))
         shell, source = _build_shell(table, folder)
         check_closed(shell.surface, f"the body of {source}", crossings=not shell.is_folded)
-    except ValueError as error:
-        raise InputError(*(f"cover: {line}" for line in str(error).splitlines())) from None
     if table.element_size is None:
         sizes = tuple(factor * shell.thickness for factor in _SIZES)
     else:
@@ -63,9 +61,6 @@ def project_texels(texels: TexelArray, cover: SolidCover) -> TexelArray:
     Raises:
         InputError: If a texel is far from the base.
     """
-    from meshes.solids.shell import point_normals
-    from meshes.solids.triangles import merge_corners
-
     base = cover.base_triangles
     if base is None:
         mesh = cover.meshes()[-1]
@@ -98,14 +93,14 @@ def _check_size(triangles: FloatArray, name: str) -> None:
 
 def _build_shell(table: CurvedCoverTable, folder: Path) -> tuple[Shell, str]:
     """Make the closed surface of the body, and say in words from what."""
-    assert table.unit is not None  # noqa: S101 -- checked before
+    unit = table.unit or 1.0  # required by the schema
     if table.thickness is not None:
         name, inward = (table.surface, True) if table.surface is not None else (table.base, False)
-        triangles = close_cracks(read_triangles(folder / str(name), table.unit))
+        triangles = close_cracks(read_triangles(folder / str(name), unit))
         _check_size(triangles, str(name))
         words = f"{name} and {1e3 * table.thickness:g} mm {'below' if inward else 'above'} it"
         return thicken(triangles, table.thickness, str(name), inward=inward), words
-    outer, base = (close_cracks(read_triangles(folder / str(name), table.unit)) for name in (table.surface, table.base))
+    outer, base = (close_cracks(read_triangles(folder / str(name), unit)) for name in (table.surface, table.base))
     _check_size(outer, str(table.surface))
     _check_size(base, str(table.base))
     return join(outer, base, distance=table.base_distance), f"{table.surface} over {table.base}"
@@ -117,8 +112,8 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> SolidCover:
     if path.suffix.lower() == ".npz":
         mesh = read_mesh(path)
     else:
-        assert table.unit is not None  # noqa: S101 -- checked before
-        nodes, cells = read_tetrahedra(path, table.unit)
+        unit = table.unit or 1.0  # required by the schema
+        nodes, cells = read_tetrahedra(path, unit)
         oriented = orient_tetrahedra(nodes, cells)
         turned = int((oriented != cells).any(axis=1).sum())
         corner = nodes[oriented]
@@ -130,10 +125,7 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> SolidCover:
         oriented = oriented[~flat]
         boundary = nodes[list_boundary(oriented)]
         _refuse_overlap(nodes[oriented], boundary, path.name)
-        given = read_triangles(folder / str(table.base), table.unit)
-        from meshes.solids.shell import list_border
-        from meshes.solids.triangles import merge_corners
-
+        given = read_triangles(folder / str(table.base), unit)
         is_closed = not len(list_border(merge_corners(given)[1], str(table.base)))
         chosen = select_base(boundary, given, distance=table.base_distance, is_closed=is_closed)
         if not chosen.any():

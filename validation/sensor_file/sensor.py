@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
@@ -18,10 +18,10 @@ from meshes import Cover, Layer, SolidCover, TexelArray
 from meshes.catalogue import ARRAYS, ASSUMED_COVER
 from meshes.solids import fingertip, flat_pad, phalanx
 from meshes.solids.covers import make_swept_cover
-from validation.errors import InputError, nearest
+from validation.errors import InputError, at, nearest
 from validation.schema import parse as parse_tables
 from validation.schema import read
-from validation.schema.sensor import CurvedCoverTable, ElectronicsTable, SensorTables
+from validation.schema.sensor import CurvedCoverTable, SensorTables
 
 #: Frames per second [Hz] and slope of the characteristic [1/N] of a sensor whose file does not state them: with 12 bits
 #: the counts then saturate at 4.1 N on a texel.
@@ -198,47 +198,53 @@ def _build(tables: SensorTables, source: Path) -> SensorDescription:
     """Make the description of a sensor from its tables."""
     from validation.sensor_file.array import build_array
 
-    electronics = tables.electronics
-    name = tables.name or source.stem
-    array = build_array(tables.array, name=name, source=source)
-    array, cover = _build_cover(tables, array, source)
-    if electronics.gains is not None and len(electronics.gains) != array.count:
-        count = len(electronics.gains)
-        raise InputError(f"{source}: electronics.gains: takes one number per texel ({array.count}), not {count}")
+    table, name = tables.electronics, tables.name or source.stem
+    with at(f"{source}: "):
+        array = build_array(tables.array, name=name, folder=source.parent)
+        array, cover = _build_cover(tables, array, source.parent)
+        if table.gains is not None and len(table.gains) != array.count:
+            raise InputError(f"electronics.gains: takes one number per texel ({array.count}), not {len(table.gains)}")
+    values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in table}
+    assumed = []
+    if table.rate is None:
+        assumed.append(f"{_ASSUMED_RATE:g} frames/s")
+    if table.sensitivity is None:
+        # With a polynomial characteristic the sensitivity has no effect, but `Electronics` requires a positive number.
+        values["sensitivity"] = _ASSUMED_SENSITIVITY if table.characteristic is None else 1.0
+        if table.characteristic is None:
+            assumed.append(f"{_ASSUMED_SENSITIVITY:g} counts per N on a texel")
+    values["output_max"] = table.output_max or 2**table.bits - 1
     low_pass = tables.filter
     return SensorDescription(
         name=name,
         array=array,
         cover=cover,
-        electronics=_build_electronics(electronics),
+        electronics=Electronics(rate_hz=values.pop("rate") or _ASSUMED_RATE, **values),
         filter=None if low_pass is None else Butterworth(cutoff_hz=low_pass.cutoff, order=low_pass.order),
         spread=None if tables.spread is None else Gaussian(**tables.spread.model_dump()),
         friction=tables.contact.friction,
         source=str(source),
-        assumed_electronics=tuple(_list_assumed(electronics)),
+        assumed_electronics=tuple(assumed),
     )
 
 
-def _build_cover(tables: SensorTables, array: TexelArray, source: Path) -> tuple[TexelArray, Cover | SolidCover]:
+def _build_cover(tables: SensorTables, array: TexelArray, folder: Path) -> tuple[TexelArray, Cover | SolidCover]:
     """Make the cover, and move texels to the base of a solid one."""
     table = tables.cover
     if isinstance(table, CurvedCoverTable):
         from validation.sensor_file.curved_cover import build_solid, project_texels
 
-        try:
-            solid = build_solid(table, source.parent)
-            return project_texels(array, solid) if tables.array.project else array, solid
-        except InputError as error:
-            raise InputError(*(f"{source}: {fault}" for fault in error.faults)) from None
+        solid = build_solid(table, folder)
+        return project_texels(array, solid) if tables.array.project else array, solid
     if tables.array.project:
-        raise InputError(f"{source}: array.project: is for curved covers; leave it out")
+        raise InputError("array.project: is for curved covers; leave it out")
     layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in table.layer)
     cover = Cover(layers=layers, base=table.base, size=table.size)
-    _refuse_uncovered(array, cover, source)
+    _refuse_uncovered(array, cover)
     return array, cover
 
 
-def _refuse_uncovered(array: TexelArray, cover: Cover, source: Path) -> None:
+def _refuse_uncovered(array: TexelArray, cover: Cover) -> None:
     """Refuse texels that lie beside a cover of limited size; the cover's middle lies over the array's origin.
 
     Raises:
@@ -249,25 +255,9 @@ def _refuse_uncovered(array: TexelArray, cover: Cover, source: Path) -> None:
     reach = np.abs(array.centres[array.active, :2]) + np.array(array.texel_size) / 2
     out = np.flatnonzero((reach > np.array(cover.size) / 2 * (1 + 1e-9)).any(axis=1))
     if len(out):
-        first = int(np.flatnonzero(array.active)[out[0]])
+        first = np.flatnonzero(array.active)[out[0]]
         needed, given = (" x ".join(f"{1e3 * edge:.4g} mm" for edge in pair) for pair in (2 * reach.max(0), cover.size))
         raise InputError(
-            f"{source}: cover.size: {given} leaves {len(out)} texels uncovered in part or whole, the first is number "
-            f"{first}; the middle of the cover lies over the array's origin, so the texels need {needed}"
+            f"cover.size: {given} leaves {len(out)} texels uncovered in part or whole, the first is number {first}; "
+            f"the middle of the cover lies over the array's origin, so the texels need {needed}"
         )
-
-
-def _list_assumed(table: ElectronicsTable) -> Iterator[str]:
-    """Yield a text for each value of the electronics that the sensor file does not state and that is assumed."""
-    if table.rate is None:
-        yield f"{_ASSUMED_RATE:g} frames/s"
-    if table.sensitivity is None and table.characteristic is None:
-        yield f"{_ASSUMED_SENSITIVITY:g} counts per N on a texel"
-
-
-def _build_electronics(table: ElectronicsTable) -> Electronics:
-    values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in table}
-    # With a polynomial characteristic the sensitivity has no effect, but `Electronics` requires a positive number.
-    assumed = _ASSUMED_SENSITIVITY if table.characteristic is None else 1.0
-    values |= {"sensitivity": table.sensitivity or assumed, "output_max": table.output_max or 2**table.bits - 1}
-    return Electronics(rate_hz=values.pop("rate") or _ASSUMED_RATE, **values)
