@@ -296,8 +296,8 @@ def regress(
     """
     from validation.derivation.derive import Derivation
     from validation.regression.baseline import compare, make_baseline, merge, read_baseline
+    from validation.regression.experiments import Subject, describe_sensor
     from validation.regression.quantities import measure
-    from validation.regression.subject import Subject, describe_sensor
 
     found, path, shown = load_any(sensor), Path(baseline), _Stages(progress)
     if isinstance(found, Parameters):

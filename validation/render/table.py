@@ -17,7 +17,7 @@ from validation.results import DASH, Column, Result, columns
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
-    from validation.campaign.pooling import Pooled
+    from validation.campaign.results import Pooled
 
 
 @dataclass(frozen=True, kw_only=True)

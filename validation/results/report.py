@@ -8,8 +8,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from meshes.bounded_file import FileLimitError, parse_json, read_bytes
-from validation.campaign.results import CampaignResult
-from validation.campaign.verdict import Verdict
+from validation.campaign.results import CampaignResult, Verdict
 from validation.credibility.evidence import Evidence
 from validation.data_sets.results import RecordingScores
 from validation.errors import InputError

@@ -21,7 +21,7 @@ from validation.errors import InputError
 if TYPE_CHECKING:
     from fastmodel import Parameters
     from validation.regression.baseline import Baseline, Change
-    from validation.regression.subject import Subject
+    from validation.regression.experiments import Subject
     from validation.render.table import Table
     from validation.sensor_file import SensorDescription
 
@@ -56,10 +56,16 @@ def regress(
     """
     from validation.cli.sensors import read_sensor
     from validation.output_folder import new_folder
-    from validation.regression.baseline import compare, make_baseline, measure_changes, merge, read_baseline
-    from validation.regression.junit import write_junit
+    from validation.regression.baseline import (
+        compare,
+        make_baseline,
+        measure_changes,
+        merge,
+        read_baseline,
+        write_junit,
+    )
+    from validation.regression.experiments import describe_sensor
     from validation.regression.quantities import measure
-    from validation.regression.subject import describe_sensor
     from validation.sensor_file import SensorDescription
 
     started = time.perf_counter()
@@ -176,7 +182,7 @@ def _check_options(baseline: Path, junit: Path | None, out: Path | None, seed: i
 def _make_subject(source: SensorDescription | Parameters, seed: int, progress: Progress) -> Subject:
     """Derive the parameters of a described sensor, and make the subject of the measurement."""
     from validation.cli.sensors import tell_unused
-    from validation.regression.subject import Subject
+    from validation.regression.experiments import Subject
     from validation.sensor_file import SensorDescription
 
     if not isinstance(source, SensorDescription):

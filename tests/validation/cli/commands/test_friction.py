@@ -52,7 +52,7 @@ def test_the_sensor_file_reaches_the_solver(softcover, coefficients):
 def test_the_sensor_file_reaches_every_case_of_a_report(coefficients, wts_derivation, monkeypatch):
     """The comparison models are left out: they press before the cases do."""
     monkeypatch.setattr(evaluation, "derive", lambda given, **__: dataclasses.replace(wts_derivation, sensor=given))
-    monkeypatch.setattr("validation.published.calibration.prepare_models", lambda *_, **__: None)
+    monkeypatch.setattr("validation.published.models.prepare_models", lambda *_, **__: None)
     sensor = dataclasses.replace(load("wts-0614-34"), friction=0.6)
     with pytest.raises(InputError, match="not computed here"):
         evaluation.evaluate(sensor, cases=[Case.read(name, "sphere:radius=5mm", "2N") for name in ("one", "two")])
