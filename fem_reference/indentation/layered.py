@@ -386,7 +386,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
     x, y, pressed = finest.contact.T
     scale = total / pressed.sum()
     depth = float(study.combine(grids, lambda each: each.depth))
-    # Points of the contact lie on the indenter; those beside a flat face, as middles of cut cells do, count to the face.
+    # Points of the contact lie on the indenter; those beside a flat face, middles of cut cells, count to the face.
     height = path.indenter.gap(x, y)
     points = np.column_stack(
         [*place.pose.to_array(x, y), path.cover.thickness - depth + np.where(np.isfinite(height), height, 0.0)]

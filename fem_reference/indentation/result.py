@@ -102,7 +102,9 @@ class Indentation:
             stored: The arrays by name.
             mesh: The mesh that was left out.
         """
-        values = {name: each if each.ndim else float(each) for name, each in stored.items() if name != "rest"}
+        values: dict[str, Any] = {
+            name: each if each.ndim else float(each) for name, each in stored.items() if name != "rest"
+        }
         for name, value in json.loads(str(stored["rest"])).items():
             values[name] = tuple(value) if isinstance(value, list) else _restore_nan(value)
         return cls(mesh=mesh, **values)

@@ -17,7 +17,7 @@ from meshes.array_types import FloatArray
 from validation.calibration.observations import Pose
 
 if TYPE_CHECKING:
-    from fem_reference import PointSpread
+    from fem_reference import Indentation, PointSpread
 
 #: Name of the contact method by finite elements.
 REFERENCE = "reference"
@@ -149,7 +149,7 @@ def make_reference_method(cover: Cover, array: TexelArray) -> ContactMethod:
             pressed = press(
                 linear, array, indenter, load=load, pose=meshes.Pose.planar(tilt=(pose.tilt_x, pose.tilt_y))
             )
-            contacts[key] = _bin_forces(pressed.contact, _BIN * min(array.pitch))
+            contacts[key] = _bin_forces(pressed, _BIN * min(array.pitch))
         points, forces = contacts[key]
         c, s = np.cos(pose.yaw), np.sin(pose.yaw)
         places = points @ np.array([[c, s], [-s, c]]) + (pose.x, pose.y)
@@ -158,20 +158,21 @@ def make_reference_method(cover: Cover, array: TexelArray) -> ContactMethod:
     return ContactMethod(name=REFERENCE, about=_ABOUT[REFERENCE], array=array, solve=solve)
 
 
-def _bin_forces(contact: FloatArray, edge: float) -> tuple[FloatArray, FloatArray]:
-    """Sum point forces in squares of a given edge.
+def _bin_forces(found: Indentation, edge: float) -> tuple[FloatArray, FloatArray]:
+    """Sum the normal forces of a press on layers in squares of a given edge.
 
     Args:
-        contact: Columns x, y [m] and force [N], shape (m, 3).
+        found: The press.
         edge: Edge of the squares [m].
 
     Returns:
         Centroids of the forces in k squares, shape (k, 2) [m], and the forces, shape (k,) [N].
     """
-    pressed = contact[contact[:, 2] > 0]
-    squares = np.floor(pressed[:, :2] / edge).astype(np.int64)
+    normal = -found.contact_forces[:, 2]
+    places, normal = found.contact_points[normal > 0, :2], normal[normal > 0]
+    squares = np.floor(places / edge).astype(np.int64)
     _, index = np.unique(squares, axis=0, return_inverse=True)
     index = index.ravel()
-    forces = np.asarray(np.bincount(index, pressed[:, 2]), dtype=np.float64)
-    centres = [np.bincount(index, pressed[:, 2] * pressed[:, axis]) / forces for axis in (0, 1)]
+    forces = np.asarray(np.bincount(index, normal), dtype=np.float64)
+    centres = [np.bincount(index, normal * places[:, axis]) / forces for axis in (0, 1)]
     return np.column_stack(centres), forces

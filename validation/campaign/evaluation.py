@@ -142,7 +142,7 @@ def evaluate(
     clock.append(time.perf_counter())
     plan = campaign or read_plan(None, sensor, progress)
     plan = plan if cases is None else dataclasses.replace(plan, cases=tuple(cases))
-    cost = plan_cases(sensor, plan.cases, progress)
+    cost = plan_cases(sensor, plan.cases)
     if announce:
         announce(cost.describe())
     derivation = derive(sensor, progress=progress)
@@ -197,14 +197,13 @@ def read_plan(path: Path | None, sensor: SensorDescription, progress: Progress |
     return read_campaign(path, sensor.array, cover=sensor.cover, curved=places)
 
 
-def plan_cases(sensor: SensorDescription, cases: Sequence[Case], progress: Progress | None = None) -> Plan:
+def plan_cases(sensor: SensorDescription, cases: Sequence[Case]) -> Plan:
     """Find out which presses are missing from the store, and how long the evaluation takes."""
     if not isinstance(sensor.cover, SolidCover):
         return plan_solves(sensor.layered_cover, sensor.array, cases, friction=sensor.friction)
     from validation.curved.bench import plan_presses
-    from validation.curved.press import make_meshes
 
-    return plan_presses(sensor, make_meshes(sensor, progress), cases)
+    return plan_presses(sensor, cases)
 
 
 def versions() -> dict[str, str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fem_reference.curved_cover.responses import find_top
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes.array_types import FloatArray
 from validation.campaign.bench import Bench, Plan, prepare_bench
@@ -100,7 +101,7 @@ class SolidBench(Bench):
 
     def plan(self, cases: Sequence[Case]) -> Plan:
         """Find out which presses are missing from the store, and how long the cases take."""
-        return plan_presses(self.derivation.sensor, self.meshes, cases)
+        return plan_presses(self.derivation.sensor, cases)
 
     def solve(self, case: Case) -> CaseResult:
         """Compute one case by finite elements and by all models, and score the models.
@@ -109,7 +110,7 @@ class SolidBench(Bench):
             ValueError: If a model cannot compute the case.
             ConvergenceError: If the finite elements did not converge.
         """
-        reference = Reference.of(press_case(self.derivation.sensor, self.meshes, case))
+        reference = Reference.of(press_case(self.derivation.sensor, case))
         forces = self._compute_models(case)
         predictions = predict(
             reference, {name: (each, 0.0) for name, each in forces.items()}, case.load, self.parameters
@@ -194,24 +195,23 @@ class SolidBench(Bench):
 
 def measure_obliquity(result: CaseResult) -> float:
     """Return the angle between the motion of the indenter and the normal of the cover where it is placed [rad]."""
-    pose, top = result.case.pose, result.reference.found.top
+    pose, top = result.case.pose, find_top(result.reference.found.mesh)
     normal = top.normals[int(np.argmin(np.linalg.norm(top.nodes - pose.position, axis=1)))]
     return float(np.arccos(np.clip(-normal @ pose.towards, -1.0, 1.0)))
 
 
-def plan_presses(sensor: SensorDescription, meshes: tuple[SolidMesh, ...], cases: Sequence[Case]) -> Plan:
+def plan_presses(sensor: SensorDescription, cases: Sequence[Case]) -> Plan:
     """Find out which presses are missing from the store, and how long the cases take.
 
     Args:
         sensor: A sensor with a curved cover.
-        meshes: Meshes of the cover, coarsest first.
         cases: The indentations.
     """
     missing = []
     for case in cases:
         try:
             with stored_only():
-                press_case(sensor, meshes, case)
+                press_case(sensor, case)
             missing.append(False)
         except NotStoredError:
             missing.append(True)

@@ -78,13 +78,12 @@ def write_press(press: CurvedPress, folder: Path) -> tuple[str, ...]:
     (folder / "press.json").write_text(json_text(press.as_json()), encoding="utf-8")
     texels = np.column_stack([array.centres, array.normals, found.texel_forces])
     _write_table(folder / "texels.csv", "x_m,y_m,z_m,nx,ny,nz,force_N", texels)
-    touched = found.contact_forces > 0
-    columns, names = [found.top.nodes, found.top.normals, found.contact_forces], "x_m,y_m,z_m,nx,ny,nz,normal_N"
-    if found.shear is not None:
-        columns, names = [*columns, found.shear], f"{names},shear_x_N,shear_y_N,shear_z_N"
-    _write_table(folder / "contact.csv", names, np.column_stack(columns)[touched])
-    write_mesh(folder / MESH_FILE, found.mesh)
-    title = f"{press.shape} on {press.sensor.name}, {found.load:.4g} N"
+    touched = found.contact_forces.any(axis=1)
+    names = "x_m,y_m,z_m,force_x_N,force_y_N,force_z_N"
+    _write_table(folder / "contact.csv", names, np.column_stack([found.contact_points, found.contact_forces])[touched])
+    if found.mesh is not None:
+        write_mesh(folder / MESH_FILE, found.mesh)
+    title = f"{press.shape} on {press.sensor.name}, {found.total_force:.4g} N"
     scene = show_curved(found, array, direction=press.touch.towards, title=title)
     return ("press.json", "texels.csv", "contact.csv", MESH_FILE, *write_scene(scene, folder))
 

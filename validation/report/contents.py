@@ -195,7 +195,7 @@ def _case(evaluation: Evaluation, result: CaseResult) -> dict[str, Any]:
     difference = fast.texel_forces - reference.texel_forces
     force = Scale(peak=float(max(reference.texel_forces.max(), fast.texel_forces.max())))
     apart = Scale(peak=float(np.abs(difference).max()), difference=True)
-    outline = _contact_outline(reference.found.contact)
+    outline = _contact_outline(reference.found.contact_points)
     images = [
         (caption, tactile_image(array, values, scale, outline=line, name=f"{case.name}, {caption}, forces"))
         for caption, values, scale, line in (

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from meshes import Layer, SolidCover, TexelArray
+from meshes import SolidCover, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids import check_quality, read_mesh
-from meshes.solids.covers import make_shell_cover
+from meshes.solids.covers import make_shell_cover, take_meshes
 from meshes.solids.shell import Shell, join, select_base, thicken
 from meshes.solids.solid_mesh import LIMITS
 from meshes.solids.tetrahedra import classify_boundary, list_boundary
@@ -153,13 +153,8 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> SolidCover:
         raise ValueError(
             "; ".join(quality.faults) + f': write surface = "{table.mesh}" instead of mesh, and its boundary is meshed'
         )
-    return SolidCover(
-        layers=(Layer(thickness=quality.thickness, material=table.material),),
-        source=f"{path.name}, {quality.elements} {quality.kind}",
-        make=lambda *_: (mesh,),
-        given_thickness=quality.thickness,
-        notes=tuple(notes),
-    )
+    source = f"{path.name}, {quality.elements} {quality.kind}"
+    return take_meshes((mesh,), table.material, source, tuple(notes))
 
 
 def _refuse_overlap(corners: FloatArray, boundary: FloatArray, name: str) -> None:

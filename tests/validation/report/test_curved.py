@@ -93,7 +93,7 @@ def test_the_table_of_cases_holds_scores_depths_and_estimates(page, stored):
         assert float(row[2][0]) == fast
         assert float(row[-3][0]) == null
         assert float(row[-2][0]) == case["reference"]["depth"]
-        assert case["reference"]["error_estimate"]["texel_forces"] is None  # one mesh
+        assert case["reference"]["error_estimate"]["peak_texel"] is None  # one mesh
         assert row[-1][1] == ["\u2013"]
 
 

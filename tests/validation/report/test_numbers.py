@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from meshes.catalogue import ARRAYS
+from tests.support.indentations import make_indentation
 from tests.support.report_page import Page, is_printed
 from validation.campaign.campaign_file import read_campaign
 from validation.campaign.results import MODELS, CampaignResult, CaseResult, Pooled, Prediction, judge
@@ -113,24 +114,11 @@ def evaluation(evaluation, recordings):
 
 
 def draw_reference(array, load):
-    from fem_reference.indentation.result import Indentation
-
-    return Indentation(
-        texel_forces=RANDOM.uniform(0, 1, array.count),
-        outside=0.0,
-        total_force=load,
-        balance=0.0,
-        depth=float(RANDOM.uniform(1e-4, 1e-3)),
-        contact_area=1e-5,
-        contact=np.abs(RANDOM.uniform(-1e-3, 1e-3, (9, 3))),
-        shear=None,
-        energy=1e-3,
-        fields=None,
-        error_estimate={},
-        assumptions={},
-        warnings=(),
-        seconds=0.0,
-    )
+    points = np.abs(RANDOM.uniform(-1e-3, 1e-3, (9, 3)))
+    return make_indentation(
+        RANDOM.uniform(0, 1, array.count), total_force=load, depth=float(RANDOM.uniform(1e-4, 1e-3)),
+        contact_points=points, contact_forces=np.tile([0.0, 0.0, -load / 9], (9, 1)),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
