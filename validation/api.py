@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from validation.regression.baseline import Change
     from validation.results.report import Report
     from validation.simulator_models import Exported
-    from validation.weiss.continuity import Gap
     from validation.weiss.protocol import Reading
+    from validation.weiss.stream import Gap
 
 Progress = Callable[[str], None]
 #: What a verb takes as a sensor: what `load` returns, a path, or the name of a built-in sensor.

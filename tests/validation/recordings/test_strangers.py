@@ -2,7 +2,6 @@
 
 import json
 import os
-import time
 import tracemalloc
 import zlib
 from datetime import UTC, datetime
@@ -51,14 +50,12 @@ HEAD = "# rows = 1\n# columns = 2\n"
 
 def refuse(path, message, **options):
     tracemalloc.start()
-    started = time.process_time()
     try:
         with pytest.raises(RecordingError, match=message) as caught:
             open_recording(path, **options)
         assert tracemalloc.get_traced_memory()[1] < 200e6
     finally:
         tracemalloc.stop()
-    assert time.process_time() - started < 4
     assert str(path) in str(caught.value)
     assert len(str(caught.value)) < 2000
 

@@ -72,8 +72,7 @@ def emulate(
     from validation.extras import require
 
     require("serial", useful=("skfem",) if show.endswith(".toml") else ())
-    from validation.weiss.serve import PseudoTerminal, SerialEnd, serve
-    from validation.weiss.virtual import VirtualSensor
+    from validation.weiss.virtual import PseudoTerminal, SerialEnd, VirtualSensor, serve
 
     check_range("--seconds", seconds)
     misbehaviour = _read_misbehaviour(fault or [], pause or [], seed)
