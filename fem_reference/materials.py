@@ -2,8 +2,9 @@
 
 The energy per reference volume is W(F) = isochoric(F) - p (J - 1) - p^2 / 2 K, with the deformation gradient F and its
 determinant J.  The mean pressure p is an independent unknown, so that an infinite bulk modulus K needs no special case
-(Simo, Taylor and Pister 1985).  A material supplies only the isochoric part, which must not change when F is multiplied
-by a number.
+(Simo, Taylor and Pister 1985).  A material supplies the isochoric part, which does not change when F is multiplied by
+a number.  A compressible energy V(F) of small-strain bulk modulus K supplies V(F) - K (J - 1)^2 / 2 in its place; p is
+then the pressure less that of this part.
 
 F has shape (..., 3, 3).  Derivatives are taken only with respect to the components of F that can differ from those of
 the unit matrix: all nine in three dimensions, five in axisymmetric states.  First derivatives have shape (..., g) and
@@ -13,6 +14,7 @@ with C = F^T F (Holzapfel, Nonlinear Solid Mechanics, section 6.4).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -376,24 +378,24 @@ def _divide_differences(
     return plus, minus
 
 
+#: Stored energy of a material, by the name of its model in `meshes.material.MODELS`.
+ENERGIES: Mapping[str, Callable[[Material], Energy]] = {
+    "neo-hookean": lambda each: NeoHookean(shear_modulus=each.shear_modulus),
+    "mooney-rivlin": lambda each: MooneyRivlin(c10=each.number("c10"), c01=each.number("c01")),
+    "yeoh": lambda each: Yeoh(c1=each.number("c1"), c2=each.number("c2"), c3=each.number("c3")),
+    "ogden": lambda each: Ogden(moduli=each.terms("mu"), exponents=each.terms("alpha")),
+}
+
+
 def create_energy(material: Material) -> Energy:
     """Create the isochoric stored energy of a material.
 
     Raises:
         ValueError: If the material is `linear-elastic`, which has no stored energy at finite strain.
     """
-    p = material.number
-    match material.model:
-        case "neo-hookean":
-            return NeoHookean(shear_modulus=p("shear_modulus"))
-        case "mooney-rivlin":
-            return MooneyRivlin(c10=p("c10"), c01=p("c01"))
-        case "yeoh":
-            return Yeoh(c1=p("c1"), c2=p("c2"), c3=p("c3"))
-        case "ogden":
-            return Ogden(moduli=material.terms("mu"), exponents=material.terms("alpha"))
-        case _:
-            raise ValueError(f"{material.model} is a small-strain model; take neo-hookean for finite strain")
+    if material.model not in ENERGIES:
+        raise ValueError(f"{material.model} is a small-strain model; take neo-hookean for finite strain")
+    return ENERGIES[material.model](material)
 
 
 def create_finite_strain_energy(material: Material) -> Energy:
@@ -433,7 +435,7 @@ def find_unstable_stretches(material: Material) -> dict[str, float]:
     strain = np.linspace(0, np.log(_SETTINGS.largest), _SETTINGS.stretches)[1:]
     out = {}
     for mode, direction in _MODES.items():
-        falls = np.flatnonzero(np.diff(_measure_stress(material, strain, np.array(direction))) <= 0)
+        falls = np.flatnonzero(np.diff(measure_stress(material, strain, np.array(direction))) <= 0)
         if falls.size:
             out[mode] = float(np.exp(direction[0] * strain[falls[0]]))
     return out
@@ -463,7 +465,7 @@ def warn_of_instability(material: Material, thickness: float) -> str:
     return f"{describe_instability(material)}; the cover is pressed to {thickness:.0%} of its thickness, beyond that"
 
 
-def _measure_stress(material: Material, strain: FloatArray, direction: FloatArray) -> FloatArray:
+def measure_stress(material: Material, strain: FloatArray, direction: FloatArray) -> FloatArray:
     """Compute the derivative of the stored energy along principal logarithmic strains `strain * direction` [Pa].
 
     Args:

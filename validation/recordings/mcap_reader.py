@@ -341,14 +341,11 @@ def unpack_records(chunk: Chunk, budget: Budget) -> Iterator[McapRecord]:
         raise RecordingError("a chunk fails its checksum")
     position = 0
     while position < len(content):
-        size = int.from_bytes(content[position + 1 : position + _RECORD_HEAD_SIZE], "little")
-        end = position + _RECORD_HEAD_SIZE + size
-        if end > len(content):
+        position += _RECORD_HEAD_SIZE + int.from_bytes(content[position + 1 : position + _RECORD_HEAD_SIZE], "little")
+        if position > len(content):
             raise RecordingError("a chunk ends in the middle of a record")
         budget.spend(records=1)
-        record = replace(chunk, compression="", uncompressed_crc=0, data=content[position:end])
-        yield from breakup_chunk(record)
-        position = end
+    yield from breakup_chunk(replace(chunk, compression="", uncompressed_crc=0, data=content))
 
 
 def _unpack(chunk: Chunk) -> bytes:

@@ -13,6 +13,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import lz4, zstandard
 from mcap.writer import CompressionType, Writer
 
+from tests.support.bounded import bounded
 from validation.recordings import recording
 from validation.recordings.importing import open_recording, save
 from validation.recordings.labels import encode_labels
@@ -49,13 +50,8 @@ HEAD = "# rows = 1\n# columns = 2\n"
 
 
 def refuse(path, message, **options):
-    tracemalloc.start()
-    try:
-        with pytest.raises(RecordingError, match=message) as caught:
-            open_recording(path, **options)
-        assert tracemalloc.get_traced_memory()[1] < 200e6
-    finally:
-        tracemalloc.stop()
+    with bounded(400, memory=200e6), pytest.raises(RecordingError, match=message) as caught:
+        open_recording(path, **options)
     assert str(path) in str(caught.value)
     assert len(str(caught.value)) < 2000
 
@@ -136,7 +132,7 @@ def change_array(**changes):
 
 BAD_LABELS = {
     "deep": "[" * 100_000,
-    "a million arrays": '{"format": "softcover-recording/1", "arrays": [' + "[]," * 340_000 + "[]]}",
+    "40 000 arrays": '{"format": "softcover-recording/1", "arrays": [' + "[]," * 40_000 + "[]]}",
     "many arrays": good_labels(arrays=[good_labels()["arrays"][0]] * 65),
     "no object": "[1]",
     "a long number": '{"format": ' + "9" * 5000 + "}",
@@ -274,13 +270,14 @@ def test_a_time_beyond_64_bits_is_refused(tmp_path, topic):
 
 
 @pytest.mark.parametrize("chunks", [1, 5])
-def test_many_records_in_a_small_file_are_refused_in_total(tmp_path, chunks):
+def test_many_records_in_a_small_file_are_refused_in_total(tmp_path, chunks, monkeypatch):
     """Chunks of empty records: each keeps the limits of a chunk, all of them together exceed those of the file."""
+    monkeypatch.setattr(recording, "LIMITS", recording.Limits(records=2**12))
     data = b"\x99" + bytes(8)
     with (tmp_path / "a.mcap").open("wb") as file:
         file.write(b"\x89MCAP0\r\n\x01" + (8).to_bytes(8, "little") + bytes(8))
         for _ in range(chunks):
-            count = 2**18 // chunks
+            count = 2**13 // chunks
             packed = zstandard.compress(data * count)
             content = (
                 bytes(16)

@@ -11,7 +11,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from validation.cli.failures import CHECK_FAILED, DONE
+from validation.cli.entry import CHECK_FAILED, DONE
 from validation.cli.options import Json
 from validation.cli.output import print_json, print_table, show
 

@@ -163,8 +163,9 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
         known = nearest(show, (*_PATTERNS, *BUILT_IN))
         raise InputError(f"--show: no pattern, sensor, recording or folder {show!r}; {known}")
     if is_pressed:
-        from validation.cli.progress import Progress
-        from validation.cli.sensors import find_parameters, read_sensor, tell_unused
+        from validation.cli.options import read_sensor, tell_unused
+        from validation.cli.output import Progress
+        from validation.parameters import find_parameters
         from validation.recordings.live_frames import simulate_frames
         from validation.text.indenter import read_indenter, read_load
 

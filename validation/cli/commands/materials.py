@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from validation.cli.meaning import print_meaning
 from validation.cli.options import Json
-from validation.cli.output import print_json, print_rows, print_table, say, show, show_wrapped
+from validation.cli.output import print_json, print_meaning, print_rows, print_table, say, show, show_wrapped
 from validation.errors import InputError, match_name, nearest
 
 if TYPE_CHECKING:
@@ -108,7 +107,7 @@ def _show_material(material: Material) -> None:
     from validation.report.material_curve import trace_stress
 
     def format_parameter(name: str) -> str:
-        pressure = MODELS[material.model][name] == "Pa"
+        pressure = MODELS[material.model].parameters[name].unit == "Pa"
         return ", ".join(_format_pressure(value) if pressure else f"{value:g}" for value in material.terms(name))
 
     bulk = "infinite (incompressible)" if math.isinf(material.bulk_modulus) else _format_pressure(material.bulk_modulus)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from validation.cli.failures import CHECK_FAILED, DONE
+from validation.cli.entry import CHECK_FAILED, DONE
 from validation.cli.options import Json, check_range
 from validation.cli.output import print_json, say, show
 from validation.errors import InputError

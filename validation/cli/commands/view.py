@@ -23,9 +23,9 @@ from validation.cli.options import (
     check_range,
     collect,
 )
-from validation.cli.output import describe_vector, escape, make_console, print_json, say
-from validation.cli.progress import Progress
+from validation.cli.output import Progress, describe_vector, make_console, print_json, say
 from validation.errors import InputError
+from validation.render import escape
 
 if TYPE_CHECKING:
     from validation.cli.view_scene import Scene
@@ -70,8 +70,9 @@ def view(
         softcover view sensor.toml --indenter box:size=6mmx6mmx5mm --load 2N --method boxes --seconds 10
     """
     from validation.campaign.comparison import METHODS
-    from validation.cli.sensors import check_curved_method, find_parameters, read_sensor, tell_unused
+    from validation.cli.options import read_sensor, tell_unused
     from validation.cli.view_scene import Scene
+    from validation.parameters import find_parameters
     from validation.text.indenter import read_indenter, read_load
 
     faults: list[str] = []
@@ -80,7 +81,6 @@ def view(
     weight = collect(faults, lambda: read_load(load))
     collect(faults, lambda: check_range("--seconds", seconds))
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
-    collect(faults, lambda: check_curved_method(found, method))
     place = collect(faults, lambda: _choose_display(display, quiet=json))
     if faults or not (found and shape and weight and place):
         raise InputError(*faults)
