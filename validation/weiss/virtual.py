@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -41,7 +41,6 @@ from validation.weiss.protocol import (
     MatrixInfo,
     Message,
     Parser,
-    Reading,
     Status,
     Values,
     decode_request,
@@ -51,9 +50,6 @@ from validation.weiss.protocol import (
     join_bytes,
 )
 from validation.weiss.sensor import WRITE_TIMEOUT, PortError
-
-if TYPE_CHECKING:
-    from fastmodel.signal.frame import Frame
 
 #: Function from a message, the index of a random byte of it, and a random number generator to the bytes that the
 #: receiver gets.
@@ -398,11 +394,11 @@ def show_recording(times: npt.ArrayLike, counts: npt.ArrayLike, *, loop: bool = 
     return show
 
 
-def show_frames(frames: Iterable[Frame | Reading]) -> Source:
+def show_frames(frames: Iterable[npt.ArrayLike]) -> Source:
     """Make a source of counts that shows the next of the given frames at each call, and finally the last frame.
 
     Args:
-        frames: The frames, such as those of the fast model; their number may be infinite.
+        frames: Counts of each frame, shape (n,) [-], such as those of the fast model; their number may be infinite.
 
     Raises:
         ValueError: If there are no frames.
@@ -416,7 +412,7 @@ def show_frames(frames: Iterable[Frame | Reading]) -> Source:
     def show(time: float) -> npt.ArrayLike:  # noqa: ARG001 -- the order of the frames decides
         nonlocal shown
         shown = next(remaining, shown)
-        return shown.counts
+        return shown
 
     return show
 

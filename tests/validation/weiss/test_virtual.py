@@ -15,7 +15,6 @@ from validation.weiss.protocol import (
     Command,
     MatrixInfo,
     Parser,
-    Reading,
     decode_answer,
     decode_frame,
     encode_message,
@@ -93,7 +92,7 @@ def test_any_request_gets_one_answer_of_its_own_identifier(identifier, payload):
 
 def test_frames_are_shown_one_by_one_and_the_last_one_stays():
     counts = np.arange(3 * 84).reshape(3, 84)
-    show = show_frames(Reading(counts=row, ticks=0, host_time=0, run_length=False) for row in counts)
+    show = show_frames(counts)
     assert [int(show(0.0)[0]) for _ in range(4)] == [84, 168, 168, 168]
 
 
