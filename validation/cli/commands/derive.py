@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from meshes import SolidCover
 from validation.cli.entry import DONE
 from validation.cli.meaning import explain_derivation
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
@@ -63,6 +62,7 @@ def derive(
         softcover derive wts-0614-34 --material dragon-skin-30 --thickness 3mm --json
         softcover derive fingertip --out fingertip
     """
+    from meshes import SolidCover
     from validation.cli.options import read_description
     from validation.output_folder import new_folder
 
@@ -101,6 +101,7 @@ def _require_modules(sensor: SensorDescription, *, pictures: bool) -> None:
     Raises:
         MissingExtraError: If they are not.
     """
+    from meshes import SolidCover
     from validation.extras import require
     from validation.sensor_file import BUILT_IN
 

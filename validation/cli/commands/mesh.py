@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from meshes import SolidCover
 from validation.cli.options import Json, SensorFile, Thickness
 from validation.cli.output import Progress, print_json, print_rows
 from validation.errors import InputError
@@ -32,6 +31,7 @@ def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, j
         softcover mesh fingertip
         softcover mesh sensor.toml --out meshed
     """
+    from meshes import SolidCover
     from validation.cli.curved.derive import say_written
     from validation.cli.options import read_description
     from validation.extras import require

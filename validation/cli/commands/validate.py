@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from meshes import SolidCover
 from validation.cli.entry import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
 from validation.cli.output import Progress, describe_cover, make_console, note, print_json, say, show, show_wrapped
@@ -98,6 +97,7 @@ def validate(
         softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json
         softcover validate wts-0614-34 --measured gelsight-mini
     """
+    from meshes import SolidCover
     from validation.cli.options import read_description
     from validation.data_sets.locate import describe_unused_recordings, find_data_set
 
