@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from validation.cli.failures import CHECK_FAILED, DONE
+from validation.cli.entry import CHECK_FAILED, DONE
 from validation.cli.meaning import explain_verdict
 from validation.cli.options import Json, Sensor
-from validation.cli.output import print_json, say, show
-from validation.cli.progress import Progress
+from validation.cli.output import Progress, print_json, say, show
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,7 +53,7 @@ def regress(
         softcover regress wts-0614-34 --out verdict
         softcover regress sensor.toml --baseline ci/sensor.json --junit regress.xml
     """
-    from validation.cli.sensors import read_sensor
+    from validation.cli.options import read_sensor
     from validation.output_folder import new_folder
     from validation.regression.baseline import (
         compare,
@@ -181,7 +180,7 @@ def _check_options(baseline: Path, junit: Path | None, out: Path | None, seed: i
 
 def _make_subject(source: SensorDescription | Parameters, seed: int, progress: Progress) -> Subject:
     """Derive the parameters of a described sensor, and make the subject of the measurement."""
-    from validation.cli.sensors import tell_unused
+    from validation.cli.options import tell_unused
     from validation.regression.experiments import Subject
     from validation.sensor_file import SensorDescription
 
