@@ -13,7 +13,7 @@ from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh, SweptCover
 from meshes.solids.shell import Shell
 from meshes.solids.solid_mesh import LIMITS, check_quality
-from meshes.solids.triangles import enclosed_volume
+from meshes.surfaces.triangles import enclosed_volume
 
 #: Volume of a regular tetrahedron over the cube of its edge [-].
 _REGULAR = 1 / (6 * np.sqrt(2))

@@ -8,7 +8,7 @@ import trimesh
 
 from meshes.bounded_file import pack_npz, unpack_npz
 from meshes.solids import fingertip, write_mesh
-from meshes.solids.triangles import enclosed_volume
+from meshes.surfaces.triangles import enclosed_volume
 from validation.errors import InputError
 from validation.sensor_file import load
 
