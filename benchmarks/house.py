@@ -25,7 +25,7 @@ PACKAGES = ("meshes", "fem_reference", "fastmodel", "validation")
 OTHER_LANGUAGES = (".j2", ".css", ".js", ".toml")
 #: Names that a branch on the kind of cover mentions, and classes that it asks for.
 COVER_NAMES = re.compile(r"curved|\.body\b|\bplanar\b|is_solid")
-COVER_CLASSES = re.compile(r"\b(\w*Cover|SolidMesh|CoverBody|\w*Pose|Touch|Curved\w+|CoverCells)\b")
+COVER_CLASSES = re.compile(r"\b(\w*Cover|SolidMesh|\w*Pose|Touch|Curved\w+|CoverCells)\b")
 #: The modules of the cover classes themselves, where the question may be answered.
 COVER_MODULES = ("meshes/cover.py", "meshes/solids/cover.py", "fastmodel/surface.py")
 

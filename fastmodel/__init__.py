@@ -41,7 +41,7 @@ Every error about a user's input is a `FastModelError`, which is a `ValueError`.
 from importlib.metadata import version
 
 from fastmodel.adapters.batch import Batch
-from fastmodel.attachment import attach, recommend_options
+from fastmodel.attachment import METHODS, attach, recommend_options
 from fastmodel.bench import FastIndentation, Placement, add_indenter, indent, indent_together
 from fastmodel.check import OptionWarning
 from fastmodel.contact.area import AreaTexels
@@ -50,18 +50,16 @@ from fastmodel.contact.cover import CoverContact, Foundation
 from fastmodel.contact.geoms import add_geoms
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.mesh import MeshContact
-from fastmodel.contact.methods import METHODS
 from fastmodel.contact.plate import Plate
 from fastmodel.errors import FastModelError
 from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit, fit_contact, fit_foundation
 from fastmodel.fitting.gaussian import Fit, fit_gaussian
 from fastmodel.parameters import Parameters, list_sensors, load
-from fastmodel.running import RangeWarning
-from fastmodel.sensor import Sensor
+from fastmodel.sensor import RangeWarning, Sensor
 from fastmodel.signal.butterworth import Butterworth, FilterBank
+from fastmodel.signal.chain import ChainFunctions, ChainOutput, ChainState
 from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.frame import Frame
-from fastmodel.signal.functions import ChainFunctions, ChainOutput, ChainState
 from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated, outside_share
 from fastmodel.surface import CoverCells, CoverPoints
 from fastmodel.validity import Validity

@@ -1,22 +1,40 @@
-"""Adding tactile arrays to a `mujoco.MjSpec`, before the spec is compiled."""
+"""Adding tactile arrays to a `mujoco.MjSpec`, before the spec is compiled, and the contact methods by name."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
+from fastmodel.contact.area import AreaTexels
+from fastmodel.contact.boxes import BoxTexels
+from fastmodel.contact.cover import CoverContact, Foundation
 from fastmodel.contact.interface import TexelContact
-from fastmodel.contact.methods import DEFAULT, choose_method
+from fastmodel.contact.mesh import MeshContact
 from fastmodel.errors import FastModelError, check_type, name_unknown
-from fastmodel.overlap import refuse_overlaps
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Mount
 from fastmodel.sensor import Sensor
+from fastmodel.signal.point_spread import find_tangents
+from meshes import TexelArray
 
+#: Contact methods with their default settings, by name.
+METHODS: Mapping[str, BoxTexels | AreaTexels | Foundation | CoverContact | MeshContact] = MappingProxyType(
+    {
+        "boxes": BoxTexels(),
+        "area": AreaTexels(),
+        "foundation": Foundation(),
+        "cover": CoverContact(),
+        "curved": MeshContact(),
+    }
+)
+#: Name that stands for the method of the parameters' surface (`cover` or `curved`), without a surface for `boxes`.
+DEFAULT = "default"
 #: Attributes of an explicit pair that its copies share.
 _PAIR_SETTINGS = (
     *("geomname1", "geomname2", "condim", "friction", "gap", "margin"),
@@ -75,8 +93,14 @@ def attach(
     check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
     check_type("name", name, str, "a str")
     _, method = choose_method(contact, parameters)
-    _check_every(every)
-    _check_name(spec, name)
+    if every is not None:
+        check_type("every", every, (int, float, np.integer), "a whole number of physics steps")
+        if not math.isfinite(every) or every != int(every) or every < 1:
+            raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
+    if not name or "/" in name:
+        raise FastModelError(f"the name of a sensor must have at least one character and no '/', not {name!r}")
+    if any(geom.name.startswith(f"{name}/") for geom in spec.geoms):
+        raise FastModelError(f"a sensor named {name!r} is on this spec already; choose another name")
     if not method.takes_overlaps:
         refuse_overlaps(parameters.array)
     carrier, origin = _find_carrier(spec, body)
@@ -107,22 +131,6 @@ def recommend_options(spec: mujoco.MjSpec) -> None:
 def _check_spec(spec: mujoco.MjSpec) -> None:
     """Check that an argument is a spec."""
     check_type("spec", spec, mujoco.MjSpec, "a mujoco.MjSpec, for example mujoco.MjSpec.from_file('robot.xml')")
-
-
-def _check_name(spec: mujoco.MjSpec, name: str) -> None:
-    """Check that a name can be that of a new sensor on a spec."""
-    if not name or "/" in name:
-        raise FastModelError(f"the name of a sensor must have at least one character and no '/', not {name!r}")
-    if any(geom.name.startswith(f"{name}/") for geom in spec.geoms):
-        raise FastModelError(f"a sensor named {name!r} is on this spec already; choose another name")
-
-
-def _check_every(every: int | None) -> None:
-    """Check the number of physics steps between two samples."""
-    if every is not None:
-        check_type("every", every, (int, float, np.integer), "a whole number of physics steps")
-        if not math.isfinite(every) or every != int(every) or every < 1:
-            raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
 
 
 def _find_carrier(spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.MjsSite) -> tuple[mujoco.MjsBody, Mount]:
@@ -234,3 +242,68 @@ def _switch_off(spec: mujoco.MjSpec, replaced: Sequence[mujoco.MjsGeom], plates:
 def _list_names(elements: Iterable[mujoco.MjsBody | mujoco.MjsSite | mujoco.MjsGeom]) -> list[str]:
     """List the names of the elements of a spec that have one."""
     return [element.name for element in elements if element.name]
+
+
+def refuse_overlaps(array: TexelArray) -> None:
+    """Check that no two texels overlap, because a force on both would be measured twice.
+
+    Two texels overlap if their normals are less than 90 degrees apart, their planes are less than half a texel apart,
+    and their rectangles overlap in the plane of the first texel.
+
+    Args:
+        array: The texels.
+
+    Raises:
+        FastModelError: If texels overlap; the message names the first pair.
+    """
+    size = np.array(array.texel_size)
+    pairs = cKDTree(array.centres).query_pairs(float(np.hypot(*size)), output_type="ndarray")
+    if not len(pairs):
+        return
+    first, second = pairs.T
+    axis_x, axis_y = find_tangents(array)
+    apart = array.centres[second] - array.centres[first]
+    along = np.abs([np.einsum("ij,ij->i", apart, axis[first]) for axis in (axis_x, axis_y, array.normals)])
+    alike = np.einsum("ij,ij->i", array.normals[first], array.normals[second]) > 0
+    # 2 % of an edge may overlap: rounding, and curved layouts, whose rectangles overlap at their corners
+    inside = (along[:2] < 0.98 * size[:, None]).all(axis=0)
+    on_top = (inside & alike & (along[2] < size.min() / 2)).nonzero()[0]
+    if len(on_top):
+        a, b = first[on_top[0]], second[on_top[0]]
+        raise FastModelError(
+            f"array {array.name!r}: texels {a} and {b} overlap ({len(on_top)} pairs in all); centres must lie at least "
+            f"a texel's size of {tuple(size.tolist())} m apart along x or y"
+        )
+
+
+def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[str, TexelContact]:
+    """Find a contact method by its name and adapt it to the cover, or return given settings unchanged.
+
+    The name `default` stands for the method of the parameters' surface, without a surface for `boxes`.
+
+    Args:
+        method: Name of a contact method, or an object with its settings such as `BoxTexels()`.
+        parameters: The array and its cover.
+
+    Returns:
+        The name of the method, or its settings as text if settings were given; and the settings.
+
+    Raises:
+        FastModelError: If the method is neither a name nor settings.
+        FastModelError: If no contact method has this name, or it is for flat covers and the cover is curved.
+        ParametersError: If the method needs another surface than the parameters hold.
+    """
+    if not isinstance(method, str):
+        if isinstance(method, type) or not (hasattr(method, "attach") and hasattr(method, "bind")):
+            raise FastModelError(
+                f"the contact method must be a name of fastmodel.METHODS or settings such as fastmodel.BoxTexels(), "
+                f"not {method!r}"
+            )
+        return repr(method), method
+    if method == DEFAULT:
+        method = "boxes" if parameters.surface is None else parameters.surface.method
+    if method not in METHODS:
+        raise name_unknown("contact method", method, (DEFAULT, *METHODS))
+    if parameters.surface is not None and parameters.surface.method == "curved" != method:
+        raise FastModelError(f"the contact method {method} is for flat covers, this one is curved; leave it out")
+    return method, METHODS[method].adapt(parameters.surface)

@@ -15,12 +15,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fastmodel.attachment import recommend_options
+from fastmodel.attachment import DEFAULT, choose_method, recommend_options
 from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.geoms import add_geoms
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from fastmodel.contact.mesh import MeshContact
-from fastmodel.contact.methods import DEFAULT, choose_method
 from fastmodel.contact.points import press_points
 from fastmodel.errors import FastModelError, MissedArrayError, check_type
 from fastmodel.parameters import Parameters

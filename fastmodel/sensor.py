@@ -11,31 +11,44 @@ physics step.  Frames are made at the sensor's own rate, and each frame contains
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.check import OptionWarning, check_calibration, check_options, check_surroundings, find_geoms_of
+from fastmodel.check import (
+    OptionWarning,
+    check_calibration,
+    check_options,
+    check_surroundings,
+    find_geoms_of,
+    list_options,
+)
 from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.cover import CoverContact, Foundation
 from fastmodel.contact.geoms import NameInModel
-from fastmodel.contact.interface import TexelContact
+from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from fastmodel.contact.mesh import MeshContact
 from fastmodel.errors import FastModelError, LifeCycleError, check_type, warn_user
 from fastmodel.parameters import Parameters
-from fastmodel.running import CLOCK_TOLERANCE, RunningSensor
+from fastmodel.signal.chain import ChainFunctions, ChainState
 from fastmodel.signal.frame import Frame
-from fastmodel.state import State
+from fastmodel.state import State, make_generator, pack, pack_generator, take_array, unpack, unpack_generator
 from meshes.array_types import FloatArray
 
 #: Lowest sampling rate of costly contact methods over the filter's cut-off [-].  With this value the highest frequency
 #: that samples can represent, which is half the sampling rate, is at least twice the cut-off.
 _SAMPLES_PER_CUTOFF = 4.0
-#: Distance of the points at which `Sensor.check` examines the top of the array, over the pitch [-].
-_POINTS_APART = 0.5
+#: Tolerance for comparisons of times, as a share of a physics step or of a frame period; it allows for rounding [-].
+_CLOCK_TOLERANCE = 1e-3
+
+
+class RangeWarning(UserWarning):
+    """Warn that a contact lies beyond the range in which the fast model agrees with the finite elements."""
 
 
 class Sensor:
@@ -163,7 +176,7 @@ class Sensor:
         margin = self._contact.plate.margin if isinstance(self._contact, CoverContact | Foundation) else 0
         cover = self._contact.surface if isinstance(self._contact, MeshContact) else None
         around = check_surroundings(
-            model, geoms, f"{name}{self._suffix}", inset=margin * pitch, spacing=_POINTS_APART * pitch, cover=cover
+            model, geoms, f"{name}{self._suffix}", inset=margin * pitch, spacing=0.5 * pitch, cover=cover
         )
         spread = () if self._contact.computes_spread else check_calibration(self.parameters)
         return (*check_options(self.parameters, model, every, geoms), *spread, *around)
@@ -215,7 +228,7 @@ class Sensor:
         Raises:
             LifeCycleError: If the sensor is not bound.
         """
-        return self._bound().chain.outside
+        return self._bound().outside
 
     def reset(self, contact_forces: npt.ArrayLike = 0.0, *, seed: int | np.random.SeedSequence | None = None) -> None:
         """Restart clocks, filter and hysteresis; call this after `mj_resetData`.
@@ -238,11 +251,11 @@ class Sensor:
                 new sampling rate.
         """
         running = self._bound()
-        if running.is_outdated():
-            noise = running.chain.noise
+        if running.options != list_options(running.model):
+            noise = running.noise
             self.bind(running.model)
             running = self._bound()
-            running.chain.noise = noise
+            running.noise = noise
         try:
             forces = np.array(contact_forces, dtype=np.float64)
         except (TypeError, ValueError) as error:
@@ -320,4 +333,205 @@ def _choose_interval(parameters: Parameters, contact: TexelContact, timestep: fl
     wanted = parameters.electronics.rate_hz
     if parameters.filter is not None:
         wanted = max(wanted, _SAMPLES_PER_CUTOFF * parameters.filter.cutoff_hz)
-    return max(1, int((1 + CLOCK_TOLERANCE) / (wanted * timestep)))
+    return max(1, int((1 + _CLOCK_TOLERANCE) / (wanted * timestep)))
+
+
+class RunningSensor:
+    """The clocks, contact reader and signal chain of a sensor that is bound to a model.
+
+    The filter runs on every sample of the contact forces.  Point spread and electronics run once per frame, on the
+    latest filtered sample.  Filter and point spread are linear and all texels have the same filter, so their order has
+    no effect on the result.
+
+    Attributes:
+        model: The model.
+        options: Options of the model for which the sensor was started.
+        data: The state of the simulation that was stepped last; None before the first step.
+        reading: The contact forces of the latest sample.
+        noise: Random generator of the noise.
+        outside: Part of the filtered contact force that no texel measures, at the latest frame [N].
+        frame: The latest frame.
+    """
+
+    def __init__(
+        self, name: str, parameters: Parameters, reader: ContactReader, model: mujoco.MjModel, every: int
+    ) -> None:
+        """Build the signal chain, and start at rest.
+
+        Args:
+            name: Name of the sensor in the model.
+            parameters: The array and its cover.
+            reader: Reader of the contact forces.
+            model: The compiled model.
+            every: Number of physics steps between two samples of the contact forces [-].
+        """
+        self._name, self._count, self._reader, self.model = name, parameters.array.count, reader, model
+        self._area = float(np.prod(parameters.array.texel_size))
+        self._every, self._timestep, self.options = every, float(model.opt.timestep), list_options(model)
+        self._rate, self._validity = parameters.electronics.rate_hz, parameters.validity
+        self.data: mujoco.MjData | None = None
+        spreads = reader.at_rest(np.zeros(self._count)).texel_forces is None
+        self._functions = ChainFunctions(parameters, 1.0 / (every * self._timestep), spreads=spreads)
+        self.seed(parameters.electronics.seed)
+        self.reset(np.zeros(()))
+
+    def seed(self, seed: int | np.random.SeedSequence) -> None:
+        """Restart the noise from a seed; see `make_generator`."""
+        self.noise = make_generator(seed, self._name)
+
+    def reset(self, contact_forces: FloatArray) -> None:
+        """Restart the sensor under constant contact forces, see `Sensor.reset`."""
+        if contact_forces.shape not in {(), (self._count,)}:
+            raise FastModelError(
+                f"sensor {self._name!r}: contact_forces to start from must be a number or one force for each of "
+                f"{self._count} texels, not of shape {contact_forces.shape}"
+            )
+        settled = np.broadcast_to(contact_forces, (self._count,))
+        if not (np.isfinite(settled) & (settled >= 0)).all():
+            raise FastModelError(f"sensor {self._name!r}: contact forces to start from must be finite and not negative")
+        self.reading: Reading = self._reader.at_rest(settled)
+        self._state: ChainState = self._functions.settle(*_list_signals(self.reading))
+        self._steps = self._frames = 0
+        self._time = self._start = math.nan
+        self._sampled_at = 0.0
+        self._make_frame(noisy=False)
+
+    def step(self, data: mujoco.MjData) -> bool:
+        """Update the sensor after one physics step, see `Sensor.step`."""
+        if data is not self.data:
+            check_type("data", data, mujoco.MjData, "the mujoco.MjData that was stepped")
+            if data.model is not self.model and not _are_equal(data.model, self.model):
+                raise LifeCycleError(f"sensor {self._name!r} is bound to another model; call bind(model) again")
+            self.data = data
+        now = data.time
+        if not abs(now - self._time - self._timestep) <= _CLOCK_TOLERANCE * self._timestep:
+            self._check_clock(now)
+        self._time = now
+        if self._steps % self._every == 0:
+            reading = self._reader.read(data)
+            if not math.isfinite(reading.carried):
+                raise FastModelError(f"sensor {self._name!r}: contact forces are not finite at t = {now:g} s")
+            self._take(reading)
+            self.reading, self._sampled_at = reading, now
+            if self._validity is not None and self._validity.is_exceeded(reading):
+                warn_user(f"sensor {self._name!r}: {self._validity.describe_excess(reading)}", RangeWarning)
+                self._validity = None  # warn once
+        self._steps += 1
+        due = int((self._sampled_at - self._start) * self._rate + _CLOCK_TOLERANCE)
+        if due <= self._frames:
+            return False
+        self._frames = due
+        self._make_frame()
+        return True
+
+    def _take(self, reading: Reading) -> None:
+        """Pass one more sample of the contact forces through the filter."""
+        self._state = self._functions.take(self._state, *_list_signals(reading))
+
+    def _make_frame(self, *, noisy: bool = True) -> None:
+        """Make a frame from the latest filtered sample, with or without the noise of the electronics."""
+        self._state, made = self._functions.frame(self._state, self.noise if noisy else None)
+        self.outside = float(made.outside)
+        vectors: FloatArray = made.others.copy()
+        self.frame = Frame(
+            time=self._sampled_at,
+            counts=made.counts,
+            texel_forces=made.texel_forces,
+            image=made.image,
+            texel_area=self._area,
+            net_force=vectors[:3] if len(vectors) else None,
+            net_torque=vectors[3:6] if len(vectors) else None,
+            tangential=vectors[6:].reshape(-1, 2) if len(vectors) else None,
+            tangential_source=self.reading.tangential_source,
+        )
+
+    def _get_chain(self) -> State:
+        """Return the states of filter, hysteresis and noise, and the force `outside`."""
+        filtered, play = (np.array(each) for each in self._state)
+        noise = pack_generator(self.noise)
+        return {"filter": filtered, "play": play, "noise": noise, "outside": np.array(self.outside)}
+
+    def get_state(self) -> State:
+        """Return the state of the sensor, see `Sensor.get_state`."""
+        clock = [self._steps, self._frames, self._time, self._start, self._sampled_at]
+        return {
+            "clock": np.array(clock, dtype=np.float64),
+            "method": np.array(type(self._reader).__name__),
+            **pack("reading", self.reading),
+            **pack("frame", self.frame),
+            **{f"chain/{name}": array for name, array in self._get_chain().items()},
+            **{f"contact/{name}": array for name, array in self._reader.get_state().items()},
+        }
+
+    def set_state(self, state: State) -> None:
+        """Restore a state of the sensor, or leave it as it is and raise an error; see `Sensor.set_state`."""
+        check_type("state", state, Mapping, "a dict as Sensor.get_state() returns it")
+        before = self.get_state()
+        try:
+            self._restore(state)
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
+            self._restore(before)
+            raise error if isinstance(error, FastModelError) else FastModelError(f"state: {error}") from error
+
+    def _restore(self, state: State) -> None:
+        """Restore a state of the sensor."""
+        clock = take_array(state, "clock", np.zeros(5)).tolist()
+        method, own = str(take_array(state, "method")), type(self._reader).__name__
+        if method != own:
+            raise FastModelError(f"state: it belongs to a sensor with a {method}; this sensor has a {own}")
+        for name, like in (("reading/contact_forces", np.zeros(self._count)), ("frame/counts", self.frame.counts)):
+            if not np.isfinite(take_array(state, name, like)).all():
+                raise FastModelError(f"state: {name!r} is not finite")
+        reading, frame = (unpack(state, name, (Reading, Frame)) for name in ("reading", "frame"))
+        if not isinstance(reading, Reading) or not isinstance(frame, Frame) or not math.isfinite(reading.carried):
+            raise FastModelError("state: reading or frame is not complete or not finite")
+        chain = {name: take_array(state, f"chain/{name}", like) for name, like in self._get_chain().items()}
+        steps, frames = int(clock[0]), int(clock[1])
+        contact = "contact/"
+        self._reader.set_state({k.removeprefix(contact): v for k, v in state.items() if k.startswith(contact)})
+        self._state, self.outside = ChainState(chain["filter"], chain["play"]), float(chain["outside"])
+        self.noise = unpack_generator(chain["noise"])
+        self.reading, self.frame = reading, frame
+        self._steps, self._frames = steps, frames
+        self._time, self._start, self._sampled_at = clock[2:]
+
+    def _check_clock(self, now: float) -> None:
+        """Start the clock of the sensor on its first step; on a later step raise an error about a jump in time."""
+        if self.model.opt.timestep != self._timestep:
+            raise LifeCycleError(
+                f"sensor {self._name!r}: the timestep has changed from {self._timestep:g} s to "
+                f"{self.model.opt.timestep:g} s, but filter and rates belong to the former; call reset(), which "
+                f"follows the new one"
+            )
+        if not math.isnan(self._time):
+            raise LifeCycleError(
+                f"sensor {self._name!r}: time went from {self._time:g} s to {now:g} s; call step after every mj_step "
+                f"of {self._timestep:g} s, and reset() when the simulation is reset (MuJoCo resets an unstable one)"
+            )
+        self._start = now - self._timestep
+
+
+def _are_equal(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
+    """Return whether two models are equal in every byte, as MuJoCo's copies are.
+
+    `copy.deepcopy` and `pickle` give every copied `MjData` a copy of its own of the model.
+    """
+    size = mujoco.mj_sizeModel(one)
+    if size != mujoco.mj_sizeModel(other):
+        return False
+    first, second = np.empty(size, dtype=np.uint8), np.empty(size, dtype=np.uint8)
+    mujoco.mj_saveModel(one, None, first)
+    mujoco.mj_saveModel(other, None, second)
+    return bool((first == second).all())
+
+
+def _list_signals(reading: Reading) -> tuple[FloatArray, np.float64, FloatArray | None]:
+    """Return the signals of a reading with n texels that the filter takes.
+
+    They are the texel forces, at the base of the cover if the contact method computes them, shape (n,) [N]; the total
+    force [N]; and net force, net torque and tangential forces, shape (6 + 2 n,) [N, N m], if the reading has them.
+    """
+    pressing = reading.contact_forces if reading.texel_forces is None else reading.texel_forces
+    if reading.wrench is None or reading.tangential is None:
+        return pressing, np.float64(reading.carried), None
+    return pressing, np.float64(reading.carried), np.concatenate([reading.wrench, reading.tangential.reshape(-1)])

@@ -107,16 +107,6 @@ def take_array(
     return array
 
 
-def join(**parts: Mapping[str, npt.NDArray[Any]]) -> State:
-    """Join the states of named parts; the name becomes the first part of the keys."""
-    return {f"{part}/{name}": array for part, state in parts.items() for name, array in state.items()}
-
-
-def select(state: Mapping[str, npt.NDArray[Any]], part: str) -> State:
-    """Return the state of one part of a state that `join` made."""
-    return {name.removeprefix(f"{part}/"): array for name, array in state.items() if name.startswith(f"{part}/")}
-
-
 def make_generator(seed: int | np.random.SeedSequence, name: str) -> np.random.Generator:
     """Make the random generator of the noise of one sensor.
 

@@ -2,8 +2,9 @@
 
 The energy per reference volume is W(F) = isochoric(F) - p (J - 1) - p^2 / 2 K, with the deformation gradient F and its
 determinant J.  The mean pressure p is an independent unknown, so that an infinite bulk modulus K needs no special case
-(Simo, Taylor and Pister 1985).  A material supplies only the isochoric part, which must not change when F is multiplied
-by a number.
+(Simo, Taylor and Pister 1985).  A material supplies the isochoric part, which does not change when F is multiplied by
+a number.  A compressible energy V(F) of small-strain bulk modulus K supplies V(F) - K (J - 1)^2 / 2 in its place; p is
+then the pressure less that of this part.
 
 F has shape (..., 3, 3).  Derivatives are taken only with respect to the components of F that can differ from those of
 the unit matrix: all nine in three dimensions, five in axisymmetric states.  First derivatives have shape (..., g) and
@@ -13,6 +14,7 @@ with C = F^T F (Holzapfel, Nonlinear Solid Mechanics, section 6.4).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -273,6 +275,18 @@ class Ogden:
         return energy, slope, curve
 
 
+#: Function that creates the stored energy of a material, its moduli divided by a unit of stress [Pa], by the name of
+#: the model in `meshes.material.MODELS`.
+ENERGIES: Mapping[str, Callable[[Material, float], Energy]] = {
+    "neo-hookean": lambda each, unit: Polynomial(c1=each.shear_modulus / unit / 2),
+    "mooney-rivlin": lambda each, unit: Polynomial(c1=each.number("c10") / unit, c01=each.number("c01") / unit),
+    "yeoh": lambda each, unit: Polynomial(**{name: each.number(name) / unit for name in ("c1", "c2", "c3")}),
+    "ogden": lambda each, unit: Ogden(
+        moduli=tuple(mu / unit for mu in each.terms("mu")), exponents=each.terms("alpha")
+    ),
+}
+
+
 def create_energy(material: Material, unit: float = 1.0) -> Energy:
     """Create the isochoric stored energy of a material.
 
@@ -283,18 +297,9 @@ def create_energy(material: Material, unit: float = 1.0) -> Energy:
     Raises:
         ValueError: If the material is `linear-elastic`, which has no stored energy at finite strain.
     """
-    p = {name: tuple(each / unit for each in material.terms(name)) for name in material.parameters}
-    match material.model:
-        case "ogden":
-            return Ogden(moduli=p["mu"], exponents=material.terms("alpha"))
-        case "mooney-rivlin":
-            return Polynomial(c1=p["c10"][0], c01=p["c01"][0])
-        case "yeoh":
-            return Polynomial(c1=p["c1"][0], c2=p["c2"][0], c3=p["c3"][0])
-        case "neo-hookean":
-            return Polynomial(c1=p["shear_modulus"][0] / 2)
-        case _:
-            raise ValueError(f"{material.model} is a small-strain model; take neo-hookean for finite strain")
+    if material.model not in ENERGIES:
+        raise ValueError(f"{material.model} is a small-strain model; take neo-hookean for finite strain")
+    return ENERGIES[material.model](material, unit)
 
 
 def create_finite_strain_energy(material: Material, unit: float = 1.0) -> Energy:
@@ -336,11 +341,7 @@ def find_unstable_stretches(material: Material) -> dict[str, float]:
     strain = np.linspace(0, np.log(_SETTINGS.largest), _SETTINGS.stretches)[1:]
     out = {}
     for mode, direction in _MODES.items():
-        stretch = np.exp(np.outer(strain, direction))
-        F = stretch[:, :, None] * np.eye(3)
-        first = create_energy(material).isochoric(F, volume_ratio(F)).stress.reshape(-1, 3, 3)
-        stress = (np.einsum("nii->ni", first) * stretch) @ np.array(direction)
-        falls = np.flatnonzero(np.diff(stress) <= 0)
+        falls = np.flatnonzero(np.diff(measure_stress(material, strain, np.array(direction))) <= 0)
         if falls.size:
             out[mode] = float(np.exp(direction[0] * strain[falls[0]]))
     return out
@@ -368,3 +369,17 @@ def warn_of_instability(material: Material, thickness: float) -> str:
     if not beyond:
         return ""
     return f"{describe_instability(material)}; the cover is pressed to {thickness:.0%} of its thickness, beyond that"
+
+
+def measure_stress(material: Material, strain: FloatArray, direction: FloatArray) -> FloatArray:
+    """Compute the derivative of the stored energy along principal logarithmic strains `strain * direction` [Pa].
+
+    Args:
+        material: Material with a stored energy.
+        strain: Strains, shape (n,) [-].
+        direction: Principal strains per strain, with sum 0, shape (3,) [-].
+    """
+    stretch = np.exp(np.outer(strain, direction))
+    F = stretch[:, :, None] * np.eye(3)
+    first = create_energy(material).isochoric(F, volume_ratio(F, EVERY_PLACE)).stress.reshape(-1, 3, 3)
+    return np.asarray((np.einsum("nii->ni", first) * stretch) @ direction)

@@ -10,7 +10,7 @@ fastest.  Tactile images are indexed `[row, column]`, with row 0 at the smallest
 from __future__ import annotations
 
 from meshes.array import TexelArray
-from meshes.cover import Cover, Layer
+from meshes.cover import Cover, Layer, SolidCover
 from meshes.indenters.shapes import (
     Box,
     Cone,
@@ -47,6 +47,7 @@ __all__ = [
     "Prism",
     "Roller",
     "RoundedTip",
+    "SolidCover",
     "Sphere",
     "TexelArray",
     "TiltedIndenter",

@@ -1,14 +1,18 @@
-"""Planar covers: the elastic layers between an indenter and the texel array, on a rigid base."""
+"""Covers between an indenter and a texel array, on a rigid base: planar layers, or a solid of any shape."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, get_args
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
 
-from meshes.array_types import is_positive
+from meshes.array_types import FloatArray, is_positive
 from meshes.material import Material
+
+if TYPE_CHECKING:
+    from meshes.solids import SolidMesh
 
 #: How the bottom layer lies on the rigid base.
 Base = Literal["bonded", "sliding"]
@@ -49,7 +53,12 @@ class Cover:
         size: Edge lengths along x and y of a cover with free side edges; None for a cover so wide that its side edges
             have no effect [m].
         assumed: True if thickness and material were never measured; reports then say so.
+        source: What the shape is made from, in words; empty, as layers say it all.
+        notes: Sentences on what was repaired or assumed about the shape.
     """
+
+    source: ClassVar[str] = ""
+    notes: ClassVar[tuple[str, ...]] = ()
 
     layers: tuple[Layer, ...]
     base: Base = "bonded"
@@ -81,3 +90,70 @@ class Cover:
     def small_strain_only(self) -> bool:
         """Whether the materials of all layers are valid at small strain only."""
         return all(layer.material.small_strain_only for layer in self.layers)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SolidCover:
+    """A cover of any shape and one layer, bonded to its base, with free sides, that is solved on meshes of its solid.
+
+    Attributes:
+        layers: The one layer; its thickness is that along the normals of the base, or the mean.
+        source: What the solid is made from, in words.
+        make: Function that makes meshes of a thickness [m], coarsest first, and reports its progress.
+        assumed: True if thickness and material were never measured; reports then say so.
+        notes: Sentences on what was repaired or assumed about the shape.
+        given_thickness: Thickness that follows from the given shape [m]; None if any thickness can be made.
+        refine: Function that makes a mesh of a thickness [m] that is finer than all of `make`; None if there is none.
+        base_triangles: Triangles of the base, facing into the cover, shape (b, 3, 3) [m]; None for the base of the
+            finest mesh.
+    """
+
+    base: ClassVar[Base] = "bonded"
+    size: ClassVar[None] = None
+
+    layers: tuple[Layer, ...]
+    source: str
+    make: Callable[[float, Callable[[str], None]], tuple[SolidMesh, ...]]
+    assumed: bool = False
+    notes: tuple[str, ...] = ()
+    given_thickness: float | None = None
+    refine: Callable[[float], SolidMesh] | None = None
+    base_triangles: FloatArray | None = None
+    _made: dict[float, tuple[SolidMesh, ...]] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check the layer.
+
+        Raises:
+            ValueError: If there is not one layer, or its thickness is not that of the given shape.
+        """
+        if len(self.layers) != 1:
+            raise ValueError(f"a solid cover has one layer, not {len(self.layers)}")
+        if self.given_thickness not in {None, self.thickness}:
+            raise ValueError(f"the thickness follows from {self.source}; leave it out")
+
+    @property
+    def thickness(self) -> float:
+        """Thickness along the normals of the base, or its mean [m]."""
+        return self.layers[0].thickness
+
+    @property
+    def material(self) -> Material:
+        """Material of the layer."""
+        return self.layers[0].material
+
+    @property
+    def small_strain_only(self) -> bool:
+        """Whether the material is valid at small strain only."""
+        return self.material.small_strain_only
+
+    def meshes(self, progress: Callable[[str], None] | None = None) -> tuple[SolidMesh, ...]:
+        """Make the meshes, coarsest first; they are kept for the next call, and for the same shape of other materials.
+
+        Raises:
+            ValueError: If the solid cannot be meshed, with one line per fault.
+            ModuleNotFoundError: If the mesher is not installed.
+        """
+        if self.thickness not in self._made:
+            self._made[self.thickness] = self.make(self.thickness, progress or (lambda _: None))
+        return self._made[self.thickness]

@@ -6,24 +6,78 @@ The strain energy functions of the models are in `fem_reference`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-#: Parameters of each material model, with their units ("Pa" or "-").
-MODELS: Mapping[str, Mapping[str, str]] = MappingProxyType(
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """Parameter of a material model.
+
+    Attributes:
+        unit: `Pa` or `-`.
+        meaning: What it is, for the documentation of sensor files.
+        positive: Whether it must be positive.
+    """
+
+    unit: str = "Pa"
+    meaning: str
+    positive: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """A material model; its strain energy is registered in `fem_reference.materials.ENERGIES`.
+
+    Attributes:
+        parameters: Its parameters by name.
+        shear_modulus: Function that returns the shear modulus at small strain of a material of this model [Pa].
+        has_terms: Whether the strain energy is a sum of any number of terms; each parameter then has one number per
+            term.
+    """
+
+    parameters: Mapping[str, Parameter]
+    shear_modulus: Callable[[Material], float]
+    has_terms: bool = False
+
+
+#: Material models by name.
+MODELS: Mapping[str, Model] = MappingProxyType(
     {
-        "linear-elastic": {"youngs_modulus": "Pa"},
-        "neo-hookean": {"shear_modulus": "Pa"},
-        "mooney-rivlin": {"c10": "Pa", "c01": "Pa"},
-        "yeoh": {"c1": "Pa", "c2": "Pa", "c3": "Pa"},
-        "ogden": {"mu": "Pa", "alpha": "-"},
+        "linear-elastic": Model(
+            parameters={"youngs_modulus": Parameter(meaning="Young's modulus")},
+            shear_modulus=lambda each: each.number("youngs_modulus") / (2 * (1 + each.poisson_ratio)),
+        ),
+        "neo-hookean": Model(
+            parameters={"shear_modulus": Parameter(meaning="shear modulus")},
+            shear_modulus=lambda each: each.number("shear_modulus"),
+        ),
+        "mooney-rivlin": Model(
+            parameters={
+                "c10": Parameter(meaning="modulus of I1 - 3"),
+                "c01": Parameter(meaning="modulus of I2 - 3", positive=False),
+            },
+            shear_modulus=lambda each: 2 * (each.number("c10") + each.number("c01")),
+        ),
+        "yeoh": Model(
+            parameters={
+                "c1": Parameter(meaning="modulus of I1 - 3"),
+                "c2": Parameter(meaning="modulus of (I1 - 3)^2", positive=False),
+                "c3": Parameter(meaning="modulus of (I1 - 3)^3", positive=False),
+            },
+            shear_modulus=lambda each: 2 * each.number("c1"),
+        ),
+        "ogden": Model(
+            parameters={
+                "mu": Parameter(meaning="moduli, one for each term", positive=False),
+                "alpha": Parameter(unit="-", meaning="exponents, one for each term", positive=False),
+            },
+            shear_modulus=lambda each: sum(each.terms("mu")),
+            has_terms=True,
+        ),
     }
 )
-
-#: Material models whose strain energy is a sum of any number of terms; each parameter of such a model has one number
-#: per term.
-SERIES_MODELS = frozenset({"ogden"})
 
 #: Value of a material parameter: one number, or one number per term of the strain energy.
 Value = float | tuple[float, ...]
@@ -36,7 +90,7 @@ class Material:
     Attributes:
         name: Name in reports.
         model: Name of the material model, a key of `MODELS`.
-        parameters: Parameters of the model, in the units of `MODELS`; for a model of `SERIES_MODELS`, one number or a
+        parameters: Parameters of the model, in the units of `MODELS`; for a model with terms, one number or a
             sequence of one number per term.  The Ogden strain energy per volume is the sum over the terms of
             2 mu / alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3), with the principal stretches l1, l2, l3.
         poisson_ratio: Poisson ratio at small strain, 0..0.5 [-].
@@ -66,13 +120,13 @@ class Material:
         """
         if self.model not in MODELS:
             raise ValueError(f"unknown material model {self.model!r}; known models: {', '.join(MODELS)}")
-        wanted = set(MODELS[self.model])
+        wanted = set(MODELS[self.model].parameters)
         if wanted != set(self.parameters):
             raise ValueError(f"{self.model} takes {sorted(wanted)}, not {sorted(self.parameters)}")
-        has_terms = self.model in SERIES_MODELS
+        has_terms = MODELS[self.model].has_terms
         values: dict[str, Value] = {}
         for name, value in self.parameters.items():
-            terms = value if isinstance(value, list | tuple) and has_terms else (value,)
+            terms = value if isinstance(value, list | tuple) and (has_terms or len(value) == 1) else (value,)
             numbers = tuple(_read_number(f"{self.model} {name}", term) for term in terms)
             values[name] = numbers if has_terms else numbers[0]
         object.__setattr__(self, "parameters", _Parameters(values))
@@ -102,17 +156,7 @@ class Material:
     @property
     def shear_modulus(self) -> float:
         """Shear modulus mu at small strain [Pa]."""
-        match self.model:
-            case "linear-elastic":
-                return self.number("youngs_modulus") / (2 * (1 + self.poisson_ratio))
-            case "neo-hookean":
-                return self.number("shear_modulus")
-            case "mooney-rivlin":
-                return 2 * (self.number("c10") + self.number("c01"))
-            case "yeoh":
-                return 2 * self.number("c1")
-            case _:
-                return sum(self.terms("mu"))
+        return MODELS[self.model].shear_modulus(self)
 
     @property
     def youngs_modulus(self) -> float:

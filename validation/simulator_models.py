@@ -89,7 +89,7 @@ def write_model(parameters: Parameters, path: Path, *, form: str, method: str, m
         FastModelError: If the contact method needs data that the parameters lack.
     """
     from fastmodel.adapters.rigid_models import list_boxes, write_sdf, write_urdf
-    from fastmodel.contact.methods import choose_method
+    from fastmodel.attachment import choose_method
     from validation.output_folder import write_text
 
     parameters.save(path.parent)

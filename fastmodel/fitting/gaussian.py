@@ -6,6 +6,15 @@ on a rigid texel acts on the cover as a pressure over the area of the texel.  A 
 estimator: for a thin, nearly incompressible cover, whose response has a narrow core and a long weak tail, sigmas of
 different estimators differ by up to a factor of two.  The results therefore list other estimators by name.  Their
 values are not used.
+
+Estimators of the width of a point spread function other than the fit in `gaussian`.
+
+Their values are reported for comparison with published widths, which are often given without their definition.  They do
+not influence the parameters of the fast model.
+
+A Gaussian point spread in surface coordinates, fitted to the responses of the texels of a curved cover.
+
+It describes a cover in two numbers for a report; the contact method `curved` does not use it.
 """
 
 from __future__ import annotations
@@ -16,11 +25,14 @@ from itertools import product
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import least_squares
+from scipy.special import ndtr
 
 from fastmodel.errors import FastModelError
-from fastmodel.fitting.width_estimators import Pair, estimate_from_image, estimate_from_profile
 from fastmodel.signal.point_spread import Gaussian, find_smallest_kernel, sample_gaussian
+from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray
+from meshes.solids.texels import tangent_axes
 
 #: Name of the estimator of `Fit.gaussian`: the unweighted least-squares fit to the response to uniform pressure.
 ESTIMATOR = "least-squares-uniform"
@@ -214,3 +226,216 @@ def _estimate_radially(
     if not (np.isfinite(p).all() and p[0] > 0):
         raise FastModelError("pressure_per_force must be finite and positive at the first radius")
     return {name: (sigma / pitch[0], sigma / pitch[1]) for name, sigma in estimate_from_profile(r, p).items()}
+
+
+#: Widths along x and y, (sigma_x, sigma_y).
+Pair = tuple[float, float]
+
+
+def estimate_from_image(image: FloatArray, loaded: tuple[int, int], load_name: str) -> dict[str, Pair]:
+    """Estimate widths from the texel forces F per unit load on one texel, by name of the estimator [pitches].
+
+    - `variance-*`: sqrt(sum F d^2 / sum F) over the array, with distance d from the loaded texel; nan if negative texel
+      forces make the root imaginary.
+    - `peak-*`: 1 / sqrt(2 pi F_0), the width of a continuous Gaussian with the force F_0 on the loaded texel as peak.
+    - `neighbour-*`: 1 / sqrt(2 ln(F_0 / F_1)), with the mean F_1 of the forces on the two neighbours along the axis.
+
+    Args:
+        image: Texel forces per unit load, shape (rows, columns) [-].
+        loaded: Row and column of the loaded texel [-].
+        load_name: Kind of the load, "uniform" or "point", with which the names of the estimators end.
+    """
+    row, column = loaded
+    peak = _take_root(1 / (2 * np.pi * image[loaded])) if image[loaded] > 0 else float("nan")
+    return {
+        f"variance-{load_name}": (
+            _measure_deviation(image.sum(axis=0), column),
+            _measure_deviation(image.sum(axis=1), row),
+        ),
+        f"peak-{load_name}": (peak, peak),
+        f"neighbour-{load_name}": (
+            _compare_neighbours(image[row], column),
+            _compare_neighbours(image[:, column], row),
+        ),
+    }
+
+
+def estimate_from_profile(radius: FloatArray, pressure: FloatArray) -> dict[str, float]:
+    """Estimate widths from the pressure p(r) at the base under a unit point load, by name of the estimator [m].
+
+    - `radial-profile`: least-squares fit of exp(-r^2 / 2 s^2) / (2 pi s^2) to p(r), with equal weight per radius (dr).
+    - `radial-profile-area`: the same fit with equal weight per area (r dr).
+    - `radial-peak`: 1 / sqrt(2 pi p(0)).
+    - `radial-half-height`: radius at which p is half its peak, over sqrt(2 ln 2).
+    - `radial-half-force`: radius of the circle that carries half the force, over sqrt(2 ln 2).
+    - `radial-variance`: sqrt(pi int p r^3 dr); for one bonded layer of thickness h this is h sqrt(nu / (1 - nu)).
+
+    Args:
+        radius: Distances r from the load, rising, shape (m,) [m].
+        pressure: Pressure p per force at these distances, shape (m,) [1/m2].
+    """
+    half = float(np.sqrt(2 * np.log(2)))
+    rings = 2 * np.pi * radius * pressure
+    force = np.append(0.0, np.cumsum(0.5 * (rings[1:] + rings[:-1]) * np.diff(radius)))
+    return {
+        "radial-profile": _fit_profile(radius, pressure, np.ones_like(radius)),
+        "radial-profile-area": _fit_profile(radius, pressure, radius),
+        "radial-peak": _take_root(1 / (2 * np.pi * pressure[0])),
+        "radial-half-height": _find_crossing(radius, pressure[0] / 2 - pressure) / half,
+        "radial-half-force": _find_crossing(radius, force - 0.5) / half,
+        "radial-variance": _take_root(float(np.pi * np.trapezoid(pressure * radius**3, radius))),
+    }
+
+
+def _fit_profile(radius: FloatArray, pressure: FloatArray, weight: FloatArray) -> float:
+    """Fit the standard deviation s of a Gaussian to a radial profile of pressure with given weights [m]."""
+    from scipy.optimize import minimize_scalar
+
+    def misfit(log_sigma: float) -> float:
+        s = np.exp(log_sigma)
+        model = np.exp(-0.5 * (radius / s) ** 2) / (2 * np.pi * s**2)
+        return float(np.trapezoid(weight * (model - pressure) ** 2, radius) / pressure[0] ** 2)
+
+    guess = np.log(_take_root(1 / (2 * np.pi * pressure[0])))
+    found = minimize_scalar(misfit, bounds=(guess - 2, guess + 2), method="bounded", options={"xatol": 1e-10})
+    return float(np.exp(found.x))
+
+
+def _find_crossing(radius: FloatArray, rising: FloatArray) -> float:
+    """Find the first radius at which a curve that starts below zero crosses zero [m]; nan if there is none.
+
+    The curve is interpolated linearly between samples.
+    """
+    above = np.flatnonzero(rising >= 0)
+    if len(above) == 0 or above[0] == 0:
+        return float("nan")
+    k = int(above[0])
+    share = -rising[k - 1] / (rising[k] - rising[k - 1])
+    return float(radius[k - 1] + share * (radius[k] - radius[k - 1]))
+
+
+def _measure_deviation(profile: FloatArray, loaded: int) -> float:
+    """Compute the root of the normalised second moment of a profile about the loaded texel [pitches].
+
+    The result is nan if the sum of the profile is not positive or its second moment is negative.
+    """
+    offsets = np.arange(len(profile)) - loaded
+    if profile.sum() <= 0:
+        return float("nan")
+    return _take_root(np.sum(profile * offsets**2) / np.sum(profile))
+
+
+def _compare_neighbours(line: FloatArray, loaded: int) -> float:
+    """Estimate a width from the forces on the loaded texel and on its neighbours on a line of texels [pitches].
+
+    The result is nan unless the mean force on the neighbours lies between zero and the force on the loaded texel.
+    """
+    beside = [line[k] for k in (loaded - 1, loaded + 1) if 0 <= k < len(line)]
+    mean = float(np.mean(beside)) if beside else 0.0
+    if not 0 < mean < line[loaded]:
+        return float("nan")
+    return _take_root(0.5 / np.log(line[loaded] / mean))
+
+
+def _take_root(value: float | np.floating) -> float:
+    """Return the square root of a number, or nan if the number is negative."""
+    return float(np.sqrt(value)) if value >= 0 else float("nan")
+
+
+#: Smallest and largest sigma in the search, over the texel pitch [-].
+_RANGE = (0.05, 20.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceGaussian:
+    """Gaussian along the two tangent axes of the loaded texel, by unweighted least squares over all pairs of texels.
+
+    Attributes:
+        sigma: Standard deviations along the first and the second tangent axis, on the base [m].
+        residual: Half the sum of absolute differences between response and Gaussian over the load, mean over the loaded
+            texels [-].
+    """
+
+    sigma: tuple[float, float]
+    residual: float
+
+    def spread(self, array: TexelArray, points: FloatArray, normals: FloatArray) -> FloatArray:
+        """Compute the force on each texel per unit normal force on points of the surface.
+
+        Args:
+            array: n texels; inactive ones get no force.
+            points: Points above the base or on it, shape (p, 3) [m].
+            normals: Unit normals of the surface at these points, shape (p, 3) [-].
+
+        Returns:
+            Shares, shape (p, n) [-].
+        """
+        return _integrate(unroll_from(array, points, normals), np.array(self.sigma), array.texel_size) * array.active
+
+
+def fit_surface_gaussian(array: TexelArray, response: FloatArray) -> SurfaceGaussian:
+    """Fit a Gaussian to the responses of n texels.
+
+    Args:
+        array: The texels on the base.
+        response: Force on each texel (column) per unit force over each texel (row), shape (n, n) [-].
+
+    Raises:
+        FastModelError: If the response is for another number of texels.
+    """
+    if response.shape != (array.count, array.count):
+        raise FastModelError(f"a response of {array.count} texels has shape {(array.count,) * 2}, not {response.shape}")
+    place = unroll(array)
+    pairs = np.ix_(array.active, array.active)
+    place, wanted = place[pairs], response[pairs]
+
+    def differ(logarithm: FloatArray) -> FloatArray:
+        return np.asarray(_integrate(place, np.exp(logarithm), array.texel_size) - wanted).ravel()
+
+    bounds = np.log(np.outer(_RANGE, array.pitch))
+    found = least_squares(differ, np.log(0.5 * np.array(array.pitch)), bounds=bounds)
+    sigma = np.exp(found.x)
+    rest = np.abs(found.fun.reshape(wanted.shape)).sum(axis=1) / 2
+    return SurfaceGaussian(sigma=(float(sigma[0]), float(sigma[1])), residual=float(rest.mean()))
+
+
+def unroll(array: TexelArray) -> FloatArray:
+    """Compute the places of all texels in the surface coordinates of each; see `unroll_from`.
+
+    Returns:
+        Places, shape (n from, n to, 2) [m].
+    """
+    return unroll_from(array, array.centres, array.normals)
+
+
+def unroll_from(array: TexelArray, points: FloatArray, normals: FloatArray) -> FloatArray:
+    """Compute the places of all texels in the surface coordinates of points: arc lengths along tangent axes.
+
+    The arc between a point and a texel counts as part of a circle that turns by the angle of their normals, in the
+    direction in which the normal turns; lengths across it are as they are.  This is exact on planes, spheres, and
+    cylinders.
+
+    Args:
+        array: n texels.
+        points: Points of the surface, shape (p, 3) [m].
+        normals: Unit normals of the surface at these points, shape (p, 3) [-].
+
+    Returns:
+        Places, shape (p, n, 2) [m].
+    """
+    apart = array.centres[None] - points[:, None]
+    axes = tangent_axes(normals)
+    flat = np.einsum("lad,ltd->lta", axes, apart)
+    turn = np.arccos(np.clip(normals @ array.normals.T, -1.0, 1.0))
+    towards = np.einsum("lad,td->lta", axes, array.normals)
+    towards /= np.maximum(np.linalg.norm(towards, axis=2, keepdims=True), np.finfo(float).eps)
+    # np.sinc(x / pi) is sin(x) / x: a chord's projection on the tangent plane is R sin(turn), its arc R turn
+    longer = 1 / np.maximum(np.sinc(turn / np.pi), np.finfo(float).eps) - 1
+    along = np.einsum("lta,lta->lt", flat, towards)
+    return np.asarray(flat + (longer * along)[..., None] * towards)
+
+
+def _integrate(place: FloatArray, sigma: FloatArray, size: tuple[float, float]) -> FloatArray:
+    """Integrate the Gaussian over texels at places in surface coordinates, shape (n, n) [-]."""
+    half = np.array(size) / 2
+    return np.asarray((ndtr((place + half) / sigma) - ndtr((place - half) / sigma)).prod(axis=-1))

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from fastmodel.obstruction import sample_top
+from fastmodel.check import sample_top
 
 
 @pytest.fixture

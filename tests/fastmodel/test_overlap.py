@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import fastmodel
 from fastmodel import WTS_0614_34, FastModelError, Gaussian, Parameters
-from fastmodel.overlap import refuse_overlaps
+from fastmodel.attachment import refuse_overlaps
 from meshes import TexelArray
 from tests.support.bent_array import bent_array
 

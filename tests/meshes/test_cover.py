@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
-from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
+from meshes import Box, Cover, Layer, Material, SolidCover, Sphere, TexelArray
 
 RUBBER = Material(
     name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49, source="test"
@@ -19,6 +20,22 @@ SILICONE = Material(name="silicone", model="neo-hookean", parameters={"shear_mod
 def test_the_thickness_is_that_of_all_layers():
     layers = tuple(Layer(thickness=thickness, material=RUBBER) for thickness in (1e-3, 0.5e-3, 2e-3))
     assert Cover(layers=layers).thickness == pytest.approx(3.5e-3)
+
+
+def test_a_solid_of_given_thickness_keeps_it_and_its_meshes():
+    """The meshes depend on the shape alone, so another material takes the same ones."""
+    made = []
+    solid = SolidCover(
+        layers=(LAYER,), source="a pad", make=lambda thickness, _: made.append(thickness) or (), given_thickness=2e-3
+    )
+    soft = dataclasses.replace(solid, layers=(Layer(thickness=2e-3, material=SILICONE),))
+    assert solid.meshes() == soft.meshes() == ()
+    assert made == [2e-3]
+    assert not soft.small_strain_only
+    with pytest.raises(ValueError, match="the thickness follows from a pad; leave it out"):
+        dataclasses.replace(solid, layers=(Layer(thickness=1e-3, material=RUBBER),))
+    with pytest.raises(ValueError, match="a solid cover has one layer, not 2"):
+        dataclasses.replace(solid, layers=(LAYER, LAYER))
 
 
 def test_one_layer_with_a_stored_energy_allows_finite_strain():

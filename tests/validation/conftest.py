@@ -29,7 +29,7 @@ def plug_in(monkeypatch):
     from tests.support.virtual_port import VirtualPort
 
     # closing a port waits for its reader: let that take a moment only
-    monkeypatch.setattr("validation.weiss.link._READ_TIMEOUT", 0.01)
+    monkeypatch.setattr("validation.weiss.sensor._READ_TIMEOUT", 0.01)
     ports = []
 
     def start(source=None, **options):
@@ -45,9 +45,11 @@ def plug_in(monkeypatch):
 def small_pad():
     """A small pad with free sides on one coarse mesh, as a sensor with a curved cover."""
     from meshes.solids import flat_pad
-    from validation.curved.body import CoverBody
     from validation.sensor_file import CURVED
 
     pad = flat_pad(size=(9e-3, 9e-3), rows=3, pitch=3e-3)
-    body = CoverBody(source="small pad", thickness=pad.thickness, make=lambda *_: (pad.mesh(1.5e-3, layers=2),))
-    return dataclasses.replace(CURVED["flat-pad"], name="small pad", array=pad.texels, body=body)
+    sensor = CURVED["flat-pad"]
+    cover = dataclasses.replace(
+        sensor.cover, source="small pad", make=lambda *_: (pad.mesh(1.5e-3, layers=2),), refine=None, _made={}
+    )
+    return dataclasses.replace(sensor, name="small pad", array=pad.texels, cover=cover)

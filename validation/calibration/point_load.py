@@ -13,8 +13,8 @@ import numpy as np
 from fastmodel import Electronics
 from validation.calibration.observations import Observations
 from validation.calibration.uncertainty import Estimate, estimate_mean
-from validation.derivation.calibration_tip import compute_tip_share, linearise
-from validation.derivation.kernel_fit import Influence
+from validation.derivation.contact_range import compute_tip_share, linearise
+from validation.derivation.kernel import Influence
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 
@@ -112,7 +112,7 @@ def calibrate_point_load(
         bits=32,
         calibrated=f"through the cover, tip {1e3 * radius:.9g} mm",
     )
-    share = compute_tip_share(sensor.cover, sensor.array, _solve_influence(sensor), electronics)
+    share = compute_tip_share(sensor.layered_cover, sensor.array, _solve_influence(sensor), electronics)
     if share is None:
         raise RuntimeError("a characteristic through the cover has a share")
     slopes = np.array([line.slope for line in lines])
@@ -139,8 +139,8 @@ def _solve_influence(sensor: SensorDescription) -> Influence:
     from fem_reference import point_spread
     from fem_reference.linear_response.finite_cover import solid_influence
 
-    wide = sensor.cover.size is None
-    return point_spread(linearise(sensor.cover)) if wide else solid_influence(sensor.cover, sensor.array)
+    cover = sensor.layered_cover
+    return point_spread(linearise(cover)) if cover.size is None else solid_influence(cover, sensor.array)
 
 
 def _fit_trial(name: str, trial: Observations, texel: int) -> Trial:

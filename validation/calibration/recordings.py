@@ -127,7 +127,7 @@ def choose_method(
     if method == REFERENCE or (method == "default" and solvable):
         stored = sensor is BUILT_IN.get(sensor.name)
         require("skfem", otherwise="compute the contact by the fast model: --method cover" if stored else "")
-        return make_reference_method(sensor.cover, sensor.array)
+        return make_reference_method(sensor.layered_cover, sensor.array)
     parameters = find_parameters(sensor, progress)
     if method == "default":
         method = "area" if parameters.surface is None else "cover"

@@ -14,7 +14,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from meshes import Cover, Pose, TexelArray
+from meshes import Cover, Pose, SolidCover, TexelArray
 from validation.campaign.case import Case, name_positions
 from validation.errors import InputError, nearest
 from validation.schema import parse, read_raw
@@ -107,7 +107,7 @@ class Campaign:
 
 
 def read_campaign(
-    path: Path | None, array: TexelArray, *, cover: Cover | None = None, curved: CurvedPlaces | None = None
+    path: Path | None, array: TexelArray, *, cover: Cover | SolidCover | None = None, curved: CurvedPlaces | None = None
 ) -> Campaign:
     """Read a campaign file, or the default campaign.
 
@@ -142,7 +142,7 @@ def parse_campaign(
     array: TexelArray,
     *,
     source: str,
-    cover: Cover | None = None,
+    cover: Cover | SolidCover | None = None,
     curved: CurvedPlaces | None = None,
 ) -> Campaign:
     """Check the tables of a campaign file and make the campaign.
@@ -183,7 +183,7 @@ def parse_campaign(
     )
 
 
-def _find_load_scale(table: LoadsForTable | None, cover: Cover | None, source: str) -> float:
+def _find_load_scale(table: LoadsForTable | None, cover: Cover | SolidCover | None, source: str) -> float:
     """Return the factor on the loads for a cover: its modulus times thickness squared, over those of `loads_for`."""
     if table is None:
         return 1.0

@@ -192,7 +192,7 @@ def _press(
     if not isinstance(sensor, SensorDescription):
         raise InputError("the finite elements need the description of the cover")
     return press(
-        sensor.cover,
+        sensor.layered_cover,
         sensor.array,
         case.indenter,
         load=case.load if depth is None else None,

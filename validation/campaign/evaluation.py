@@ -16,13 +16,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from validation.campaign.bench import prepare_bench
+from meshes import SolidCover
+from validation.campaign.bench import Plan, plan_solves, prepare_bench
 from validation.campaign.campaign_file import Campaign, read_campaign
 from validation.campaign.case import Case
-from validation.campaign.cost import Plan, plan_solves
-from validation.campaign.results import CampaignResult
+from validation.campaign.results import CampaignResult, Verdict, judge
 from validation.campaign.run import run_campaign
-from validation.campaign.verdict import Verdict, judge
 from validation.credibility.evidence import Evidence, gather_evidence
 from validation.derivation.derive import Derivation, derive
 from validation.errors import InputError
@@ -189,7 +188,7 @@ def read_plan(path: Path | None, sensor: SensorDescription, progress: Progress |
     Raises:
         InputError: As for `read_campaign`.
     """
-    if sensor.body is None:
+    if not isinstance(sensor.cover, SolidCover):
         return read_campaign(path, sensor.array)
     from validation.curved.places import CurvedPlaces
     from validation.curved.press import make_meshes
@@ -200,8 +199,8 @@ def read_plan(path: Path | None, sensor: SensorDescription, progress: Progress |
 
 def plan_cases(sensor: SensorDescription, cases: Sequence[Case], progress: Progress | None = None) -> Plan:
     """Find out which presses are missing from the store, and how long the evaluation takes."""
-    if sensor.body is None:
-        return plan_solves(sensor.cover, sensor.array, cases, friction=sensor.friction)
+    if not isinstance(sensor.cover, SolidCover):
+        return plan_solves(sensor.layered_cover, sensor.array, cases, friction=sensor.friction)
     from validation.curved.bench import plan_presses
     from validation.curved.press import make_meshes
 

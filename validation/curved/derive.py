@@ -18,7 +18,7 @@ from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from fastmodel.fitting.surface_gaussian import SurfaceGaussian
+    from fastmodel.fitting.gaussian import SurfaceGaussian
     from fem_reference.curved_cover import TexelResponses
     from meshes.solids import SolidMesh
 
@@ -86,7 +86,7 @@ class CurvedDerivation:
     @cached_property
     def gaussian(self) -> SurfaceGaussian:
         """Gaussian in surface coordinates, fitted to the responses to uniform loads."""
-        from fastmodel.fitting.surface_gaussian import fit_surface_gaussian
+        from fastmodel.fitting.gaussian import fit_surface_gaussian
 
         return fit_surface_gaussian(self.sensor.array, self.uniform)
 
@@ -147,7 +147,7 @@ class CurvedDerivation:
             gaussian={"sigma_m": self.gaussian.sigma, "residual": self.gaussian.residual},
             error_estimate=self.responses.error_estimate,
             meshes=tuple(describe_mesh(grid.mesh) for grid in self.responses.grids),
-            notes=sensor.body.notes if sensor.body else (),
+            notes=sensor.cover.notes,
             warnings=self.warnings,
             assumed_electronics=sensor.assumed_electronics,
             seconds=self.seconds,

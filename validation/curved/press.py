@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshes import Indenter, Pose
+from meshes import Indenter, Pose, SolidCover
 from meshes.solids.solid_mesh import check_quality
 from validation.campaign.case import tabulate_pose
 from validation.curved.fast import FastPress, derive_fast_model, press_fast
@@ -238,12 +238,10 @@ def make_meshes(sensor: SensorDescription, progress: Callable[[str], None] | Non
     """
     from meshes.solids.solid_mesh import check_texels
 
-    if sensor.body is None:
-        raise InputError(
-            f"{sensor.source}: the cover has no curved body; give cover.surface, cover.mesh or a thickness"
-        )
+    if not isinstance(sensor.cover, SolidCover):
+        raise InputError(f"{sensor.source}: the cover is no solid; give cover.surface, cover.mesh or a thickness")
     try:
-        meshes = sensor.body.meshes(progress)
+        meshes = sensor.cover.meshes(progress)
         for mesh in meshes:
             check_quality(mesh).require()
         check_texels(meshes[-1], sensor.array)

@@ -18,16 +18,27 @@ import numpy.typing as npt
 
 from fastmodel.fitting.gaussian import Fit
 from fastmodel.signal.point_spread import Tabulated
-from meshes import TexelArray
-from validation.derivation.calibration_tip import TipShare, compute_tip_share
-from validation.derivation.cover_kernels import cells_with_sides, cover_cells
-from validation.derivation.depth_fits import DepthFits, fit_depth
-from validation.derivation.kernel_fit import Influence, fit_kernel, radial_profile
-from validation.derivation.quadrature import gauss_points
-from validation.derivation.resolution import texel_separation, two_point_separation
-from validation.derivation.sensitivity import sigma_sensitivities
-from validation.derivation.undetermined import list_undetermined
-from validation.derivation.validity import press_ball_on_array, state_range
+from meshes import SolidCover, TexelArray
+from validation.derivation.contact_range import (
+    DepthFits,
+    TipShare,
+    compute_tip_share,
+    fit_depth,
+    list_undetermined,
+    press_ball_on_array,
+    state_range,
+)
+from validation.derivation.kernel import (
+    Influence,
+    cells_with_sides,
+    cover_cells,
+    fit_kernel,
+    gauss_points,
+    radial_profile,
+    sigma_sensitivities,
+    texel_separation,
+    two_point_separation,
+)
 from validation.errors import InputError
 from validation.results.derivation import FlatResponses, Kernel, PointResponse
 from validation.sensor_file import SensorDescription
@@ -103,7 +114,7 @@ class Derivation:
     def sensitivity(self) -> Mapping[str, float]:
         """Derivatives of sigma_x as computed by `sigma_sensitivities`; empty for a cover with free side edges."""
         spread = self.point_spread
-        return {} if spread is None else sigma_sensitivities(self.sensor.cover, self.sensor.array, spread)
+        return {} if spread is None else sigma_sensitivities(self.sensor.layered_cover, self.sensor.array, spread)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -123,10 +134,10 @@ class Derivation:
         if spread is None:
             return {}
         radius = np.linspace(0, 6 * self.sensor.cover.thickness, 200)
-        exact = point_response(self.sensor.cover, radius)
+        exact = point_response(self.sensor.layered_cover, radius)
         profile = np.abs(spread.pressure(radius) - exact).max() / exact.max()
         points, weights = gauss_points(array.texel_size, 12)
-        force = weights @ point_response(self.sensor.cover, np.hypot(*points.T)) * np.prod(array.texel_size)
+        force = weights @ point_response(self.sensor.layered_cover, np.hypot(*points.T)) * np.prod(array.texel_size)
         middle = self.texel_response[array.rows // 2, array.columns // 2]
         return {"radial_profile": float(profile), "texel_response": float(abs(middle - force))}
 
@@ -179,7 +190,7 @@ def derive(sensor: SensorDescription, *, progress: Progress | None = None) -> De
         InputError: If the array is curved and the cover is not, or the cover cannot be meshed.
         ConvergenceError: If the finite-element solver did not converge.
     """
-    if sensor.body is None:
+    if not isinstance(sensor.cover, SolidCover):
         return derive_layers(sensor, progress=progress)
     from validation.curved.derive import derive_curved
 
@@ -203,7 +214,7 @@ def derive_layers(sensor: SensorDescription, *, progress: Progress | None = None
 
     started = time.perf_counter()
     tell = progress or (lambda _: None)
-    cover, array = sensor.cover, sensor.array
+    cover, array = sensor.layered_cover, sensor.array
     if not array.planar:
         raise InputError(
             f"{sensor.source}: array: is curved, and the reference takes planar covers only; derive a flat array of "
@@ -253,7 +264,7 @@ def _press_tip(sensor: SensorDescription, influence: Influence, tell: Progress) 
         return None
     tell("calibration tip over a texel")
     try:
-        return compute_tip_share(sensor.cover, sensor.array, influence, sensor.electronics)
+        return compute_tip_share(sensor.layered_cover, sensor.array, influence, sensor.electronics)
     except (ConvergenceError, ValueError) as error:
         tell(f"the share of the calibration tip's force on a texel is not known: {error}")
         return None
@@ -271,8 +282,8 @@ def _state_range(parameters: Parameters, sensor: SensorDescription, influence: I
         return parameters
     tell("range of the fast model, by a ball of one pitch radius")
     try:
-        presses = press_ball_on_array(sensor.cover, sensor.array, tell)
-        return state_range(parameters, sensor.cover, spread, presses)
+        presses = press_ball_on_array(sensor.layered_cover, sensor.array, tell)
+        return state_range(parameters, sensor.layered_cover, spread, presses)
     except (ConvergenceError, ValueError) as error:
         tell(f"the range of the fast model is not stated: {error}")
         return parameters
@@ -285,8 +296,8 @@ def _tabulate_cells(sensor: SensorDescription, influence: Influence) -> CoverCel
         Both tables; None for a cover with free side edges over texels that do not form a regular grid.
     """
     if (spread := radial_profile(influence)) is not None:
-        return cover_cells(sensor.cover, sensor.array, spread)
-    return cells_with_sides(sensor.cover, sensor.array, influence) if sensor.array.regular else None
+        return cover_cells(sensor.layered_cover, sensor.array, spread)
+    return cells_with_sides(sensor.layered_cover, sensor.array, influence) if sensor.array.regular else None
 
 
 def _tabulate_response(influence: Influence) -> dict[str, FloatArray]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from fastmodel.fitting.surface_gaussian import unroll_from
+from fastmodel.fitting.gaussian import unroll_from
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 from validation.curved.touch import find_middle

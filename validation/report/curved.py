@@ -90,7 +90,7 @@ def curved_contents(evaluation: Evaluation, derivation: CurvedDerivation, pictur
     )
     return {
         "curved": {
-            "body": derivation.sensor.body.source if derivation.sensor.body else "",
+            "body": derivation.sensor.cover.source,
             "texels": int(array.active.sum()),
             "mesh": derivation.mesh,
             "maps": [(caption, tactile_image(array, values, scale, name=caption)) for caption, values, scale in maps],

@@ -32,9 +32,10 @@ def point_spread_figure(derivation: Derivation) -> dict[str, Any]:
         raise ValueError("a cover with free side edges has no radial profile")
     radius = np.linspace(0, min(spread.reach, 6 * derivation.sensor.cover.thickness), 300)
     gaussian = gaussian_pressure(derivation, radius)
+    exact = point_response(derivation.sensor.layered_cover, radius)
     lines = (
         ("finite elements", spread.pressure(radius), {"color": _COLOURS["fast"], "width": 3}),
-        ("exact layer solution", point_response(derivation.sensor.cover, radius), {"color": _INK, "dash": "dot"}),
+        ("exact layer solution", exact, {"color": _INK, "dash": "dot"}),
         ("fitted Gaussian (to uniform texel load)", gaussian, {"color": _COLOURS["no-spread"], "dash": "dash"}),
     )
     return {

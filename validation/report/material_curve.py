@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fem_reference.materials import measure_stress
 from meshes import Material
 from meshes.array_types import FloatArray
 from validation.errors import InputError
@@ -32,35 +33,20 @@ def trace_stress(material: Material) -> tuple[FloatArray, FloatArray]:
 def compute_stress(material: Material, strain: FloatArray) -> FloatArray:
     """Compute the nominal stress in uniaxial tension, of rubbers as if they were incompressible.
 
-    With the stretch l = 1 + strain the lateral stretches are l^(-1/2).  The derivative of the strain energy W by l is,
-    for neo-Hookean materials, mu (l - 1/l^2); Mooney-Rivlin 2 (c10 + c01/l)(l - 1/l^2); Yeoh 2 (l - 1/l^2) (c1 +
-    2 c2 (I - 3) + 3 c3 (I - 3)^2) with I = l^2 + 2/l; Ogden the sum of 2 mu/alpha (l^(alpha - 1) - l^(-alpha/2 - 1)).
-    Source: Ogden, Non-linear Elastic Deformations (1984), chapter 7.
+    With the stretch l = 1 + strain the lateral stretches are l^(-1/2); the stress is the derivative of the strain
+    energy by l.
 
     Args:
         material: The material.
-        strain: Strains above -1, any shape [-].
+        strain: Strains above -1, shape (k,) [-].
 
     Returns:
-        Nominal stresses, same shape [Pa].
+        Nominal stresses, shape (k,) [Pa].
     """
-    stretch = 1 + np.asarray(strain, dtype=np.float64)
-    slope = stretch - stretch**-2
-    match material.model:
-        case "linear-elastic":
-            return material.youngs_modulus * (stretch - 1)
-        case "neo-hookean":
-            return material.number("shear_modulus") * slope
-        case "mooney-rivlin":
-            return 2 * (material.number("c10") + material.number("c01") / stretch) * slope
-        case "yeoh":
-            above = stretch**2 + 2 / stretch - 3
-            c1, c2, c3 = (material.number(name) for name in ("c1", "c2", "c3"))
-            return 2 * slope * (c1 + 2 * c2 * above + 3 * c3 * above**2)
-        case _:
-            terms = zip(material.terms("mu"), material.terms("alpha"), strict=True)
-            parts = [2 * mu / a * (stretch ** (a - 1) - stretch ** (-a / 2 - 1)) for mu, a in terms]
-            return np.asarray(sum(parts))
+    if material.small_strain_only:
+        return material.youngs_modulus * strain
+    stretch = 1 + strain
+    return measure_stress(material, np.log(stretch), np.array([1.0, -0.5, -0.5])) / stretch
 
 
 def write_curve(material: Material, path: Path) -> None:

@@ -6,17 +6,18 @@ JSON Schema of the format.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, create_model
 from pydantic_core import CoreSchema, core_schema
 
 from meshes.array import MOST_TEXELS
 from meshes.catalogue import MATERIALS
 from meshes.hardness import HardnessModulus
-from meshes.material import MODELS, SERIES_MODELS, Material
+from meshes.material import MODELS, Material
 from validation.errors import InputError, match_name, nearest
 from validation.schema import Table
 from validation.text.friction import read_friction
@@ -48,7 +49,7 @@ class Limits:
 
 LIMITS = Limits()
 #: Names of the parameters of all material models.
-PARAMETERS = tuple(dict.fromkeys(name for parameters in MODELS.values() for name in parameters))
+PARAMETERS = tuple(dict.fromkeys(name for model in MODELS.values() for name in model.parameters))
 _TEXT = {"type": "string"}
 _NUMBER_WITH_UNIT = r"^\s*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*\S.*$"
 
@@ -303,21 +304,12 @@ Number = Annotated[float, number(-LIMITS.number, LIMITS.number)]
 PoissonRatio = Annotated[float, number(0, 0.5, " (0.5 is incompressible)")]
 
 
-class MaterialTable(Table):
+class _MaterialTable(Table):
     """A material model and its parameters; each model needs its own parameters and refuses those of other models.
 
     Attributes:
         model: Name of the material model.
         poisson_ratio: Poisson ratio at small strain; 0.5, incompressible, when left out, except for linear-elastic.
-        youngs_modulus: Young's modulus of linear-elastic.
-        shear_modulus: Shear modulus of neo-hookean.
-        c10: First parameter of mooney-rivlin.
-        c01: Second parameter of mooney-rivlin.
-        c1: First parameter of yeoh.
-        c2: Second parameter of yeoh.
-        c3: Third parameter of yeoh.
-        mu: Moduli of ogden, one for each term.
-        alpha: Exponents of ogden, one for each term.
         hardness: Shore hardness such as "30 shore-a", which stands for the modulus.
         name: Name of the material in tables.
         source: Origin of the parameters.
@@ -327,15 +319,6 @@ class MaterialTable(Table):
 
     model: Annotated[str, choice(*MODELS)] = Field(examples=["linear-elastic"])
     poisson_ratio: PoissonRatio | None = None
-    youngs_modulus: Pressure | None = None
-    shear_modulus: Pressure | None = None
-    c10: Pressure | None = None
-    c01: AnyPressure | None = None
-    c1: Pressure | None = None
-    c2: AnyPressure | None = None
-    c3: AnyPressure | None = None
-    mu: Annotated[tuple[float, ...], _terms(lambda value: read_quantity(value, "pressure"), _TEXT)] | None = None
-    alpha: Annotated[tuple[float, ...], _terms(_read_number, {"type": "number"})] | None = None
     hardness: Annotated[HardnessModulus, Read(read_hardness)] | None = None
     name: str = ""
     source: str | None = None
@@ -365,10 +348,10 @@ class MaterialTable(Table):
         )
 
     def _from_parameters(self, given: Mapping[str, Any]) -> Material:
-        wanted = MODELS[self.model]
+        wanted = MODELS[self.model].parameters
         if set(given) != set(wanted):
-            listed = ", ".join(f"{name} [{unit}]" for name, unit in wanted.items())
-            terms = " (one number, or a list with one for each term)" if self.model in SERIES_MODELS else ""
+            listed = ", ".join(f"{name} [{each.unit}]" for name, each in wanted.items())
+            terms = " (one number, or a list with one for each term)" if MODELS[self.model].has_terms else ""
             names = ", ".join(sorted(given)) or "nothing"
             raise ValueError(f"{self.model} takes {listed}{terms} and poisson_ratio, not {names}")
         return Material(
@@ -377,6 +360,37 @@ class MaterialTable(Table):
             parameters=given,
             poisson_ratio=0.5 if self.poisson_ratio is None else self.poisson_ratio,
         )
+
+
+def _annotate(name: str) -> Any:  # noqa: ANN401 -- the type of a field
+    """Return the type and the default of the field of a material parameter, which several models may share."""
+    models = [model for model in MODELS.values() if name in model.parameters]
+    shared = [model.parameters[name] for model in models]
+    if {each.unit for each in shared} == {"Pa"}:
+        one = quantity("pressure", positive=all(each.positive for each in shared))
+    else:
+        one = Read(_read_number, {"type": "number"})
+    several = any(model.has_terms for model in models)
+    kind = Annotated[tuple[float, ...], _terms(one.read, one.json)] if several else Annotated[float, one]
+    return kind | None, None
+
+
+def _explain(name: str) -> str:
+    """Return the line of the documentation of a material parameter."""
+    meanings = [
+        f"{model.parameters[name].meaning} of {key}" for key, model in MODELS.items() if name in model.parameters
+    ]
+    about = "; ".join(meanings)
+    return f"    {name}: {about[0].upper()}{about[1:]}."
+
+
+#: Table of a material, with the parameters of all models.
+MaterialTable: type[_MaterialTable] = create_model(
+    "MaterialTable",
+    __base__=_MaterialTable,
+    __doc__="\n".join([inspect.cleandoc(str(_MaterialTable.__doc__)), *map(_explain, PARAMETERS)]),
+    **{name: _annotate(name) for name in PARAMETERS},
+)
 
 
 def read_material_name(value: str) -> Material:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import create_model
 
-from meshes import Cover, Layer, Material
+from meshes import Cover, Layer, Material, SolidCover
 from meshes.material import MODELS
 from validation.errors import InputError
 from validation.schema import Table, parse
@@ -36,8 +36,8 @@ _Change = create_model("_Change", __base__=_Replacement, **_MATERIAL_FIELDS)
 
 
 def change_cover(
-    cover: Cover, *, material: str | None = None, thickness: str | None = None, layers: Sequence[str] = ()
-) -> Cover:
+    cover: Cover | SolidCover, *, material: str | None = None, thickness: str | None = None, layers: Sequence[str] = ()
+) -> Cover | SolidCover:
     """Replace a cover by one layer if a material or a thickness is given, then change single layers.
 
     The result is no longer labelled as assumed if every layer has a new thickness and a new material.
@@ -71,7 +71,19 @@ def change_cover(
     if faults:
         raise InputError(*faults)
     known = len(changes) == len(changed) and all(map(_is_known, changes.values()))
-    return dataclasses.replace(cover, layers=tuple(changed), assumed=cover.assumed and not known)
+    return _replace_layers(cover, tuple(changed), assumed=cover.assumed and not known)
+
+
+def _replace_layers(cover: Cover | SolidCover, layers: tuple[Layer, ...], *, assumed: bool) -> Cover | SolidCover:
+    """Replace the layers of a cover.
+
+    Raises:
+        InputError: If its thickness follows from a given shape.
+    """
+    try:
+        return dataclasses.replace(cover, layers=layers, assumed=assumed)
+    except ValueError as error:
+        raise InputError(f"--thickness: {error}") from None
 
 
 def read_change(text: str, count: int) -> tuple[int, dict[str, str]]:
@@ -167,7 +179,7 @@ def _change_material(material: Material, change: Mapping[str, Any], modulus: flo
 
 def _describe(material: Material) -> dict[str, Any]:
     """Return the parameters of a material as in the table `material` of a sensor file."""
-    units = MODELS[material.model]
+    units = {name: each.unit for name, each in MODELS[material.model].parameters.items()}
     table: dict[str, Any] = {}
     for name in material.parameters:
         values = [f"{value!r} Pa" if units[name] == "Pa" else value for value in material.terms(name)]
@@ -196,7 +208,7 @@ def _convert(key: str, text: str) -> object:
 
 def _scale(material: Material, factor: float) -> Material:
     """Multiply all moduli of a material by a factor [-]."""
-    units = MODELS[material.model]
+    units = {name: each.unit for name, each in MODELS[material.model].parameters.items()}
     parameters = {
         name: tuple(value * (factor if units[name] == "Pa" else 1.0) for value in material.terms(name))
         for name in material.parameters
@@ -206,7 +218,7 @@ def _scale(material: Material, factor: float) -> Material:
     )
 
 
-def _replace_cover(cover: Cover, material: str | None, thickness: str | None) -> Cover:
+def _replace_cover(cover: Cover | SolidCover, material: str | None, thickness: str | None) -> Cover | SolidCover:
     """Replace a cover by one of a single layer with another material or thickness.
 
     Args:
@@ -237,4 +249,4 @@ def _replace_cover(cover: Cover, material: str | None, thickness: str | None) ->
         material=first.material if read.material is None else read.material,
     )
     assumed = cover.assumed and (material is None or thickness is None)
-    return dataclasses.replace(cover, layers=(chosen,), assumed=assumed)
+    return _replace_layers(cover, (chosen,), assumed=assumed)

@@ -1,23 +1,22 @@
-"""Making of the body of a curved cover from the table `[cover]` of a sensor file that names surfaces or a mesh."""
+"""Making of a solid cover from the table `[cover]` of a sensor file that names surfaces or a mesh."""
 
 from __future__ import annotations
 
 import dataclasses
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from meshes import TexelArray
+from meshes import Layer, SolidCover, TexelArray
 from meshes.array_types import FloatArray
-from meshes.solids import SolidMesh, check_quality, read_mesh
+from meshes.solids import check_quality, read_mesh
+from meshes.solids.covers import make_shell_cover
 from meshes.solids.shell import Shell, join, select_base, thicken
 from meshes.solids.solid_mesh import LIMITS
 from meshes.solids.tetrahedra import classify_boundary, list_boundary
 from meshes.surfaces.files import orient_tetrahedra, read_tetrahedra, read_triangles
 from meshes.surfaces.triangles import check_closed, close_cracks, enclosed_volume, nearest_points
-from validation.curved.body import CoverBody, mesh_shell
 from validation.errors import InputError
 from validation.extras import require
 from validation.schema.sensor import CurvedCoverTable
@@ -30,8 +29,8 @@ _FARTHEST = 2.5
 _SAME = 1e-6
 
 
-def build_body(table: CurvedCoverTable, folder: Path) -> CoverBody:
-    """Make the body of a curved cover.
+def build_solid(table: CurvedCoverTable, folder: Path) -> SolidCover:
+    """Make a solid cover.
 
     Args:
         table: The table `[cover]`.
@@ -49,22 +48,16 @@ def build_body(table: CurvedCoverTable, folder: Path) -> CoverBody:
         check_closed(shell.surface, f"the body of {source}", crossings=not shell.is_folded)
     except ValueError as error:
         raise InputError(*(f"cover: {line}" for line in str(error).splitlines())) from None
-    thickness = shell.thickness
     if table.element_size is None:
-        sizes = tuple(factor * thickness for factor in _SIZES)
+        sizes = tuple(factor * shell.thickness for factor in _SIZES)
     else:
         sizes = (_COARSER * table.element_size, table.element_size)
-    return CoverBody(
-        source=source,
-        thickness=thickness,
-        make=partial(mesh_shell, shell, source, sizes),
-        changeable=False,
-        notes=shell.notes,
-        base=shell.base,
-    )
+    from fem_reference import result_store
+
+    return make_shell_cover(shell, table.material, source, sizes, partial(result_store.fetch, "cover-mesh"))
 
 
-def project_texels(texels: TexelArray, body: CoverBody) -> TexelArray:
+def project_texels(texels: TexelArray, cover: SolidCover) -> TexelArray:
     """Move texels to the nearest points of the base, and take their normals from it.
 
     Raises:
@@ -73,15 +66,18 @@ def project_texels(texels: TexelArray, body: CoverBody) -> TexelArray:
     from meshes.solids.shell import point_normals
     from meshes.surfaces.triangles import merge_corners
 
-    base = body.base if body.base is not None else body.meshes()[-1].nodes[body.meshes()[-1].base[:, :3]]
+    base = cover.base_triangles
+    if base is None:
+        mesh = cover.meshes()[-1]
+        base = mesh.nodes[mesh.base[:, :3]]
     points, faces = merge_corners(base)
     corners = points[faces]
     near, owner = nearest_points(texels.centres, corners)
     distance = np.linalg.norm(near - texels.centres, axis=1)
     worst = int(np.argmax(distance))
-    if distance[worst] > _FARTHEST * body.thickness:
+    if distance[worst] > _FARTHEST * cover.thickness:
         raise InputError(
-            f"array.positions: {int((distance > _FARTHEST * body.thickness).sum())} of {texels.count} texels are far "
+            f"array.positions: {int((distance > _FARTHEST * cover.thickness).sum())} of {texels.count} texels are far "
             f"from the base: texel {worst} by {1e3 * distance[worst]:.4g} mm; check array.unit and the frame"
         )
     share = _barycentric(near, corners[owner])
@@ -115,7 +111,7 @@ def _build_shell(table: CurvedCoverTable, folder: Path) -> tuple[Shell, str]:
     return join(outer, base, distance=table.base_distance), f"{table.surface} over {table.base}"
 
 
-def _take_mesh(table: CurvedCoverTable, folder: Path) -> CoverBody:
+def _take_mesh(table: CurvedCoverTable, folder: Path) -> SolidCover:
     """Take tetrahedra or a mesh of softcover as they are, after repair of what can be repaired."""
     path, notes = folder / str(table.mesh), []
     if path.suffix.lower() == ".npz":
@@ -156,11 +152,11 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> CoverBody:
         raise ValueError(
             "; ".join(quality.faults) + f': write surface = "{table.mesh}" instead of mesh, and its boundary is meshed'
         )
-    return CoverBody(
+    return SolidCover(
+        layers=(Layer(thickness=quality.thickness, material=table.material),),
         source=f"{path.name}, {quality.elements} {quality.kind}",
-        thickness=quality.thickness,
-        make=partial(_keep, mesh),
-        changeable=False,
+        make=lambda *_: (mesh,),
+        given_thickness=quality.thickness,
         notes=tuple(notes),
     )
 
@@ -174,10 +170,6 @@ def _refuse_overlap(corners: FloatArray, boundary: FloatArray, name: str) -> Non
             f"{name} has tetrahedra that overlap: their volumes sum to {100 * total / inside:.6g} % of that inside "
             "their boundary; write surface instead of mesh, and its boundary is meshed"
         )
-
-
-def _keep(mesh: SolidMesh, *_: Any) -> tuple[SolidMesh, ...]:  # noqa: ANN401 -- nothing to choose
-    return (mesh,)
 
 
 def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:

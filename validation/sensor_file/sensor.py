@@ -14,10 +14,10 @@ import numpy as np
 from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.point_spread import Gaussian
-from meshes import Cover, Layer, TexelArray
+from meshes import Cover, Layer, SolidCover, TexelArray
 from meshes.catalogue import ARRAYS, ASSUMED_COVER
 from meshes.solids import fingertip, flat_pad, phalanx
-from validation.curved.body import CoverBody, make_swept_body
+from meshes.solids.covers import make_swept_cover
 from validation.errors import InputError, nearest
 from validation.schema import parse as parse_tables
 from validation.schema import read
@@ -55,19 +55,32 @@ class SensorDescription:
         source: Path of the sensor file, or the name of the built-in sensor.
         assumed_electronics: What the sensor file does not state about the electronics, and the value assumed instead,
             one text each; counts depend on it, forces do not.
-        body: Body of a curved cover, which then has one layer; None for a flat cover.
     """
 
     name: str
     array: TexelArray
-    cover: Cover
+    cover: Cover | SolidCover
     electronics: Electronics
     filter: Butterworth | None = None
     spread: Gaussian | None = None
     friction: float = 0.0
     source: str = ""
     assumed_electronics: tuple[str, ...] = ()
-    body: CoverBody | None = None
+
+    @property
+    def layered_cover(self) -> Cover:
+        """The cover, for what is computed for planar layers alone.
+
+        Raises:
+            InputError: If the cover is a solid.
+        """
+        if not isinstance(self.cover, Cover):
+            raise InputError(
+                f"{self.source}: has a curved cover, which this command cannot treat; `softcover mesh`, `derive`, "
+                "`press` and `validate` can; `export`, `view`, `datasheet` and `emulate` take the folder that "
+                "`derive --out` writes"
+            )
+        return self.cover
 
     def describe_cover(self) -> dict[str, Any]:
         """Return the cover as a dictionary of JSON values, with the key `assumed`."""
@@ -77,7 +90,7 @@ class SensorDescription:
             "base": cover.base,
             "size_m": cover.size,
             "thickness_m": cover.thickness,
-            **({} if self.body is None else {"body": self.body.source}),
+            **({"body": cover.source} if cover.source else {}),
             "layers": [
                 {
                     "thickness_m": layer.thickness,
@@ -109,13 +122,10 @@ CURVED: Mapping[str, SensorDescription] = MappingProxyType(
         name: SensorDescription(
             name=name,
             array=made.texels,
-            cover=dataclasses.replace(
-                ASSUMED_COVER, layers=(dataclasses.replace(ASSUMED_COVER.layers[0], thickness=made.thickness),)
-            ),
+            cover=make_swept_cover(made, ASSUMED_COVER.layers[0].material, words, assumed=ASSUMED_COVER.assumed),
             electronics=Electronics(rate_hz=_ASSUMED_RATE, sensitivity=_ASSUMED_SENSITIVITY, output_max=4095, bits=12),
             source=f"built-in {name}",
             assumed_electronics=(f"{_ASSUMED_RATE:g} frames/s", f"{_ASSUMED_SENSITIVITY:g} counts per N on a texel"),
-            body=make_swept_body(made, words),
         )
         for name, made, words in (
             ("flat-pad", flat_pad(), "pad of 20 x 20 mm with free sides"),
@@ -155,19 +165,13 @@ def load(
     from validation.sensor_file.changed_cover import change_cover
 
     cover = change_cover(description.cover, material=material, thickness=thickness, layers=layers)
-    body = description.body
-    if body is not None:
-        try:
-            body = body.with_thickness(cover.thickness)
-        except ValueError as error:
-            raise InputError(f"--thickness: {error}") from None
-    return dataclasses.replace(description, cover=cover, body=body)
+    return dataclasses.replace(description, cover=cover)
 
 
 def has_curved_cover(sensor: str) -> bool:
     """Return whether a text names a sensor with a curved cover; False for a sensor that cannot be read."""
     try:
-        return load(sensor).body is not None
+        return isinstance(load(sensor).cover, SolidCover)
     except (InputError, OSError):
         return False  # reported when the sensor is read
 
@@ -197,7 +201,7 @@ def _build(tables: SensorTables, source: Path) -> SensorDescription:
     electronics = tables.electronics
     name = tables.name or source.stem
     array = build_array(tables.array, name=name, source=source)
-    array, cover, body = _build_cover(tables, array, source)
+    array, cover = _build_cover(tables, array, source)
     if electronics.gains is not None and len(electronics.gains) != array.count:
         count = len(electronics.gains)
         raise InputError(f"{source}: electronics.gains: takes one number per texel ({array.count}), not {count}")
@@ -212,28 +216,26 @@ def _build(tables: SensorTables, source: Path) -> SensorDescription:
         friction=tables.contact.friction,
         source=str(source),
         assumed_electronics=tuple(_list_assumed(electronics)),
-        body=body,
     )
 
 
-def _build_cover(tables: SensorTables, array: TexelArray, source: Path) -> tuple[TexelArray, Cover, CoverBody | None]:
-    """Make the layers of a flat cover, or the body of a curved one and the texels on its base."""
+def _build_cover(tables: SensorTables, array: TexelArray, source: Path) -> tuple[TexelArray, Cover | SolidCover]:
+    """Make the cover, and move texels to the base of a solid one."""
     table = tables.cover
     if isinstance(table, CurvedCoverTable):
-        from validation.sensor_file.curved_cover import build_body, project_texels
+        from validation.sensor_file.curved_cover import build_solid, project_texels
 
         try:
-            body = build_body(table, source.parent)
-            texels = project_texels(array, body) if tables.array.project else array
+            solid = build_solid(table, source.parent)
+            return project_texels(array, solid) if tables.array.project else array, solid
         except InputError as error:
             raise InputError(*(f"{source}: {fault}" for fault in error.faults)) from None
-        return texels, Cover(layers=(Layer(thickness=body.thickness, material=table.material),)), body
     if tables.array.project:
         raise InputError(f"{source}: array.project: is for curved covers; leave it out")
     layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in table.layer)
     cover = Cover(layers=layers, base=table.base, size=table.size)
     _refuse_uncovered(array, cover, source)
-    return array, cover, None
+    return array, cover
 
 
 def _refuse_uncovered(array: TexelArray, cover: Cover, source: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 
 from fastmodel.errors import FastModelError
-from fastmodel.fitting.surface_gaussian import fit_surface_gaussian, unroll
+from fastmodel.fitting.gaussian import fit_surface_gaussian, unroll
 from meshes import TexelArray
 from meshes.solids.texels import cylinder_texels
 

@@ -3,8 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fastmodel.fitting.gaussian import fit_gaussian
-from fastmodel.fitting.width_estimators import estimate_from_image, estimate_from_profile
+from fastmodel.fitting.gaussian import estimate_from_image, estimate_from_profile, fit_gaussian
 from fastmodel.signal.point_spread import Gaussian
 from meshes.catalogue import ARRAYS
 

@@ -1,86 +1,110 @@
-import copy
 import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.signal import butter, sosfilt
 
 from fastmodel import WTS_0614_34, Butterworth, Gaussian, Parameters
-from fastmodel.contact.interface import Reading
-from fastmodel.signal.chain import SignalChain
+from fastmodel.signal.chain import ChainFunctions
 from meshes import TexelArray
 
 ARRAY = TexelArray.grid(5, 4, 3e-3)
 ARRAY = dataclasses.replace(ARRAY, active=np.arange(ARRAY.count) % 7 != 3)
-PARAMETERS = Parameters(
-    array=ARRAY,
-    spread=Gaussian.from_sigma(0.7),
-    electronics=WTS_0614_34,
-    filter=Butterworth(cutoff_hz=40.0, order=5),
+ELECTRONICS = dataclasses.replace(
+    WTS_0614_34,
+    noise=0.01,
+    threshold=20.0,
+    saturation_band=2000.0,
+    gains=tuple(np.linspace(0.8, 1.2, ARRAY.count)),
+    hysteresis_share=0.3,
+    hysteresis_width=0.04,
+    temperature_coefficient=0.004,
+    temperature_excess=10.0,
 )
+BENT = dataclasses.replace(ELECTRONICS, characteristic=(-400.0, 2500.0, 10.0, -30.0, 2.0, 0.5), saturation_band=0.0)
 RATE = 1000.0
-#: Force beside the texels in every sample [N].
-BESIDE = 0.25
+WORLDS, SAMPLES, EVERY = 7, 12, 3
 
 
-def random_forces(count, seed=0):
-    return np.random.default_rng(seed).uniform(0, 1.5, (count, ARRAY.count))
+def parameters(electronics=ELECTRONICS, **changes):
+    values = {"array": ARRAY, "spread": Gaussian.from_sigma(0.7), "filter": Butterworth(cutoff_hz=40.0, order=5)}
+    return Parameters(electronics=electronics, **{**values, **changes})
 
 
-def resting_chain(parameters=PARAMETERS, *, spreads=True):
-    chain = SignalChain(parameters, RATE, spreads=spreads)
-    chain.settle(Reading(np.zeros(ARRAY.count), None, 0.0))
-    return chain
+def numpy():
+    return np
 
 
-def run(chain, forces, every):
-    """A frame after every so many samples, and the force outside at that frame."""
-    found = []
-    for k, sample in enumerate(forces):
-        chain.take(Reading(sample, None, sample.sum() + BESIDE))
-        if (k + 1) % every == 0:
-            found.append((chain.frame(k / RATE), chain.outside))
-    return found
+def strict():
+    return pytest.importorskip("array_api_strict")
+
+
+def jax_with_64_bits():
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 -- jax takes it so
+    return jax.numpy
+
+
+@pytest.fixture(params=[numpy, strict, pytest.param(jax_with_64_bits, marks=pytest.mark.slow)])
+def xp(request):
+    return request.param()
+
+
+def inputs():
+    """Contact forces of every sample, total forces, and noise of every frame, for all worlds."""
+    rng = np.random.default_rng(2)
+    forces = rng.uniform(0, 2, (SAMPLES, WORLDS, ARRAY.count))
+    return forces, forces.sum(axis=-1) + 0.25, rng.standard_normal((SAMPLES, WORLDS, ARRAY.count))
+
+
+def run(functions, xp, forces, carried, noise):
+    """The frames, made after every third sample."""
+    state = functions.settle(xp.asarray(forces[0]), xp.asarray(carried[0]))
+    made = []
+    for k in range(len(forces)):
+        state = functions.take(state, xp.asarray(forces[k]), xp.asarray(carried[k]))
+        if k % EVERY == 0:
+            state, output = functions.frame(state, xp.asarray(noise[k]))
+            made.append(output)
+    return made
+
+
+@pytest.mark.parametrize("spreads", [True, False])
+@pytest.mark.parametrize("electronics", [ELECTRONICS, BENT], ids=["line", "polynomial"])
+def test_many_worlds_in_any_library_give_what_each_world_gives_alone(xp, electronics, spreads):
+    forces, carried, noise = inputs()
+    given = parameters(electronics)
+    together = run(ChainFunctions(given, RATE, spreads=spreads, namespace=xp), xp, forces, carried, noise)
+    alone = ChainFunctions(given, RATE, spreads=spreads)
+    for world in range(WORLDS):
+        singles = run(alone, np, forces[:, world], carried[:, world], noise[:, world])
+        for one, all_worlds in zip(singles, together, strict=True):
+            mine = {name: np.asarray(values[world, ...]) for name, values in all_worlds._asdict().items()}
+            np.testing.assert_allclose(mine["texel_forces"], one.texel_forces, atol=1e-12)
+            np.testing.assert_allclose(mine["outside"], one.outside, atol=1e-12)
+            np.testing.assert_array_equal(mine["counts"], one.counts)
+            np.testing.assert_array_equal(mine["image"], one.image)
+            assert mine["image"].shape == (5, 4)
+            assert mine["image"].dtype == np.uint8
+            assert mine["counts"].dtype == np.int64
+            assert mine["counts"].any()
 
 
 @pytest.mark.parametrize("every", [1, 3, 8])
 def test_a_frame_is_the_filtered_sample_spread_by_the_operator(every):
-    forces = random_forces(4 * every)
-    signals = np.column_stack([forces, forces.sum(axis=1) + BESIDE])
-    filtered = sosfilt(butter(5, 40.0, fs=RATE, output="sos"), signals, axis=0)[every - 1 :: every]
-    operator = PARAMETERS.spread.operator(ARRAY)
-    for (frame, outside), expected in zip(run(resting_chain(), forces, every), filtered, strict=True):
-        np.testing.assert_allclose(frame.texel_forces, operator @ expected[:-1], atol=1e-12)
-        assert outside == pytest.approx(expected[-1] - frame.texel_forces.sum(), abs=1e-12)
-
-
-def test_making_frames_changes_no_bit_of_later_frames():
-    forces = random_forces(24)
-    often, seldom = (run(resting_chain(), forces, every)[-1][0] for every in (2, 12))
-    np.testing.assert_array_equal(often.texel_forces, seldom.texel_forces)
-    np.testing.assert_array_equal(often.counts, seldom.counts)
-
-
-@settings(max_examples=25, deadline=None)
-@given(st.integers(0, 1000), st.floats(-3, 3))
-def test_spread_and_filter_commute(seed, factor):
-    """Filtering spread forces gives the same as spreading filtered forces, and both are linear."""
-    forces = factor * random_forces(10, seed)
-    operator = PARAMETERS.spread.operator(ARRAY)
-    after = run(resting_chain(), forces, 10)[-1][0].texel_forces
-    before = run(resting_chain(spreads=False), forces @ operator.T, 10)[-1][0].texel_forces
-    np.testing.assert_allclose(after, before, atol=1e-12)
-
-
-def test_forces_that_the_method_has_spread_are_not_spread_again():
-    chain = resting_chain(spreads=False)
-    spread = random_forces(1)[0]
-    for _ in range(400):
-        chain.take(Reading(np.zeros(ARRAY.count), spread, spread.sum() + BESIDE))
-    np.testing.assert_allclose(chain.frame(0.4).texel_forces, spread, rtol=1e-6)
-    assert chain.outside == pytest.approx(BESIDE, rel=1e-6)
+    forces = np.random.default_rng(0).uniform(0, 1.5, (4 * every, ARRAY.count))
+    signals = np.column_stack([forces, forces.sum(axis=1) + 0.25])
+    filtered = sosfilt(butter(5, 40.0, fs=RATE, output="sos"), signals, axis=0)
+    operator, functions = parameters().spread.operator(ARRAY), ChainFunctions(parameters(), RATE)
+    spread = ChainFunctions(parameters(), RATE, spreads=False)
+    state, before = functions.settle(np.zeros(ARRAY.count)), spread.settle(np.zeros(ARRAY.count))
+    for sample in forces:
+        state = functions.take(state, sample, np.float64(sample.sum() + 0.25))
+        before = spread.take(before, operator @ sample)
+    _, output = functions.frame(state)
+    np.testing.assert_allclose(output.texel_forces, operator @ filtered[-1, :-1], atol=1e-12)
+    assert output.outside == pytest.approx(filtered[-1, -1] - output.texel_forces.sum(), abs=1e-12)
+    np.testing.assert_allclose(spread.frame(before)[1].texel_forces, output.texel_forces, atol=1e-12)  # they commute
 
 
 @pytest.mark.parametrize(
@@ -97,85 +121,124 @@ def test_forces_that_the_method_has_spread_are_not_spread_again():
     ids=lambda changes: next(iter(changes)),
 )
 def test_every_stage_of_the_electronics_changes_counts_and_no_force(changes):
-    parameters = dataclasses.replace(PARAMETERS, electronics=dataclasses.replace(WTS_0614_34, **changes))
-    bare, full = (run(resting_chain(given), random_forces(120), 40)[-1][0] for given in (PARAMETERS, parameters))
-    np.testing.assert_array_equal(bare.texel_forces, full.texel_forces)
-    assert (bare.counts != full.counts).any()
+    forces, noise = np.random.default_rng(0).uniform(0, 1.5, (12, ARRAY.count)), np.random.default_rng(1)
+    made = []
+    for electronics in (WTS_0614_34, dataclasses.replace(WTS_0614_34, **changes)):
+        functions = ChainFunctions(parameters(electronics, filter=None), RATE)
+        state = functions.settle(forces[0])
+        for sample in forces:
+            state, output = functions.frame(functions.take(state, sample), noise)
+        made.append(output)
+    np.testing.assert_array_equal(made[0].texel_forces, made[1].texel_forces)
+    assert (made[0].counts != made[1].counts).any()
 
 
-def test_without_a_filter_the_latest_sample_passes():
-    forces = random_forces(19)
-    for k, (frame, outside) in enumerate(
-        run(resting_chain(dataclasses.replace(PARAMETERS, filter=None), spreads=False), forces, 5)
-    ):
-        np.testing.assert_array_equal(frame.texel_forces, forces[5 * k + 4])
-        assert outside == pytest.approx(BESIDE)
-
-
-def test_masked_texels_count_nothing_and_the_others_do():
-    frame, _ = run(resting_chain(spreads=False), np.ones((40, ARRAY.count)), 40)[0]
-    assert np.all(frame.counts[~ARRAY.active] == 0)
-    assert np.all(frame.counts[ARRAY.active] > 0)
-    np.testing.assert_array_equal(frame.image, WTS_0614_34.image(frame.counts).reshape(5, 4))
-
-
-def test_settling_resets_hysteresis_and_continues_the_noise():
-    electronics = dataclasses.replace(WTS_0614_34, noise=0.05, hysteresis_share=0.5, hysteresis_width=0.2)
-    chain = resting_chain(dataclasses.replace(PARAMETERS, electronics=electronics))
-    runs = []
-    for again in (False, True, False):
-        chain.settle(Reading(np.zeros(ARRAY.count), None, 0.0))
-        if again:
-            chain.noise = np.random.default_rng(electronics.seed)
-        runs.append([frame.counts for frame, _ in run(chain, random_forces(12), 4)])
-    np.testing.assert_array_equal(runs[0], runs[1])
-    assert (np.array(runs[1]) != runs[2]).any()
-
-
-def test_a_settled_chain_remembers_no_heavier_load():
-    electronics = dataclasses.replace(WTS_0614_34, hysteresis_share=0.5, hysteresis_width=0.2)
-    fresh, pressed, kept = (resting_chain(dataclasses.replace(PARAMETERS, electronics=electronics)) for _ in range(3))
-    light, heavy = np.full((40, ARRAY.count), 0.3), np.full((40, ARRAY.count), 2.0)
-    for chain in (pressed, kept):
-        run(chain, heavy, 4)
-    pressed.settle(Reading(np.zeros(ARRAY.count), None, 0.0))
-    last = [run(chain, light, 4)[-1][0].counts for chain in (fresh, pressed, kept)]
-    np.testing.assert_array_equal(last[0], last[1])
-    assert (last[2] > last[0])[ARRAY.active].all()
-
-
-def test_frames_stay_as_they_were_returned():
-    chain = resting_chain(spreads=False)
-    first = run(chain, random_forces(3), 3)[-1][0]
-    kept = [values.copy() for values in (first.texel_forces, first.counts, first.image)]
-    run(chain, random_forces(3, seed=1), 3)
-    for values, before in zip((first.texel_forces, first.counts, first.image), kept, strict=True):
-        np.testing.assert_array_equal(values, before)
-        assert not values.flags.writeable
-
-
-def test_a_copy_of_a_chain_continues_like_the_original_and_on_its_own():
-    original = resting_chain()
-    forces = random_forces(12)
-    run(original, forces[:6], 4)
-    twin = copy.deepcopy(original)
-    for (frame, outside), (other, beside) in zip(run(original, forces[6:], 3), run(twin, forces[6:], 3), strict=True):
-        np.testing.assert_array_equal(frame.texel_forces, other.texel_forces)
-        np.testing.assert_array_equal(frame.counts, other.counts)
-        assert outside == beside
-        assert frame.texel_forces.sum() > 1
+def test_without_filter_and_spread_the_latest_sample_passes_and_masked_texels_count_nothing():
+    functions = ChainFunctions(parameters(WTS_0614_34, filter=None), RATE, spreads=False)
+    forces = np.random.default_rng(0).uniform(0.5, 1.5, (2, ARRAY.count))
+    state = functions.take(functions.settle(forces[0]), forces[1], np.float64(forces[1].sum() + 0.25))
+    _, output = functions.frame(state)
+    np.testing.assert_array_equal(output.texel_forces, forces[1])
+    assert output.outside == pytest.approx(0.25)
+    np.testing.assert_array_equal(output.counts > 0, ARRAY.active)
+    np.testing.assert_array_equal(output.image, WTS_0614_34.image(output.counts).reshape(5, 4))
 
 
 def test_an_unknown_share_of_the_calibration_tip_is_said_once(caplog):
     array = dataclasses.replace(ARRAY, name="never built before")
     for _ in range(2):
-        resting_chain(dataclasses.replace(PARAMETERS, array=array))
+        ChainFunctions(parameters(WTS_0614_34, array=array), RATE)
     (record,) = caplog.records
     assert "never built before" in record.message
     assert "counts are too low" in record.message
     known = dataclasses.replace(WTS_0614_34, tip_share=0.77)
     direct = dataclasses.replace(WTS_0614_34, calibrated="texel force")
     for electronics in (known, direct):
-        other = dataclasses.replace(array, name="another")
-        resting_chain(dataclasses.replace(PARAMETERS, array=other, electronics=electronics))
+        ChainFunctions(parameters(electronics, array=dataclasses.replace(array, name="another")), RATE)
     assert len(caplog.records) == 1
+
+
+def test_other_signals_pass_the_filter_alone(xp):
+    """Tangential forces of every world, shape (worlds, 2 texels), give what the filter gives for each of them."""
+    forces, carried, _ = inputs()
+    shear = np.random.default_rng(5).uniform(-1, 1, (SAMPLES, WORLDS, 2 * ARRAY.count))
+    functions = ChainFunctions(parameters(), RATE, namespace=xp)
+    state = functions.settle(xp.asarray(forces[0]), xp.asarray(carried[0]), xp.asarray(shear[0]))
+    for sample, total, other in zip(forces, carried, shear, strict=True):
+        state = functions.take(state, xp.asarray(sample), xp.asarray(total), xp.asarray(other))
+    _, output = functions.frame(state)
+    expected = sosfilt(parameters().filter.sections(RATE), shear - shear[0], axis=0)[-1] + shear[0]
+    np.testing.assert_allclose(np.asarray(output.others), expected, atol=1e-12)
+    plain = run(ChainFunctions(parameters(), RATE, namespace=xp), xp, forces, carried, np.zeros_like(forces))
+    assert plain[0].others.shape == (WORLDS, 0)
+    assert np.asarray(output.texel_forces).any()
+
+
+@pytest.mark.slow
+def test_jax_compiles_the_functions_and_differentiates_them():
+    jax_with_64_bits()
+    import jax
+
+    functions = ChainFunctions(parameters(), RATE, namespace=jax.numpy)
+    forces, carried, noise = (jax.numpy.asarray(values) for values in inputs())
+    plain = run(functions, jax.numpy, forces, carried, noise)[-1]
+
+    @jax.jit
+    def roll(forces, carried, noise):
+        return run(functions, jax.numpy, forces, carried, noise)[-1]
+
+    compiled = roll(forces, carried, noise)
+    np.testing.assert_allclose(compiled.texel_forces, plain.texel_forces, atol=1e-12)
+    np.testing.assert_array_equal(compiled.counts, plain.counts)
+    # the sum of texel forces after one sample is linear in this sample: its gradient is the same for any sample
+    state = functions.settle(forces[0])
+    slope = jax.grad(lambda sample: functions.frame(functions.take(state, sample))[1].texel_forces.sum())(forces[1])
+    low_pass = parameters().filter.sections(RATE)
+    gain = np.prod(low_pass[:, 0])  # of the newest sample, through all sections
+    share = parameters().spread.operator(ARRAY).sum(axis=0)
+    np.testing.assert_allclose(slope, np.broadcast_to(gain * share, slope.shape), rtol=1e-9)
+
+
+def test_with_32_bits_the_results_have_32_bits_and_differ_little(xp):
+    forces, carried, noise = inputs()
+    exact = run(ChainFunctions(parameters(), RATE), np, forces, carried, noise)[-1]
+    small = [each.astype(np.float32) for each in (forces, carried, noise)]
+    rough = run(ChainFunctions(parameters(), RATE, namespace=xp, dtype=xp.float32), xp, *small)[-1]
+    assert rough.texel_forces.dtype == xp.float32
+    np.testing.assert_allclose(np.asarray(rough.texel_forces), exact.texel_forces, atol=1e-5)
+    assert np.abs(np.asarray(rough.counts) - exact.counts).max() <= 1
+
+
+def test_hysteresis_remembers_the_frames_before():
+    """Loading and unloading differ by twice the width of the play operator times its share."""
+    electronics = dataclasses.replace(
+        WTS_0614_34, offset=0.0, sensitivity=1000.0, hysteresis_share=0.3, hysteresis_width=0.05
+    )
+    functions = ChainFunctions(parameters(electronics, filter=None), RATE, spreads=False)
+    state, counts = functions.settle(np.zeros((2, ARRAY.count))), []
+    for force in [*np.arange(11), *np.arange(11)[::-1]]:
+        state = functions.take(state, np.full((2, ARRAY.count), 0.1 * force))
+        state, output = functions.frame(state)
+        counts.append(output.counts[:, ARRAY.active])
+    loading, unloading = np.array(counts[:11]), np.array(counts[:10:-1])
+    np.testing.assert_allclose((unloading - loading)[2:-2], 2 * 0.3 * 0.05 * 1000, atol=1)
+
+
+def test_no_argument_is_changed():
+    forces, _, noise = inputs()
+    functions = ChainFunctions(parameters(), RATE)
+    state = functions.settle(forces[0])
+    before = [each.copy() for each in (*state, forces[1], noise[1])]
+    functions.frame(functions.take(state, forces[1]), noise[1])
+    for values, kept in zip((*state, forces[1], noise[1]), before, strict=True):
+        np.testing.assert_array_equal(values, kept)
+
+
+def test_more_texels_than_a_dense_operator_takes():
+    array = TexelArray.grid(26, 20, 2e-3)
+    given = parameters(WTS_0614_34, array=array)
+    forces = np.random.default_rng(0).uniform(0, 1, (3, array.count))
+    functions = ChainFunctions(given, RATE)
+    _, made = functions.frame(functions.settle(forces))
+    np.testing.assert_allclose(made.texel_forces, forces @ given.spread.operator(array).T, atol=1e-12)
+    assert made.image.shape == (3, 26, 20)

@@ -9,14 +9,12 @@ from fem_reference.curved_cover import press_curved
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes import Material
 from meshes.bounded_file import parse_toml
+from validation.campaign.bench import Plan, run_campaign
 from validation.campaign.campaign_file import Criterion, Inputs, parse_campaign
-from validation.campaign.cost import Plan
-from validation.campaign.evaluation import evaluate
-from validation.campaign.run import run_campaign
-from validation.campaign.verdict import judge
-from validation.credibility import solid_verification as evidence
+from validation.campaign.evaluation import evaluate, judge
+from validation.credibility import verification as evidence
 from validation.credibility.evidence import gather_evidence
-from validation.credibility.solid_verification import check_shell
+from validation.credibility.verification import check_shell
 from validation.curved.bench import CURVED_MODELS, SolidBench, plan_presses
 from validation.curved.derive import derive_curved
 from validation.curved.places import CurvedPlaces
@@ -40,7 +38,7 @@ tilt = "0deg,45deg"
 
 @pytest.fixture(scope="module")
 def plan(small_pad):
-    places = CurvedPlaces(mesh=small_pad.body.meshes()[-1], texels=small_pad.array)
+    places = CurvedPlaces(mesh=small_pad.cover.meshes()[-1], texels=small_pad.array)
     return parse_campaign(parse_toml(TEXT), small_pad.array, source="mine.toml", cover=small_pad.cover, curved=places)
 
 
@@ -51,7 +49,7 @@ def bench(small_pad):
 
 @pytest.fixture(scope="module")
 def cost(small_pad, plan):
-    return plan_presses(small_pad, small_pad.body.meshes(), plan.cases)
+    return plan_presses(small_pad, small_pad.cover.meshes(), plan.cases)
 
 
 @pytest.fixture(scope="module")
@@ -78,10 +76,10 @@ def test_the_cost_is_announced_before_the_long_computations(small_pad, plan, tmp
 def test_a_stored_press_is_the_press(small_pad, plan, result):
     case = plan.cases[1]
     with stored_only():
-        found = press_case(small_pad, small_pad.body.meshes(), case)
+        found = press_case(small_pad, small_pad.cover.meshes(), case)
     material = small_pad.cover.layers[0].material
     known = press_curved(
-        small_pad.body.meshes(), small_pad.array, material, case.indenter, case.pose, load=0.2,
+        small_pad.cover.meshes(), small_pad.array, material, case.indenter, case.pose, load=0.2,
     )  # fmt: skip
     for field in dataclasses.fields(known):
         mine, other = getattr(found, field.name), getattr(known, field.name)
@@ -95,11 +93,11 @@ def test_a_stored_press_is_the_press(small_pad, plan, result):
 def test_a_press_with_another_pose_is_another_entry(small_pad, plan):
     moved = dataclasses.replace(plan.cases[1], pose=dataclasses.replace(plan.cases[1].pose, yaw=0.2))
     with stored_only(), pytest.raises(NotStoredError):
-        press_case(small_pad, small_pad.body.meshes(), moved)
+        press_case(small_pad, small_pad.cover.meshes(), moved)
 
 
 def test_presses_are_missing_once(small_pad, plan, cost, result):
-    again = plan_presses(small_pad, small_pad.body.meshes(), plan.cases)
+    again = plan_presses(small_pad, small_pad.cover.meshes(), plan.cases)
     assert again.missing == (False, False)
     assert again.total < cost.total or cost.missing == (False, False)
 

@@ -24,7 +24,7 @@ def places():
 
 @pytest.fixture(scope="module")
 def pad_places(small_pad):
-    return CurvedPlaces(mesh=small_pad.body.meshes()[-1], texels=small_pad.array)
+    return CurvedPlaces(mesh=small_pad.cover.meshes()[-1], texels=small_pad.array)
 
 
 def read(places, **table):

@@ -99,7 +99,7 @@ def test_places_and_directions(small_pad):
     assert np.abs(touch.point[:2] - texels.centres[find_middle(texels), :2]).max() == pytest.approx(texels.pitch[0])
     tip = CURVED["fingertip"]
     with pytest.raises(InputError, match="three lengths"):
-        find_touch_place(tip.body.meshes()[0], tip.array, at=(0.0, 0.0))
+        find_touch_place(tip.cover.meshes()[0], tip.array, at=(0.0, 0.0))
 
 
 def test_a_pose_by_names_is_that_of_a_campaign_file(small_pad):
@@ -118,5 +118,5 @@ def test_a_pose_by_names_is_that_of_a_campaign_file(small_pad):
 
 def test_the_place_on_a_fingertip_is_pressed_along_its_normal():
     tip = CURVED["fingertip"]
-    touch = find_touch_place(tip.body.meshes()[0], tip.array, at=(0.0, 8e-3, 0.0))
+    touch = find_touch_place(tip.cover.meshes()[0], tip.array, at=(0.0, 8e-3, 0.0))
     np.testing.assert_allclose(touch.direction, [0, -1, 0], atol=0.01)

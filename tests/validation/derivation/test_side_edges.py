@@ -9,7 +9,7 @@ import pytest
 
 import fastmodel
 from fastmodel import FastModelError, Tabulated
-from fastmodel.contact.methods import choose_method
+from fastmodel.attachment import choose_method
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 from meshes import Sphere, TexelArray
 from validation.cli import main

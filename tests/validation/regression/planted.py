@@ -9,23 +9,22 @@ import textwrap
 from dataclasses import replace
 
 import numpy as np
+from fastmodel.running import RunningSensor
 
 import fastmodel.bench
 import fastmodel.contact.area
 import fastmodel.pressure.cell_grid
 import fastmodel.signal.electronics
 import fastmodel.signal.point_spread
-import validation.campaign.pooling
+import validation.campaign.results
 import validation.metrics
 from fastmodel import Butterworth, ChainFunctions, CoverCells, Electronics, Gaussian
 from fastmodel.contact.area import AreaReader
 from fastmodel.contact.boxes import BoxReader
 from fastmodel.contact.cover import _PressureReader
 from fastmodel.pressure.cell_grid import CellGrid
-from fastmodel.running import RunningSensor
-from fastmodel.signal.chain import SignalChain
 from fem_reference.indentation import press
-from validation.regression import fixed_images
+from validation.regression import experiments as fixed_images
 from validation.text import indenter
 
 
@@ -114,13 +113,13 @@ def change_texel(factor, texel=17):
 
 def lag(monkeypatch, parameters):
     """Make the chain pass each sample on only when the next one arrives."""
-    healthy = SignalChain.take
+    healthy = RunningSensor._take
 
     def take(self, reading):
         before, self.waiting = getattr(self, "waiting", reading), reading
         healthy(self, before)
 
-    monkeypatch.setattr(SignalChain, "take", take)
+    monkeypatch.setattr(RunningSensor, "_take", take)
     return parameters
 
 
@@ -241,7 +240,7 @@ NEIGHBOURS = {
     "threshold lost": (edit(Electronics, "counts", "signal - self.threshold", "signal"), "electronics: threshold"),
     "hysteresis halved": (edit(Electronics, "apply_hysteresis", "forces - self.hysteresis_width, forces", "forces - 0.5 * self.hysteresis_width, forces"), "electronics: hysteresis"),
     "hysteresis not reset": (
-        edit(SignalChain, "settle", "others)\n", "others)._replace(play=self._state.play) if hasattr(self, '_state') else self._functions.settle(forces, np.float64(reading.carried), others)\n"),
+        edit(RunningSensor, "reset", "self._functions.settle(*_list_signals(self.reading))", "self._functions.settle(*_list_signals(self.reading))._replace(**({'play': self._state.play} if hasattr(self, '_state') else {}))"),
         "reset: trace of the load before",
     ),
     "noise +10 %": (edit(Electronics, "counts", "self.noise * drawn", "1.1 * self.noise * drawn"), "noise: standard deviation"),
@@ -257,7 +256,7 @@ NEIGHBOURS = {
     "cells of the cover along x and y exchanged": (edit(CellGrid, "over", "(array.pitch[0] / per_texel, array.pitch[1] / per_texel)", "(array.pitch[1] / per_texel, array.pitch[0] / per_texel)"), "oblong texels: cover, force of each texel"),
     "influence of the cover transposed": (transposed_influence, "oblong texels: cover, force of each texel"),
     "force on masked texels lost": (edit(fixed_images, "score", " + float(f_all[~array.active].sum())", ""), "metric: misplaced force"),
-    "interval of pooled scores too narrow": (edit(validation.campaign.pooling, "_with_interval", "(1 - level) / 2, (1 + level) / 2", "(1 - level), level"), "pooling: mean"),
+    "interval of pooled scores too narrow": (edit(validation.campaign.results, "_with_interval", "(1 - level) / 2, (1 + level) / 2", "(1 - level), level"), "pooling: mean"),
     "skill against the own error": (edit(fixed_images, "skill", "e.mean() / c.mean()", "c.mean() / e.mean()"), "pooling: skill"),
 }  # fmt: skip
 

@@ -12,7 +12,7 @@ from meshes.solids.texels import cylinder_texels
 from tests.support.report_page import Page, is_printed
 from validation.campaign.campaign_file import parse_campaign
 from validation.campaign.evaluation import evaluate
-from validation.credibility.code_verification import Check
+from validation.credibility.verification import Check
 from validation.curved.places import CurvedPlaces
 from validation.render.image import Scale, tactile_image
 from validation.report import write_report
@@ -40,7 +40,7 @@ CHECK = Check(
 
 @pytest.fixture(scope="module")
 def evaluation(small_pad):
-    places = CurvedPlaces(mesh=small_pad.body.meshes()[-1], texels=small_pad.array)
+    places = CurvedPlaces(mesh=small_pad.cover.meshes()[-1], texels=small_pad.array)
     plan = parse_campaign(parse_toml(TEXT), small_pad.array, source="mine", cover=small_pad.cover, curved=places)
     with pytest.MonkeyPatch.context() as patch:
         # solved by a slow test of its own

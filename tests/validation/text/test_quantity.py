@@ -1,10 +1,10 @@
 import math
-import time
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.bounded import bounded
 from validation.errors import InputError
 from validation.text.quantity import read_quantities, read_quantity
 
@@ -127,32 +127,19 @@ HOSTILE = [
 
 @pytest.mark.parametrize("text", HOSTILE, ids=lambda text: text[:20])
 def test_a_quantity_is_a_number_and_a_unit_and_nothing_else(text):
-    started = time.process_time()
     for read in (read_quantity, lambda value, kind: read_quantities(value, kind, 2)):
-        with pytest.raises(InputError) as caught:
+        with bounded(25), pytest.raises(InputError) as caught:
             read(text, "length")
         assert len(str(caught.value)) < 500
-    assert time.process_time() - started < 1.0
 
 
 @pytest.mark.parametrize("text", HOSTILE, ids=lambda text: text[:20])
 def test_hostile_quantities_are_refused_on_the_command_line(softcover, text):
-    started = time.process_time()
-    words = (
-        "press",
-        "wts-0614-34",
-        "--indenter",
-        f"sphere:radius={text}",
-        "--load",
-        text,
-        f"--at={text}",
-        "--yaw",
-        text,
-    )
-    status, _, err = softcover(*words, f"--tilt={text}", "--depth", text, "--thickness", text)
+    words = ("press", "wts-0614-34", "--indenter", f"sphere:radius={text}", "--load", text, f"--at={text}")
+    with bounded(50):
+        status, _, err = softcover(*words, "--yaw", text, f"--tilt={text}", "--depth", text, "--thickness", text)
     assert status == 2
     assert len(err) < 12_000
-    assert time.process_time() - started < 1.0
 
 
 @pytest.mark.parametrize(("text", "expected"), [("2 N/mm^2", 2e6), ("2 N/mm**2", 2e6), ("2 N / mm\u00b2", 2e6)])

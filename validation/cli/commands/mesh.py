@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from validation.cli.options import Json, SensorFile, Thickness
-from validation.cli.output import print_json, print_rows
-from validation.cli.progress import Progress
+from validation.cli.output import Progress, print_json, print_rows
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,13 +31,14 @@ def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, j
         softcover mesh fingertip
         softcover mesh sensor.toml --out meshed
     """
+    from meshes import SolidCover
     from validation.cli.curved.derive import say_written
-    from validation.cli.sensors import read_description
+    from validation.cli.options import read_description
     from validation.extras import require
     from validation.output_folder import new_folder
 
     description = read_description(sensor, thickness=thickness, curved=True)
-    if description.body is None:
+    if not isinstance(description.cover, SolidCover):
         raise InputError(f"{description.source}: has a flat cover, which needs no mesh file")
     require("skfem", useful=("pyvista",) if out else ())
     from validation.curved.files import write_mesh_report
@@ -61,10 +61,9 @@ def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, j
 def _list_quality(sensor: SensorDescription, meshes: tuple[SolidMesh, ...]) -> Iterator[tuple[str, str]]:
     from meshes.solids import check_quality
 
-    if sensor.body is not None:
-        yield "cover", f"{sensor.body.source}; thickness {1e3 * sensor.body.thickness:.3g} mm"
-        for note in sensor.body.notes:
-            yield "note", note
+    yield "cover", f"{sensor.cover.source}; thickness {1e3 * sensor.cover.thickness:.3g} mm"
+    for note in sensor.cover.notes:
+        yield "note", note
     for number, mesh_of_size in enumerate(meshes, start=1):
         for index, line in enumerate(check_quality(mesh_of_size).lines()):
             yield "" if index else f"mesh {number}", line

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from validation.cli.failures import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
+from validation.cli.entry import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
-from validation.cli.output import describe_cover, make_console, note, print_json, say, show, show_wrapped
-from validation.cli.progress import Progress
+from validation.cli.output import Progress, describe_cover, make_console, note, print_json, say, show, show_wrapped
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -98,7 +97,8 @@ def validate(
         softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json
         softcover validate wts-0614-34 --measured gelsight-mini
     """
-    from validation.cli.sensors import read_description
+    from meshes import SolidCover
+    from validation.cli.options import read_description
     from validation.data_sets.locate import describe_unused_recordings, find_data_set
 
     if measured is not None:
@@ -109,7 +109,7 @@ def validate(
         compare_measured_force(measured, json=json)
         return DONE
     description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
-    if description.body is not None and (recordings is not None or data_set is not None):
+    if isinstance(description.cover, SolidCover) and (recordings is not None or data_set is not None):
         raise InputError("--recordings, --data-set: recordings of curved covers are not scored; leave them out")
     # Recordings belong to one sensor.  Those of the environment variable may be of another sensor, so only recordings
     # that the user names are used.

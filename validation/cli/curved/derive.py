@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from validation.cli.failures import DONE, OUTSIDE_FAILED
-from validation.cli.meaning import GOOD_ERROR, print_meaning
-from validation.cli.output import describe_cover, describe_errors, print_json, print_rows, say
-from validation.cli.progress import Progress
+from validation.cli.entry import DONE, OUTSIDE_FAILED
+from validation.cli.meaning import GOOD_ERROR
+from validation.cli.output import Progress, describe_cover, describe_errors, print_json, print_meaning, print_rows, say
 
 if TYPE_CHECKING:
     from meshes.array_types import FloatArray
@@ -62,9 +61,9 @@ def _list_derivation(derivation: CurvedDerivation) -> Iterator[tuple[str, str]]:
     sensor, shares = derivation.sensor, derivation.own_shares[derivation.sensor.array.active]
     others = derivation.responses.matrix.sum(axis=1)[sensor.array.active] - shares
     size = " x ".join(f"{1e3 * edge:.3g}" for edge in sensor.array.texel_size)
-    yield "cover", describe_body(sensor)
+    yield "cover", describe_cover(sensor.cover)
     yield "texels", f"{int(sensor.array.active.sum())} of {size} mm"
-    for line in derivation.sensor.body.notes if derivation.sensor.body else ():
+    for line in derivation.sensor.cover.notes:
         yield "note", line
     from meshes.solids import check_quality
 
@@ -104,11 +103,6 @@ def describe_known_errors(estimates: Mapping[str, float]) -> str:
     """Describe estimated errors, or say that there are none."""
     known = {name: value for name, value in estimates.items() if not np.isnan(value)}
     return describe_errors(known) or "none: there is one mesh only"
-
-
-def describe_body(sensor: SensorDescription) -> str:
-    """Describe a curved cover in words."""
-    return f"{describe_cover(sensor.cover)}; {sensor.body.source if sensor.body else ''}"
 
 
 def _percent(values: FloatArray) -> str:

@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from validation.campaign.case import describe_pose, tabulate_pose
-from validation.cli.curved.derive import describe_body, describe_known_errors, format_vector, judge_error, say_written
-from validation.cli.failures import DONE
-from validation.cli.meaning import print_meaning
+from validation.cli.curved.derive import describe_known_errors, format_vector, judge_error, say_written
+from validation.cli.entry import DONE
 from validation.cli.options import collect
-from validation.cli.output import print_json, print_rows, print_table, say
+from validation.cli.output import Progress, describe_cover, print_json, print_meaning, print_rows, print_table, say
 from validation.cli.press_options import read_friction_option
-from validation.cli.progress import Progress
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -132,7 +130,7 @@ def press_by_fast_model(
         print_json({**about, **asked, "models": {"fast": found.as_json()}, "scores": None})
         return DONE
     rows = [
-        ("cover", describe_body(sensor)),
+        ("cover", describe_cover(sensor.cover)),
         ("touched at", describe_pose(touch)),
         ("force on the cover", f"({format_vector(found.force, 4)}) N, {load:.4f} N of it along the direction"),
         ("time", f"{1e3 * found.seconds:.0f} ms, without the derivation of the model"),
@@ -204,8 +202,8 @@ def _print_texels(array: TexelArray, forces: FloatArray, fast: FloatArray | None
 
 def _list_press(press: CurvedPress) -> Iterator[tuple[str, str]]:
     found = press.fem
-    yield "cover", describe_body(press.sensor)
-    for line in press.sensor.body.notes if press.sensor.body else ():
+    yield "cover", describe_cover(press.sensor.cover)
+    for line in press.sensor.cover.notes:
         yield "note", line
     yield "touched at", describe_pose(press.touch)
     yield "force on the cover", f"({format_vector(found.force, 4)}) N, {found.load:.4f} N of it along the direction"

@@ -1,0 +1,125 @@
+"""Solid covers with the meshes that finite elements solve: swept from a base, or tetrahedra in a closed shell."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from meshes.cover import Layer, SolidCover
+from meshes.material import Material
+from meshes.solids.shell import Shell
+from meshes.solids.solid_mesh import LIMITS, SolidMesh, check_quality
+from meshes.solids.swept import SweptCover
+from meshes.surfaces.triangles import enclosed_volume
+
+#: Volume of a regular tetrahedron over the cube of its edge [-].
+_REGULAR = 1 / (6 * np.sqrt(2))
+#: Largest number of tetrahedra that a mesh may be expected to have [-].
+_MOST_TETRAHEDRA = 150_000
+#: Factor on the element size of a mesh with too few elements through the thickness, as on coarse triangles [-].
+_SMALLER = 0.85
+#: Largest number of times that this factor is taken [-].
+_TRIES = 3
+#: Element size over the thickness of a mesh that is finer than the finest of a result [-].
+_FINER = 0.3
+#: Layers of elements of this mesh [-].
+_FINER_LAYERS = 6
+
+#: Receives a line of text before each step.
+Progress = Callable[[str], None]
+#: Returns the arrays that a function computes for some inputs, kept from an earlier call with the same inputs if any.
+Keep = Callable[[Mapping[str, Any], Callable[[], Mapping[str, Any]]], Mapping[str, Any]]
+
+
+def make_swept_cover(swept: SweptCover, material: Material, source: str, *, assumed: bool = False) -> SolidCover:
+    """Make a cover of hexahedra that are swept from its base.
+
+    Args:
+        swept: Base and thickness.
+        material: Material of the cover.
+        source: What the cover is made from, in words.
+        assumed: Whether thickness and material were never measured.
+    """
+
+    def make(thickness: float, progress: Progress) -> tuple[SolidMesh, ...]:
+        progress("hexahedra swept from the base")
+        return replace(swept, thickness=thickness).meshes()
+
+    def refine(thickness: float) -> SolidMesh:
+        return replace(swept, thickness=thickness).mesh(_FINER * thickness, layers=_FINER_LAYERS)
+
+    layer = Layer(thickness=swept.thickness, material=material)
+    return SolidCover(layers=(layer,), source=source, make=make, refine=refine, assumed=assumed)
+
+
+def make_shell_cover(shell: Shell, material: Material, source: str, sizes: tuple[float, ...], keep: Keep) -> SolidCover:
+    """Make a cover of tetrahedra in a closed surface.
+
+    Args:
+        shell: The closed surface.
+        material: Material of the cover.
+        source: What the cover is made from, in words.
+        sizes: Sizes of the elements of each mesh [m].
+        keep: Keeps the meshes for later runs, because the mesher gives another mesh at every call.
+    """
+
+    def make(_: float, progress: Progress) -> tuple[SolidMesh, ...]:
+        meshes = [_fill_finely(shell, source, size, keep, progress) for size in sizes]
+        # On strongly curved surfaces the envelope sets the size of the elements; then the numbers are not in order.
+        by_count = {len(mesh.cells): mesh for mesh in meshes}
+        return tuple(by_count[count] for count in sorted(by_count))
+
+    return SolidCover(
+        layers=(Layer(thickness=shell.thickness, material=material),),
+        source=source,
+        make=make,
+        given_thickness=shell.thickness,
+        notes=shell.notes,
+        base_triangles=shell.base,
+    )
+
+
+def _fill_finely(shell: Shell, source: str, size: float, keep: Keep, progress: Progress) -> SolidMesh:
+    """Fill a shell with tetrahedra of a size [m], or smaller ones if too few are through the thickness."""
+    mesh = _fill(shell, source, size, keep, progress)
+    for _ in range(_TRIES):
+        if check_quality(mesh).through >= LIMITS.through:
+            break
+        size *= _SMALLER
+        mesh = _fill(shell, source, size, keep, progress)
+    return mesh
+
+
+def _fill(shell: Shell, source: str, size: float, keep: Keep, progress: Progress) -> SolidMesh:
+    """Fill a shell with tetrahedra of one size [m], or take the mesh of an earlier call.
+
+    Raises:
+        ValueError: If the mesher fails, or the elements would be too many.
+        ModuleNotFoundError: If pytetwild is not installed.
+    """
+    from meshes.solids.tetrahedra import fill_with_tetrahedra
+
+    expected = enclosed_volume(shell.surface) / (_REGULAR * size**3)
+    if expected > _MOST_TETRAHEDRA:
+        raise ValueError(
+            f"cover.element_size: {1e3 * size:.3g} mm would make {expected:.0f} tetrahedra, more than "
+            f"{_MOST_TETRAHEDRA}; take larger elements"
+        )
+
+    def compute() -> dict[str, object]:
+        progress(f"tetrahedra of {1e3 * size:.3g} mm")
+        mesh = fill_with_tetrahedra(shell.surface, shell.base, size, name=source, crossings=not shell.is_folded)
+        arrays = {name: getattr(mesh, name) for name in ("nodes", "cells", "base", "top", "sides")}
+        return {**arrays, "settings": np.array(json.dumps(dict(mesh.settings)))}
+
+    found = keep({"surface": shell.surface, "base": shell.base, "size": size}, compute)
+    return SolidMesh(
+        nodes=found["nodes"].astype(float),
+        **{name: found[name].astype(np.int64) for name in ("cells", "base", "top", "sides")},
+        source=f"tetrahedra in {source}",
+        settings=json.loads(str(found["settings"])),
+    )
