@@ -12,10 +12,10 @@ import fastmodel
 import meshes
 from fastmodel import WTS_0614_34, Parameters, Tabulated
 from fastmodel.contact.mesh import MeshContact
-from fastmodel.contact.panels import Wrench
 from fastmodel.contact.points import pose_indenter, press_points, solve_pressure
 from fastmodel.errors import FastModelError, ParametersError
 from fastmodel.pose import rotate
+from fastmodel.pressure.solvers import Wrench
 from fastmodel.surface import CoverPoints
 from meshes import Sphere, TexelArray
 from meshes.pose import Pose
