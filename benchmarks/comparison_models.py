@@ -22,12 +22,11 @@ from meshes import Pose, TexelArray
 from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import default_cases
 from validation.campaign.case import Case
-from validation.campaign.pooling import Pooled
-from validation.campaign.results import MODELS, CampaignResult
+from validation.campaign.results import MODELS, CampaignResult, Pooled
 from validation.campaign.run import run_campaign
 from validation.derivation.derive import derive
 from validation.json_values import json_text
-from validation.published.calibration import prepare_models
+from validation.published.models import prepare_models
 from validation.sensor_file import BUILT_IN
 
 METRICS = (("misplaced_force", 100), ("image_changed_percent", 1), ("image_changed_line_percent", 1))

@@ -37,7 +37,7 @@ from meshes import (
     TexelArray,
 )
 from meshes.catalogue import ARRAYS
-from validation.derivation.cover_kernels import cover_cells
+from validation.derivation.kernel import cover_cells
 
 SHAPES: dict[str, Indenter] = {
     "20 mm face": Box(size=(20e-3, 20e-3, 10e-3)),

@@ -24,7 +24,7 @@ from fem_reference.small_strain_contact.several_indenters import Body, press_tog
 from meshes import Box, Cover, Cylinder, Indenter, Layer, LetterH, Material, Nut, Pose, TexelArray
 from meshes.catalogue import ARRAYS
 from meshes.constants import STANDARD_GRAVITY
-from validation.derivation.cover_kernels import cover_cells
+from validation.derivation.kernel import cover_cells
 
 ARRAY: TexelArray = ARRAYS["wts-0614-34"]
 SHAPES: dict[str, Indenter] = {

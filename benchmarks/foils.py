@@ -20,8 +20,8 @@ from fem_reference import point_spread
 from fem_reference.indentation.ball_path import press_ball
 from meshes import Cover, Layer, Material, Sphere, TexelArray
 from meshes.catalogue import MATERIALS
-from validation.derivation.cover_kernels import cover_cells
-from validation.derivation.validity import measure_misplaced, press_ball_on_array, state_range
+from validation.derivation.contact_range import measure_misplaced, press_ball_on_array, state_range
+from validation.derivation.kernel import cover_cells
 
 RADII = (2e-3, 4e-3, 8e-3)
 LOADS = (0.2, 0.5, 1.0, 2.0)

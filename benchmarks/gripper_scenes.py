@@ -20,7 +20,7 @@ import fastmodel
 from fastmodel import Parameters
 from fem_reference import point_spread
 from meshes import Cover, Layer, Material, TexelArray
-from validation.derivation.cover_kernels import cover_cells
+from validation.derivation.kernel import cover_cells
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -339,7 +339,7 @@ def _separate_two_points(parameters: Parameters) -> float | str:
         from fem_reference.linear_response.point_spread import PointSpread
     except ImportError:
         return "its computation needs the extra fem; run in a clone of softcover: python -m pip install -e '.[fem]'"
-    from validation.derivation.resolution import texel_separation
+    from validation.derivation.kernel import texel_separation
 
     spread = PointSpread(
         radius=tables["point_response_radius"],

@@ -2,7 +2,7 @@
 
 The reference is the finite-element solution of the same indentation, or another sensor model.  `score` compares the
 texel forces of one case (one indentation that is scored) by every metric.  `score_images` compares the grey levels of
-two images, because recordings of real sensors hold no forces.  `validation.campaign.pooling` averages scores over
+two images, because recordings of real sensors hold no forces.  `validation.campaign.results` averages scores over
 cases.  Force arrays have one entry per texel, shape (n,) for n texels [N].  Errors are fractions unless the name says
 percent; lengths are in metres.
 

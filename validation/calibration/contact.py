@@ -135,7 +135,7 @@ def make_reference_method(cover: Cover, array: TexelArray) -> ContactMethod:
         array: The texels.
     """
     from fem_reference import point_spread, press
-    from validation.derivation.calibration_tip import linearise
+    from validation.derivation.contact_range import linearise
 
     linear = linearise(cover)
     contacts: dict[tuple[Indenter, float, float, float], tuple[FloatArray, FloatArray]] = {}

@@ -13,8 +13,8 @@ import numpy as np
 from fastmodel import Electronics
 from validation.calibration.observations import Observations
 from validation.calibration.uncertainty import Estimate, estimate_mean
-from validation.derivation.calibration_tip import compute_tip_share, linearise
-from validation.derivation.kernel_fit import Influence
+from validation.derivation.contact_range import compute_tip_share, linearise
+from validation.derivation.kernel import Influence
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 

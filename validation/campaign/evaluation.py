@@ -17,13 +17,11 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from meshes import SolidCover
-from validation.campaign.bench import prepare_bench
+from validation.campaign.bench import Plan, plan_solves, prepare_bench
 from validation.campaign.campaign_file import Campaign, read_campaign
 from validation.campaign.case import Case
-from validation.campaign.cost import Plan, plan_solves
-from validation.campaign.results import CampaignResult
+from validation.campaign.results import CampaignResult, Verdict, judge
 from validation.campaign.run import run_campaign
-from validation.campaign.verdict import Verdict, judge
 from validation.credibility.evidence import Evidence, gather_evidence
 from validation.derivation.derive import Derivation, derive
 from validation.errors import InputError

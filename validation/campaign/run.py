@@ -11,24 +11,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from validation.campaign.bench import Clock, Plan
 from validation.campaign.case import Case
-from validation.campaign.cost import Clock, Plan
-from validation.campaign.pooling import Pooled, pool, skill
 from validation.campaign.results import (
     MODELS,
     SKILL_METRICS,
     CampaignResult,
     CaseResult,
+    Pooled,
     Prediction,
     RowScores,
     SkippedCase,
+    pool,
+    skill,
 )
 from validation.errors import InputError
 from validation.metrics import TABULATED
 
 if TYPE_CHECKING:
     from validation.campaign.bench import Bench
-    from validation.published.calibration import ComparisonModels
+    from validation.published.models import ComparisonModels
 
 Progress = Callable[[int, int, str], None]
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
-
-from validation.cli.output import show, show_wrapped
 
 if TYPE_CHECKING:
     from validation.campaign.comparison import Comparison
@@ -19,13 +17,6 @@ GOOD_MISPLACED, USABLE_MISPLACED = 0.02, 0.05
 GOOD_ERROR = 0.01
 #: Share of a load that a kernel puts on wrong texels below which a Gaussian describes the spread well [-].
 GOOD_RESIDUAL = 0.05
-
-
-def print_meaning(sentences: Iterable[str]) -> None:
-    """Print an empty line, then each sentence on lines of its own."""
-    show("")
-    for sentence in sentences:
-        show_wrapped(sentence)
 
 
 def explain_derivation(derivation: Derivation) -> Iterator[str]:

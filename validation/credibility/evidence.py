@@ -8,13 +8,10 @@ from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from validation.campaign.campaign_file import Campaign
-from validation.campaign.pooling import Pooled, pool
-from validation.campaign.results import CampaignResult, CaseResult
-from validation.credibility.code_verification import Check
-from validation.credibility.comparison_error import ComparisonError, compare_quantities
-from validation.credibility.input_uncertainty import InputUncertainty
-from validation.credibility.solution_verification import Convergence, verify_solutions
+from validation.campaign.results import CampaignResult, CaseResult, Pooled, pool
 from validation.credibility.stages import StageErrors
+from validation.credibility.uncertainty import ComparisonError, InputUncertainty, compare_quantities
+from validation.credibility.verification import Check, Convergence, verify_solutions
 from validation.results import Number, Result, renamed, result_model
 
 if TYPE_CHECKING:

@@ -20,9 +20,8 @@ import numpy as np
 from fastmodel.surface import CoverCells
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
-from validation.campaign.pooling import Pooled, pool
-from validation.campaign.results import CaseResult
-from validation.credibility.input_uncertainty import linearise
+from validation.campaign.results import CaseResult, Pooled, pool
+from validation.credibility.uncertainty import linearise
 from validation.results import Number, Result, result_model
 
 if TYPE_CHECKING:

@@ -12,14 +12,12 @@ import numpy as np
 
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes.array_types import FloatArray
-from validation.campaign.bench import Bench, prepare_bench
+from validation.campaign.bench import Bench, Plan, prepare_bench
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
-from validation.campaign.cost import Plan
 from validation.campaign.results import CaseResult, Reference, predict
-from validation.credibility.code_verification import Check
-from validation.credibility.input_uncertainty import InputUncertainty
-from validation.credibility.solid_verification import check_finer_mesh, check_shell
+from validation.credibility.uncertainty import InputUncertainty
+from validation.credibility.verification import Check, check_finer_mesh, check_shell
 from validation.curved.derive import CurvedDerivation
 from validation.curved.fast import press_fast
 from validation.curved.press import press_case

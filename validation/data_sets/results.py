@@ -11,7 +11,7 @@ from fastmodel.signal.electronics import grey_levels
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 from validation import metrics
-from validation.campaign.pooling import Pooled, pool
+from validation.campaign.results import Pooled, pool
 from validation.recordings.recording import BoolArray
 from validation.results import Column, GreyImage, Number, Result, result_model
 

@@ -16,7 +16,7 @@ from validation.calibration.contact import ContactMethod, make_fast_method, make
 from validation.calibration.forward_fit import ForwardFit, Options, borrow_poses, fit_forward, fit_placements
 from validation.calibration.observations import Observations
 from validation.calibration.uncertainty import describe_fit
-from validation.campaign.pooling import pool, skill
+from validation.campaign.results import pool, skill
 from validation.data_sets.data_set import DataSet, Split
 from validation.data_sets.images import Image, observe, read_images
 from validation.data_sets.null_models import NULLS

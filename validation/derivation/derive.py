@@ -19,15 +19,26 @@ import numpy.typing as npt
 from fastmodel.fitting.gaussian import Fit
 from fastmodel.signal.point_spread import Tabulated
 from meshes import SolidCover, TexelArray
-from validation.derivation.calibration_tip import TipShare, compute_tip_share
-from validation.derivation.cover_kernels import cells_with_sides, cover_cells
-from validation.derivation.depth_fits import DepthFits, fit_depth
-from validation.derivation.kernel_fit import Influence, fit_kernel, radial_profile
-from validation.derivation.quadrature import gauss_points
-from validation.derivation.resolution import texel_separation, two_point_separation
-from validation.derivation.sensitivity import sigma_sensitivities
-from validation.derivation.undetermined import list_undetermined
-from validation.derivation.validity import press_ball_on_array, state_range
+from validation.derivation.contact_range import (
+    DepthFits,
+    TipShare,
+    compute_tip_share,
+    fit_depth,
+    list_undetermined,
+    press_ball_on_array,
+    state_range,
+)
+from validation.derivation.kernel import (
+    Influence,
+    cells_with_sides,
+    cover_cells,
+    fit_kernel,
+    gauss_points,
+    radial_profile,
+    sigma_sensitivities,
+    texel_separation,
+    two_point_separation,
+)
 from validation.errors import InputError
 from validation.results.derivation import FlatResponses, Kernel, PointResponse
 from validation.sensor_file import SensorDescription

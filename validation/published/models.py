@@ -1,13 +1,31 @@
-"""The table of published models: names, years, sources, parameters as shipped, and which parameters are fitted."""
+"""The published models, and their fit to a few presses that are never scored.
+
+Protocol of the fit, the same for all models: the mean misplaced force over the calibration presses is minimised over
+the logarithms of the fitted parameters, by a scan around the parameters as shipped and the method of Nelder and Mead
+from the best point of the scan.  All presses are by bodies of revolution, whose finite-element solution takes seconds
+on any cover.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
-from meshes import Cover
-from validation.published import contact_map, contact_points, penetration
-from validation.published.scene import Forces, Values
+import numpy as np
+
+from meshes import Cover, Pose, TexelArray
+from meshes.array_types import FloatArray
+from validation.campaign.case import Case
+from validation.metrics import misplaced_force
+from validation.published import rules
+from validation.published.scene import Forces, Scene, Values, make_scene
+
+if TYPE_CHECKING:
+    from fastmodel import Parameters
+    from fem_reference.closed_form.influence import TexelResponse
+    from fem_reference.indentation.result import Indentation
 
 #: How sure the implementation is.
 CODE, SUMMARY = "from its published code", "from a summary of its code"
@@ -80,7 +98,7 @@ def _report(sigma: float, ksize_x: int, ksize_y: int, fitted: tuple[str, ...] = 
         contact=POINTS,
         rule="sum on boxes, separable Gaussian of unit sum",
         certainty=REPORT,
-        predict=contact_points.predict_gaussian_boxes,
+        predict=rules.predict_gaussian_boxes,
         shipped={"sigma": sigma, "ksize_x": ksize_x, "ksize_y": ksize_y},
         units={"sigma": "pitches", "ksize_x": "texels", "ksize_y": "texels"},
         in_time="Butterworth filter before the Gaussian",
@@ -88,7 +106,7 @@ def _report(sigma: float, ksize_x: int, ksize_y: int, fitted: tuple[str, ...] = 
     )
 
 
-#: All published models, by name.  Null models and the fast model are in `validation.campaign.run.MODELS`.
+#: All published models, by name.  Null models and the fast model are in `validation.campaign.results.MODELS`.
 PUBLISHED: Mapping[str, Model] = {
     model.name: model
     for model in (
@@ -103,7 +121,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=POINTS,
             rule="sum on the texel's box, no spread",
             certainty=SECONDARY,
-            predict=contact_points.predict_binned,
+            predict=rules.predict_binned,
             in_time="y = 0.1 f + 0.9 y every 2.5 ms in GraspIt's later code",
         ),
         Model(
@@ -112,7 +130,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=POINTS,
             rule="each point spread by the cover's own radial response",
             certainty=SECONDARY,
-            predict=contact_points.predict_cover_response,
+            predict=rules.predict_cover_response,
         ),
         Model(
             name="schunk",
@@ -120,7 +138,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=POINTS,
             rule="sum on boxes, mean of 3 x 3 texels, clipped counts",
             certainty=f"{SUMMARY}; borders unknown",
-            predict=contact_points.predict_mean_3x3,
+            predict=rules.predict_mean_3x3,
             shipped={"counts_per_newton": 350.0, "most_counts": 3500.0},
             units={"counts_per_newton": "1/N"},
             total="less where texels saturate",
@@ -132,7 +150,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=POINTS,
             rule="each point shared among all texels by Gaussians of distance and angle, unit sum",
             certainty=f"{CODE}; default widths unknown",
-            predict=contact_points.predict_normalised_gaussian,
+            predict=rules.predict_normalised_gaussian,
             shipped=None,
             start={"distance": 2e-3, "angle": 1.0, "least_force": 0.0},
             fitted=("distance",),
@@ -145,7 +163,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=POINTS,
             rule="binned by azimuth and elevation from a site behind the array",
             certainty="checked against the plugin of MuJoCo 4.0",
-            predict=contact_points.predict_touch_grid,
+            predict=rules.predict_touch_grid,
             shipped={"field_of_view": 45.0},
             fitted=("field_of_view",),
             units={"field_of_view": "deg"},
@@ -156,7 +174,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=PENETRATION,
             rule="one offset by mean pressure, load shared by depth, mask of 3 x 3 texels",
             certainty=CODE,
-            predict=penetration.predict_robwork,
+            predict=rules.predict_robwork,
             shipped={"modulus": 700e3, "mask": 1.0},
             fitted=("modulus", "mask"),
             units={"modulus": "Pa"},
@@ -169,7 +187,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=PENETRATION,
             rule="elastic foundation k d A on fine cells",
             certainty=SUMMARY,
-            predict=penetration.predict_foundation,
+            predict=rules.predict_foundation,
             fitted=("stiffness",),
             units={"stiffness": "Pa/m"},
             in_time="damper c; friction with sigma_0, sigma_1, mu_s, mu_d",
@@ -180,7 +198,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=PENETRATION,
             rule="one spring per texel, Gaussian of 3 x 3 texels",
             certainty=SUMMARY,
-            predict=penetration.predict_springs,
+            predict=rules.predict_springs,
             shipped={"stiffness": 16.37, "amplitude": 0.159, "sigma": 10e-3},
             fitted=("stiffness", "amplitude", "sigma"),
             units={"stiffness": "N/m", "sigma": "m"},
@@ -193,7 +211,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=PENETRATION,
             rule="k d^e at each texel's centre, crosstalk by a Gaussian",
             certainty=CODE,
-            predict=penetration.predict_taxels,
+            predict=rules.predict_taxels,
             shipped={"stiffness": 500.0, "exponent": 1.2, "crosstalk": 0.0, "sigma": 0.5},
             start={"crosstalk": 0.3},
             fitted=("stiffness", "crosstalk", "sigma"),
@@ -206,7 +224,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=PENETRATION,
             rule="penalty k_n d on a distance field, one point per texel",
             certainty=SUMMARY,
-            predict=penetration.predict_penalty,
+            predict=rules.predict_penalty,
             shipped={"stiffness": 5000.0},
             fitted=("stiffness",),
             units={"stiffness": "N/m"},
@@ -217,7 +235,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=PENETRATION,
             rule="rigid penetration at each texel's centre",
             certainty="checked against the sensor of MuJoCo 4.0",
-            predict=penetration.predict_mujoco_tactile,
+            predict=rules.predict_mujoco_tactile,
             shipped={"depth_factor": 1.0},
             fitted=("depth_factor",),
             total="scaled to the load",
@@ -228,7 +246,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=MAP,
             rule="Gaussian of the contact pressure, sampled at texel centres",
             certainty=SECONDARY,
-            predict=contact_map.predict_gaussian_of_pressure,
+            predict=rules.predict_gaussian_of_pressure,
             shipped=None,
             start={"sigma": 2e-3},
             fitted=("stiffness", "sigma"),
@@ -240,7 +258,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=MAP,
             rule="Gaussian of the contact depth, sampled at texel centres",
             certainty=SECONDARY,
-            predict=contact_map.predict_gaussian_of_depth,
+            predict=rules.predict_gaussian_of_depth,
             shipped=None,
             start={"sigma": 2e-3},
             fitted=("stiffness", "sigma"),
@@ -252,7 +270,7 @@ PUBLISHED: Mapping[str, Model] = {
             contact=MAP,
             rule="low-pass (1 + k h) exp(-k h) of the contact pressure",
             certainty=f"{SECONDARY}; form of the low-pass chosen by us",
-            predict=contact_map.predict_low_pass,
+            predict=rules.predict_low_pass,
             shipped=None,
             start={"depth": 2e-3},
             fitted=("stiffness", "depth"),
@@ -264,9 +282,297 @@ PUBLISHED: Mapping[str, Model] = {
             contact=MAP,
             rule="exact transfer function of the bonded layer on the same pressure",
             certainty=OWN,
-            predict=contact_map.predict_exact_layer,
+            predict=rules.predict_exact_layer,
             fitted=("stiffness",),
             units={"stiffness": "Pa/m"},
         ),
     )
 }
+
+
+#: Calibration presses: name, indenter, load, and position of its axis from the array's centre over the pitch.
+_PRESSES = (
+    ("calibration, ball", "sphere:radius=6mm", "3 N", (0.35, 0.15)),
+    ("calibration, flat punch", "cylinder:radius=3.5mm", "2 N", (-0.3, 0.4)),
+    ("calibration, large ball", "sphere:radius=10mm", "1 N", (-0.9, -1.6)),
+)
+#: Fewest presses to fit to [-].
+_FEWEST = 2
+#: First value of a foundation's stiffness under a cover of incompressible material, which has none [Pa/m].
+_START_STIFFNESS = 1e9
+#: The scan before the fit has 2^(3 + number of parameters) points [-]; its range in the logarithm, to both sides; edge
+#: of the first simplex in the logarithm.
+_SCAN, _SCAN_RANGE, _SIMPLEX = 3, 3.0, 0.1
+#: Largest number of evaluations per fitted parameter [-], and tolerances in the logarithm and in the misplaced force.
+_EVALUATIONS, _TOLERANCE = 50, 1e-4
+AS_SHIPPED, AS_FITTED = "as shipped", "as fitted"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CalibrationPress:
+    """A press that models are fitted to.
+
+    Attributes:
+        scene: The press as the models see it.
+        reference: Result of the finite elements.
+    """
+
+    scene: Scene
+    reference: Indentation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Row:
+    """A published model with its parameters, one row of the table of scores.
+
+    Attributes:
+        model: The model.
+        variant: `AS_SHIPPED` or `AS_FITTED`.
+        parameters: Values of all parameters by name, in SI units.
+        fitted: Names of the fitted parameters; empty as shipped.
+        cases: Calibration presses that they were fitted to.
+        error: Mean misplaced force over these presses; NaN as shipped without presses [-].
+    """
+
+    model: Model
+    variant: str
+    parameters: Values
+    fitted: tuple[str, ...] = ()
+    cases: tuple[Case, ...] = ()
+    error: float = math.nan
+
+    @property
+    def name(self) -> str:
+        """Name of the row, unique in the table."""
+        return f"{self.model.name}, {self.variant}"
+
+    def predict(self, scene: Scene) -> Forces:
+        """Predict the forces of one press; force on masked texels counts as outside."""
+        texels, outside = self.model.predict(scene, **self.parameters)
+        active = scene.array.active
+        return Forces(np.where(active, texels, 0.0), outside + float(texels[~active].sum()))
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the row as a dictionary of JSON values."""
+        model = self.model
+        return {
+            "name": self.name,
+            "title": model.title,
+            "variant": self.variant,
+            "contact": model.contact,
+            "rule": model.rule,
+            "certainty": model.certainty,
+            "total": model.total or "the load",
+            "not_built": model.in_time,
+            "parameters": dict(self.parameters),
+            "units": dict(model.units),
+            "fitted": list(self.fitted),
+            "fitted_on": [f"{case.shape}, {case.load:g} N at {case.place}" for case in self.cases],
+            "fit_misplaced_force": self.error,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ComparisonModels:
+    """The published models as rows, ready to be scored on one cover and array.
+
+    Attributes:
+        rows: The rows.
+        response: Exact response of the cover, which all scenes share.
+    """
+
+    rows: Sequence[Row]
+    response: TexelResponse
+
+    def check_unseen(self, cases: Sequence[Case]) -> None:
+        """Check that no row was fitted to one of the cases.
+
+        Raises:
+            ValueError: If a row was fitted to a press by the indenter of a case.
+        """
+        for row in self.rows:
+            check_disjoint(row.cases, cases)
+
+    def predict(self, cover: Cover, parameters: Parameters, case: Case) -> tuple[Scene, dict[str, Forces]]:
+        """Make the scene of a case, and predict its forces by every row.
+
+        Raises:
+            ValueError: If a row was fitted to a press by the case's indenter.
+            FastModelError: If the texels do not carry the load in MuJoCo.
+        """
+        self.check_unseen([case])
+        scene = make_scene(cover, parameters, case, self.response)
+        return scene, {row.name: row.predict(scene) for row in self.rows}
+
+
+def prepare_models(
+    cover: Cover,
+    parameters: Parameters,
+    cases: Sequence[Case],
+    *,
+    friction: float = 0.0,
+    progress: Callable[[str], None] | None = None,
+) -> ComparisonModels | None:
+    """Fit the published models on calibration presses, and return all rows as shipped and as fitted.
+
+    Args:
+        cover: The cover.
+        parameters: Parameters of the fast model.
+        cases: The cases that will be scored; no calibration press has an indenter of theirs.
+        friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
+        progress: Called with a line of text before each step.
+
+    Returns:
+        The rows; None for an array that is not a regular grid or a cover with side edges, which the models do not take.
+        Without two calibration presses there are no rows as fitted.
+    """
+    if not parameters.array.regular or cover.size is not None:
+        return None
+    from fem_reference.closed_form.influence import tabulate_texel_response
+
+    tell = progress or (lambda _: None)
+    response = tabulate_texel_response(cover, parameters.array.texel_size)
+    presses = []
+    for case in choose_calibration(parameters.array, cases):
+        tell(case.name)
+        press = _press(cover, parameters, case, response, friction=friction)
+        if press is not None:
+            presses.append(press)
+    rows = []
+    for model in PUBLISHED.values():
+        tell(f"fit of {model.title}")
+        rows += make_rows(model, cover, presses)
+    return ComparisonModels(rows=tuple(rows), response=response)
+
+
+def choose_calibration(array: TexelArray, cases: Sequence[Case]) -> list[Case]:
+    """Return the calibration presses whose indenter is in none of the cases.
+
+    Args:
+        array: The array, whose pitch places the presses.
+        cases: The cases that are scored.
+    """
+    chosen = []
+    for name, shape, load, (x, y) in _PRESSES:
+        case = Case.read(name, shape, load)
+        at = (x * array.pitch[0], y * array.pitch[1])
+        if all(case.indenter != scored.indenter for scored in cases):
+            chosen.append(Case(name=name, indenter=case.indenter, shape=shape, load=case.load, pose=Pose.planar(at=at)))
+    return chosen
+
+
+def check_disjoint(fitted: Sequence[Case], scored: Sequence[Case]) -> None:
+    """Check that no case is both fitted and scored.
+
+    One indenter has the same contact at every pose on a wide cover, so it must not be in both, whatever the pose.
+
+    Raises:
+        ValueError: If an indenter is in both.
+    """
+    for case in scored:
+        if any(case.indenter == other.indenter for other in fitted):
+            raise ValueError(f"{case.name} ({case.shape}) must not be scored: models were fitted to this indenter")
+
+
+def make_rows(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -> list[Row]:
+    """Make the rows of a model: as shipped if its parameters are known, as fitted if it has any to fit.
+
+    Args:
+        model: The model.
+        cover: The cover.
+        presses: The calibration presses; no fit to fewer than two.
+    """
+    shipped, rows = model.find_shipped(cover), []
+    if shipped is not None:
+        error = measure_error(model, shipped, presses) if presses else math.nan
+        rows.append(Row(model=model, variant=AS_SHIPPED, parameters=shipped, error=error))
+    if model.fitted and len(presses) >= _FEWEST:
+        parameters, error = fit_model(model, cover, presses)
+        cases = tuple(press.scene.case for press in presses)
+        rows.append(
+            Row(
+                model=model,
+                variant=AS_FITTED,
+                parameters=parameters,
+                fitted=model.fitted,
+                cases=cases,
+                error=error,
+            )
+        )
+    return rows
+
+
+def measure_error(model: Model, parameters: Values, presses: Sequence[CalibrationPress]) -> float:
+    """Compute the mean misplaced force of a model over presses [-]."""
+    row = Row(model=model, variant="", parameters=parameters)
+    errors = []
+    for press in presses:
+        forces = row.predict(press.scene)
+        errors.append(
+            misplaced_force(
+                press.reference.texel_forces,
+                forces.texels,
+                reference_outside=press.reference.outside,
+                outside=forces.outside,
+                load=press.scene.load,
+            )
+        )
+    return float(np.mean(errors))
+
+
+def fit_model(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -> tuple[Values, float]:
+    """Fit a model's parameters to presses, and return all its parameters and their mean misplaced force.
+
+    The result is never worse on these presses than the parameters as shipped.
+
+    Args:
+        model: The model.
+        cover: The cover, for the first value of a stiffness.
+        presses: The presses.
+    """
+    from scipy.optimize import minimize
+    from scipy.stats import qmc
+
+    shipped = model.find_shipped(cover)
+    known = {**(shipped or {}), **model.start}
+    if "stiffness" in model.fitted:
+        known.setdefault("stiffness", foundation_stiffness(cover) or _START_STIFFNESS)
+
+    def at(logarithms: FloatArray) -> Values:
+        return {**known, **dict(zip(model.fitted, np.exp(logarithms).tolist(), strict=True))}
+
+    def error(logarithms: FloatArray) -> float:
+        return measure_error(model, at(logarithms), presses)
+
+    start = np.log([known[name] for name in model.fitted])
+    scanned = start + _SCAN_RANGE * (2 * qmc.Sobol(len(start), seed=0).random_base2(_SCAN + len(start)) - 1)
+    first = min([start, *scanned], key=error)
+    found = minimize(
+        error,
+        first,
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.vstack([first, first + _SIMPLEX * np.eye(len(first))]),
+            "maxfev": _EVALUATIONS * len(first),
+            "xatol": _TOLERANCE,
+            "fatol": _TOLERANCE,
+        },
+    )
+    candidates = [at(found.x), *([] if shipped is None else [shipped])]
+    errors = [measure_error(model, each, presses) for each in candidates]
+    best = int(np.argmin(errors))
+    return candidates[best], errors[best]
+
+
+def _press(
+    cover: Cover, parameters: Parameters, case: Case, response: TexelResponse, *, friction: float
+) -> CalibrationPress | None:
+    """Press by finite elements and in MuJoCo; None if one of them cannot compute the press."""
+    from fem_reference import ConvergenceError
+    from fem_reference.indentation.press import press
+
+    try:
+        reference = press(cover, parameters.array, case.indenter, load=case.load, pose=case.pose, friction=friction)
+        return CalibrationPress(scene=make_scene(cover, parameters, case, response), reference=reference)
+    except (ValueError, ConvergenceError):
+        return None

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from validation.campaign.pooling import Pooled
-from validation.campaign.results import MODELS, SKILL_METRICS, CampaignResult, RowScores
+from validation.campaign.results import MODELS, SKILL_METRICS, CampaignResult, Pooled, RowScores
 from validation.metrics import METRICS
 from validation.render.table import Cell, Table, interval
 

@@ -13,10 +13,10 @@ import numpy as np
 from fastmodel.signal.electronics import describe_calibration
 from meshes.array_types import FloatArray
 from validation.campaign.evaluation import Evaluation
-from validation.campaign.pooling import Pooled
 from validation.campaign.results import (
     CampaignResult,
     CaseResult,
+    Pooled,
     describe_reference_error,
     name_texel_error,
     texel_error,

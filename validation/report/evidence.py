@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 
 from validation.campaign.evaluation import Evaluation
-from validation.credibility.code_verification import Check
-from validation.credibility.comparison_error import ComparisonError
 from validation.credibility.evidence import GROUP_METRICS, Evidence
-from validation.credibility.input_uncertainty import InputUncertainty
-from validation.credibility.solution_verification import Convergence
 from validation.credibility.stages import STAGES
+from validation.credibility.uncertainty import ComparisonError, InputUncertainty
+from validation.credibility.verification import Check, Convergence
 from validation.metrics import METRICS
 from validation.render.table import Cell, Table, interval, number, tabulate
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated
 
-from validation.results.model import Array, Column, JsonObject, Number, Result, result_model
+from validation.results import Array, Column, JsonObject, Number, Result, result_model
 
 
 @result_model

@@ -4,9 +4,8 @@ import dataclasses
 
 import pytest
 
-from validation.campaign.bench import LayeredBench
+from validation.campaign.bench import Clock, LayeredBench, Plan, classify, plan_solves
 from validation.campaign.case import Case
-from validation.campaign.cost import Clock, Plan, classify, plan_solves
 from validation.campaign.run import run_campaign
 
 CASES = (
@@ -38,7 +37,7 @@ def test_nothing_is_computed_to_find_out(bonded, wts, tmp_path, monkeypatch):
 
 def test_time_left_follows_the_finished_cases(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("validation.campaign.cost.time.perf_counter", lambda: now[0])
+    monkeypatch.setattr("validation.campaign.bench.time.perf_counter", lambda: now[0])
     clock = Clock(Plan(cases=3, missing=(True,) * 3, seconds=(10.0, 10.0, 20.0)))
     assert clock.describe(0, "a") == "a, about 40 s left"
     now[0] = 30.0  # three times as long as expected

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.campaign.pooling import pool, skill
+from validation.campaign.results import pool, skill
 
 
 def test_pooling_covers_the_mean_and_skips_what_does_not_exist():

@@ -8,9 +8,8 @@ import pytest
 from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import Criterion, read_campaign
 from validation.campaign.case import Case
-from validation.campaign.results import SkippedCase, score_forces
+from validation.campaign.results import SkippedCase, judge, score_forces
 from validation.campaign.run import run_campaign, summarise
-from validation.campaign.verdict import judge
 
 CASES = (
     Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from validation.credibility.code_verification import (
+from validation.credibility.verification import (
     Check,
     check_bonded_disk,
     check_point_load,

@@ -11,12 +11,18 @@ from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import Inputs, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.run import summarise
-from validation.credibility import evidence, input_uncertainty
-from validation.credibility.comparison_error import ComparisonError, compare_quantities
+from validation.credibility import evidence
+from validation.credibility import uncertainty as input_uncertainty
 from validation.credibility.evidence import describe_domain, group_errors
-from validation.credibility.input_uncertainty import list_inputs, propagate_inputs, simulate_image
-from validation.credibility.solution_verification import observe_order, verify_solutions
 from validation.credibility.stages import STAGES, count_back, score_stages
+from validation.credibility.uncertainty import (
+    ComparisonError,
+    compare_quantities,
+    list_inputs,
+    propagate_inputs,
+    simulate_image,
+)
+from validation.credibility.verification import observe_order, verify_solutions
 from validation.metrics import centre_of_pressure
 
 BALL = Case.read("ball", "sphere:radius=5mm", "300 g", at="0.7mm,-1.1mm")
@@ -259,7 +265,7 @@ def test_a_case_whose_inputs_cannot_be_propagated_costs_its_comparison_and_a_lin
         return propagate_inputs(cover, array, case, inputs)
 
     monkeypatch.setattr(input_uncertainty, "propagate_inputs", propagate)
-    monkeypatch.setattr("validation.credibility.code_verification.verify_code", lambda *_: ())
+    monkeypatch.setattr("validation.credibility.verification.verify_code", lambda *_: ())
     sensor = wts_derivation.sensor
     bench = LayeredBench(cover=sensor.cover, fast=wts_derivation.parameters)
     gathered = evidence.gather_evidence(bench, read_campaign(None, sensor.array), summarise(results, (), None))

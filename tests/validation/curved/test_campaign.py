@@ -9,14 +9,12 @@ from fem_reference.curved_cover import press_curved
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes import Material
 from meshes.bounded_file import parse_toml
+from validation.campaign.bench import Plan, run_campaign
 from validation.campaign.campaign_file import Criterion, Inputs, parse_campaign
-from validation.campaign.cost import Plan
-from validation.campaign.evaluation import evaluate
-from validation.campaign.run import run_campaign
-from validation.campaign.verdict import judge
-from validation.credibility import solid_verification as evidence
+from validation.campaign.evaluation import evaluate, judge
+from validation.credibility import verification as evidence
 from validation.credibility.evidence import gather_evidence
-from validation.credibility.solid_verification import check_shell
+from validation.credibility.verification import check_shell
 from validation.curved.bench import CURVED_MODELS, SolidBench, plan_presses
 from validation.curved.derive import derive_curved
 from validation.curved.places import CurvedPlaces

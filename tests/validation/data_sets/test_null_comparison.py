@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from validation.campaign.pooling import pool
+from validation.campaign.results import pool
 from validation.data_sets.results import CountScore, RecordingRow, compare_with_nulls
 
 RANDOM = np.random.default_rng(4)

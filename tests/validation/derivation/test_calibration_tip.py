@@ -12,7 +12,7 @@ import fastmodel
 from fastmodel import WTS_0614_34, Electronics
 from fem_reference.closed_form.contact import indent as indent_exactly
 from meshes import Pose, RoundedTip
-from validation.derivation.calibration_tip import compute_tip_share, find_middle, find_saturation
+from validation.derivation.contact_range import compute_tip_share, find_middle, find_saturation
 from validation.sensor_file import BUILT_IN
 
 #: Forces on the tip over the range of the published line, which is zero at 0.185 N and saturates at 1.646 N [N].

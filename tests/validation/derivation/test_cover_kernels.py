@@ -8,9 +8,8 @@ import pytest
 from fem_reference.linear_response.point_spread import point_spread
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from meshes import Cover, Layer, TexelArray
-from validation.derivation.cover_kernels import cover_cells
 from validation.derivation.derive import derive
-from validation.derivation.kernel_fit import fit_kernel
+from validation.derivation.kernel import cover_cells, fit_kernel
 
 
 @pytest.fixture(scope="module")

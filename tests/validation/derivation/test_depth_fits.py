@@ -8,8 +8,7 @@ from fem_reference import press
 from fem_reference.closed_form.contact import sphere
 from meshes import Sphere
 from tests.support.rubber import make_cover
-from validation.derivation.depth_fits import fit_depth
-from validation.derivation.undetermined import list_undetermined
+from validation.derivation.contact_range import fit_depth, list_undetermined
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meshes import TexelArray
-from validation.derivation.kernel_fit import fit_kernel, fitting_grid, radial_profile, uncut_sigma
+from validation.derivation.kernel import fit_kernel, fitting_grid, radial_profile, uncut_sigma
 
 
 def test_a_regular_grid_is_its_own_fitting_grid_and_another_layout_is_not(wts):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.derivation.quadrature import gauss_points
+from validation.derivation.kernel import gauss_points
 
 LENGTHS = st.floats(1e-4, 1.0)
 

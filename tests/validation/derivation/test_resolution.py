@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fem_reference import point_spread
 from fem_reference.closed_form import point_response
-from validation.derivation.resolution import two_point_separation
+from validation.derivation.kernel import two_point_separation
 from validation.sensor_file import load
 
 

@@ -5,8 +5,7 @@ import pytest
 
 from fem_reference import point_spread
 from meshes import Cover, Layer, Material
-from validation.derivation.kernel_fit import uncut_sigma
-from validation.derivation.sensitivity import sigma_sensitivities
+from validation.derivation.kernel import sigma_sensitivities, uncut_sigma
 from validation.sensor_file import load
 
 

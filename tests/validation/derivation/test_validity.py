@@ -13,8 +13,7 @@ from fem_reference.linear_response.membrane_tension import Stretch, StretchedRes
 from fem_reference.linear_response.surface_compliance import membrane_length
 from meshes import Cover, Layer, Material, Sphere, TexelArray
 from meshes.catalogue import MATERIALS
-from validation.derivation.derive import _state_range
-from validation.derivation.validity import (
+from validation.derivation.contact_range import (
     _choose_points,
     _find_limit,
     _repeat_presses,
@@ -22,6 +21,7 @@ from validation.derivation.validity import (
     press_ball_on_array,
     state_range,
 )
+from validation.derivation.derive import _state_range
 
 FOIL = Material(name="foil", model="linear-elastic", parameters={"youngs_modulus": 3e9}, poisson_ratio=0.38)
 COVER = Cover(
@@ -105,7 +105,7 @@ def test_tension_takes_force_away_and_the_contact_can_be_removed(bonded):
 def test_under_a_foil_the_tables_put_the_force_where_finite_strain_has_it(derivation, radius):
     array = TexelArray.grid(8, 8, 2.5e-3)
     spread = point_spread(COVER)
-    from validation.derivation.cover_kernels import cover_cells
+    from validation.derivation.kernel import cover_cells
 
     plain = dataclasses.replace(
         derivation.parameters, array=array, surface=cover_cells(COVER, array, spread), tables={}, validity=None

@@ -13,9 +13,10 @@ from validation.campaign.campaign_file import default_cases
 from validation.campaign.case import Case
 from validation.campaign.run import run_campaign
 from validation.metrics import TABULATED
-from validation.published.calibration import (
+from validation.published.models import (
     AS_FITTED,
     AS_SHIPPED,
+    PUBLISHED,
     CalibrationPress,
     ComparisonModels,
     Row,
@@ -25,7 +26,6 @@ from validation.published.calibration import (
     measure_error,
     prepare_models,
 )
-from validation.published.models import PUBLISHED
 from validation.published.scene import make_scene
 
 SCORED = (Case.read("box", "box:size=6mmx10mmx5mm", "100 g", at="0.7mm,-1.1mm", yaw="45deg"),)

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from fem_reference.closed_form.layer import point_response_spline
 from validation.published.models import PUBLISHED, foundation_stiffness
-from validation.published.penetration import robwork_mask
+from validation.published.rules import robwork_mask
 
 ROWS, COLUMNS, PITCH = 4, 3, 2e-3
 #: Parameters of the models whose published ones are unknown, or that do little in the small scene.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from validation.regression.electronics import _find_force
+from validation.regression.experiments import _find_force
 
 
 @pytest.mark.parametrize("level", [1, 37, 2000])

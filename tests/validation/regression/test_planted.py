@@ -12,11 +12,11 @@ from tests.validation.regression.planted import NEIGHBOURS, REFERENCE, REQUIRED
 from validation.campaign import campaign_file
 from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
-from validation.derivation import kernel_fit
-from validation.derivation.cover_kernels import cover_cells
+from validation.derivation import kernel as kernel_fit
+from validation.derivation.kernel import cover_cells
 from validation.regression.baseline import compare, make_baseline
+from validation.regression.experiments import Subject
 from validation.regression.quantities import EXPERIMENTS, QUANTITIES, measure
-from validation.regression.subject import Subject
 from validation.sensor_file import load
 
 # A warning of the sensors under test would reach the user of `softcover regress`, who can do nothing about it.

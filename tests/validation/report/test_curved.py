@@ -12,7 +12,7 @@ from meshes.solids.texels import cylinder_texels
 from tests.support.report_page import Page, is_printed
 from validation.campaign.campaign_file import parse_campaign
 from validation.campaign.evaluation import evaluate
-from validation.credibility.code_verification import Check
+from validation.credibility.verification import Check
 from validation.curved.places import CurvedPlaces
 from validation.render.image import Scale, tactile_image
 from validation.report import write_report

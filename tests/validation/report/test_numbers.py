@@ -8,9 +8,7 @@ import pytest
 from meshes.catalogue import ARRAYS
 from tests.support.report_page import Page, is_printed
 from validation.campaign.campaign_file import read_campaign
-from validation.campaign.pooling import Pooled
-from validation.campaign.results import MODELS, CampaignResult, CaseResult, Prediction
-from validation.campaign.verdict import judge
+from validation.campaign.results import MODELS, CampaignResult, CaseResult, Pooled, Prediction, judge
 from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores
 from validation.metrics import TABULATED, Score
 from validation.report import write_report

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from validation import read_report
-from validation.campaign.pooling import Pooled
-from validation.credibility.input_uncertainty import InputUncertainty
+from validation.campaign.results import Pooled
+from validation.credibility.uncertainty import InputUncertainty
 from validation.errors import InputError
 from validation.json_values import json_text
 from validation.metrics import METRICS, Score

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from meshes import SolidCover
-from validation.cli.failures import DONE
-from validation.cli.meaning import explain_derivation, print_meaning
+from validation.cli.entry import DONE
+from validation.cli.meaning import explain_derivation
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
 from validation.cli.output import (
+    Progress,
     describe_cover,
     describe_errors,
     make_console,
     print_json,
+    print_meaning,
     print_rows,
     print_table,
     say,
 )
-from validation.cli.progress import Progress
 
 if TYPE_CHECKING:
     from fastmodel import Fit, Validity
@@ -62,7 +62,8 @@ def derive(
         softcover derive wts-0614-34 --material dragon-skin-30 --thickness 3mm --json
         softcover derive fingertip --out fingertip
     """
-    from validation.cli.sensors import read_description
+    from meshes import SolidCover
+    from validation.cli.options import read_description
     from validation.output_folder import new_folder
 
     description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
@@ -100,6 +101,7 @@ def _require_modules(sensor: SensorDescription, *, pictures: bool) -> None:
     Raises:
         MissingExtraError: If they are not.
     """
+    from meshes import SolidCover
     from validation.extras import require
     from validation.sensor_file import BUILT_IN
 

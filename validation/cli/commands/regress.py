@@ -11,17 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from validation.cli.failures import CHECK_FAILED, DONE
+from validation.cli.entry import CHECK_FAILED, DONE
 from validation.cli.meaning import explain_verdict
 from validation.cli.options import Json, Sensor
-from validation.cli.output import print_json, say, show
-from validation.cli.progress import Progress
+from validation.cli.output import Progress, print_json, say, show
 from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
     from validation.regression.baseline import Baseline, Change
-    from validation.regression.subject import Subject
+    from validation.regression.experiments import Subject
     from validation.render.table import Table
     from validation.sensor_file import SensorDescription
 
@@ -54,12 +53,18 @@ def regress(
         softcover regress wts-0614-34 --out verdict
         softcover regress sensor.toml --baseline ci/sensor.json --junit regress.xml
     """
-    from validation.cli.sensors import read_sensor
+    from validation.cli.options import read_sensor
     from validation.output_folder import new_folder
-    from validation.regression.baseline import compare, make_baseline, measure_changes, merge, read_baseline
-    from validation.regression.junit import write_junit
+    from validation.regression.baseline import (
+        compare,
+        make_baseline,
+        measure_changes,
+        merge,
+        read_baseline,
+        write_junit,
+    )
+    from validation.regression.experiments import describe_sensor
     from validation.regression.quantities import measure
-    from validation.regression.subject import describe_sensor
     from validation.sensor_file import SensorDescription
 
     started = time.perf_counter()
@@ -175,8 +180,8 @@ def _check_options(baseline: Path, junit: Path | None, out: Path | None, seed: i
 
 def _make_subject(source: SensorDescription | Parameters, seed: int, progress: Progress) -> Subject:
     """Derive the parameters of a described sensor, and make the subject of the measurement."""
-    from validation.cli.sensors import tell_unused
-    from validation.regression.subject import Subject
+    from validation.cli.options import tell_unused
+    from validation.regression.experiments import Subject
     from validation.sensor_file import SensorDescription
 
     if not isinstance(source, SensorDescription):

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from validation.cli.failures import DONE, OUTSIDE_FAILED
-from validation.cli.meaning import GOOD_ERROR, print_meaning
-from validation.cli.output import describe_cover, describe_errors, print_json, print_rows, say
-from validation.cli.progress import Progress
+from validation.cli.entry import DONE, OUTSIDE_FAILED
+from validation.cli.meaning import GOOD_ERROR
+from validation.cli.output import Progress, describe_cover, describe_errors, print_json, print_meaning, print_rows, say
 
 if TYPE_CHECKING:
     from meshes.array_types import FloatArray

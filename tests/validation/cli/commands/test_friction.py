@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -52,7 +53,7 @@ def test_the_sensor_file_reaches_the_solver(softcover, coefficients):
 def test_the_sensor_file_reaches_every_case_of_a_report(coefficients, wts_derivation, monkeypatch):
     """The comparison models are left out: they press before the cases do."""
     monkeypatch.setattr(evaluation, "derive", lambda given, **__: dataclasses.replace(wts_derivation, sensor=given))
-    monkeypatch.setattr("validation.published.calibration.prepare_models", lambda *_, **__: None)
+    monkeypatch.setattr("validation.published.models.prepare_models", lambda *_, **__: None)
     sensor = dataclasses.replace(load("wts-0614-34"), friction=0.6)
     with pytest.raises(InputError, match="not computed here"):
         evaluation.evaluate(sensor, cases=[Case.read(name, "sphere:radius=5mm", "2N") for name in ("one", "two")])
@@ -65,8 +66,8 @@ def rubbing(tmp_path, monkeypatch):
     """A sensor file with friction, whose fast model is that of the built-in sensor."""
     from fastmodel import load as load_parameters
 
-    found = load_parameters("wts-0614-34")
-    monkeypatch.setattr("validation.cli.sensors.find_parameters", lambda *_: found)
+    found = SimpleNamespace(parameters=load_parameters("wts-0614-34"))
+    monkeypatch.setattr("validation.derivation.derive.derive", lambda *_, **__: found)
     file = tmp_path / "rubbing.toml"
     text = "[contact]\nfriction = 0.4\n[array]\nrows = 14\ncolumns = 6\npitch = '3.4 mm'\n"
     file.write_text(text + "[cover]\nlayer = [{ thickness = '2 mm', material = 'dragon-skin-30' }]\n")

@@ -1,0 +1,386 @@
+"""Rules of the published models: from one press, as a model sees it, to forces on the texels.
+
+Some take the forces from the contact points of the physics engine on box texels.  Others read the penetration of the
+rigid indenter.  The last spread a fine map of the contact by a function of the distance; the map is that of an elastic
+foundation under the rigid indenter: `pressure` is uniform over the area of contact, `depth` is proportional to the
+penetration; each carries the load.  Equations and sources: docs/comparison-models.md.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fastmodel import Gaussian
+from meshes import TexelArray
+from meshes.array_types import FloatArray
+from validation.published.scene import Forces, Scene, bin_on_texels, find_approach, find_foundation_approach
+
+
+def predict_gaussian_boxes(scene: Scene, *, sigma: float, ksize_x: float, ksize_y: float) -> Forces:
+    """2015 report: sum the normal contact forces on each box texel, then spread by a separable Gaussian with unit sum.
+
+    Args:
+        scene: The press.
+        sigma: Standard deviation [pitches].
+        ksize_x: Width of the kernel along x, odd [texels].
+        ksize_y: Width of the kernel along y, odd [texels].
+    """
+    kernel = Gaussian(sigma_x=sigma, sigma_y=sigma, ksize_x=int(ksize_x), ksize_y=int(ksize_y))
+    texels = kernel.operator(scene.array) @ scene.boxes.contact_forces
+    return Forces(texels, float(scene.boxes.total_force - texels.sum()))
+
+
+def predict_binned(scene: Scene) -> Forces:
+    """Tegin and Wikander 2005: sum the contact forces whose point lies on the texel's box; no spread."""
+    contacts = scene.contacts
+    texels = np.bincount(contacts.texels, _push(scene), scene.array.count).astype(np.float64)
+    return Forces(texels, 0.0)
+
+
+def predict_mean_3x3(scene: Scene, *, counts_per_newton: float, most_counts: float) -> Forces:
+    """schunk_simulated_tactile_sensors: bin the contact forces, take the mean of 3 x 3 texels, clip the counts.
+
+    The mean divides by 9 at the edges too, so that force is lost there.
+
+    Args:
+        scene: The press.
+        counts_per_newton: Sensitivity [1/N].
+        most_counts: Counts at which a texel saturates [-].
+    """
+    binned = predict_binned(scene).texels
+    spread = convolve(scene, binned, np.full((3, 3), 1 / 9))
+    texels = np.minimum(spread * counts_per_newton, most_counts) / counts_per_newton
+    return Forces(texels, float(binned.sum() - spread.sum()))
+
+
+def predict_cover_response(scene: Scene) -> Forces:
+    """RobWorkSim 2010: spread the force of each contact point by a deformation function of the distance.
+
+    The deformation function is the cover's own response to a point load, integrated over the texel.
+    """
+    forces, points = _push(scene), scene.contacts.points
+    shares = np.array([scene.response(points[:, 0] - x, points[:, 1] - y) for x, y in scene.array.centres[:, :2]])
+    texels = shares @ forces
+    return Forces(texels, float(forces.sum() - texels.sum()))
+
+
+def predict_normalised_gaussian(scene: Scene, *, distance: float, angle: float, least_force: float) -> Forces:
+    """gazebo_ros_tactile: share each contact force among all texels by Gaussians of distance and angle, with unit sum.
+
+    The weight of a texel is exp(-d^2 / (2 s_d^2)) exp(-(1 - n.n_k)^2 / (2 s_a^2)), d the distance of its centre from
+    the contact point, n and n_k the normals of contact and texel.  Only pushing forces count.
+
+    Args:
+        scene: The press.
+        distance: s_d [m].
+        angle: s_a [-].
+        least_force: Texel forces below this are set to zero [N].
+    """
+    contacts, array = scene.contacts, scene.array
+    pushing = contacts.forces > 0
+    apart = np.linalg.norm(contacts.points[pushing, None] - array.centres, axis=-1)
+    turned = 1 - contacts.normals[pushing] @ array.normals.T
+    exponent = -(apart**2) / (2 * distance**2) - turned**2 / (2 * angle**2)
+    # the common factor of a contact's weights cancels in their sum
+    weights = np.exp(exponent - exponent.max(axis=1, keepdims=True))
+    weights /= weights.sum(axis=1, keepdims=True)
+    texels = contacts.forces[pushing] @ weights
+    return Forces(np.where(texels < least_force, 0.0, texels), 0.0)
+
+
+def predict_touch_grid(scene: Scene, *, field_of_view: float) -> Forces:
+    """MuJoCo's touch_grid: bin the contact forces by azimuth and elevation, seen from a site behind the array.
+
+    The bins divide the field of view evenly in angle.  The site stands behind the array's centre, where the field of
+    view just covers the longer side of the array.
+
+    Args:
+        scene: The press.
+        field_of_view: Half the field of view along the longer side of the array [deg].
+    """
+    array, contacts = scene.array, scene.contacts
+    width, height = (array.pitch[0] * array.columns / 2, array.pitch[1] * array.rows / 2)
+    centre = array.centres.mean(axis=0)
+    back = max(width, height) / np.tan(np.radians(field_of_view))
+    x, y, z = (contacts.points - centre + [0, 0, back]).T
+    azimuth, elevation = np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))
+    # a point on an edge belongs to the bin below the edge, as in the plugin
+    column = np.searchsorted(np.linspace(-1, 1, array.columns + 1) * np.arctan(width / back), azimuth) - 1
+    row = np.searchsorted(np.linspace(-1, 1, array.rows + 1) * np.arctan(height / back), elevation) - 1
+    inside = (column >= 0) & (column < array.columns) & (row >= 0) & (row < array.rows)
+    forces = _push(scene)
+    texels = np.bincount(row[inside] * array.columns + column[inside], forces[inside], array.count)
+    return Forces(texels.astype(np.float64), float(forces[~inside].sum()))
+
+
+def convolve(scene: Scene, texels: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Convolve the image of texel forces with a kernel, zero beyond the edges of the array, shape (n,) [N].
+
+    Args:
+        scene: The press, whose array gives rows and columns.
+        texels: Force on each texel, shape (n,) [N].
+        kernel: Weights, odd numbers of rows and columns [-].
+    """
+    from scipy.ndimage import convolve as convolve_image
+
+    image = texels.reshape(scene.array.rows, scene.array.columns)
+    return np.asarray(convolve_image(image, kernel, mode="constant")).ravel()
+
+
+def _push(scene: Scene) -> FloatArray:
+    """Return the part of each contact force along the array's normal, shape (m,) [N]."""
+    return scene.contacts.forces * scene.contacts.normals[:, 2]
+
+
+#: RobWorkSim: step and number of steps of the search for the offset, thickness of the cover and largest pressure.
+_ROBWORK_STEP, _ROBWORK_STEPS, _ROBWORK_THICKNESS, _ROBWORK_PRESSURE = 0.05e-3, 20, 2e-3, 250e3
+
+
+def predict_foundation(scene: Scene, *, stiffness: float) -> Forces:
+    """OpenGrasp (Moisio 2013): f = k d A per cell, on the cells of a fine grid, summed over each texel; no spread.
+
+    Args:
+        scene: The press.
+        stiffness: k, pressure per depth [Pa/m].
+    """
+    points, gaps, area = scene.map
+    depth = _sink(find_foundation_approach(gaps, stiffness * area, scene.load), gaps)
+    texels = bin_on_texels(scene.array, points, stiffness * area * depth)
+    return Forces(texels, scene.load - float(texels.sum()))
+
+
+def predict_springs(scene: Scene, *, stiffness: float, amplitude: float, sigma: float) -> Forces:
+    """SkinSim 2014: one spring per texel, and a Gaussian of 3 x 3 elements whose sum is not one.
+
+    The weight of a neighbour at the distance d is `amplitude` exp(-d^2 / (2 sigma^2)).
+
+    Args:
+        scene: The press.
+        stiffness: Stiffness of a spring [N/m].
+        amplitude: Weight of the element itself [-].
+        sigma: Standard deviation [m].
+    """
+    springs, outside = _compress(scene, stiffness)
+    x, y = np.meshgrid(*(step * np.array([-1, 0, 1]) for step in scene.array.pitch))
+    kernel = amplitude * np.exp(-(x**2 + y**2) / (2 * sigma**2))
+    texels = convolve(scene, springs, kernel)
+    return Forces(texels, float(outside + springs.sum() * kernel.sum() - texels.sum()))
+
+
+def predict_taxels(scene: Scene, *, stiffness: float, exponent: float, crosstalk: float, sigma: float) -> Forces:
+    """Genesis KinematicTaxel: f = k d^e at each texel's centre, then (1 - a) f + a (Gaussian of f).
+
+    Args:
+        scene: The press.
+        stiffness: k [N/m^e].
+        exponent: e [-].
+        crosstalk: a [-].
+        sigma: Standard deviation of the Gaussian, which has a unit sum [pitches].
+    """
+    texels, outside = _compress(scene, stiffness, exponent)
+    if crosstalk:
+        spread = Gaussian.from_sigma(sigma).operator(scene.array) @ texels
+        lost = float(texels.sum() - spread.sum())
+        texels = (1 - crosstalk) * texels + crosstalk * spread
+        outside += crosstalk * lost
+    return Forces(texels, outside)
+
+
+def predict_penalty(scene: Scene, *, stiffness: float) -> Forces:
+    """Penalty on a distance field (TacSL, FlexiTac): f = k_n d at one point per texel; no spread.
+
+    Args:
+        scene: The press.
+        stiffness: k_n [N/m].
+    """
+    return Forces(*_compress(scene, stiffness))
+
+
+def predict_mujoco_tactile(scene: Scene, *, depth_factor: float) -> Forces:
+    """MuJoCo's tactile sensor: the penetration depth d at each texel's centre, scaled to the load.
+
+    Args:
+        scene: The press.
+        depth_factor: Factor on the largest rigid penetration in MuJoCo; 1 for the sensor as it is [-].
+    """
+    depth = _sink(depth_factor * float(scene.contacts.depths.max()), scene.texel_gaps)
+    total = depth.sum()
+    return Forces(depth * scene.load / total, 0.0) if total > 0 else Forces(depth, scene.load)
+
+
+def predict_robwork(scene: Scene, *, modulus: float, mask: float) -> Forces:
+    """RobWorkSim, later code: springs in shares of the load, spread by a mask of 3 x 3 texels, scaled to the load.
+
+    One offset between indenter and array is searched in steps, for which the mean pressure equals the modulus times the
+    mean strain of a cover of 2 mm.  The texels then share the load by depth.
+
+    Args:
+        scene: The press.
+        modulus: Modulus of the cover [Pa].
+        mask: Factor on the width of the mask; 1 as published [-].
+    """
+    lowest = scene.texel_gaps.min()
+    if not np.isfinite(lowest):
+        return Forces(np.zeros(scene.array.count), scene.load)
+    area, gaps = float(np.prod(scene.array.pitch)), scene.texel_gaps - lowest
+    best, least = np.zeros(scene.array.count), np.inf
+    for step in range(1, _ROBWORK_STEPS):
+        depth = _sink(step * _ROBWORK_STEP, gaps)
+        touched = area * np.count_nonzero(depth)
+        miss = abs(scene.load / touched - modulus * depth.sum() * area / (_ROBWORK_THICKNESS * touched))
+        if miss > least:
+            break
+        best, least = depth, miss
+    spread = convolve(scene, best * scene.load / best.sum(), robwork_mask(mask))
+    clipped = np.minimum(spread, _ROBWORK_PRESSURE * area)
+    return Forces(clipped * scene.load / clipped.sum(), 0.0)
+
+
+def robwork_mask(width: float) -> FloatArray:
+    """Compute RobWorkSim's mask, weights of 3 x 3 texels with unit sum.
+
+    The weight at the distance r is max(0, 1.224 / (1 + r^2) - 0.348), r in units of 3/4 pitches; it is sampled at 5 x 5
+    points per texel, half a step off the middle.
+
+    Args:
+        width: Factor on the distances [-].
+    """
+    at = 4 * (np.arange(15) / 15 - 0.5) / width
+    weights = np.maximum(1.224299065420561 / (1 + at[:, None] ** 2 + at**2) - 0.3476635514018692, 0.0)
+    if not weights.any():  # narrower than its samples
+        return np.pad([[1.0]], 1)
+    blocks = weights.reshape(3, 5, 3, 5).sum(axis=(1, 3))
+    return np.asarray(blocks / blocks.sum())
+
+
+def _compress(scene: Scene, stiffness: float, exponent: float = 1.0) -> tuple[FloatArray, float]:
+    """Compute forces k d^e at the texels' centres that carry the load, and the load if no centre is under the indenter.
+
+    Args:
+        scene: The press.
+        stiffness: k [N/m^e].
+        exponent: e [-].
+    """
+    gaps = scene.texel_gaps
+    if exponent == 1:
+        approach = find_foundation_approach(gaps, stiffness, scene.load)
+    else:
+        approach = find_approach(gaps, lambda depth: stiffness * depth**exponent, scene.load)
+    texels = stiffness * _sink(approach, gaps) ** exponent
+    return texels, 0.0 if texels.any() else scene.load
+
+
+def _sink(approach: float, gaps: FloatArray) -> FloatArray:
+    """Compute the penetration at points for an approach from first touch, zero if the approach is NaN [m]."""
+    return np.zeros_like(gaps) if np.isnan(approach) else np.maximum(approach - gaps, 0.0)
+
+
+def predict_gaussian_of_pressure(scene: Scene, *, stiffness: float, sigma: float) -> Forces:
+    """Pezzementi 2010: a Gaussian point spread function of the contact pressure, sampled at the texels' centres.
+
+    Args:
+        scene: The press.
+        stiffness: Pressure per depth of the foundation that gives the area of contact [Pa/m].
+        sigma: Standard deviation [m].
+    """
+    return _sample_gaussian(scene, *_press_uniformly(scene, stiffness), sigma)
+
+
+def predict_gaussian_of_depth(scene: Scene, *, stiffness: float, sigma: float) -> Forces:
+    """Pezzementi 2010: a Gaussian point spread function of the contact depth, sampled at the texels' centres.
+
+    Args:
+        scene: The press.
+        stiffness: Pressure per depth of the foundation [Pa/m].
+        sigma: Standard deviation [m].
+    """
+    depth = _penetrate(scene, stiffness)
+    return _sample_gaussian(scene, scene.map.points, depth * scene.load / depth.sum(), sigma)
+
+
+def predict_low_pass(scene: Scene, *, stiffness: float, depth: float) -> Forces:
+    """Shimojo 1994: the cover as a spatial low-pass of the contact pressure, here (1 + k h) exp(-k h).
+
+    This is the transfer function of a half space from its surface to the depth h (Boussinesq), integrated over each
+    texel.
+
+    Args:
+        scene: The press.
+        stiffness: Pressure per depth of the foundation that gives the area of contact [Pa/m].
+        depth: h [m].
+    """
+    points, forces = _press_uniformly(scene, stiffness)
+    texels = half_space_shares(scene.array, points, depth) @ forces
+    return Forces(texels, scene.load - float(texels.sum()))
+
+
+def predict_exact_layer(scene: Scene, *, stiffness: float) -> Forces:
+    """Our own exact transfer function of the bonded layer, on the same contact pressure as `predict_low_pass`.
+
+    Args:
+        scene: The press.
+        stiffness: Pressure per depth of the foundation that gives the area of contact [Pa/m].
+    """
+    touching = _penetrate(scene, stiffness) > 0
+    texels = scene.layer_shares[:, touching] @ np.full(touching.sum(), scene.load / max(touching.sum(), 1))
+    return Forces(texels, scene.load - float(texels.sum()))
+
+
+def half_space_shares(array: TexelArray, points: FloatArray, depth: float) -> FloatArray:
+    """Integrate the pressure of unit point loads on a half space, at a depth, over each texel.
+
+    The integral of Boussinesq's 3 h^3 / (2 pi (r^2 + h^2)^(5/2)) over a rectangle is a sum over its corners (Newmark
+    1935).
+
+    Args:
+        array: The n texels.
+        points: Positions of the loads, shape (m, 2) [m].
+        depth: h [m].
+
+    Returns:
+        Shares, shape (n, m) [-].
+    """
+    total = np.zeros((array.count, len(points)))
+    for sign_x in (-1, 1):
+        for sign_y in (-1, 1):
+            corner = array.centres[:, :2] + np.array([sign_x, sign_y]) * array.texel_size / 2
+            a, b = np.moveaxis(corner[:, None] - points, -1, 0)
+            total += sign_x * sign_y * _integrate_to_corner(a, b, depth)
+    return total
+
+
+def _integrate_to_corner(a: FloatArray, b: FloatArray, h: float) -> FloatArray:
+    """Integrate Boussinesq's pressure of a unit load over the rectangle from the load to (a, b), signed [-]."""
+    square_a, square_b = a**2 + h**2, b**2 + h**2
+    r = np.sqrt(square_a + b**2)
+    return np.asarray(
+        (np.arctan(a * b / (h * r)) + a * b * h * (square_a + square_b) / (square_a * square_b * r)) / (2 * np.pi)
+    )
+
+
+def _penetrate(scene: Scene, stiffness: float) -> FloatArray:
+    """Compute the penetration into the foundation at the cells of the map, shape (m,) [m]."""
+    _, gaps, area = scene.map
+    return np.maximum(find_foundation_approach(gaps, stiffness * area, scene.load) - gaps, 0.0)
+
+
+def _press_uniformly(scene: Scene, stiffness: float) -> tuple[FloatArray, FloatArray]:
+    """Divide the load evenly among the cells in contact: their positions, shape (k, 2) [m], and forces, (k,) [N]."""
+    points = scene.map.points[_penetrate(scene, stiffness) > 0]
+    return points, np.full(len(points), scene.load / max(len(points), 1))
+
+
+def _sample_gaussian(scene: Scene, points: FloatArray, forces: FloatArray, sigma: float) -> Forces:
+    """Spread forces at points by a Gaussian of unit integral, sampled at texel centres times the texel's area.
+
+    Args:
+        scene: The press.
+        points: Positions of the forces, shape (m, 2) [m].
+        forces: Forces, shape (m,) [N].
+        sigma: Standard deviation [m].
+    """
+    array = scene.array
+    scale = float(np.prod(array.pitch)) / (2 * np.pi * sigma**2)
+    wide, high = (np.exp(-((array.centres[:, axis, None] - points[:, axis]) ** 2) / (2 * sigma**2)) for axis in (0, 1))
+    texels = scale * (wide * high) @ forces
+    return Forces(texels, scene.load - float(texels.sum()))

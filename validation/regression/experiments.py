@@ -1,0 +1,602 @@
+"""Experiments of the regression check that need no finite elements, each from a sensor to values of quantities by name.
+
+Electronics: forces on all texels at once, which bypass contact, filter and point spread.  Metrics: scores of fixed
+images and pooled scores of fixed numbers.  Contact methods: an off-centre H and a ball on the sensor, and a block on
+fixed oblong texels.  Running sensors in MuJoCo: under load step, ramp and noise, a ball of known weight rests on the
+middle texel, and a further force on the ball is prescribed at every step.  Several sensors read the same simulation,
+each with another filter or other electronics.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from scipy.special import ndtr
+
+from fastmodel import (
+    METHODS,
+    Butterworth,
+    ChainFunctions,
+    CoverCells,
+    Electronics,
+    Gaussian,
+    OptionWarning,
+    Parameters,
+    Sensor,
+    add_indenter,
+    attach,
+    indent,
+    recommend_options,
+)
+from fastmodel.signal.frame import Frame
+from meshes import Box, Indenter, LetterH, Sphere, TexelArray
+from meshes.array_types import FloatArray
+from validation.campaign.results import CampaignResult, pool, skill
+from validation.derivation.derive import Derivation
+from validation.metrics import score, score_images
+
+#: Value of a quantity, in SI units: a number, numbers by label, or an image as rows of numbers by label.  None where
+#: the quantity does not apply to a sensor.
+Value = float | Mapping[str, float | Sequence[float]] | None
+#: What an experiment returns: values of quantities by name.
+Values = Mapping[str, Value]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Subject:
+    """The sensor that is measured.
+
+    Attributes:
+        parameters: Parameters of its fast model.
+        derivation: Derivation of the parameters by finite elements; None for a folder of parameters.
+        seed: Seed of all random numbers in the experiments.
+        progress: Called with the number of finished cases, the number of all cases and the name of the next case.
+    """
+
+    parameters: Parameters
+    derivation: Derivation | None = None
+    seed: int = 0
+    progress: Callable[[int, int, str], None] | None = None
+
+    @cached_property
+    def campaign(self) -> CampaignResult | None:
+        """Scores of the fast model in the default list of cases; None for a folder of parameters."""
+        if self.derivation is None:
+            return None
+        from validation.campaign.bench import LayeredBench
+        from validation.campaign.campaign_file import default_cases
+        from validation.campaign.run import run_campaign
+
+        cases = default_cases(self.parameters.array)
+        bench = LayeredBench(cover=self.derivation.sensor.layered_cover, fast=self.parameters)
+        return run_campaign(bench, cases, progress=self.progress)
+
+
+def describe_sensor(name: str, array: TexelArray, *, derived: bool) -> str:
+    """Describe in one line what must be equal in two measurements that are compared: name, texels, and origin.
+
+    Args:
+        name: Name of the sensor.
+        array: Its texels.
+        derived: Whether the parameters are derived by finite elements for the measurement.
+    """
+    x, y = (1e3 * pitch for pitch in array.pitch)
+    origin = "with" if derived else "without"
+    return f"{name}: {array.rows} rows x {array.columns} columns, pitch {x:.6g} x {y:.6g} mm, {origin} finite elements"
+
+
+def list_rows(image: npt.ArrayLike) -> dict[str, list[float]]:
+    """Convert an image, shape (rows, columns), to lists of numbers by the label of the row."""
+    rows = np.asarray(image, dtype=np.float64)
+    digits = len(str(len(rows) - 1))
+    return {f"row {index:0{digits}}": row for index, row in enumerate(rows.tolist())}
+
+
+def list_texels(array: TexelArray, values: npt.ArrayLike) -> dict[str, list[float]]:
+    """Convert values of n texels, shape (n,), to lists of numbers by the label of the row."""
+    return list_rows(array.image(values))
+
+
+#: Lightest and heaviest force at which the characteristic is evaluated, wide enough for any sensor [N].  They must not
+#: depend on the sensor's own sensitivity: a changed sensitivity would then hide itself.
+_LIGHTEST, _HEAVIEST = 1e-6, 1e6
+#: Number of forces, evenly spaced by ratio, and of bisections between two of them [-].
+_FORCES, _BISECTIONS = 241, 60
+#: Levels of output over the largest output, at which the force is measured [-].
+_LEVELS = (0.01, 0.25, 0.5, 0.75, 0.99)
+#: Electronics of the stages.  Each stage changes these numbers only.
+_LINE = Electronics(rate_hz=100.0, sensitivity=500.0, offset=-20.0, output_max=1000, bits=10)
+#: Forces on the texels of the stages, light to beyond the largest count, then unloading [N].
+_LOADING = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.2, 1.6, 1.9, 2.0, 2.1, 3.0)
+#: Stages by name, as changes of `_LINE`.
+STAGES: Mapping[str, Mapping[str, Any]] = {
+    "line": {},
+    "polynomial": {"characteristic": (-20.0, 700.0, -150.0, 20.0, -2.0, 0.1)},
+    "gains of texels": {"gains": tuple(0.7 + 0.05 * texel for texel in range(len(_LOADING)))},
+    "threshold": {"threshold": 60.0},
+    "saturation band": {"saturation_band": 300.0},
+    "temperature": {"temperature_coefficient": -0.01, "temperature_excess": 15.0},
+    "force through the cover": {"calibrated": "through the cover, tip 1 mm", "tip_share": 0.8},
+    "hysteresis": {"hysteresis_share": 0.4, "hysteresis_width": 0.3},
+}
+
+
+def measure_characteristic(subject: Subject) -> Values:
+    """Measure force thresholds, sensitivity, largest count and counts of every texel of the sensor itself."""
+    array, electronics = subject.parameters.array, subject.parameters.electronics
+    functions = ChainFunctions(replace(subject.parameters, filter=None), electronics.rate_hz, spreads=False)
+
+    def count(force: float) -> FloatArray:
+        state = functions.settle(np.full(array.count, force))
+        return np.asarray(functions.frame(state)[1].counts, dtype=np.float64)
+
+    def average(force: float) -> float:
+        return float(count(force)[array.active].mean())
+
+    largest = max(average(force) for force in np.geomspace(_LIGHTEST, _HEAVIEST, _FORCES))
+    if largest <= 0:
+        raise ValueError("no force gives a count")
+    forces = {f"{100 * level:.0f} % of full scale": _find_force(average, level * largest) for level in _LEVELS}
+    first, last, half = (forces[f"{level} % of full scale"] for level in (25, 75, 50))
+    return {
+        "force": forces,
+        "sensitivity": 0.5 * largest / (last - first),
+        "largest count (saturation)": float(count(_HEAVIEST).max()),
+        "counts of each texel": list_texels(array, count(half)),
+        "frame rate": electronics.rate_hz,
+        "noise": electronics.noise,
+    }
+
+
+def measure_stages(subject: Subject) -> Values:  # noqa: ARG001 -- every experiment takes the sensor
+    """Measure the counts of each stage of the electronics under fixed forces, and their grey levels."""
+    values: dict[str, dict[str, list[float]]] = {}
+    for stage, changes in STAGES.items():
+        functions = ChainFunctions(_make_row(replace(_LINE, **changes)), _LINE.rate_hz, spreads=False)
+        state = functions.settle(np.zeros(len(_LOADING)))
+        outputs = {}
+        for name, share in (("loading", 1.0), ("unloading", 0.7)):
+            state = functions.take(state, share * np.array(_LOADING))
+            state, output = functions.frame(state)
+            outputs[name] = output.counts.tolist()
+            outputs[f"{name}, grey"] = output.image.ravel().tolist()
+        values[stage] = outputs
+    return values
+
+
+def _make_row(electronics: Electronics) -> Parameters:
+    """Make the parameters of a single row of texels, one for each force, without point spread."""
+    return Parameters(
+        array=TexelArray.grid(1, len(_LOADING), 3e-3),
+        spread=Gaussian(sigma_x=0.1, sigma_y=0.1, ksize_x=1, ksize_y=1),
+        electronics=electronics,
+    )
+
+
+def _find_force(count: Callable[[float], float], level: float) -> float:
+    """Find the smallest force at which the counts reach a level [N]."""
+    forces = np.geomspace(_LIGHTEST, _HEAVIEST, _FORCES).tolist()
+    index = next(index for index, force in enumerate(forces) if count(force) >= level)
+    if index == 0:
+        return float(forces[0])
+    below, above = forces[index - 1], forces[index]
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (below + above)
+        below, above = (below, middle) if count(middle) >= level else (middle, above)
+    return float(above)
+
+
+#: Rows and columns, and pitch along x and y [m], of the two images.
+_SHAPE, _IMAGE_PITCH = (7, 5), (3e-3, 4e-3)
+#: Load [N], and force outside in reference and prediction [N].
+_LOAD, _OUTSIDE = 4.0, (0.30, 0.42)
+#: Errors of two models in five cases; the second has none in one case [-].
+_ERRORS, _COMPARISON = (0.02, 0.05, 0.01, 0.08, 0.03), (0.10, 0.07, float("nan"), 0.21, 0.05)
+
+
+def score_fixed_images(subject: Subject) -> Values:  # noqa: ARG001 -- every experiment takes the sensor
+    """Score a fixed prediction against a fixed reference by every metric; one texel is masked."""
+    active = np.ones(_SHAPE, dtype=bool)
+    active[3, 1] = False
+    array = TexelArray.grid(*_SHAPE, _IMAGE_PITCH, active=active)
+    reference, forces = _make_bump(array, (0.8e-3, -1.7e-3), 3.0e-3), _make_bump(array, (1.5e-3, -0.4e-3), 3.4e-3)
+    scores = score(
+        reference, 0.95 * forces, reference_outside=_OUTSIDE[0], outside=_OUTSIDE[1], load=_LOAD, array=array
+    )
+    levels = np.arange(array.count)
+    images = score_images(5 * levels, np.where(levels % 3, 5 * levels, 7 * levels), active=array.active)
+    return {**asdict(scores), "fixed images": {name: float(value) for name, value in asdict(images).items()}}
+
+
+def pool_fixed_scores(subject: Subject) -> Values:  # noqa: ARG001 -- every experiment takes the sensor
+    """Pool fixed errors over cases, with their interval and the skill of one model against the other."""
+    found = {"mean": pool(_COMPARISON), "skill": skill(_ERRORS, _COMPARISON)}
+    return {
+        name: {"value": each.mean, "low end": each.low, "high end": each.high, "cases": float(each.cases)}
+        for name, each in found.items()
+    }
+
+
+def _make_bump(array: TexelArray, middle: tuple[float, float], width: float) -> FloatArray:
+    """Make texel forces that fall off from a point like a Gaussian, with a sum near the load, shape (n,) [N]."""
+    distance = array.centres[:, :2] - middle
+    weights = np.exp(-0.5 * (distance**2).sum(axis=1) / width**2)
+    return np.asarray((_LOAD - _OUTSIDE[0]) * weights / weights.sum())
+
+
+#: Contact methods for flat covers.
+FLAT_METHODS = ("boxes", "area", "foundation", "cover")
+#: Mean pressure below the H: that of 500 g on an H of 12 x 16 mm with bars of 4 mm [Pa].
+LETTER_PRESSURE = 34e3
+#: Largest width and height of the H [pitches], and the same over columns and rows; width of its bars over the smaller
+#: of the two; distance of its axis from the array's centre over columns and rows [-]; its rotation [rad].
+_LARGEST, _SHARE, _BAR, _OFF, _YAW = (3.5, 4.7), 0.55, 0.3, (0.1, 0.13), 0.17
+#: Radius of the ball over the smaller pitch, and its distance from the centre of the middle texel over the pitch [-].
+_BALL, _BESIDE = 3.0, (0.2, -0.3)
+#: The fixed array: rows and columns, pitch along x and y [m].
+_ROWS, _COLUMNS, _PITCH = 6, 5, (3e-3, 4.5e-3)
+#: The fixed cover: cells per pitch, cells beyond a texel that act on it [-], standard deviation of the force at its
+#: base, distance at which a load no longer acts like one at a point [m], thickness [m], compliance of its top [m2/N].
+_CELLS, _REACH, _WIDTH, _NEAR, _THICKNESS, _TOP = 4, 6, 1.2e-3, 0.5e-3, 2e-3, 2.4e-7
+#: The block on the fixed array: size, position [m], rotation [rad], load [N].
+_BLOCK, _BLOCK_AT, _BLOCK_YAW, _BLOCK_LOAD = (5e-3, 9e-3, 4e-3), (1.1e-3, 3.4e-3), 0.3, 3.0
+
+
+def lay_letter_h(array: TexelArray) -> tuple[LetterH, float, tuple[float, float], float]:
+    """Choose an H that fits an array: the shape, its load [N], position [m] and rotation [rad].
+
+    On a WTS 0614-34 the H measures 11.2 x 16 mm.  No symmetry of the array maps its position to itself.
+    """
+    (pitch_x, pitch_y), counts = array.pitch, (array.columns, array.rows)
+    width, height = (min(most, _SHARE * count) for most, count in zip(_LARGEST, counts, strict=True))
+    size = (width * pitch_x, height * pitch_y)
+    letter = LetterH(size=size, bar=_BAR * min(size))
+    at = (_OFF[0] * counts[0] * pitch_x, _OFF[1] * counts[1] * pitch_y)
+    area = 2 * letter.bar * size[1] + (size[0] - 2 * letter.bar) * letter.bar
+    return letter, LETTER_PRESSURE * area, at, _YAW
+
+
+def press_letter(subject: Subject) -> Values:
+    """Press the H on the sensor, by every contact method that its parameters allow."""
+    letter, load, at, yaw = lay_letter_h(subject.parameters.array)
+    return _press(subject.parameters, letter, load=load, at=at, yaw=yaw)
+
+
+def press_ball(subject: Subject) -> Values:
+    """Press a ball on the sensor, beside a texel's centre, by the methods that compute the area under a ball."""
+    array = subject.parameters.array
+    x, y = array.centres[array.middle, :2].tolist()
+    at = (x + _BESIDE[0] * array.pitch[0], y + _BESIDE[1] * array.pitch[1])
+    load = LETTER_PRESSURE * float(np.prod(array.pitch))
+    ball = Sphere(radius=_BALL * min(array.pitch))
+    return _press(subject.parameters, ball, load=load, at=at, methods=("foundation", "cover"))
+
+
+def press_oblong(subject: Subject) -> Values:  # noqa: ARG001 -- every experiment takes the sensor
+    """Press a block on a fixed array with oblong texels, a masked one, and a fixed cover, by every contact method."""
+    return _press(make_oblong(), Box(size=_BLOCK), load=_BLOCK_LOAD, at=_BLOCK_AT, yaw=_BLOCK_YAW)
+
+
+def measure_spread(subject: Subject) -> Values:
+    """Measure where the point spread of the sensor brings the force on the middle and on the last texel."""
+    array = subject.parameters.array
+    operator = subject.parameters.spread.operator(array)
+    row, column = divmod(array.middle, array.columns)
+    image = array.image(operator[:, array.middle])
+    beside = {
+        "on the loaded texel": (row, column),
+        "on the next along x": (row, column - 1),
+        "on the next along y": (row - 1, column),
+        "on the next across": (row - 1, column - 1),
+    }
+    shares = {name: float(image[place]) for name, place in beside.items() if min(place) >= 0}
+    lost = 1.0 - operator.sum(axis=0)
+    surface = subject.parameters.surface
+    return {
+        "share": shares,
+        "share outside": {"of the middle texel": float(lost[array.middle]), "of the last texel": float(lost[-1])},
+        "foundation modulus": surface.foundation_modulus() if isinstance(surface, CoverCells) else None,
+    }
+
+
+def make_oblong() -> Parameters:
+    """Make the parameters of the fixed array: oblong texels, the first one masked, under a cover given by formulas."""
+    active = np.ones(_ROWS * _COLUMNS, dtype=bool)
+    active[0] = False
+    array = TexelArray.grid(_ROWS, _COLUMNS, _PITCH, active=active, name="oblong")
+    cell = (_PITCH[0] / _CELLS, _PITCH[1] / _CELLS)
+    rows, columns = (np.arange(_CELLS * count)[:, None] for count in (2 * _ROWS, 2 * _COLUMNS))
+    distance = np.sqrt((rows * cell[1]) ** 2 + (columns.T * cell[0]) ** 2 + _NEAR**2)
+    return Parameters(
+        array=array,
+        spread=Gaussian(sigma_x=0.5, sigma_y=0.35, ksize_x=3, ksize_y=3),
+        electronics=Electronics(rate_hz=100.0, sensitivity=1000.0),
+        surface=CoverCells(
+            per_texel=_CELLS,
+            cell=cell,
+            compliance=_TOP * cell[0] * cell[1] / distance * np.exp(-distance / _THICKNESS),
+            influence=np.outer(_share(cell[1]), _share(cell[0])),
+            top_compliance=_TOP,
+            thickness=_THICKNESS,
+            source="a formula",
+        ),
+    )
+
+
+def _share(edge: float) -> FloatArray:
+    """Return the share of the force on each cell in a row that acts on a texel, shape (cells + 2 reach,) [-]."""
+    middles = (np.arange(_CELLS + 2 * _REACH) - _REACH + 0.5) * edge
+    return np.asarray(ndtr((_CELLS * edge - middles) / _WIDTH) - ndtr(-middles / _WIDTH))
+
+
+def _press(
+    parameters: Parameters,
+    indenter: Indenter,
+    *,
+    load: float,
+    at: tuple[float, float],
+    yaw: float = 0.0,
+    methods: Iterable[str] = FLAT_METHODS,
+) -> dict[str, Value]:
+    """Press an indenter by several contact methods, and take forces and depth."""
+    values: dict[str, Value] = {}
+    for method in methods:
+        if parameters.surface is None and method in {"foundation", "cover"}:
+            continue
+        pressed = indent(parameters, indenter, load=load, at=at, yaw=yaw, method=method)
+        # before spread, which has quantities of its own; `cover` computes the forces after spread by itself
+        forces = pressed.texel_forces if method == "cover" else pressed.contact_forces
+        values[f"{method}, force of each texel"] = list_texels(parameters.array, forces)
+        values[f"{method}, largest force after spread"] = float(pressed.texel_forces.max())
+        values[f"{method}, load carried"] = pressed.total_force
+        values[f"{method}, force outside"] = pressed.outside / load
+        values[f"{method}, depth"] = pressed.depth
+    return values
+
+
+#: Weight of the ball [N].
+_WEIGHT = 2.0
+#: Longest timestep [s], and timesteps per period of the sensor's own filter, if that gives a shorter one [-].
+_TIMESTEP, _PER_PERIOD = 1e-3, 20.0
+#: Time for the ball to come to rest, and duration of the load step [s]; of the latter also in periods of the sensor's
+#: own filter [-].
+_REST, _STEP, _PERIODS = 0.15, 0.15, 5.0
+#: Cut-off [Hz] and orders [-] of the filters that are measured besides the sensor's own one.
+_CUTOFF, _ORDERS = 20.0, (1, 2, 3, 4)
+#: Number of frames under the ramp [-].
+_FRAMES = 8
+#: Smallest number of noisy counts; their standard deviation then has a relative error of 0.7 % [-].
+_SAMPLES = 10_000
+#: Standard deviation of the noise that is measured besides the sensor's own one [N].
+_NOISE = 0.1
+#: Electronics with a count per millinewton, which neither saturate nor reach zero in these experiments.
+_WIDE = Electronics(rate_hz=1 / _TIMESTEP, sensitivity=1000.0, offset=20_000.0, output_max=2**20, bits=24)
+#: Half width of the hysteresis of the sensor that is reset, and force on each texel before and after [N].
+_PLAY = 0.5
+_RESET_LOADS = (1.0, 3.0, 1.0)
+#: Time for which the H rests before its image is taken [s], and grey level of the mean force on a texel below it [-].
+_LETTER_TIME, _LETTER_GREY = 0.25, 120.0
+_NAME = "sensor"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Recorded:
+    """What one sensor delivered after each of the steps.
+
+    Attributes:
+        frames: Latest frame after every step.
+        new: Whether the step made a new frame, shape (steps,).
+        totals: Sum of texel forces and force outside in the latest frame, shape (steps,) [N].
+    """
+
+    frames: Sequence[Frame]
+    new: npt.NDArray[np.bool_]
+    totals: FloatArray
+
+
+def measure_load_step(subject: Subject) -> Values:
+    """Measure rise time and overshoot of the total force after a load step, with the own filter and with fixed ones."""
+    own = subject.parameters.filter
+    period = 0.0 if own is None else 1.0 / own.cutoff_hz
+    timestep = min(_TIMESTEP, period / _PER_PERIOD or _TIMESTEP)
+    rest, steps = round(_REST / timestep), round(max(_STEP, _PERIODS * period) / timestep)
+    filters = {"own filter": own}
+    filters |= {f"order {order}": Butterworth(cutoff_hz=_CUTOFF, order=order) for order in _ORDERS}
+    electronics = replace(_WIDE, rate_hz=1 / timestep)
+    sensors = {
+        name: replace(subject.parameters, filter=each, electronics=electronics) for name, each in filters.items()
+    }
+    loads = np.repeat([0.0, _WEIGHT], [rest, steps])
+    responses = {
+        name: recorded.totals[rest:] / _WEIGHT - 1.0
+        for name, recorded in _simulate(subject.parameters, sensors, loads, timestep).items()
+    }
+    return {
+        "rise time": {name: timestep * _count_rise(response) for name, response in responses.items()},
+        "overshoot": {name: float(response.max()) - 1.0 for name, response in responses.items()},
+        "force after the step": {name: _WEIGHT * (1 + float(response[-1])) for name, response in responses.items()},
+    }
+
+
+def measure_frames(subject: Subject) -> Values:
+    """Measure times of frames, and by how much the forces in them lag behind a load that rises at a constant rate."""
+    rate = subject.parameters.electronics.rate_hz
+    rest, ramp = round(_REST / _TIMESTEP), max(round(_FRAMES / rate / _TIMESTEP), _FRAMES) + 1
+    loads = np.append(np.zeros(rest), np.arange(1, ramp + 1) * _WEIGHT / ramp)
+    sensors = {"own": replace(subject.parameters, filter=None)}
+    own = _simulate(subject.parameters, sensors, loads, _TIMESTEP)["own"]
+    made = np.flatnonzero(own.new)
+    times = np.array([own.frames[step].time for step in made.tolist()])
+    late = made[made >= rest + 1]
+    slope = _WEIGHT / ramp / _TIMESTEP
+    lags = (_WEIGHT + loads[late] - own.totals[late]) / slope
+    return {
+        "time of the first frames": {f"frame {number}": time for number, time in enumerate(times[:_FRAMES].tolist())},
+        "frames per second": 1.0 / float(np.diff(times).mean()),
+        "delay of the force": float(lags.mean()),
+        "delay of the time": float((_TIMESTEP * (made + 1) - times).max()),
+    }
+
+
+def measure_noise(subject: Subject) -> Values:
+    """Measure the noise of running sensors: its size, and whether it depends on seed, sensor, texel and frame."""
+    array = subject.parameters.array
+    steps = -(-_SAMPLES // array.count)
+    quiet = replace(subject.parameters, filter=None, electronics=_WIDE)
+    noisy = replace(quiet, electronics=replace(_WIDE, noise=_NOISE))
+    sensors = {"quiet": quiet, "noisy": noisy, "same seed": noisy, "other seed": noisy}
+    seed = subject.seed
+    seeds = {"noisy": seed, "same seed": seed, "other seed": seed + 1}
+    loads = np.zeros(steps)
+    runs = _simulate(subject.parameters, sensors, loads, _TIMESTEP, seeds=seeds)
+    counts = {name: np.array([frame.counts for frame in run.frames]) for name, run in runs.items()}
+    active = array.active
+    first, same, other = ((counts[name] - counts["quiet"])[:, active] / _WIDE.sensitivity for name in seeds)
+    return {
+        "standard deviation": float(first.std()),
+        "mean": float(first.mean()),
+        "difference for the same seed": float(np.abs(first - same).max()),
+        "correlation": {
+            "of two seeds": _correlate(first, other),
+            "of two frames": _correlate(first[1:], first[:-1]),
+            "of two texels": _correlate(first[:, 1:], first[:, :-1]) if first.shape[1] > 1 else 0.0,
+        },
+    }
+
+
+def measure_reset(subject: Subject) -> Values:
+    """Measure counts after resets of a sensor with hysteresis and filter; the first and the last are at equal load."""
+    electronics = replace(_WIDE, hysteresis_share=0.5, hysteresis_width=_PLAY)
+    parameters = replace(subject.parameters, filter=Butterworth(cutoff_hz=_CUTOFF), electronics=electronics)
+    _, (sensor,) = _build(subject.parameters, [parameters], _TIMESTEP)
+    means = []
+    for load in _RESET_LOADS:
+        sensor.reset(load)
+        means.append(float(sensor.frame().counts[subject.parameters.array.active].mean()))
+    return {"counts after a reset": means[0], "trace of the load before": means[2] - means[0]}
+
+
+def measure_letter(subject: Subject) -> Values:
+    """Press an off-centre, turned H on the sensor by the default method, and take its image and net force."""
+    parameters = subject.parameters
+    indenter, load, at, yaw = lay_letter_h(parameters.array)
+    below = LETTER_PRESSURE * float(np.prod(parameters.array.pitch))
+    electronics = Electronics(rate_hz=100.0, sensitivity=_LETTER_GREY / below, output_max=255, bits=8)
+    spec = _make_spec(_TIMESTEP)
+    height = float(parameters.array.centres[:, 2].max())
+    add_indenter(spec, indenter, load, at=at, height=height, yaw=yaw)
+    sensor = attach(spec, "world", replace(parameters, electronics=electronics, filter=None), name=_NAME)
+    model = _compile(spec)
+    data = mujoco.MjData(model)
+    _bind(sensor, model)
+    for _ in range(round(_LETTER_TIME / _TIMESTEP)):
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    frame = sensor.frame()
+    force, torque = (np.zeros(3) if each is None else each for each in (frame.net_force, frame.net_torque))
+    return {
+        "image": list_rows(frame.image),
+        "net force": dict(zip("xyz", force.tolist(), strict=True)),
+        "net torque": dict(zip("xyz", torque.tolist(), strict=True)),
+        "force outside": sensor.outside() / load,
+    }
+
+
+def _simulate(
+    parameters: Parameters,
+    sensors: Mapping[str, Parameters],
+    loads: FloatArray,
+    timestep: float,
+    *,
+    seeds: Mapping[str, int] | None = None,
+) -> dict[str, _Recorded]:
+    """Simulate the ball under a prescribed force, and record what several sensors deliver.
+
+    Args:
+        parameters: The array.
+        sensors: Parameters of the sensors, by name.
+        loads: Force on the ball besides its weight at every step, shape (steps,) [N].
+        timestep: Timestep [s].
+        seeds: Seeds of the noise by name of the sensor.
+    """
+    model, bound = _build(parameters, list(sensors.values()), timestep)
+    data = mujoco.MjData(model)
+    ball = model.body(_NAME + "-ball").id
+    for name, sensor in zip(sensors, bound, strict=True):
+        if seeds and name in seeds:
+            sensor.reset(seed=seeds[name])
+    frames: list[list[Frame]] = [[] for _ in bound]
+    new: list[list[bool]] = [[] for _ in bound]
+    totals: list[list[float]] = [[] for _ in bound]
+    for load in loads.tolist():
+        data.xfrc_applied[ball, 2] = -load
+        mujoco.mj_step(model, data)
+        for index, sensor in enumerate(bound):
+            new[index].append(sensor.step(data))
+            frame = sensor.frame()
+            frames[index].append(frame)
+            forces = 0.0 if frame.texel_forces is None else float(frame.texel_forces.sum())
+            totals[index].append(forces + sensor.outside())
+    return {
+        name: _Recorded(frames=frames[index], new=np.array(new[index]), totals=np.array(totals[index]))
+        for index, name in enumerate(sensors)
+    }
+
+
+def _build(
+    parameters: Parameters, sensors: Sequence[Parameters], timestep: float
+) -> tuple[mujoco.MjModel, list[Sensor]]:
+    """Build the model of the ball on the middle texel, and bind the sensors, which are all at the same place."""
+    array = parameters.array
+    spec = _make_spec(timestep)
+    x, y, height = array.centres[array.middle].tolist()
+    add_indenter(spec, Sphere(radius=min(array.pitch)), _WEIGHT, at=(x, y), height=height, name=_NAME + "-ball")
+    attach(spec, "world", parameters, name=_NAME, contact="boxes")
+    model = _compile(spec)
+    method = METHODS["boxes"]
+    return model, [_bind(Sensor(name=_NAME, parameters=each, contact=method, every=1), model) for each in sensors]
+
+
+def _bind(sensor: Sensor, model: mujoco.MjModel) -> Sensor:
+    """Bind a sensor without warnings of limited accuracy: measurements of two versions are compared, not with truth."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", OptionWarning)
+        return sensor.bind(model)
+
+
+def _make_spec(timestep: float) -> mujoco.MjSpec:
+    """Make a spec with the recommended options."""
+    spec = mujoco.MjSpec()
+    recommend_options(spec)
+    spec.option.timestep = timestep
+    return spec
+
+
+def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Compile a spec without friction, as the simulated bench tests do."""
+    for geom in spec.geoms:
+        geom.condim = 1
+    return spec.compile()
+
+
+def _count_rise(response: FloatArray) -> float:
+    """Count the steps, interpolated, from 10 to 90 % of a response that ends at 1 [-]."""
+    rising = response[: int(response.argmax()) + 1]
+    if response.argmax() == 0 or rising[0] >= 0.9:  # noqa: PLR2004 -- 90 %
+        return 0.0
+    first, last = (float(np.interp(level, rising, np.arange(len(rising)))) for level in (0.1, 0.9))
+    return last - first
+
+
+def _correlate(one: FloatArray, other: FloatArray) -> float:
+    """Return the coefficient of correlation of two arrays of numbers [-]; 0 if one is constant."""
+    a, b = one.ravel() - one.mean(), other.ravel() - other.mean()
+    scale = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / scale if scale > 0 else 0.0
