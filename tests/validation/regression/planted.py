@@ -9,7 +9,6 @@ import textwrap
 from dataclasses import replace
 
 import numpy as np
-from fastmodel.running import RunningSensor
 
 import fastmodel.bench
 import fastmodel.contact.boxes
@@ -22,6 +21,7 @@ from fastmodel import Butterworth, ChainFunctions, CoverCells, Electronics, Gaus
 from fastmodel.contact.boxes import AreaReader, BoxReader
 from fastmodel.contact.plate import CellReader
 from fastmodel.pressure.cell_grid import CellGrid
+from fastmodel.sensor import RunningSensor
 from fem_reference.indentation import press
 from validation.regression import experiments as fixed_images
 from validation.text import indenter
@@ -207,7 +207,7 @@ REQUIRED = {
     "noise doubled": (edit(Electronics, "counts", "self.noise * drawn", "2 * self.noise * drawn"), "noise: standard deviation"),
     "frame one step late": (lag, "frames: delay of the force"),
     "frame one step late, in its time": (
-        edit(RunningSensor, "_count_due", "(time - self._start)", "(time - self._start - self._timestep)"),
+        edit(RunningSensor, "step", "(self._sampled_at - self._start)", "(self._sampled_at - self._start - self._timestep)"),
         "frames: time of the first frames",
     ),
     "area shares 5 %": (shift_shares, "H: area, force of each texel"),
