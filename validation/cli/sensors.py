@@ -61,7 +61,12 @@ def _tell_assumed(found: SensorDescription) -> SensorDescription:
 
 
 def read_sensor(
-    sensor: str, *, material: str | None = None, thickness: str | None = None, layers: Sequence[str] | None = None
+    sensor: str,
+    *,
+    material: str | None = None,
+    thickness: str | None = None,
+    layers: Sequence[str] | None = None,
+    curved: bool = False,
 ) -> SensorDescription | Parameters:
     """Read a sensor, for a command that needs only the fast model.
 
@@ -70,6 +75,7 @@ def read_sensor(
         material: Name of a material that replaces the cover's material.
         thickness: Thickness with its unit that replaces the cover's thickness.
         layers: Changes of single layers, values of the option `--layer`.
+        curved: Whether the command can treat curved covers.
 
     Returns:
         The parameters of the fast model if `sensor` is a folder that `softcover derive` wrote; else the description of
@@ -84,7 +90,7 @@ def read_sensor(
     found = api.load(sensor, material=material, thickness=thickness, layers=layers or ())
     if isinstance(found, Parameters):
         return found
-    _ = found.layered_cover  # a solid is refused
+    _ = curved or found.layered_cover  # a solid is refused
     return _tell_assumed(found)
 
 

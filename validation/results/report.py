@@ -12,7 +12,7 @@ from validation.campaign.results import CampaignResult, Verdict
 from validation.credibility.evidence import Evidence
 from validation.data_sets.results import RecordingScores
 from validation.errors import InputError
-from validation.results.derivation import CurvedResponses, FlatResponses
+from validation.results.derivation import Responses
 from validation.results.model import JsonObject, Number, Result, result_model
 
 #: Largest accepted size of a report [bytes].
@@ -43,7 +43,7 @@ class Report(Result):
     sensor: str
     cover_assumed: bool
     friction: str
-    derive: FlatResponses | CurvedResponses
+    derive: Responses
     verification: Mapping[str, Number]
     campaign: CampaignResult
     evidence: Evidence
