@@ -290,7 +290,7 @@ def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[s
 
     Raises:
         FastModelError: If the method is neither a name nor settings.
-        FastModelError: If no contact method has this name.
+        FastModelError: If no contact method has this name, or it is for flat covers and the cover is curved.
         ParametersError: If the method needs another surface than the parameters hold.
     """
     if not isinstance(method, str):
@@ -304,4 +304,6 @@ def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[s
         method = "boxes" if parameters.surface is None else parameters.surface.method
     if method not in METHODS:
         raise name_unknown("contact method", method, (DEFAULT, *METHODS))
+    if parameters.surface is not None and parameters.surface.method == "curved" != method:
+        raise FastModelError(f"the contact method {method} is for flat covers, this one is curved; leave it out")
     return method, METHODS[method].adapt(parameters.surface)

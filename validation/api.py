@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from validation.regression.baseline import Regression
     from validation.results.report import Report
     from validation.simulator_models import Exported
-    from validation.weiss.continuity import Gap
     from validation.weiss.protocol import Reading
+    from validation.weiss.stream import Gap
 
 Progress = Callable[[str], None]
 #: What a verb takes as a sensor: what `load` returns, a path, or the name of a built-in sensor.
@@ -106,16 +106,35 @@ def list_unused(sensor: SensorDescription | Parameters) -> tuple[str, ...]:
     return (f"friction {friction} from {sensor.source} is not used; the fast model has none",)
 
 
-def _describe(sensor: Sensor) -> SensorDescription:
-    """Return the description of a sensor.
+def describe(
+    sensor: Sensor,
+    *,
+    material: str | None = None,
+    thickness: str | None = None,
+    layers: Sequence[str] = (),
+    instead: str = "",
+) -> SensorDescription:
+    """Return the description of a sensor, as `load` does, for what needs its cover.
+
+    Args:
+        sensor: The sensor.
+        material: Name of a material that replaces the cover's.
+        thickness: Thickness with its unit that replaces the cover's.
+        layers: Changes of single layers.
+        instead: What the user can do with a folder of parameters, for the error message.
 
     Raises:
-        InputError: If only the parameters of its fast model are known.
+        InputError: If the sensor cannot be read, or only the parameters of its fast model are known.
     """
-    found = load_any(sensor)
-    if isinstance(found, Parameters):
-        raise InputError(f"{sensor}: parameters of the fast model do not describe the cover; name the sensor file")
-    return found
+    if isinstance(sensor, Parameters) or (isinstance(sensor, str | Path) and holds_parameters(str(sensor))):
+        place = "sensor" if isinstance(sensor, Parameters) else sensor
+        raise InputError(
+            f"{place}: holds the parameters of the fast model, but no description of the cover, which is needed here; "
+            f"name the sensor file or the built-in sensor that it was derived from{instead and f', or {instead}'}"
+        )
+    if isinstance(sensor, SensorDescription):
+        return sensor
+    return load_description(str(sensor), material=material, thickness=thickness, layers=layers)
 
 
 def derive(
@@ -141,7 +160,7 @@ def derive(
         MissingExtraError: If finite elements are not installed.
         ConvergenceError: If the finite elements did not converge.
     """
-    description = _describe(sensor)
+    description = describe(sensor)
     way_out = f"write the stored parameters: softcover export {description.name} --out FOLDER"
     require(
         "skfem",
@@ -265,7 +284,7 @@ def validate(
     from validation.campaign.evaluation import evaluate, read_plan
     from validation.data_sets.locate import find_data_set
 
-    description, path = _describe(sensor), None if campaign is None else Path(campaign)
+    description, path = describe(sensor), None if campaign is None else Path(campaign)
     require("skfem", *(REPORT_MODULES if out else ()))
     shown = _Stages(progress)
     plan = read_plan(path, description, shown)
@@ -364,7 +383,7 @@ def calibrate(
     from validation.data_sets.from_files import Keys
     from validation.text.quantity import read_quantity
 
-    description = _describe(sensor)
+    description = describe(sensor)
     for option, path in (("--out", out), ("--picture", picture)):
         if path is not None and Path(path).exists():
             raise InputError(f"{option}: {path} exists; name a new file")

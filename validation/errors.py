@@ -1,9 +1,13 @@
-"""Exceptions for errors that a user can correct, and the hint at accepted names in their messages."""
+"""Errors that a user can correct: exceptions, their collection, and the hint at accepted names in their messages."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import ParamSpec, TypeVar, cast
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 class InputError(ValueError):
@@ -16,6 +20,30 @@ class InputError(ValueError):
     def __init__(self, *faults: str) -> None:
         super().__init__("\n".join(faults))
         self.faults = faults
+
+
+class Faults(list[str]):
+    """Faults of several inputs, which are reported together."""
+
+    def read(self, function: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
+        """Return what a function returns; keep the faults of the `InputError` that it raises.
+
+        After a fault the value is None, whatever its type: call `refuse` before values are used.
+        """
+        try:
+            return function(*arguments, **options)
+        except InputError as error:
+            self.extend(error.faults)
+            return cast("T", None)
+
+    def refuse(self) -> None:
+        """Raise one error if there are faults.
+
+        Raises:
+            InputError: With all faults.
+        """
+        if self:
+            raise InputError(*self)
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

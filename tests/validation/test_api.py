@@ -46,7 +46,7 @@ def test_a_sensor_is_read_from_a_name_a_file_or_a_folder(tmp_path):
     assert isinstance(validation.load(tmp_path), fastmodel.Parameters)
     with pytest.raises(InputError, match="were derived for one cover"):
         validation.load(tmp_path, thickness="1mm")
-    with pytest.raises(InputError, match="do not describe the cover"):
+    with pytest.raises(InputError, match="no description of the cover"):
         validation.derive(tmp_path)
 
 

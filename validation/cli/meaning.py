@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from validation.cli.output import show, show_wrapped
-
 if TYPE_CHECKING:
     from validation.campaign.comparison import Comparison
 
@@ -16,13 +14,6 @@ if TYPE_CHECKING:
 GOOD_MISPLACED, USABLE_MISPLACED = 0.02, 0.05
 #: Estimated error of the finite elements below which they are good [-].
 GOOD_ERROR = 0.01
-
-
-def print_meaning(sentences: Iterable[str]) -> None:
-    """Print an empty line, then each sentence on lines of its own."""
-    show("")
-    for sentence in sentences:
-        show_wrapped(sentence)
 
 
 def explain_comparison(comparison: Comparison) -> Iterator[str]:

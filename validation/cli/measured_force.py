@@ -6,8 +6,7 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from validation.cli.output import describe_cover, print_json, print_table, say, show
-from validation.cli.progress import Progress
+from validation.cli.output import Progress, describe_cover, print_json, print_table, say, show
 
 if TYPE_CHECKING:
     from validation.measured_force.case import Measurement
@@ -51,8 +50,8 @@ def _show(comparison: ForceComparison, given: Measurement) -> None:
         ("friction", "mm", "D [N]", "S [N]", "E", "u_val", "u_num", "u_input", "u_D"),
         _list_points(comparison),
         title="Measured force D, computed force S; error E = S - D and standard uncertainties in % of D",
-        caption="abs(E) < u_val: the comparison cannot resolve an error of the model",
     )
+    show("abs(E) < u_val: the comparison cannot resolve an error of the model")
     names = list(comparison.rows[-1].inputs)
     print_table(
         ("friction", "mm", *names),

@@ -1,18 +1,24 @@
-"""Options that several commands have in common, and functions that read and check options."""
+"""Options that several commands have in common, the sensor that they name, and checks of options.
+
+The help of an option that only one command has stands under `Args` in the docstring of the command.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from cyclopts import Parameter
 
+from validation.cli.output import note, say
 from validation.errors import InputError, nearest
 
 if TYPE_CHECKING:
+    from fastmodel import Parameters
     from validation.recordings.recording import Recording, Setup
+    from validation.sensor_file import SensorDescription
 
 T = TypeVar("T")
 
@@ -29,13 +35,12 @@ Sensor = Annotated[
         help="A sensor file, a built-in sensor (wts-0614-34, sdh2-distal), or a folder that `derive --out` wrote."
     ),
 ]
+#: A text that may begin with a minus sign, so that a negative quantity is refused as such and not as an option.
+Quantity = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 MaterialName = Annotated[
     str | None, Parameter(name="--material", help="Replaces the cover's material; see `softcover materials`.")
 ]
-Thickness = Annotated[
-    str | None,
-    Parameter(name="--thickness", help="Replaces the cover's thickness, e.g. 2mm.", allow_leading_hyphen=True),
-]
+Thickness = Annotated[Quantity, Parameter(name="--thickness", help="Replaces the cover's thickness, e.g. 2mm.")]
 Layers = Annotated[
     list[str] | None,
     Parameter(
@@ -48,22 +53,15 @@ Layers = Annotated[
 Json = Annotated[
     bool, Parameter(name="--json", help="Print one JSON object on standard output, and nothing else there.")
 ]
-
 Shape = Annotated[str, Parameter(help="Shape of the indenter, e.g. sphere:radius=5mm or box:size=10mmx10mmx5mm.")]
 Method = Annotated[str, Parameter(help="Contact method of the fast model: default, cover, foundation, area or boxes.")]
-
 RecordedIndenter = Annotated[str, Parameter(name="--indenter", help="Shape of the indenter; kept in the file.")]
 RecordedLoad = Annotated[
-    str | None,
-    Parameter(name="--load", help="Force or weight, e.g. 4.9N or 500g; kept in the file.", allow_leading_hyphen=True),
+    Quantity, Parameter(name="--load", help="Force or weight, e.g. 4.9N or 500g; kept in the file.")
 ]
 Note = Annotated[str, Parameter(name="--note", help="Any other text to keep in the file.")]
 RecordingFile = Annotated[Path, Parameter(help="A recording: .mcap, .dsa, .csv, .bag, or a folder of ROS 2.")]
 Topic = Annotated[str | None, Parameter(name="--topic", help="Topic that holds the frames, in bags of other programs.")]
-ArrayIndex = Annotated[
-    int, Parameter(name="--array", help="Index of the array if the recording has several; the first is 0.")
-]
-
 PressedArrayIndex = Annotated[
     int | None,
     Parameter(
@@ -185,3 +183,81 @@ def read_setup(indenter: str, load: str | None, note: str) -> Setup:
     if indenter:
         read_indenter(indenter)
     return Setup(indenter=indenter, load=None if load is None else read_load(load), note=note)
+
+
+def read_sensor(
+    sensor: str,
+    *,
+    material: str | None = None,
+    thickness: str | None = None,
+    layers: Sequence[str] | None = None,
+    curved: bool = False,
+) -> SensorDescription | Parameters:
+    """Read a sensor as `validation.load` does, for a command that needs only the fast model.
+
+    With `curved` the command derives the fast model of curved covers itself.
+
+    Raises:
+        InputError: If the sensor cannot be read, or describes a curved cover, of which `derive` makes parameters.
+    """
+    from validation import api
+    from validation.sensor_file import SensorDescription
+
+    found = api.load(sensor, material=material, thickness=thickness, layers=layers or ())
+    return _accept(found, curved=curved) if isinstance(found, SensorDescription) else found
+
+
+def read_description(
+    sensor: str,
+    *,
+    material: str | None = None,
+    thickness: str | None = None,
+    layers: Sequence[str] | None = None,
+    curved: bool = False,
+    instead: str = "",
+) -> SensorDescription:
+    """Read the description of a sensor, for a command that needs the sensor's cover.
+
+    Args:
+        sensor: Path of a sensor file, or name of a built-in sensor.
+        material: Name of a material that replaces the cover's material.
+        thickness: Thickness with its unit that replaces the cover's thickness.
+        layers: Changes of single layers, values of the option `--layer`.
+        curved: Whether the command can treat curved covers.
+        instead: What the user can do with a folder of parameters, for the error message.
+
+    Raises:
+        InputError: If the sensor cannot be read, is a folder with parameters of the fast model, or has a curved cover
+            that the command cannot treat.
+    """
+    from validation import api
+
+    changes = {"material": material, "thickness": thickness}
+    return _accept(api.describe(sensor, **changes, layers=layers or (), instead=instead), curved=curved)
+
+
+def _accept(found: SensorDescription, *, curved: bool) -> SensorDescription:
+    """Return a description that a command can treat; keep a note on what is assumed about its electronics."""
+    if not curved:
+        _ = found.layered_cover  # a solid is refused
+    if assumed := ", ".join(found.assumed_electronics):
+        note(
+            f"{found.source} does not state all of [electronics]; assumed: {assumed}; counts and images follow from "
+            "that, forces do not"
+        )
+    return found
+
+
+def tell_unused(sensor: SensorDescription | Parameters, more: str = "") -> tuple[str, ...]:
+    """Print what a sensor file states and the fast model does not use, a warning each, and return the sentences.
+
+    Args:
+        sensor: Result of `read_sensor`; a folder of parameters states nothing that the fast model does not use.
+        more: Text that the printed lines end with.
+    """
+    from validation import api
+
+    sentences = api.list_unused(sensor)
+    for sentence in sentences:
+        say(f"softcover: warning: {sentence}{more}")
+    return sentences

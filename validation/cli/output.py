@@ -1,51 +1,39 @@
-"""Printing of a command's results on standard output, and of messages on standard error."""
+"""Printing of a command's results on standard output, and of messages and progress on standard error."""
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import textwrap
+import threading
+import time
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
+
+from validation.render import escape
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.text import Text
+    from rich.progress import Progress as RichProgress
+    from rich.progress import TaskID
 
     from meshes import Cover, SolidCover
     from meshes.array_types import FloatArray
-
+    from validation.render.table import Table
 
 #: Largest width of printed lines of text [characters].
 WIDTH = 80
-#: Largest number of characters of a text from a file that is printed, and how many of them are from its end [-]; the
-#: middle of a longer text is left out.  A message ends with the reason.
-_LONGEST, _END = 2000, 200
-
-
-def escape(text: str) -> str:
-    r"""Replace characters of a text that could steer a terminal, such as escape sequences, by `\x1b` and the like.
-
-    Names and notes come from files that strangers wrote.  All characters that are not printable are replaced, also
-    those that change the direction of writing; the middle of a text of more than
-    2000 characters is left out.
-    """
-    cut = text
-    if len(text) > _LONGEST:
-        cut = f"{text[: _LONGEST - _END]}... ({len(text)} characters) ...{text[-_END:]}"
-    return cut if cut.isprintable() else "".join(map(_escape_character, cut))
-
-
-def _escape_character(character: str) -> str:
-    return character if character.isprintable() else character.encode("unicode_escape").decode()
+#: Shortest time between two lines of progress, without a terminal [s].
+LINE_INTERVAL = 2.0
+#: Time between two lines which say that the computation takes long [s].
+LONG = 30.0
+#: Notes that are written when the command has succeeded.
+_notes: list[str] = []
 
 
 def say(message: str) -> None:
     """Write a message for the user to standard error, on one line."""
     sys.stderr.write(f"{escape(message)}\n")
-
-
-#: Notes that are written when the command has succeeded.
-_notes: list[str] = []
 
 
 def note(message: str) -> None:
@@ -81,16 +69,17 @@ def show_wrapped(text: str, *, indent: str = "", further: str = "") -> None:
         indent: Start of the first line.
         further: Start of the other lines.
     """
-    show(
-        textwrap.fill(
-            text,
-            WIDTH,
-            initial_indent=indent,
-            subsequent_indent=further,
-            break_long_words=False,
-            break_on_hyphens=False,
-        )
+    wrapper = textwrap.TextWrapper(
+        WIDTH, initial_indent=indent, subsequent_indent=further, break_long_words=False, break_on_hyphens=False
     )
+    show(wrapper.fill(text))
+
+
+def print_meaning(sentences: Iterable[str]) -> None:
+    """Print an empty line, then each sentence on lines of its own."""
+    show("")
+    for sentence in sentences:
+        show_wrapped(sentence)
 
 
 def print_json(result: Mapping[str, Any]) -> None:
@@ -99,12 +88,6 @@ def print_json(result: Mapping[str, Any]) -> None:
 
     sys.stdout.write(f"{json_text(result)}\n")
     sys.stdout.flush()
-
-
-def describe_vector(force: Sequence[float] | FloatArray) -> str:
-    """Describe the net force on an array, shape (3,) [N], for the line of a live image."""
-    x, y, z = force
-    return f"net force ({x:.2f}, {y:.2f}, {z:.2f}) N"
 
 
 def make_console() -> Console:
@@ -118,49 +101,98 @@ def make_console() -> Console:
     return Output(highlight=False)
 
 
-def print_rows(rows: Iterable[tuple[str, str]], *, title: str | None = None) -> None:
+def render(table: Table, *, lines: bool = True) -> None:
+    """Print a table on standard output; without `lines` between its columns a wide one fits a narrow terminal."""
+    make_console().print(table.to_rich(lines=lines))
+
+
+def print_rows(rows: Iterable[tuple[str, str]], *, title: str = "") -> None:
     """Print a table of two columns, name and value; a row with an empty name continues the row above."""
-    print_table(None, rows, title=title, left=2)
+    print_table((), rows, title=title)
 
 
 def print_table(
-    headings: Sequence[str] | None,
-    rows: Iterable[Sequence[str | Text]],
-    *,
-    title: str | None = None,
-    caption: str | None = None,
-    left: int = 1,
-    lines: bool = True,
+    headings: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = "", left: int = 1, lines: bool = True
 ) -> None:
-    """Print a table on standard output.
+    """Print a table of texts on standard output.
 
     Args:
-        headings: Headings of the columns; None for two columns without headings.
-        rows: Cells of each row; strings are printed as they are, without markup.
+        headings: Headings of the columns.
+        rows: Cells of each row.
         title: Line above the table.
-        caption: Line below the table.
         left: Number of columns, from the left, that are aligned to the left; the others are aligned to the right.
-        lines: Whether vertical lines separate the columns; without them a wide table fits a narrow terminal.
+        lines: Whether vertical lines separate the columns.
     """
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
+    from validation.render.table import Table
 
-    table = Table(
-        title=title and Text(escape(title)),
-        caption=caption and Text(escape(caption)),
-        show_header=headings is not None,
-        box=box.HEAVY_HEAD if lines else box.SIMPLE_HEAD,
-        padding=(0, 1) if lines else (0, 1, 0, 0),
-    )
-    for index, heading in enumerate(headings or ("", "")):
-        table.add_column(
-            Text(escape(heading)), justify="left" if index < left else "right", no_wrap=index == 0, overflow="fold"
-        )
-    for row in rows:
-        # Strings are converted to `Text`, because rich would parse plain strings in a table for markup.
-        table.add_row(*(Text(escape(cell)) if isinstance(cell, str) else cell for cell in row))
-    make_console().print(table)
+    render(Table(headings, rows, caption=title, texts=range(left)), lines=lines)
+
+
+class Progress(contextlib.ExitStack):
+    """Shows the current stage of a computation: a moving bar on a terminal, lines of text without one.
+
+    Call the object with the name of a stage of unknown length; call `step` for each item of a stage of known length.
+    A computation that is not finished after half a minute says so, also within a stage that says nothing itself.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._bar: RichProgress | None = None
+        self._task: TaskID | None = None
+        self._started = self._last_line = time.perf_counter()
+        self._stage = "start"
+        self._finished = threading.Event()
+
+    def __enter__(self) -> Self:
+        """Start the moving bar if standard error is a terminal."""
+        if sys.stderr.isatty():
+            from rich import progress
+            from rich.console import Console
+
+            bar = progress.Progress(
+                progress.SpinnerColumn(),
+                progress.TextColumn("{task.description}", markup=False),
+                progress.BarColumn(),
+                progress.MofNCompleteColumn(),
+                progress.TimeElapsedColumn(),
+                console=Console(stderr=True),
+                transient=True,
+            )
+            self._bar = self.enter_context(bar)
+        else:
+            thread = threading.Thread(target=self._tell_long, daemon=True)
+            thread.start()
+            self.callback(thread.join)
+            self.callback(self._finished.set)
+        return self
+
+    def _tell_long(self) -> None:
+        """Write a line at regular intervals until the computation ends."""
+        while not self._finished.wait(LONG):
+            seconds = time.perf_counter() - self._started
+            sys.stderr.write(f"[{seconds:5.1f} s] this takes long; still busy with: {self._stage}\n")
+
+    def __call__(self, stage: str) -> None:
+        """Show that a stage of unknown length begins; `stage` is its name."""
+        self._show(stage, 0, None)
+
+    def step(self, done: int, total: int, name: str) -> None:
+        """Show that `done` of `total` items are finished and that the item `name` comes next."""
+        self._show(name, done, total)
+
+    def _show(self, text: str, done: int, total: int | None) -> None:
+        text = escape(text)
+        self._stage = text or self._stage
+        if self._bar is not None:
+            if self._task is None:
+                self._task = self._bar.add_task(text, total=total)
+            self._bar.update(self._task, description=text, completed=done, total=total)
+            return
+        now = time.perf_counter()
+        if text and now - self._last_line > LINE_INTERVAL:
+            self._last_line = now
+            count = "" if total is None else f" {done}/{total}"
+            sys.stderr.write(f"[{now - self._started:5.1f} s]{count} {text}\n")
 
 
 #: Names of the quantities of error estimates for people, where they differ from those in JSON.
@@ -172,6 +204,11 @@ def describe_errors(estimates: Mapping[str, float]) -> str:
     return ", ".join(
         f"{_ESTIMATED.get(name, name.replace('_', ' '))} {100 * value:.2g} %" for name, value in estimates.items()
     )
+
+
+def describe_vector(force: Sequence[float] | FloatArray) -> str:
+    """Describe the net force on an array, shape (3,) [N], for the line of a live image."""
+    return "net force ({:.2f}, {:.2f}, {:.2f}) N".format(*force)
 
 
 def describe_cover(cover: Cover | SolidCover) -> str:

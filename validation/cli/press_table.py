@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from validation.cli.meaning import explain_comparison, print_meaning
-from validation.cli.output import describe_cover, describe_errors, escape, make_console, print_rows
+from validation.cli.meaning import explain_comparison
+from validation.cli.output import describe_cover, describe_errors, make_console, print_meaning, print_rows
+from validation.render import escape
 
 if TYPE_CHECKING:
     from validation.campaign.comparison import Comparison

@@ -1,1 +1,18 @@
 """Drawing of results: one table for terminal, page and file, and one tactile image."""
+
+#: Largest number of characters of a text from a file that is printed, and how many of them are from its end [-]; the
+#: middle of a longer text is left out.  A message ends with the reason.
+_LONGEST, _END = 2000, 200
+
+
+def escape(text: str) -> str:
+    r"""Replace characters of a text that could steer a terminal, such as escape sequences, by `\x1b` and the like.
+
+    Names and notes come from files that strangers wrote.  All characters that are not printable are replaced, also
+    those that change the direction of writing; the middle of a text of more than
+    2000 characters is left out.
+    """
+    cut = text
+    if len(text) > _LONGEST:
+        cut = f"{text[: _LONGEST - _END]}... ({len(text)} characters) ...{text[-_END:]}"
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in cut)

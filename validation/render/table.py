@@ -1,6 +1,9 @@
 """Tables of results: rendered to the terminal, to CSV and, by the template of the report's page, to HTML.
 
-What a column prints stands beside the field that it shows: see `validation.results.Column`.
+What a column prints stands beside the field that it shows: see `validation.results.Column`.  There are four ways to a
+table: `tabulate` makes one row for each result, `list_facts` one row for each named field of one result,
+`tabulate_facts` one row for every column of a result and of the results within it, and `Table` itself
+takes headings and rows of texts.  `validation.cli.output.render` prints any of them.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from validation.render import escape
 from validation.results import DASH, Column, Result, columns
 
 if TYPE_CHECKING:
@@ -38,23 +42,28 @@ class Cell:
     bold: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
 class Table:
     """A table.  The first column names the row.
 
-    Attributes:
-        name: Identifier of the table on the page.
+    Args:
+        headings: Headings of the columns, with units; empty for a list of names and values.
+        rows: Cells of each row; a text stands for a cell that shows it.
         caption: What the table shows.
-        headings: Headings of the columns, with units.
-        rows: Cells of each row.
+        name: Identifier of the table on the page.
         texts: Indices of further columns that hold text, which is aligned to the left.
     """
 
-    name: str
-    caption: str
-    headings: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
-    texts: tuple[int, ...] = ()
+    def __init__(
+        self,
+        headings: Sequence[str],
+        rows: Iterable[Sequence[Cell | str]],
+        *,
+        caption: str = "",
+        name: str = "",
+        texts: Sequence[int] = (),
+    ) -> None:
+        self.headings, self.caption, self.name, self.texts = headings, caption, name, texts
+        self.rows = [[cell if isinstance(cell, Cell) else Cell(text=cell) for cell in row] for row in rows]
 
     def to_csv(self) -> str:
         """Return the table as CSV: numbers in the units of `report.json`, else the printed text."""
@@ -64,19 +73,48 @@ class Table:
         writer.writerows([cell.text if cell.value is None else cell.value for cell in row] for row in self.rows)
         return out.getvalue()
 
-    def to_rich(self) -> RichTable:
-        """Return the table for a terminal; small lines stand in brackets behind the text."""
+    def to_rich(self, *, lines: bool = True) -> RichTable:
+        """Return the table for a terminal; small lines stand in brackets behind the text.
+
+        Args:
+            lines: Whether vertical lines separate the columns; without them a wide table fits a narrow terminal.
+        """
         from rich import box
         from rich.table import Table as RichTable
         from rich.text import Text
 
-        table = RichTable(title=Text(self.caption), box=box.HEAVY_HEAD)
-        for index, heading in enumerate(self.headings):
-            left = index == 0 or index in self.texts
-            table.add_column(Text(heading), justify="left" if left else "right", no_wrap=index == 0, overflow="fold")
+        # Strings are converted to `Text`, because rich would parse plain strings in a table for markup.
+        table = RichTable(
+            title=Text(escape(self.caption)) if self.caption else None,
+            show_header=bool(self.headings),
+            box=box.HEAVY_HEAD if lines else box.SIMPLE_HEAD,
+            padding=(0, 1) if lines else (0, 1, 0, 0),
+        )
+        for index, heading in enumerate(self.headings or ("", "")):
+            left = index == 0 or index in self.texts or not self.headings
+            table.add_column(
+                Text(escape(heading)), justify="left" if left else "right", no_wrap=index == 0, overflow="fold"
+            )
         for row in self.rows:
-            table.add_row(*(Text(f"{cell.text} ({cell.small})" if cell.small else cell.text) for cell in row))
+            table.add_row(*(Text(escape(f"{c.text} ({c.small})" if c.small else c.text)) for c in row))
         return table
+
+
+def list_facts(result: Result, fields: Sequence[str], *, caption: str = "") -> Table:
+    """Make a table of two columns, with one row for each field of a result: its heading, and its value with the unit.
+
+    Args:
+        result: The result.
+        fields: Names of the fields or properties that are shown.
+        caption: What the table shows.
+    """
+    known = columns(type(result))
+    rows = []
+    for field in fields:
+        cells, unit = _make_cells(result, field, known[field]), known[field].unit
+        text = ", ".join(cell.text if cell.value is None or not unit else f"{cell.text} {unit}" for cell in cells)
+        rows.append((known[field].heading, f"{text} ({cells[0].small})" if cells[0].small else text))
+    return Table((), rows, caption=caption)
 
 
 def tabulate(name: str, caption: str, results: Iterable[Result], shown: type[Result], fields: Sequence[str]) -> Table:
@@ -98,10 +136,10 @@ def tabulate(name: str, caption: str, results: Iterable[Result], shown: type[Res
         texts += [len(headings)] if column.words and headings else []
         headings += [f"{part} [{column.unit}]" if column.unit else part for part in parts]
     rows = [[cell for field in fields for cell in _make_cells(each, field, known[field])] for each in results]
-    return Table(name=name, caption=caption, headings=headings, rows=rows, texts=tuple(texts))
+    return Table(name=name, caption=caption, headings=headings, rows=rows, texts=texts)
 
 
-def list_facts(name: str, caption: str, result: Result) -> Table:
+def tabulate_facts(name: str, caption: str, result: Result) -> Table:
     """Make a table of two columns, quantity and value, of all columns of a result and of the results within it.
 
     A field without a value has no row; a mapping has a row for each of its entries.

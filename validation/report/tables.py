@@ -16,7 +16,7 @@ from validation.credibility.uncertainty import ComparisonError
 from validation.credibility.verification import Check, Convergence
 from validation.data_sets.results import CountScore, RecordingRow
 from validation.metrics import METRICS, TABULATED
-from validation.render.table import Cell, Table, interval, list_facts, number, tabulate
+from validation.render.table import Cell, Table, interval, number, tabulate, tabulate_facts
 from validation.results import Column, columns
 
 #: Words for the status of a requirement, and for the kinds of rows that are no model of the sensor.
@@ -81,7 +81,9 @@ def list_tables(evaluation: Evaluation) -> dict[str, Table]:
                 for name, ends in evidence.domain.items()
             ],
         ),
-        list_facts("responses", "Responses of the texels, and what is fitted to them", evaluation.derivation.result),
+        tabulate_facts(
+            "responses", "Responses of the texels, and what is fitted to them", evaluation.derivation.result
+        ),
     )
     return {each.name: each for each in found if each.rows}
 

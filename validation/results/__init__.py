@@ -1,35 +1,181 @@
-"""Results as models that write JSON and read it back, and whose fields say how they are printed."""
+"""Results as models: frozen dataclasses that write JSON and read it back, and whose fields say how they are printed.
 
-from validation.results.model import (
-    DASH,
-    Array,
-    Bound,
-    Column,
-    GreyImage,
-    Indices,
-    JsonObject,
-    Number,
-    Result,
-    Unread,
-    columns,
-    format_digits,
-    renamed,
-    result_model,
-)
+A field that tables show carries a `Column`: its heading, unit, format and meaning stand beside its type and nowhere
+else.  NaN and infinity become null in JSON; a field of type `Number` reads null as NaN, a field of type `Bound` as
+infinity.
+"""
 
-__all__ = [
-    "DASH",
-    "Array",
-    "Bound",
-    "Column",
-    "GreyImage",
-    "Indices",
-    "JsonObject",
-    "Number",
-    "Result",
-    "Unread",
-    "columns",
-    "format_digits",
-    "renamed",
-    "result_model",
-]
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Hashable, Mapping
+from functools import cache
+from typing import Annotated, Any, ClassVar, Self, TypeVar, cast, dataclass_transform
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BeforeValidator, ConfigDict, Field, GetCoreSchemaHandler, TypeAdapter
+from pydantic.dataclasses import dataclass
+from pydantic.fields import FieldInfo
+from pydantic_core import CoreSchema, core_schema
+
+from validation.json_values import to_json_values
+
+T = TypeVar("T")
+
+#: What stands in a table for a number that does not exist.
+DASH = "\u2013"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Column:
+    """How a quantity is printed in tables.
+
+    Attributes:
+        heading: Heading of its column.
+        unit: Printed unit; empty for none.
+        factor: Factor from the value, in SI units or as a fraction, to the printed unit.
+        decimals: Number of printed decimals; None to print significant digits.
+        digits: Number of significant digits where `decimals` is None.
+        meaning: Explanation in a few words.
+        shown: Whether tables of all columns have it.
+        small: Smaller second line, a format of the result, such as `against: {0.exact}`.
+        parts: Headings of the columns of a tuple of numbers.
+        words: Printed words by value; empty for numbers and for texts that are printed as they are.
+        alarms: Values whose words are emphasised.
+        factor_field: Name of the field that holds the factor, where rows differ in it.
+    """
+
+    heading: str
+    unit: str = ""
+    factor: float = 1.0
+    decimals: int | None = None
+    digits: int = 3
+    meaning: str = ""
+    shown: bool = True
+    small: str = ""
+    parts: tuple[str, ...] = ()
+    words: Mapping[Any, str] = dataclasses.field(default_factory=dict)
+    alarms: tuple[Any, ...] = ()
+    factor_field: str = ""
+
+    @property
+    def title(self) -> str:
+        """Heading with the unit in brackets."""
+        return f"{self.heading} [{self.unit}]" if self.unit else self.heading
+
+    def text(self, value: float | None) -> str:
+        """Format a value without its unit; a dash if it is None or NaN."""
+        if value is None or math.isnan(value):
+            return DASH
+        scaled = self.factor * value
+        return format_digits(scaled, self.digits) if self.decimals is None else f"{scaled:.{self.decimals}f}"
+
+
+def format_digits(value: float, digits: int) -> str:
+    """Format a number with significant digits, without exponent from 1e-4 to 1e6."""
+    if value == 0 or not math.isfinite(value):
+        return "0" if value == 0 else "inf"
+    if not 1e-4 <= abs(value) < 1e6:  # noqa: PLR2004 -- as the docstring says
+        return f"{value:.{digits - 1}e}"
+    return f"{value:.{max(0, digits - 1 - math.floor(math.log10(abs(value))))}f}"
+
+
+class _Array:
+    """Schema of numpy arrays: lists are converted, null becomes NaN."""
+
+    def __init__(self, dtype: npt.DTypeLike) -> None:
+        self._dtype = dtype
+
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(lambda value: np.asarray(value, dtype=self._dtype))
+
+
+class Unread:
+    """Schema of an object that is kept as it is, is not written, and is not read."""
+
+    def __get_pydantic_core_schema__(  # noqa: D105 -- as pydantic names it
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.any_schema()
+
+
+#: Arrays of numbers, of indices, and images of grey levels.
+Array = Annotated[npt.NDArray[np.float64], _Array(np.float64)]
+Indices = Annotated[npt.NDArray[np.intp], _Array(np.intp)]
+GreyImage = Annotated[npt.NDArray[np.uint8], _Array(np.uint8)]
+#: A number that may be NaN, or infinite.
+Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
+Bound = Annotated[float, BeforeValidator(lambda value: math.inf if value is None else value)]
+
+
+def renamed(key: str) -> Any:  # noqa: ANN401 -- as `pydantic.Field`
+    """Return the description of a required field that has another name in JSON.
+
+    Args:
+        key: The name in JSON.
+    """
+    return Field(validation_alias=key, serialization_alias=key)
+
+
+class Result:
+    """Base of results: equality by what is written, JSON and back.  Subclasses are decorated with `result_model`."""
+
+    #: Properties that are written beside the fields, as pairs of key in JSON and name; they are not read.
+    computed: ClassVar[tuple[tuple[str, str], ...]] = ()
+    #: Columns of properties, by name.
+    printed: ClassVar[Mapping[str, Column]] = {}
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the result as a dictionary of JSON values."""
+        fields = {name: info for name, info in _fields(type(self)).items() if not info.exclude}
+        own = {info.serialization_alias or name: getattr(self, name) for name, info in fields.items()}
+        return {key: to_json_values(value) for key, value in own.items()} | {
+            key: to_json_values(getattr(self, name)) for key, name in self.computed
+        }
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Self:
+        """Read a result from a dictionary of JSON values.
+
+        Raises:
+            ValidationError: If a field is missing or has another type; keys that are no field are ignored.
+        """
+        return cast("Self", _adapter(cast("Hashable", cls)).validate_python(dict(values)))
+
+    def __eq__(self, other: object) -> bool:
+        """Whether two results of one type write the same JSON."""
+        return type(self) is type(other) and isinstance(other, Result) and self.as_json() == other.as_json()
+
+    def __hash__(self) -> int:
+        """Results hold arrays: only the identity of their type is cheap and equal for equal ones."""
+        return hash(type(self))
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, eq_default=False, field_specifiers=(Field, renamed))
+def result_model(cls: type[T]) -> type[T]:
+    """Make a class a result: a frozen keyword-only dataclass whose fields are checked."""
+    config = ConfigDict(extra="ignore", populate_by_name=True)
+    made: Any = dataclass(frozen=True, kw_only=True, eq=False, config=config)(cls)
+    return cast("type[T]", made)
+
+
+def columns(cls: type[Result]) -> dict[str, Column]:
+    """Return the columns of a result's fields and properties that have one, by name."""
+    found = {name: info.metadata for name, info in _fields(cls).items()}
+    fields = {name: column for name, metadata in found.items() for column in metadata if isinstance(column, Column)}
+    return {**fields, **cls.printed}
+
+
+#: A nested value that is kept as JSON has it.
+JsonObject = Annotated[Mapping[str, Any], BeforeValidator(to_json_values)]
+
+
+def _fields(cls: type[Result]) -> Mapping[str, FieldInfo]:
+    return cast("Mapping[str, FieldInfo]", vars(cls)["__pydantic_fields__"])
+
+
+@cache
+def _adapter(cls: Hashable) -> TypeAdapter[Any]:
+    return TypeAdapter(cast("type[Any]", cls))

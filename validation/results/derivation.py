@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from validation.results.model import Array, Column, JsonObject, Number, Result, result_model
+from validation.results import Array, Column, JsonObject, Number, Result, result_model
 
 
 @result_model

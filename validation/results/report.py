@@ -12,8 +12,8 @@ from validation.campaign.results import CampaignResult, Verdict
 from validation.credibility.evidence import Evidence
 from validation.data_sets.results import RecordingScores
 from validation.errors import InputError
+from validation.results import JsonObject, Number, Result, result_model
 from validation.results.derivation import Responses
-from validation.results.model import JsonObject, Number, Result, result_model
 
 #: Largest accepted size of a report [bytes].
 _MOST_BYTES = 2**28

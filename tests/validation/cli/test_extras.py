@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.pages import load_script
-from validation.cli.failures import OUTSIDE_FAILED, explain
+from validation.cli.entry import OUTSIDE_FAILED, explain
 from validation.extras import EXTRAS, MissingExtraError, require
 
 PROJECT = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fastmodel.errors import FastModelError, ParametersError
 from fem_reference.errors import ConvergenceError
-from validation.cli.failures import explain
+from validation.cli.entry import explain
 from validation.errors import InputError
 from validation.extras import MissingExtraError
 

@@ -8,7 +8,8 @@ import pytest
 from meshes import Sphere
 from validation.campaign.case import Case
 from validation.campaign.comparison import Comparison
-from validation.cli.meaning import explain_comparison, explain_verdict, print_meaning
+from validation.cli.meaning import explain_comparison, explain_verdict
+from validation.cli.output import print_meaning
 from validation.metrics import score
 from validation.sensor_file import BUILT_IN
 

@@ -21,7 +21,7 @@ TIME = re.compile(r"\b\d+\.\d+ s +│")
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_prints_what_the_page_shows(softcover, monkeypatch, command):
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr("validation.cli.progress.LINE_INTERVAL", -1.0)
+    monkeypatch.setattr("validation.cli.output.LINE_INTERVAL", -1.0)
     code, out, err = softcover(*command.split()[1:])
     assert code == 0
     is_solved = command.split()[1] == "press"

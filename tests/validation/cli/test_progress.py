@@ -6,8 +6,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from validation.cli import progress as module
-from validation.cli.progress import LINE_INTERVAL, Progress
+from validation.cli import output as module
+from validation.cli.output import LINE_INTERVAL, Progress
 
 
 @pytest.fixture

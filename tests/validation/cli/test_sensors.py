@@ -3,8 +3,9 @@ from dataclasses import replace
 import pytest
 
 import fastmodel
-from validation.cli.sensors import find_parameters, read_description, read_sensor
+from validation.cli.options import read_description, read_sensor
 from validation.errors import InputError
+from validation.parameters import find_parameters
 from validation.sensor_file import BUILT_IN
 
 

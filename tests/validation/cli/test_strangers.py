@@ -6,7 +6,7 @@ import json
 import pytest
 
 import fastmodel
-from validation.cli.output import escape
+from validation.render import escape
 
 ESCAPES = "\x1b[2J\x1b]0;title\x07 \u202eevil \x9b31m\r"
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 from cyclopts import Parameter
 
 from validation.cli.options import Json, PressedArrayIndex, read_time_span
-from validation.cli.output import print_json, print_table, say, show
-from validation.cli.progress import Progress
+from validation.cli.output import Progress, print_json, print_table, say, show
 
 if TYPE_CHECKING:
     from validation.calibration.calibrate import Calibration
@@ -84,7 +83,7 @@ def calibrate(
         softcover calibrate trial*.mcap --sensor wts-0614-34 --tip 1mm --texel 39
     """
     from validation import api
-    from validation.cli.sensors import read_description
+    from validation.cli.options import read_description
 
     with Progress() as progress:
         found = api.calibrate(

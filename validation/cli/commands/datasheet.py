@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from validation.cli.meaning import print_meaning
 from validation.cli.options import Json, Layers, MaterialName, Sensor, Thickness
-from validation.cli.output import print_json, print_rows, say, show_wrapped
-from validation.cli.progress import Progress
+from validation.cli.output import Progress, print_json, print_meaning, print_rows, say, show_wrapped
 
 if TYPE_CHECKING:
     from validation.data_sheet import DataSheet
@@ -36,7 +34,7 @@ def datasheet(
         softcover datasheet derived --json
     """
     from validation import api
-    from validation.cli.sensors import read_sensor
+    from validation.cli.options import read_sensor
 
     found = read_sensor(sensor, material=material, thickness=thickness, layers=layer)
     with Progress() as progress:

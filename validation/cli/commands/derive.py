@@ -9,12 +9,21 @@ import numpy as np
 from cyclopts import Parameter
 
 from validation import api
-from validation.cli.failures import DONE, OUTSIDE_FAILED
+from validation.cli.entry import DONE, OUTSIDE_FAILED
 from validation.cli.heat_map import draw_share_image
-from validation.cli.meaning import explain_error, print_meaning
-from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
-from validation.cli.output import describe_cover, make_console, print_json, say, show, show_wrapped
-from validation.cli.progress import Progress
+from validation.cli.meaning import explain_error
+from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness, read_description
+from validation.cli.output import (
+    Progress,
+    describe_cover,
+    make_console,
+    print_json,
+    print_meaning,
+    render,
+    say,
+    show,
+    show_wrapped,
+)
 
 _Format = Annotated[Literal["png", "svg"], Parameter(help="Format of the picture.")]
 _Out = Annotated[Path | None, Parameter(help="Folder for the files; an earlier result is replaced.")]
@@ -48,8 +57,6 @@ def derive(
         softcover derive wts-0614-34 --material dragon-skin-30 --thickness 3mm --json
         softcover derive fingertip --out fingertip
     """
-    from validation.cli.sensors import read_description
-
     description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
     with Progress() as progress:
         found = api.derive(description, out=out, format=format, progress=progress)
@@ -57,13 +64,13 @@ def derive(
     if json:
         print_json(result.as_json())
     else:
-        from validation.render.table import list_facts
+        from validation.render.table import tabulate_facts
 
-        console, (uniform, _, _) = make_console(), found.maps[-3:]
+        uniform, _, _ = found.maps[-3:]
         show_wrapped(f"{description.name}, cover {describe_cover(description.cover)}", further="  ")
-        console.print(list_facts("responses", "Responses of the texels", result).to_rich())
+        render(tabulate_facts("responses", "Responses of the texels", result))
         show("Uniform load on one texel: share of it on each texel, %")
-        console.print(draw_share_image(np.asarray(description.array.image(uniform.values), dtype=np.float64)))
+        make_console().print(draw_share_image(np.asarray(description.array.image(uniform.values), dtype=np.float64)))
         remedy = "take it as their uncertainty, and check a touch of yours by `softcover press`"
         print_meaning([*result.notes, *found.explain(), explain_error(result.error_estimate.values(), remedy)])
     for sentence in result.warnings:

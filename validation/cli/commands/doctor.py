@@ -5,13 +5,9 @@ from __future__ import annotations
 import os
 import platform
 import shutil
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from validation.cli.failures import CHECK_FAILED, DONE
+from validation.cli.entry import CHECK_FAILED, DONE
 from validation.cli.options import Json
 from validation.cli.output import print_json, print_table, show
 
@@ -28,13 +24,7 @@ _PARTS = {
 }
 
 
-def doctor(
-    *,
-    port: Annotated[
-        str | None, Parameter(help="Instead, ask the sensor on this port for what its documentation leaves open.")
-    ] = None,
-    json: Json = False,
-) -> int:
+def doctor(*, port: str | None = None, json: Json = False) -> int:
     """Print what is installed, what is missing and the command that installs it; exit with 1 if the base is incomplete.
 
     Examples of use:
@@ -42,6 +32,9 @@ def doctor(
         softcover doctor
         softcover doctor --json
         softcover doctor --port /dev/ttyACM0
+
+    Args:
+        port: Instead, ask the sensor on this port for what its documentation leaves open.
     """
     if port is not None:
         return _ask_sensor(port, json=json)
@@ -50,7 +43,18 @@ def doctor(
         named = {part or "base": versions for part, versions in parts.items()}
         print_json({"python": platform.python_version(), "parts": named, "surroundings": _find_surroundings()})
     else:
-        _print_parts(parts)
+        rows = []
+        for part, versions in parts.items():
+            found = ", ".join(f"{name} {number}" for name, number in versions.items() if number)
+            absent = ", ".join(name for name, number in versions.items() if not number)
+            target = f"'.[{part}]'" if part else "."
+            cure = f"{absent}: in a clone, python -m pip install -e {target}" if absent else "nothing"
+            rows.append((part or "(base)", _PARTS[part], found, cure))
+        headings = ("part", "for", "installed", "missing, and how to get it")
+        title = f"softcover {_find_version('softcover')} on Python {platform.python_version()}"
+        print_table(headings, rows, title=title, left=len(headings))
+        for name, value in _find_surroundings().items():
+            show(f"{name}: {value}")
     return DONE if all(parts[""].values()) else CHECK_FAILED
 
 
@@ -75,9 +79,8 @@ def _find_distributions(extra: str) -> list[str]:
 
 
 def _ask_sensor(port: str, *, json: bool) -> int:
-    from validation.weiss.inquiry import inquire
+    from validation.weiss.inquiry import UNCONFIRMED, inquire
     from validation.weiss.sensor import Sensor
-    from validation.weiss.unconfirmed import UNCONFIRMED
 
     with Sensor(port) as sensor:
         answers = inquire(sensor)
@@ -89,21 +92,6 @@ def _ask_sensor(port: str, *, json: bool) -> int:
         for topic, line in lines.items():
             show(f"  {topic}: {line}")
     return DONE
-
-
-def _print_parts(parts: Mapping[str, Mapping[str, str | None]]) -> None:
-    rows = []
-    for part, versions in parts.items():
-        found = ", ".join(f"{name} {number}" for name, number in versions.items() if number)
-        absent = ", ".join(name for name, number in versions.items() if not number)
-        target = f"'.[{part}]'" if part else "."
-        cure = f"{absent}: in a clone, python -m pip install -e {target}" if absent else "nothing"
-        rows.append((part or "(base)", _PARTS[part], found, cure))
-    headings = ("part", "for", "installed", "missing, and how to get it")
-    title = f"softcover {_find_version('softcover')} on Python {platform.python_version()}"
-    print_table(headings, rows, title=title, left=len(headings))
-    for name, value in _find_surroundings().items():
-        show(f"{name}: {value}")
 
 
 def _find_surroundings() -> dict[str, str]:

@@ -72,8 +72,7 @@ def emulate(
     from validation.extras import require
 
     require("serial", useful=("skfem",) if show.endswith(".toml") else ())
-    from validation.weiss.serve import PseudoTerminal, SerialEnd, serve
-    from validation.weiss.virtual import VirtualSensor
+    from validation.weiss.virtual import PseudoTerminal, SerialEnd, VirtualSensor, serve
 
     check_range("--seconds", seconds)
     misbehaviour = _read_misbehaviour(fault or [], pause or [], seed)
@@ -164,8 +163,9 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
         known = nearest(show, (*_PATTERNS, *BUILT_IN))
         raise InputError(f"--show: no pattern, sensor, recording or folder {show!r}; {known}")
     if is_pressed:
-        from validation.cli.progress import Progress
-        from validation.cli.sensors import find_parameters, read_sensor, tell_unused
+        from validation.cli.options import read_sensor, tell_unused
+        from validation.cli.output import Progress
+        from validation.parameters import find_parameters
         from validation.recordings.live_frames import simulate_frames
         from validation.text.indenter import read_indenter, read_load
 
@@ -175,7 +175,9 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
             parameters = find_parameters(found, progress)
         matrix = _make_matrix(show, parameters.array, parameters.electronics.output_max)
         frames = simulate_frames(parameters, shape, load=weight)
-        return _Shown(source=show_frames(frames), matrix=matrix, active=parameters.array.active)
+        return _Shown(
+            source=show_frames(frame.counts for frame in frames), matrix=matrix, active=parameters.array.active
+        )
     from validation.recordings.importing import open_recording
 
     recording = open_recording(path)

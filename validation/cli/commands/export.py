@@ -3,18 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
+from validation.cli.options import Json, Layers, MaterialName, Quantity, Sensor, Thickness, read_sensor, tell_unused
+from validation.cli.output import Progress, print_json, say
+from validation.errors import Faults
 
-from validation.cli.options import Json, Layers, MaterialName, Sensor, Thickness, collect
-from validation.cli.output import print_json, say
-from validation.cli.progress import Progress
-from validation.errors import InputError
-
-_Format = Annotated[
-    str, Parameter(name="--format", help="What to write: mjcf, sdf, urdf, or gazebo (the plugin block of 2015).")
-]
 #: What to do with a written file, by format.
 _NEXT = {
     "mjcf": "look at it: python -m mujoco.viewer --mjcf={path}; put it on a robot: fastmodel.attach(spec, body, "
@@ -25,30 +18,15 @@ _NEXT = {
     "urdf": "join the link {name} to a link of your robot by a fixed joint; the forces on its boxes are those before "
     "the cover spreads them: fastmodel.load('{out}') holds the spread, filter and electronics that make counts of them",
 }
-_Out = Annotated[Path, Parameter(help="Folder for the files; an earlier result is replaced.")]
-_Method = Annotated[
-    str,
-    Parameter(
-        help="Contact method that the model is for: default, cover or foundation (one plate for the array), "
-        "area or boxes (one box per texel)."
-    ),
-]
-_Mass = Annotated[
-    str | None,
-    Parameter(
-        help="Mass of the array for sdf and urdf, e.g. 20g; without it sdf is static and urdf has no inertia.",
-        allow_leading_hyphen=True,
-    ),
-]
 
 
 def export(
     sensor: Sensor,
     *,
-    format: _Format = "mjcf",  # noqa: A002
-    method: _Method = "default",
-    mass: _Mass = None,
-    out: _Out = Path("softcover-out"),
+    format: str = "mjcf",  # noqa: A002
+    method: str = "default",
+    mass: Quantity = None,
+    out: Path = Path("softcover-out"),
     material: MaterialName = None,
     thickness: Thickness = None,
     layer: Layers = None,
@@ -67,15 +45,20 @@ def export(
         softcover export wts-0614-34 --format mjcf --method boxes --json
         softcover export sensor.toml --format mjcf --material dragon-skin-30 --thickness 2mm
         softcover export derived --format gazebo
+
+    Args:
+        format: What to write: mjcf, sdf, urdf, or gazebo (the plugin block of 2015).
+        method: Contact method that the model is for: default, cover or foundation (one plate for the array), area or
+            boxes (one box per texel).
+        mass: Mass of the array for sdf and urdf, e.g. 20g; without it sdf is static and urdf has no inertia.
+        out: Folder for the files; an earlier result is replaced.
     """
     from validation import api
-    from validation.cli.sensors import read_sensor, tell_unused
 
-    faults: list[str] = []
-    collect(faults, lambda: api.check_export(format, method, mass))
-    found = collect(faults, lambda: read_sensor(sensor, material=material, thickness=thickness, layers=layer))
-    if faults or found is None:
-        raise InputError(*faults)
+    faults = Faults()
+    faults.read(api.check_export, format, method, mass)
+    found = faults.read(read_sensor, sensor, material=material, thickness=thickness, layers=layer)
+    faults.refuse()
     tell_unused(found)
     with Progress() as progress:
         done = api.export(found, out, format=format, method=method, mass=mass, progress=progress)

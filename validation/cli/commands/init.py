@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from validation.cli.output import say
 from validation.errors import InputError
 
 
-def init(
-    path: Annotated[Path, Parameter(help="The file to write.")] = Path("sensor.toml"),
-    *,
-    force: Annotated[bool, Parameter(help="Replace a file that is already there.")] = False,
-) -> None:
+def init(path: Path = Path("sensor.toml"), *, force: bool = False) -> None:
     """Write a sensor file of a home-made sensor with all keys explained, to change for a sensor of your own.
 
     Examples of use:
 
         softcover init
         softcover init my-sensor.toml
+
+    Args:
+        path: The file to write.
+        force: Replace a file that is already there.
     """
     from validation.output_folder import write_text
     from validation.sensor_file import read_template

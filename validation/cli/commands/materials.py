@@ -4,26 +4,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-from cyclopts import Parameter
-
-from validation.cli.meaning import print_meaning
 from validation.cli.options import Json
-from validation.cli.output import print_json, print_rows, print_table, say, show, show_wrapped
-from validation.errors import InputError, match_name, nearest
+from validation.cli.output import print_json, print_meaning, print_rows, print_table, say, show, show_wrapped
+from validation.errors import InputError
 
 if TYPE_CHECKING:
     from meshes import Material
     from meshes.hardness import HardnessModulus
-
-_Name = Annotated[str | None, Parameter(help="One material, with everything that is known about it.")]
-_Out = Annotated[
-    Path | None, Parameter(help="Write the stress-strain curve of the material, a .csv, .svg or .png file.")
-]
-_Hardness = Annotated[
-    str | None, Parameter(help="Estimate the modulus from a Shore A hardness, e.g. 30 or '30 shore-a'.")
-]
 
 #: Note for the user on the effect of the elastic constants on the point spread function and on the contact.
 PSF_NOTE = (
@@ -32,7 +21,9 @@ PSF_NOTE = (
 )
 
 
-def materials(name: _Name = None, /, *, hardness: _Hardness = None, out: _Out = None, json: Json = False) -> None:
+def materials(
+    name: str | None = None, /, *, hardness: str | None = None, out: Path | None = None, json: Json = False
+) -> None:
     """List the materials that have a name, show one of them, or estimate a modulus from a hardness.
 
     Examples of use:
@@ -43,8 +34,14 @@ def materials(name: _Name = None, /, *, hardness: _Hardness = None, out: _Out = 
         softcover materials --hardness 30
         softcover materials --hardness "30 shore-00"
         softcover materials --json
+
+    Args:
+        name: One material, with everything that is known about it.
+        hardness: Estimate the modulus from a Shore A hardness, e.g. 30 or '30 shore-a'.
+        out: Write the stress-strain curve of the material, a .csv, .svg or .png file.
     """
     from meshes.catalogue import MATERIALS
+    from validation.schema.types import read_material_name
 
     if out is not None and name is None:
         raise InputError("--out: holds the curve of one material; name it, for example dragon-skin-30")
@@ -56,15 +53,12 @@ def materials(name: _Name = None, /, *, hardness: _Hardness = None, out: _Out = 
         found = read_hardness(hardness, place="--hardness", bare=True)
         print_json({**vars(found), "low": found.low, "high": found.high}) if json else _show_hardness(found)
     elif name is not None:
-        name = match_name(name, MATERIALS)
-        if name not in MATERIALS:
-            raise InputError(f"unknown material {name!r}; {nearest(name, MATERIALS)}")
-        material = MATERIALS[name]
+        material = read_material_name(name)
         if out is not None:
             from validation.report.material_curve import write_curve
 
             write_curve(material, out)
-        print_json({"name": name, **_list_material(material)}) if json else _show_material(material)
+        print_json({"name": material.name, **_list_material(material)}) if json else _show_material(material)
         if out is not None:
             say(f"wrote {out}")
     elif json:
@@ -114,6 +108,8 @@ def _show_material(material: Material) -> None:
     bulk = "infinite (incompressible)" if math.isinf(material.bulk_modulus) else _format_pressure(material.bulk_modulus)
     modulus = _format_pressure(material.youngs_modulus)
     spread = f" ±{material.poisson_spread:g}" if material.poisson_spread else ""
+    ends = [_relative_width(material.poisson_ratio + sign * material.poisson_spread) for sign in (-1, 1)]
+    band = " ({:.2f} to {:.2f} over its Poisson ratios)".format(*ends) if material.poisson_spread else ""
     rows = {
         "model": f"{material.model}, {'small strain' if material.small_strain_only else 'finite strain'}",
         **{f"  {name}": format_parameter(name) for name in material.parameters},
@@ -122,7 +118,9 @@ def _show_material(material: Material) -> None:
         "bulk modulus": bulk,
         "Poisson ratio": f"{material.poisson_ratio:g}{spread}",
         "source": material.source,
-        "PSF": _describe_psf(material),
+        "PSF": f"{PSF_NOTE} A bonded layer of thickness h spreads a point load over a base pressure of standard "
+        f"deviation h sqrt(nu / (1 - nu)) = {_relative_width(material.poisson_ratio):.3g} h along each axis{band}; its "
+        "core is much narrower, and `softcover derive` fits that.",
     }
     print_rows(rows.items(), title=material.name)
     show("nominal stress [kPa] over strain [%], uniaxial")
@@ -155,17 +153,6 @@ def _show_hardness(found: HardnessModulus) -> None:
     print_meaning([meaning])
     show(
         f'In a sensor file: material = {{ model = "neo-hookean", hardness = "{found.hardness:g} shore-{found.scale}" }}'
-    )
-
-
-def _describe_psf(material: Material) -> str:
-    """Describe in words how far a bonded layer of a material spreads a point load."""
-    widths = [_relative_width(material.poisson_ratio + sign * material.poisson_spread) for sign in (-1, 0, 1)]
-    band = f" ({widths[0]:.2f} to {widths[2]:.2f} over its Poisson ratios)" if material.poisson_spread else ""
-    return (
-        f"{PSF_NOTE} A bonded layer of thickness h spreads a point load over a base pressure of standard deviation "
-        f"h sqrt(nu / (1 - nu)) = {widths[1]:.3g} h along each axis{band}; its core is much narrower, and "
-        "`softcover derive` fits that."
     )
 
 

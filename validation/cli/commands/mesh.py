@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from meshes import SolidCover
 from validation.cli.options import Json, SensorFile, Thickness
-from validation.cli.output import print_json, print_rows
-from validation.cli.progress import Progress
+from validation.cli.output import Progress, print_json, print_rows
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,8 +31,9 @@ def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, j
         softcover mesh fingertip
         softcover mesh sensor.toml --out meshed
     """
+    from meshes import SolidCover
     from validation.cli.curved.derive import say_written
-    from validation.cli.sensors import read_description
+    from validation.cli.options import read_description
     from validation.extras import require
     from validation.output_folder import new_folder
 

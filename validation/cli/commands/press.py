@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from validation.cli.failures import DONE, NOT_CONVERGED
+from validation.cli.entry import DONE, NOT_CONVERGED
 from validation.cli.options import Json, Layers, MaterialName, Method, Sensor, Shape, Thickness, check_choice, collect
-from validation.cli.output import print_json, print_table, say
+from validation.cli.output import Progress, print_json, print_table, say
 from validation.cli.press_options import (
     Strain,
     check_files,
@@ -24,7 +24,6 @@ from validation.cli.press_options import (
     read_models,
 )
 from validation.cli.press_table import print_comparison
-from validation.cli.progress import Progress
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -199,7 +198,7 @@ def _press_curved(
 ) -> int:
     """Press a sensor with a curved cover; `cover` is the sensor, `--material`, `--thickness` and `--layer`."""
     from fem_reference.errors import PiercedError
-    from validation.cli.sensors import read_description
+    from validation.cli.options import read_description
     from validation.extras import require
 
     faults = [
@@ -256,7 +255,7 @@ def _read_request(
     from meshes import Pose
     from validation.campaign.case import Case
     from validation.campaign.comparison import METHODS
-    from validation.cli.sensors import check_curved_method, read_description, read_sensor
+    from validation.cli.options import read_description, read_sensor
     from validation.text.indenter import read_indenter, read_position, read_tilt, read_yaw
 
     faults: list[str] = []
@@ -272,7 +271,6 @@ def _read_request(
     coefficient = collect(faults, lambda: read_friction_option(friction, used=needs_reference or models is None))
     collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
     collect(faults, lambda: _check_method(method, models, is_curve=files[0] is not None))
-    collect(faults, lambda: check_curved_method(found, method))
     wanted = collect(faults, lambda: read_accuracy(accuracy, used=needs_reference or models is None))
     load, depth = collect(faults, lambda: read_force(*force)) or (None, None)
     if found and position:
@@ -295,9 +293,9 @@ def _read_request(
 def _compare(request: _Request, out: Path | None, *, json: bool) -> int:
     """Compute one indentation by the chosen models, print it, and write its files to `out` if given."""
     from validation.campaign.comparison import compare_models_as_far
-    from validation.cli.sensors import find_parameters
     from validation.json_values import json_text
     from validation.output_folder import new_folder
+    from validation.parameters import find_parameters
     from validation.press_files.fields_file import write_indentation
     from validation.press_files.picture import write_picture
     from validation.scene.cover_scene import show_indentation

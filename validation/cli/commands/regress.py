@@ -9,11 +9,10 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from validation import api
-from validation.cli.failures import CHECK_FAILED, DONE
+from validation.cli.entry import CHECK_FAILED, DONE
 from validation.cli.meaning import explain_verdict
 from validation.cli.options import Json, Sensor
-from validation.cli.output import print_json, say, show
-from validation.cli.progress import Progress
+from validation.cli.output import Progress, print_json, say, show
 from validation.errors import InputError
 
 _BaselineFile = Annotated[Path, Parameter(help="File with the stored values.")]
@@ -45,7 +44,7 @@ def regress(
         softcover regress wts-0614-34 --out verdict
         softcover regress sensor.toml --baseline ci/sensor.json --junit regress.xml
     """
-    from validation.cli.sensors import read_sensor, tell_unused
+    from validation.cli.options import read_sensor, tell_unused
     from validation.output_folder import new_folder
     from validation.regression.baseline import write_junit
 

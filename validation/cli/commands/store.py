@@ -4,33 +4,19 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from validation.cli.failures import CHECK_FAILED, DONE
+from validation.cli.entry import CHECK_FAILED, DONE
 from validation.cli.options import Json, check_range
 from validation.cli.output import print_json, say, show
 from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fem_reference.result_store import Entry
-
-_OlderThan = Annotated[
-    str | None, Parameter(name="--older-than", help="Remove only what was written longer ago, e.g. 30d, 12h.")
-]
-_KeepLatest = Annotated[int | None, Parameter(name="--keep-latest", help="Keep this many of the newest entries.")]
-_OtherCode = Annotated[
-    bool,
-    Parameter(
-        name="--other-code",
-        help="Remove only what other versions of softcover or its libraries wrote; so does `prune` without options.",
-    ),
-]
-_Everything = Annotated[bool, Parameter(name="--all", help="Remove every entry.")]
-_DryRun = Annotated[bool, Parameter(name="--dry-run", help="Only say what would be removed.")]
 
 #: Largest number of elements of a list that is printed in full; of a longer list only the number is printed [-].
 _LONGEST_LIST = 3
@@ -62,21 +48,15 @@ def list_entries(*, json: Json = False) -> None:
     """
     from fem_reference import result_store
 
-    found = result_store.entries()
+    found, folder, code = result_store.entries(), str(result_store.folder()), result_store.code_version()
     if json:
-        print_json(
-            {
-                "folder": str(result_store.folder()),
-                "code": result_store.code_version(),
-                "entries": [_list_entry(entry) for entry in found],
-                "bytes": sum(entry.size for entry in found),
-                "partial_files": result_store.count_partial_files(),
-            }
-        )
+        entries, size = [_list_entry(entry, code) for entry in found], sum(entry.size for entry in found)
+        partial = result_store.count_partial_files()
+        print_json({"folder": folder, "code": code, "entries": entries, "bytes": size, "partial_files": partial})
         return
-    _print_lines(found)
-    show(f"{_summarise(found)} in {result_store.folder()}")
-    if other := sum(not _is_usable(entry) for entry in found):
+    _show_entries(found, code)
+    show(f"{_summarise(found)} in {folder}")
+    if other := sum(bool(entry.problem) or entry.code != code for entry in found):
         say(f"{other} of them cannot be used by this version; `softcover store prune` removes them")
 
 
@@ -92,33 +72,27 @@ def verify_entries(*, json: Json = False) -> int:
     from fem_reference import result_store
 
     checked = result_store.verify()
-    damaged = [entry for entry in checked if entry.problem]
+    damaged = [{"key": e.key, "path": str(e.path), "problem": e.problem} for e in checked if e.problem]
     if json:
-        print_json(
-            {
-                "folder": str(result_store.folder()),
-                "checked": len(checked),
-                "damaged": [{"key": e.key, "path": str(e.path), "problem": e.problem} for e in damaged],
-                "partial_files": result_store.count_partial_files(),
-            }
-        )
-        return CHECK_FAILED if damaged else DONE
-    for entry in damaged:
-        show(f"{entry.path}: {entry.problem}")
-    show(f"{_summarise(checked)} checked, {len(damaged) or 'none'} damaged")
-    if damaged:
-        say("damaged entries are never used: they are computed again, or removed by `softcover store prune`")
+        counts = {"checked": len(checked), "partial_files": result_store.count_partial_files()}
+        print_json({"folder": str(result_store.folder()), "damaged": damaged, **counts})
+    else:
+        for entry in damaged:
+            show(f"{entry['path']}: {entry['problem']}")
+        show(f"{_summarise(checked)} checked, {len(damaged) or 'none'} damaged")
+        if damaged:
+            say("damaged entries are never used: they are computed again, or removed by `softcover store prune`")
     return CHECK_FAILED if damaged else DONE
 
 
 @store.command(name="prune")
 def prune_entries(
     *,
-    older_than: _OlderThan = None,
-    keep_latest: _KeepLatest = None,
-    other_code: _OtherCode = False,
-    everything: _Everything = False,
-    dry_run: _DryRun = False,
+    older_than: str | None = None,
+    keep_latest: int | None = None,
+    other_code: bool = False,
+    everything: Annotated[bool, Parameter(name="--all")] = False,
+    dry_run: bool = False,
     json: Json = False,
 ) -> None:
     """Remove stored results of other code versions, or those that the options choose, and print what was removed.
@@ -132,6 +106,14 @@ def prune_entries(
         softcover store prune --older-than 30d --dry-run
         softcover store prune --keep-latest 100
         softcover store prune --all
+
+    Args:
+        older_than: Remove only what was written longer ago, e.g. 30d, 12h.
+        keep_latest: Keep this many of the newest entries.
+        other_code: Remove only what other versions of softcover or its libraries wrote; so does `prune` without
+            options.
+        everything: Remove every entry.
+        dry_run: Only say what would be removed.
     """
     from fem_reference import result_store
     from validation.text.quantity import read_quantity
@@ -142,11 +124,11 @@ def prune_entries(
     check_range("--keep-latest", keep_latest)
     if everything and (older_than or other_code or keep_latest is not None):
         raise InputError("--all: removes every entry; leave out --older-than, --keep-latest and --other-code")
-    keeps_current = other_code or not (everything or older_than is not None or keep_latest is not None)
-    found = result_store.verify()
+    found, code = result_store.verify(), result_store.code_version()
+    kept = code if other_code or not (everything or older_than is not None or keep_latest is not None) else None
     removed: list[Entry] = []
     failures: list[OSError] = []
-    for entry in _choose(found, age=age, keep_latest=keep_latest or 0, keeps_current=keeps_current):
+    for entry in _choose(found, age=age, keep_latest=keep_latest or 0, kept=kept):
         try:
             if not dry_run:
                 result_store.remove(entry)
@@ -154,56 +136,48 @@ def prune_entries(
         except OSError as error:
             failures.append(error)
     swept = 0 if dry_run else result_store.sweep_leftovers()
-    kept = len(found) - len(removed)
+    left = len(found) - len(removed)
     if json:
-        entries, freed = [_list_entry(entry) for entry in removed], sum(entry.size for entry in removed)
-        told = {"dry_run": dry_run, "removed": entries, "bytes": freed, "kept": kept, "partial_files_removed": swept}
+        entries, freed = [_list_entry(entry, code) for entry in removed], sum(entry.size for entry in removed)
+        told = {"dry_run": dry_run, "removed": entries, "bytes": freed, "kept": left, "partial_files_removed": swept}
         print_json(told)
     else:
-        _print_lines(removed)
-        left = f", and {swept} unfinished files of killed processes" if swept else ""
-        show(f"{_summarise(removed)} {'would be removed' if dry_run else 'removed'}{left}; {kept} kept")
+        _show_entries(removed, code)
+        also = f", and {swept} unfinished files of killed processes" if swept else ""
+        show(f"{_summarise(removed)} {'would be removed' if dry_run else 'removed'}{also}; {left} kept")
     if failures:
         raise failures[0]
 
 
-def _choose(found: Sequence[Entry], *, age: float, keep_latest: int, keeps_current: bool) -> list[Entry]:
+def _choose(found: Sequence[Entry], *, age: float, keep_latest: int, kept: str | None) -> list[Entry]:
     """Choose the stored results to remove: damaged ones, and those that all conditions choose.
 
     Args:
         found: All stored results, the newest first.
         age: Least age of an undamaged result that is removed [s].
         keep_latest: Number of the newest undamaged results that are kept [-].
-        keeps_current: Whether results of the present code version are kept.
+        kept: Version of the code whose results are kept; None for none.
     """
-    from fem_reference import result_store
-
     latest = {entry.key for entry in [entry for entry in found if not entry.problem][:keep_latest]}
-    now, current = time.time(), result_store.code_version()
-    return [
-        entry
-        for entry in found
-        if entry.problem
-        or not (entry.key in latest or now - entry.created < age or (keeps_current and entry.code == current))
-    ]
+    written = time.time() - age
+    return [e for e in found if e.problem or not (e.key in latest or e.created > written or e.code == kept)]
 
 
-def _print_lines(found: Iterable[Entry]) -> None:
+def _show_entries(found: Sequence[Entry], code: str) -> None:
     """Print one line per stored result, with the description of its inputs at the end, because it may be long."""
     from rich.filesize import decimal
 
     for entry in found:
+        state = "damaged" if entry.problem else "" if entry.code == code else "other code"
+        seconds = max(0.0, time.time() - entry.created)
+        units = (("d", 86_400), ("h", 3600), ("min", 60), ("s", 1))
+        age = next(f"{seconds / length:.0f} {unit}" for unit, length in units if seconds >= length or length == 1)
         what = f"{str(entry.kind).replace('-', ' ')}: {_describe_inputs(entry.inputs)}"
-        state = "damaged" if entry.problem else "" if _is_usable(entry) else "other code"
-        age, unit = max(0.0, time.time() - entry.created), "s"
-        for name, length in (("d", 86_400), ("h", 3600), ("min", 60)):
-            if age >= length:
-                age, unit = age / length, name
-                break
-        show(f"{entry.key[:12]}  {decimal(entry.size):>9}  {f'{age:.0f} {unit}':>6}  {state:10}  {what}")
+        show(f"{entry.key[:12]}  {decimal(entry.size):>9}  {age:>6}  {state:10}  {what}")
 
 
-def _list_entry(entry: Entry) -> dict[str, Any]:
+def _list_entry(entry: Entry, code: str) -> dict[str, Any]:
+    """Return the JSON values of a stored result, given the present version of the code."""
     return {
         "key": entry.key,
         "kind": entry.kind,
@@ -211,15 +185,9 @@ def _list_entry(entry: Entry) -> dict[str, Any]:
         "bytes": entry.size,
         "created": datetime.fromtimestamp(entry.created, UTC).isoformat(timespec="seconds"),
         "code": entry.code,
-        "usable": _is_usable(entry),
+        "usable": not entry.problem and entry.code == code,
         "problem": entry.problem or None,
     }
-
-
-def _is_usable(entry: Entry) -> bool:
-    from fem_reference import result_store
-
-    return not entry.problem and entry.code == result_store.code_version()
 
 
 def _describe_inputs(inputs: Mapping[str, Any]) -> str:

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from meshes import SolidCover
-from validation.cli.failures import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
+from validation.cli.entry import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
-from validation.cli.output import describe_cover, make_console, note, print_json, say, show, show_wrapped
-from validation.cli.progress import Progress
+from validation.cli.output import Progress, describe_cover, make_console, note, print_json, say, show, show_wrapped
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -99,7 +97,8 @@ def validate(
         softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json
         softcover validate wts-0614-34 --measured gelsight-mini
     """
-    from validation.cli.sensors import read_description
+    from meshes import SolidCover
+    from validation.cli.options import read_description
     from validation.data_sets.locate import describe_unused_recordings, find_data_set
 
     if measured is not None:

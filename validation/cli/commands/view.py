@@ -21,11 +21,12 @@ from validation.cli.options import (
     Thickness,
     check_choice,
     check_range,
-    collect,
+    read_sensor,
+    tell_unused,
 )
-from validation.cli.output import describe_vector, escape, make_console, print_json, say
-from validation.cli.progress import Progress
-from validation.errors import InputError
+from validation.cli.output import Progress, describe_vector, make_console, print_json, say
+from validation.errors import Faults, InputError
+from validation.render import escape
 
 if TYPE_CHECKING:
     from validation.cli.view_scene import Scene
@@ -36,25 +37,18 @@ DISPLAYS = ("auto", "window", "terminal")
 #: Simulated time without a terminal: the indenter comes down and slides once around its circle [s].
 _UNWATCHED_SECONDS = 5.0
 
-_Load = Annotated[str, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.", allow_leading_hyphen=True)]
-_Seconds = Annotated[float | None, Parameter(help="Simulated time [s]; on a terminal until Ctrl-C when not given.")]
-_Display = Annotated[
-    str,
-    Parameter(help="Where: window (the MuJoCo viewer), terminal, or auto (the window if one can be opened)."),
-]
-
 
 def view(
     sensor: Sensor,
     *,
     indenter: Shape,
-    load: _Load,
+    load: Annotated[str, Parameter(allow_leading_hyphen=True)],
     method: Method = "default",
     material: MaterialName = None,
     thickness: Thickness = None,
     layer: Layers = None,
-    seconds: _Seconds = None,
-    display: _Display = "auto",
+    seconds: float | None = None,
+    display: str = "auto",
     json: Json = False,
 ) -> None:
     """Show the live image of the fast model while an indenter comes down and slides in a circle.
@@ -68,22 +62,25 @@ def view(
         softcover view wts-0614-34 --indenter sphere:radius=5mm --load 500g
         softcover view wts-0614-34 --indenter sphere:radius=5mm --load 500g --display terminal
         softcover view sensor.toml --indenter box:size=6mmx6mmx5mm --load 2N --method boxes --seconds 10
+
+    Args:
+        load: Force in N, or a weight in g: 4.9N, 500g.
+        seconds: Simulated time [s]; on a terminal until Ctrl-C when not given.
+        display: Where: window (the MuJoCo viewer), terminal, or auto (the window if one can be opened).
     """
     from validation.campaign.comparison import METHODS
-    from validation.cli.sensors import check_curved_method, find_parameters, read_sensor, tell_unused
     from validation.cli.view_scene import Scene
+    from validation.parameters import find_parameters
     from validation.text.indenter import read_indenter, read_load
 
-    faults: list[str] = []
-    found = collect(faults, lambda: read_sensor(sensor, material=material, thickness=thickness, layers=layer))
-    shape = collect(faults, lambda: read_indenter(indenter))
-    weight = collect(faults, lambda: read_load(load))
-    collect(faults, lambda: check_range("--seconds", seconds))
-    collect(faults, lambda: check_choice("--method", "contact method", method, METHODS))
-    collect(faults, lambda: check_curved_method(found, method))
-    place = collect(faults, lambda: _choose_display(display, quiet=json))
-    if faults or not (found and shape and weight and place):
-        raise InputError(*faults)
+    faults = Faults()
+    found = faults.read(read_sensor, sensor, material=material, thickness=thickness, layers=layer)
+    shape = faults.read(read_indenter, indenter)
+    weight = faults.read(read_load, load)
+    faults.read(check_range, "--seconds", seconds)
+    faults.read(check_choice, "--method", "contact method", method, METHODS)
+    place = faults.read(_choose_display, display, quiet=json)
+    faults.refuse()
     warnings = tell_unused(found)
     with Progress() as progress:
         parameters = find_parameters(found, progress)

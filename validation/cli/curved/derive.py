@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from validation.cli.failures import DONE, OUTSIDE_FAILED
+from validation.cli.entry import DONE, OUTSIDE_FAILED
 from validation.cli.meaning import GOOD_ERROR
 from validation.cli.output import describe_errors, say
 

@@ -12,12 +12,10 @@ import numpy as np
 
 from validation.campaign.case import describe_pose, tabulate_pose
 from validation.cli.curved.derive import describe_known_errors, format_vector, judge_error, say_written
-from validation.cli.failures import DONE
-from validation.cli.meaning import print_meaning
+from validation.cli.entry import DONE
 from validation.cli.options import collect
-from validation.cli.output import describe_cover, print_json, print_rows, print_table, say
+from validation.cli.output import Progress, describe_cover, print_json, print_meaning, print_rows, print_table, say
 from validation.cli.press_options import read_friction_option
-from validation.cli.progress import Progress
 from validation.errors import InputError
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ def sensor(tmp_path, softcover):
 
 
 def test_derive_prints_one_json_object_and_writes_its_files(softcover, monkeypatch):
-    monkeypatch.setattr("validation.cli.progress.LINE_INTERVAL", -1.0)
+    monkeypatch.setattr("validation.cli.output.LINE_INTERVAL", -1.0)
     status, out, err = softcover("derive", "wts-0614-34", "--json", "--out", "derived")
     assert err.startswith("[  0.")
     assert err.endswith("wrote parameters.toml, cover.npz, derive.json, psf.png to derived\n")

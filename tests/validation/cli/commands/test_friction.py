@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -65,8 +66,8 @@ def rubbing(tmp_path, monkeypatch):
     """A sensor file with friction, whose fast model is that of the built-in sensor."""
     from fastmodel import load as load_parameters
 
-    found = load_parameters("wts-0614-34")
-    monkeypatch.setattr("validation.cli.sensors.find_parameters", lambda *_: found)
+    found = SimpleNamespace(parameters=load_parameters("wts-0614-34"))
+    monkeypatch.setattr("validation.derivation.derive.derive", lambda *_, **__: found)
     file = tmp_path / "rubbing.toml"
     text = "[contact]\nfriction = 0.4\n[array]\nrows = 14\ncolumns = 6\npitch = '3.4 mm'\n"
     file.write_text(text + "[cover]\nlayer = [{ thickness = '2 mm', material = 'dragon-skin-30' }]\n")
