@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from validation.curved.bench import CURVED_MODELS, SolidBench, plan_presses
+from validation.curved.derive import derive_curved
 
 from fem_reference.curved_cover import press_curved
 from fem_reference.result_store import NotStoredError, stored_only
@@ -15,8 +17,6 @@ from validation.campaign.evaluation import evaluate, judge
 from validation.credibility import verification as evidence
 from validation.credibility.evidence import gather_evidence
 from validation.credibility.verification import check_shell
-from validation.curved.bench import CURVED_MODELS, SolidBench, plan_presses
-from validation.curved.derive import derive_curved
 from validation.curved.places import CurvedPlaces
 from validation.curved.press import press_case
 
