@@ -1,4 +1,4 @@
-"""Files of a derivation and of an indentation of a curved cover."""
+"""Files of the meshes and of an indentation of a curved cover."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshes.bounded_file import pack_npz
 from meshes.solids import write_mesh
 from validation.curved.press import describe_mesh
 from validation.json_values import json_text
@@ -16,37 +15,11 @@ from validation.scene.draw import write_scene
 
 if TYPE_CHECKING:
     from meshes.solids import SolidMesh
-    from validation.curved.derive import CurvedDerivation
     from validation.curved.press import CurvedPress
     from validation.sensor_file import SensorDescription
 
 #: Name of the file with the mesh that was solved.
 MESH_FILE = "mesh.npz"
-
-
-def write_derivation(derivation: CurvedDerivation, folder: Path) -> tuple[str, ...]:
-    """Write `parameters.toml`, `cover.npz`, `derive.json`, `responses.npz`, `mesh.npz`, and pictures where possible.
-
-    `responses.npz` holds the nodes of the top and the force on each texel per unit force vector on each of them.
-
-    Args:
-        derivation: Responses of a sensor's texels.
-        folder: An existing folder to write to.
-
-    Returns:
-        The names of the written files.
-
-    Raises:
-        OSError: If the folder cannot be written.
-    """
-    grid, sensor = derivation.responses.finest, derivation.sensor
-    derivation.parameters.save(folder)
-    (folder / "derive.json").write_text(json_text(derivation.result), encoding="utf-8")
-    arrays = {"points": grid.top.nodes, "normals": grid.top.normals, "influence": grid.influence}
-    (folder / "responses.npz").write_bytes(pack_npz(arrays))
-    write_mesh(folder / MESH_FILE, grid.mesh)
-    files = ("parameters.toml", "cover.npz", "derive.json", "responses.npz", MESH_FILE)
-    return files + write_scene(show_mesh(grid.mesh, sensor.array, title=sensor.name), folder)
 
 
 def write_mesh_report(sensor: SensorDescription, meshes: tuple[SolidMesh, ...], folder: Path) -> tuple[str, ...]:

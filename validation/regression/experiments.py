@@ -70,12 +70,14 @@ class Subject:
         """Scores of the fast model in the default list of cases; None for a folder of parameters."""
         if self.derivation is None:
             return None
-        from validation.campaign.bench import LayeredBench
-        from validation.campaign.campaign_file import default_cases
+        from validation.campaign.bench import prepare_bench
+        from validation.campaign.evaluation import read_plan
         from validation.campaign.run import run_campaign
 
-        cases = default_cases(self.parameters.array)
-        bench = LayeredBench(cover=self.derivation.sensor.layered_cover, fast=self.parameters)
+        sensor = replace(self.derivation.sensor, friction=0.0)
+        derivation = replace(self.derivation, sensor=sensor)  # type: ignore[type-var]
+        cases = read_plan(None, sensor).cases
+        bench = prepare_bench(derivation, cases, parameters=self.parameters)
         return run_campaign(bench, cases, progress=self.progress)
 
 

@@ -4,9 +4,9 @@ import re
 
 import numpy as np
 import pytest
+from validation.curved.derive import derive_curved
 
 from validation.cli.entry import main
-from validation.curved.derive import derive_curved
 from validation.curved.places import read_pose
 from validation.errors import InputError
 

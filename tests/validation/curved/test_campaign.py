@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from validation.curved.bench import CURVED_MODELS, SolidBench, plan_presses
+from validation.curved.derive import derive_curved
 
 from fem_reference.curved_cover.press import press_small
 from fem_reference.indentation.press import PressProblem
@@ -17,8 +19,6 @@ from validation.campaign.run import run_campaign
 from validation.credibility import verification as evidence
 from validation.credibility.evidence import gather_evidence
 from validation.credibility.verification import check_shell
-from validation.curved.bench import CURVED_MODELS, SolidBench, plan_presses
-from validation.curved.derive import derive_curved
 from validation.curved.places import CurvedPlaces
 from validation.curved.press import press_case
 

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+from validation.curved.derive import derive_curved
 
 import fastmodel
-from validation.curved.derive import derive_curved
 from validation.curved.files import write_derivation
 
 

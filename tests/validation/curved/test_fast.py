@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from validation.curved.derive import derive_curved
 
 from meshes import Sphere
 from meshes.solids import SolidMesh, flat_pad
 from validation.cli.curved.press import PressText, press_by_fast_model
 from validation.curved import fast
-from validation.curved.derive import derive_curved
 from validation.curved.fast import choose_mesh
 from validation.curved.press import press_sensor
 from validation.errors import InputError

@@ -5,10 +5,10 @@ import re
 from html.parser import HTMLParser
 
 import pytest
+from validation.report.comparison import comparison_contents
 
 from validation.campaign.results import MODELS
 from validation.metrics import METRICS
-from validation.report.comparison import comparison_contents
 
 #: Metrics in the order of the table's columns, which begin after two columns of text.
 SHOWN = ("misplaced_force", "image_changed_percent", "image_changed_line_percent", "centre_of_pressure_m")

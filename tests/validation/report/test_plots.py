@@ -10,8 +10,8 @@ pytest.importorskip("matplotlib")
 from matplotlib.colors import to_hex
 
 from fem_reference.closed_form import point_response
-from validation.report.derivation import write_derivation
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
+from validation.report.files import write_derivation
 
 
 def test_the_plots_of_a_derivation_show_its_spread_and_its_kernel(wts_derivation, monkeypatch, tmp_path):

@@ -6,22 +6,24 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from fem_reference.curved_cover.responses import find_top
 from fem_reference.result_store import NotStoredError, stored_only
+from meshes import SolidCover
 from meshes.array_types import FloatArray
-from validation.campaign.bench import Bench, Plan, prepare_bench
-from validation.campaign.campaign_file import Inputs
+from validation.campaign.bench import Bench, Plan, plan_cases, prepare_bench
+from validation.campaign.campaign_file import Inputs, find_places
 from validation.campaign.case import Case
 from validation.campaign.results import CaseResult, Reference, predict
 from validation.credibility.uncertainty import InputUncertainty
 from validation.credibility.verification import Check, check_finer_mesh, check_shell
-from validation.curved.derive import CurvedDerivation
 from validation.curved.fast import press_fast
-from validation.curved.press import press_case
+from validation.curved.places import CurvedPlaces
+from validation.curved.press import make_meshes, press_case
+from validation.derivation.solid import SolidDerivation
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from fastmodel.surface import CoverPoints
     from meshes import Pose
     from meshes.solids import SolidMesh
+    from validation.schema.campaign import LoadsForTable
     from validation.sensor_file import SensorDescription
 
 #: Names of the scored models of a curved cover, with a description of each for tables.
@@ -54,9 +57,43 @@ class SolidBench(Bench):
 
     Attributes:
         derivation: Responses of the texels, and the Gaussian that is fitted to them.
+        fast: Parameters of the fast model; those of the derivation if None.
     """
 
     models = CURVED_MODELS
+    notes: ClassVar[Mapping[str, str]] = {
+        "campaign": (
+            "What the scores compare. Fast model and reference share their assumptions of contact (along the normals "
+            "of the undeformed cover, frictionless, small strain), and the mesh of the fast model is one of the "
+            "reference's. The reference states contact on average over pressures between nodes, the fast model at "
+            "single points. So the scores show what the fast model loses by its mesh and its points, not the error of "
+            "the common assumptions; the error of the reference is estimated beside each score and checked in the "
+            "verification. Texel forces on a curved base do not sum to the load; misplaced force is half the sum of "
+            "the differences over the load. Distances (centre of pressure, Wasserstein) are straight lines in space."
+        ),
+        "cases": (
+            "Forces are along the normal of each texel. The maps unroll the surface about the middle texel; y points "
+            "up. Pictures: the reference, from left to right contact pressure on the deformed cover, a section, forces "
+            "on the texels."
+        ),
+        "verification": (
+            "The first row is independent of this cover and of any contact: a known pressure on a shell whose solution "
+            "is a series. The rows of cases compare each mesh of the reference with a finer one, which shares its "
+            "statement of contact; the limit of their result is the error that the reference states for itself."
+        ),
+        "responses": (
+            "The Gaussian in surface coordinates is the report's form of the response: two numbers for the whole "
+            "cover. The fast model has an operator of its own for every point of the surface."
+        ),
+        "calibration": (
+            "The fast model: compliance and influence of points of the top by finite elements, before any case was "
+            "pressed; nothing is fitted. The Gaussian: least squares to uniform loads over all texels."
+        ),
+        "limits": (
+            "The cover has free sides and is bonded to a rigid base. The indenter is guided along its direction and "
+            "does not turn."
+        ),
+    }
     left_out = (
         (
             "Uncertain thickness and Poisson ratio are not propagated: each needs a new mesh and new responses of all "
@@ -71,7 +108,8 @@ class SolidBench(Bench):
         "Recordings are not scored: none of a curved array under known loads is public.",
         "Nothing is compared with the solution of a laterally wide layer: this cover is none.",
     )
-    derivation: CurvedDerivation
+    derivation: SolidDerivation
+    fast: Parameters | None = None
 
     @property
     def meshes(self) -> tuple[SolidMesh, ...]:
@@ -81,7 +119,7 @@ class SolidBench(Bench):
     @property
     def parameters(self) -> Parameters:
         """Parameters of the fast model."""
-        return self.derivation.parameters
+        return self.fast or self.derivation.parameters
 
     def require_fast_model(self) -> CoverPoints:
         """Return the arrays of the fast model.
@@ -200,6 +238,50 @@ def measure_obliquity(result: CaseResult) -> float:
     return float(np.arccos(np.clip(-normal @ pose.towards, -1.0, 1.0)))
 
 
+@plan_cases.register(SolidCover)
+def _(
+    cover: SolidCover, sensor: SensorDescription, cases: Sequence[Case], progress: Callable[[str], None] | None = None
+) -> Plan:
+    del cover, progress
+    return plan_presses(sensor, cases)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SolidPlaces:
+    """Places on a solid cover, for campaign files.
+
+    Attributes:
+        cover: The cover, for whose stiffness loads are scaled.
+        places: The places on its finest mesh.
+    """
+
+    cover: SolidCover
+    places: CurvedPlaces
+    default: str = "curved.toml"
+
+    def read(self, given: Mapping[str, Any], place: str) -> Pose:
+        """Read `at`, `direction`, `yaw` and `tilt` of a case; see `Places`."""
+        faults = []
+        if "path" in given:
+            faults.append(f"{place}.path: a curved cover has no friction, so earlier loads do not matter; write loads")
+        texts = {key: given[key] for key in ("at", "direction", "yaw", "tilt") if isinstance(given.get(key), str)}
+        pose = self.places.read(texts, place, faults)
+        if faults or pose is None:
+            raise InputError(*faults)
+        return pose
+
+    def scale_loads(self, table: LoadsForTable, source: str) -> float:
+        """Return modulus times thickness squared of the cover, over those of the table; see `Places`."""
+        del source
+        stiffness = self.cover.material.youngs_modulus * self.cover.thickness**2
+        return stiffness / (table.modulus * table.thickness**2)
+
+
+@find_places.register(SolidCover)
+def _(cover: SolidCover, sensor: SensorDescription, progress: Callable[[str], None] | None = None) -> SolidPlaces:
+    return SolidPlaces(cover=cover, places=CurvedPlaces(mesh=make_meshes(sensor, progress)[-1], texels=sensor.array))
+
+
 def plan_presses(sensor: SensorDescription, cases: Sequence[Case]) -> Plan:
     """Find out which presses are missing from the store, and how long the cases take.
 
@@ -223,14 +305,17 @@ def plan_presses(sensor: SensorDescription, cases: Sequence[Case]) -> Plan:
     )
 
 
-@prepare_bench.register
+@prepare_bench.register(SolidDerivation)
 def _(
-    derivation: CurvedDerivation,
-    cases: Sequence[Case],  # noqa: ARG001 -- nothing is fitted to other presses
+    derivation: SolidDerivation,
+    cases: Sequence[Case],
     progress: Callable[[str], None] | None = None,
+    *,
+    parameters: Parameters | None = None,
 ) -> Bench:
+    del cases  # nothing is fitted to other presses
     if progress:
         progress("fast model, compliance of the surface")
-    bench = SolidBench(derivation=derivation)
+    bench = SolidBench(derivation=derivation, fast=parameters)
     bench.require_fast_model()
     return bench
