@@ -10,6 +10,7 @@ import numpy as np
 from meshes.solids import write_mesh
 from validation.curved.press import describe_mesh
 from validation.json_values import json_text
+from validation.press_files.fields_file import format_contact
 from validation.scene.cover_scene import show_curved, show_mesh
 from validation.scene.draw import write_scene
 
@@ -51,9 +52,7 @@ def write_press(press: CurvedPress, folder: Path) -> tuple[str, ...]:
     (folder / "press.json").write_text(json_text(press.as_json()), encoding="utf-8")
     texels = np.column_stack([array.centres, array.normals, found.texel_forces])
     _write_table(folder / "texels.csv", "x_m,y_m,z_m,nx,ny,nz,force_N", texels)
-    touched = found.contact_forces.any(axis=1)
-    names = "x_m,y_m,z_m,force_x_N,force_y_N,force_z_N"
-    _write_table(folder / "contact.csv", names, np.column_stack([found.contact_points, found.contact_forces])[touched])
+    (folder / "contact.csv").write_text(format_contact(found), encoding="utf-8")
     if found.mesh is not None:
         write_mesh(folder / MESH_FILE, found.mesh)
     title = f"{press.shape} on {press.sensor.name}, {found.total_force:.4g} N"
