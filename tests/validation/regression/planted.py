@@ -9,7 +9,6 @@ import textwrap
 from dataclasses import replace
 
 import numpy as np
-from fastmodel.running import RunningSensor
 
 import fastmodel.bench
 import fastmodel.contact.area
@@ -23,6 +22,7 @@ from fastmodel.contact.area import AreaReader
 from fastmodel.contact.boxes import BoxReader
 from fastmodel.contact.cover import _PressureReader
 from fastmodel.pressure.cell_grid import CellGrid
+from fastmodel.sensor import RunningSensor
 from fem_reference.indentation import press
 from validation.regression import experiments as fixed_images
 from validation.text import indenter
