@@ -282,7 +282,7 @@ def validate(
         ConvergenceError: If the finite elements did not converge.
     """
     from validation.campaign.evaluation import evaluate, read_plan
-    from validation.data_sets.locate import find_data_set
+    from validation.data_sets.data_set import find_data_set
 
     description, path = describe(sensor), None if campaign is None else Path(campaign)
     require("skfem", *(REPORT_MODULES if out else ()))
@@ -378,9 +378,8 @@ def calibrate(
         MissingExtraError: If a package is missing that reads the recordings, solves the contact or draws.
         ConvergenceError: If the finite elements did not converge.
     """
-    from validation.calibration.calibrate import Calibration
-    from validation.calibration.recordings import calibrate_recordings
-    from validation.data_sets.from_files import Keys
+    from validation.calibration.calibrate import Calibration, calibrate_recordings
+    from validation.data_sets.data_set import Keys
     from validation.text.quantity import read_quantity
 
     description = describe(sensor)

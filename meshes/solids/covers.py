@@ -14,7 +14,7 @@ from meshes.material import Material
 from meshes.solids.shell import Shell
 from meshes.solids.solid_mesh import LIMITS, SolidMesh, check_quality
 from meshes.solids.swept import SweptCover
-from meshes.solids.triangles import enclosed_volume
+from meshes.surfaces.triangles import enclosed_volume
 
 #: Volume of a regular tetrahedron over the cube of its edge [-].
 _REGULAR = 1 / (6 * np.sqrt(2))

@@ -15,8 +15,8 @@ from meshes.solids.covers import make_shell_cover
 from meshes.solids.shell import Shell, join, select_base, thicken
 from meshes.solids.solid_mesh import LIMITS
 from meshes.solids.tetrahedra import classify_boundary, list_boundary
-from meshes.solids.triangles import check_closed, close_cracks, enclosed_volume, nearest_points
 from meshes.surfaces.files import orient_tetrahedra, read_tetrahedra, read_triangles
+from meshes.surfaces.triangles import check_closed, close_cracks, enclosed_volume, nearest_points
 from validation.errors import InputError
 from validation.extras import require
 from validation.schema.sensor import CurvedCoverTable
@@ -64,7 +64,7 @@ def project_texels(texels: TexelArray, cover: SolidCover) -> TexelArray:
         InputError: If a texel is far from the base.
     """
     from meshes.solids.shell import point_normals
-    from meshes.solids.triangles import merge_corners
+    from meshes.surfaces.triangles import merge_corners
 
     base = cover.base_triangles
     if base is None:
@@ -131,8 +131,7 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> SolidCover:
         boundary = nodes[list_boundary(oriented)]
         _refuse_overlap(nodes[oriented], boundary, path.name)
         given = read_triangles(folder / str(table.base), table.unit)
-        from meshes.solids.shell import list_border
-        from meshes.solids.triangles import merge_corners
+        from meshes.surfaces.triangles import list_border, merge_corners
 
         is_closed = not len(list_border(merge_corners(given)[1], str(table.base)))
         chosen = select_base(boundary, given, distance=table.base_distance, is_closed=is_closed)

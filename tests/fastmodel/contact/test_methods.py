@@ -174,7 +174,7 @@ def test_costly_methods_are_sampled_as_seldom_as_frames_and_filter_allow():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", OptionWarning)
             sensor.bind(spec.compile())
-        assert sensor._running.every == every
+        assert sensor._running._every == every
 
 
 def test_the_default_is_the_best_method_that_the_parameters_allow():

@@ -1,4 +1,11 @@
-"""Compiled kernels that sum MuJoCo's contact forces along the normals of boxes and of plates.
+"""Net force and torque on an array, and the tangential force on every texel, from MuJoCo's contacts.
+
+The net force is the sum over all contacts of all boxes or plates of the array, at sides and back too.  With one box per
+texel, the tangential force on a texel is that of its own contacts.  With plates, MuJoCo's contact points say nothing
+about single texels: the net shear on the front is shared among texels in proportion to their pressure, and the part of
+the pressure that acts on the margin takes its share with it.
+
+Compiled kernels that sum MuJoCo's contact forces along the normals of boxes and of plates.
 
 The force f of a contact acts on the second geom of the contact, and -f acts on the first.  MuJoCo gives f in the frame
 of the contact, whose rows are the contact normal and two tangents.  With elliptic friction cones MuJoCo stores f
@@ -17,15 +24,89 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fastmodel.compiled import called_by_kernels
+from fastmodel.compiled import called_by_kernels, compile_kernel
+from fastmodel.contact.interface import Reading
+from fastmodel.pose import rotate
+from fastmodel.signal.point_spread import find_tangents
+from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
+
+#: Values of `Reading.tangential_source` and `Frame.tangential_source`.
+BY_GEOM = "contacts of each texel"
+SHARED = "net shear, shared in proportion to pressure"
+
+
+class NetForceReader:
+    """Reader of net force, net torque and tangential forces of one array of n texels.
+
+    Attributes:
+        parts: The boxes or plates, as kernels take them.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        array: TexelArray,
+        geoms: IntArray,
+        *,
+        axes: FloatArray,
+        middle: FloatArray,
+        neighbours: BoolArray | None = None,
+    ) -> None:
+        """Tabulate the geoms of the array.
+
+        Args:
+            model: The compiled model.
+            array: The array.
+            geoms: Ids of its m geoms, boxes or plates, shape (m,).
+            axes: Axes of the first geom in the frame of the array, as columns, shape (3, 3) [-].
+            middle: Centre of the first geom in the frame of the array, shape (3,) [m].
+            neighbours: For one box per texel, see `Parts`, shape (n, 4); None for plates.
+        """
+        self._model, self._array, self._by_geom = model, array, neighbours is not None
+        # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes, so that it belongs to no part.
+        part_of = np.full(model.ngeom + 1, -1)
+        part_of[geoms] = np.arange(len(geoms))
+        sides = np.zeros((len(geoms), 4), dtype=bool) if neighbours is None else neighbours
+        self.parts: Parts = (part_of, sides, int(geoms[0]), np.ascontiguousarray(axes), middle)
+        # axes of the geoms, from the frame of their body to that of the first geom, to that of the array
+        first, *_ = turns = np.array([rotate(turn, np.eye(3)) for turn in model.geom_quat[geoms]])
+        self._axes = np.ascontiguousarray(np.swapaxes(turns @ first.T @ axes.T, 1, 2))
+        # masked texels measure nothing
+        self._masked = None if array.active.all() else ~array.active
+        self._tangents = np.stack(find_tangents(array), axis=1) * array.active[:, None, None]
+        self._sum_contacts, self._share_shear = compile_kernel(sum_contacts), compile_kernel(share_shear)
+
+    def sum_contacts(self, contacts: Contacts, data: mujoco.MjData) -> Sums:
+        """Sum the contact forces of a state on the array, see `force_kernels.sum_contacts`."""
+        found: Sums = self._sum_contacts(contacts, data.geom_xmat, data.geom_xpos, self.parts)
+        return found
+
+    def add(self, reading: Reading, sums: Sums | None) -> Reading:
+        """Return a reading with net force, net torque and tangential forces from the sums of its contact forces.
+
+        Without sums the net force is that of the reading's contact forces, and there is no shear.
+        """
+        source = BY_GEOM if self._by_geom else SHARED
+        if sums is None:
+            forces = -reading.contact_forces[:, None] * self._array.normals
+            torque = np.cross(self._array.centres, forces).sum(axis=0)
+            wrench, tangential = np.append(forces.sum(axis=0), torque), np.zeros((self._array.count, 2))
+        elif self._by_geom:
+            _, fronts, wrench, _ = sums
+            tangential = fronts[:, :2]  # the axes of a box are the tangents of its texel
+            if self._masked is not None:
+                tangential[self._masked] = 0.0
+        else:
+            _, fronts, wrench, _ = sums
+            tangential = self._share_shear(fronts, self._axes, reading.contact_forces, self._tangents)
+        return reading._replace(wrench=wrench, tangential=tangential, tangential_source=source)
+
 
 #: Smallest cosine of the angle between a contact's normal, away from the array, and the array's normal with which the
 #: contact counts as one with the array's front; other contacts are with sides or the back of a plate or box [-].
 FRONT = 0.1
 
-#: The option `cone` of a model with pyramidal friction cones.
-_PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 #: Ids and numbers as MuJoCo stores them.
 _Ids = npt.NDArray[np.int32]
 #: The k contacts of a simulation state.  For each contact: ids of the two geoms, shape (k, 2); index of the contact's
@@ -36,38 +117,11 @@ _Ids = npt.NDArray[np.int32]
 Contacts = tuple[_Ids, _Ids, _Ids, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, bool]
 
 
-def read_contacts(data: mujoco.MjData, *, pyramidal: bool) -> Contacts:
-    """Read the contacts of a simulation state.
-
-    Args:
-        data: The state after a simulation step.
-        pyramidal: Whether the model has pyramidal friction cones.
-    """
-    found = data.contact
+def read_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Contacts:
+    """Read the contacts of a simulation state; the option `cone` of the model may change during a simulation."""
+    found, pyramidal = data.contact, model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL
     places = (found.frame, found.friction, found.pos, found.dist)
-    return (found.geom, found.efc_address, found.dim, *places, data.efc_force, pyramidal)
-
-
-def has_pyramids(model: mujoco.MjModel) -> bool:
-    """Return whether a model has pyramidal friction cones; the option may change during a simulation."""
-    return model.opt.cone == _PYRAMIDAL
-
-
-def imitate_contacts(data: mujoco.MjData, *, pyramidal: bool) -> tuple[Contacts, Contacts]:
-    """Make contacts without force, from which kernels can be compiled, in both memory layouts of MuJoCo's arrays.
-
-    Numba compiles a kernel once for each layout.  MuJoCo's arrays of at most one contact count as contiguous, those of
-    several contacts as strided.
-
-    Args:
-        data: A state without contacts.
-        pyramidal: Whether the model has pyramidal friction cones.
-    """
-    none = read_contacts(data, pyramidal=pyramidal)
-    # address -1 marks a contact without force
-    strided = [np.full((4, *each.shape[1:]), -1, each.dtype)[::2] for each in none[:7]]
-    geom, address, dim, frame, friction, pos, dist = strided
-    return none, (geom, address, dim, frame, friction, pos, dist, *none[7:])
+    return (found.geom, found.efc_address, found.dim, *places, data.efc_force, bool(pyramidal))
 
 
 @called_by_kernels

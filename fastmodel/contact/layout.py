@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from fastmodel.pressure.cell_grid import CellGrid
+from fastmodel.pressure.cell_grid import BaseForces, CellGrid
+from fastmodel.pressure.gap import PosedBody
 from fastmodel.signal.point_spread import find_tangents
 from fastmodel.surface import CoverCells
 from meshes import TexelArray
@@ -29,8 +30,6 @@ _FLAT = 1e-3
 #: Largest difference between the pitch and the distance of neighbouring texels on a bent sheet, over the pitch [-].
 #: The distance is a chord of the bent surface and therefore shorter than the pitch.
 _BENT = 0.2
-#: Number of points along each edge of a cell at which the nearest texel is found, to divide the cell among texels [-].
-_POINTS = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,6 +78,11 @@ class PanelCells:
         """Distance from the panel's centre to the farthest corner of the panel's cells [m]."""
         return float(np.hypot(*np.abs(self.grid.low)))
 
+    def is_near(self, pose: PosedBody, reach: float) -> bool:
+        """Return whether the bounding sphere of any solid of a body lies within `reach` [m] of the panel's cells."""
+        distance = np.linalg.norm(pose.centres - self.panel.origin, axis=1) - np.linalg.norm(pose.shape.halves, axis=1)
+        return bool((distance <= self.radius + reach).any())
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScatteredGrid(CellGrid):
@@ -103,10 +107,21 @@ class ScatteredGrid(CellGrid):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PanelLayout:
-    """The flat panels of an array with their cells, and the common grid on which the cells are placed."""
+    """The cells of an array.
+
+    Attributes:
+        panels: The flat panels of the array with their cells; none if the array is flat and regular.
+        grid: The contact grid, or the common grid on which the cells of all panels are placed.
+    """
 
     panels: tuple[PanelCells, ...]
     grid: CellGrid
+
+    def build_base_forces(self, cells: CoverCells, array: TexelArray) -> BaseForces:
+        """Build the operator from forces on cells to forces on texels at the base of the cover."""
+        if isinstance(self.grid, ScatteredGrid):
+            return ScatteredBaseForces(cells, self.panels, self.grid, array)
+        return BaseForces(cells, self.grid, array)
 
 
 def divide_into_panels(array: TexelArray, margin: int) -> tuple[Panel, ...]:
@@ -131,15 +146,18 @@ def divide_into_panels(array: TexelArray, margin: int) -> tuple[Panel, ...]:
     return tuple(Panel(origin=centre, axes=turn, half=half) for centre, turn in zip(array.centres, axes, strict=True))
 
 
-def lay_out(array: TexelArray, panels: tuple[Panel, ...], per_texel: int, apart: int) -> PanelLayout:
-    """Divide every panel of an array into cells, and place the cells of all panels on a common grid.
+def lay_out(array: TexelArray, margin: int, per_texel: int, apart: int = 1) -> PanelLayout:
+    """Divide an array, or every panel of it, into cells, and place the cells of all panels on a common grid.
 
     Args:
         array: The texels.
-        panels: The flat panels of the array.
+        margin: Number of pitches by which the plate of a flat array extends beyond the outermost texels [-].
         per_texel: Number of cells along each texel pitch [-].
         apart: Number of cells between panels that do not interact [-].
     """
+    if array.regular:
+        return PanelLayout(panels=(), grid=CellGrid.over(array, per_texel, margin))
+    panels = divide_into_panels(array, margin)
     edge = (array.pitch[0] / per_texel, array.pitch[1] / per_texel)
     if panels[0].first is not None:
         corners = [np.multiply(panel.first or (0, 0), per_texel).tolist() for panel in panels]
@@ -169,20 +187,22 @@ def lay_out(array: TexelArray, panels: tuple[Panel, ...], per_texel: int, apart:
     return PanelLayout(panels=tuple(placed), grid=ScatteredGrid(**{**vars(whole), "shares": shares}))
 
 
-class ScatteredBaseForces:
+class ScatteredBaseForces(BaseForces):
     """The operator from forces on cells to forces at the base on texels in any layout; compare `BaseForces`."""
 
-    def __init__(self, cells: CoverCells, layout: PanelLayout, grid: ScatteredGrid, array: TexelArray) -> None:
+    def __init__(
+        self, cells: CoverCells, panels: tuple[PanelCells, ...], grid: ScatteredGrid, array: TexelArray
+    ) -> None:
         """Tabulate the influence of every cell on every texel, that is, force on the texel per force on the cell.
 
         Args:
             cells: Compliance and influence of the cover.
-            layout: The panels and their cells.
+            panels: The panels and their cells.
             grid: The common grid of all cells.
             array: The texels.
         """
         self._grid = grid
-        matrix = _tabulate_influence(cells, layout, grid, array)
+        matrix = _tabulate_influence(cells, panels, grid, array)
         self._matrix = sp.csr_array(sp.diags_array(array.active.astype(np.float64)) @ matrix)
         whole = np.asarray(grid.shares.sum(axis=1))
         self._uniform = sp.csr_array(sp.diags_array(1 / np.maximum(whole, 1e-12)) @ grid.shares).T
@@ -300,7 +320,7 @@ def _share_cells(array: TexelArray, parts: list[PanelCells], whole: CellGrid) ->
     """
     from scipy.spatial import cKDTree
 
-    offset = (np.arange(_POINTS) + 0.5) / _POINTS - 0.5
+    offset = (np.arange(4) + 0.5) / 4 - 0.5  # 4 x 4 points of a cell, in cells
     texels: list[IntArray] = []
     cells: list[IntArray] = []
     for k, part in enumerate(parts):
@@ -309,18 +329,20 @@ def _share_cells(array: TexelArray, parts: list[PanelCells], whole: CellGrid) ->
         tree = cKDTree(local[:, :2] / array.pitch)
         centres = (_find_centres(part) - part.panel.origin) @ part.panel.axes
         number = _number_cells(part, whole)
-        for dx, dy in np.ndindex(_POINTS, _POINTS):
+        for dx, dy in np.ndindex(4, 4):
             place = centres[..., :2] + np.array([offset[dx], offset[dy]]) * whole.edge
             distance, nearest = tree.query(place / array.pitch, p=np.inf)
             inside = distance <= 0.5 + 1e-9
             texels.append(own[np.asarray(nearest)[inside]])
             cells.append(number[inside])
     texel, cell = np.concatenate(texels), np.concatenate(cells)
-    share = np.full(len(texel), 1 / _POINTS**2)
+    share = np.full(len(texel), 1 / 4**2)
     return sp.csr_array(sp.coo_array((share, (texel, cell)), shape=(array.count, whole.rows * whole.columns)))
 
 
-def _tabulate_influence(cells: CoverCells, layout: PanelLayout, grid: ScatteredGrid, array: TexelArray) -> sp.csr_array:
+def _tabulate_influence(
+    cells: CoverCells, panels: tuple[PanelCells, ...], grid: ScatteredGrid, array: TexelArray
+) -> sp.csr_array:
     """Tabulate the force on each of n texels per unit force on each cell, shape (n, rows * columns) [-].
 
     The influence of the cover is interpolated by cubic splines at the offset between cell and texel in the plane of the
@@ -335,7 +357,7 @@ def _tabulate_influence(cells: CoverCells, layout: PanelLayout, grid: ScatteredG
     table = RectBivariateSpline(y, x, cells.influence, kx=order, ky=order)
     tree = cKDTree(array.centres)
     found: list[tuple[IntArray, IntArray, FloatArray]] = []
-    for part in layout.panels:
+    for part in panels:
         axes, number, centres = part.panel.axes, _number_cells(part, grid), _find_centres(part)
         texels = tree.query_ball_point(part.panel.origin, part.radius + np.hypot(x[-1], y[-1]))
         for texel in (t for t in texels if array.normals[t] @ axes[:, 2] > 0):

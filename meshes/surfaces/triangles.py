@@ -73,25 +73,61 @@ def check_closed(triangles: FloatArray, name: str, *, crossings: bool = True) ->
         raise ValueError(f"{name} needs triangles of shape (n, 3, 3)")
     if not np.isfinite(triangles).all():
         raise ValueError(f"{name} has a corner that is no number; export it again")
-    faces = merge_corners(triangles)[1]
-    edges = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
-    _, place, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    open_edges, crowded = int((count == 1).sum()), int((count > 2).sum())  # noqa: PLR2004
-    if open_edges or crowded:
-        what = f"{open_edges} open edges" if open_edges else f"{crowded} edges with more than two triangles"
-        raise ValueError(f"{name} is not closed: it has {what}; close it in the program that made it")
-    sign = np.where(edges[:, 0] < edges[:, 1], 1, -1)
-    if np.bincount(place.ravel(), sign).any():
-        raise ValueError(f"{name} has triangles that face different ways; recompute its normals outwards")
-    size = float(np.ptp(triangles, axis=(0, 1)).max())
-    volume = enclosed_volume(triangles)
+    list_border(merge_corners(triangles)[1], name, closed=True)
+    size, volume = float(np.ptp(triangles, axis=(0, 1)).max()), enclosed_volume(triangles)
     if abs(volume) < _SURFACE.flat * size**3:
         raise ValueError(f"{name} encloses no volume; export a solid")
     if volume < 0:
         raise ValueError(f"{name} is inside out: its triangles face inwards; reverse its normals")
-    crossed = count_crossings(triangles) if crossings else 0
+    crossed = len(find_crossings(triangles)) if crossings else 0
     if crossed:
         raise ValueError(f"{name} intersects itself in {crossed} pairs of triangles; repair it")
+
+
+def list_edges(faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """List the edges of n triangles, given as indices of their points, shape (n, 3).
+
+    Returns:
+        Indices of the first and last point of the three edges of each triangle, and of its third point, shape (3 n, 3);
+        for each of these directed edges, the index of the undirected edge, shape (3 n,); and the number of triangles
+        that share each of the m undirected edges, shape (m,).
+    """
+    edges = np.concatenate([np.roll(faces, -k, axis=1) for k in range(3)])
+    _, place, count = np.unique(np.sort(edges[:, :2], axis=1), axis=0, return_inverse=True, return_counts=True)
+    return edges, place.ravel(), count
+
+
+def list_border(faces: IntArray, name: str, *, closed: bool = False) -> IntArray:
+    """List the directed edges that belong to one triangle only, with the third point of the triangle, shape (k, 3).
+
+    Args:
+        faces: Points of each triangle, shape (f, 3).
+        name: Name of the surface in messages.
+        closed: Whether such edges are refused.
+
+    Raises:
+        ValueError: If more than two triangles share an edge, two share it and face different ways, or the surface is
+            open and must be closed.
+    """
+    edges, place, count = list_edges(faces)
+    alone, crowded = int((count == 1).sum()), int((count > 2).sum())  # noqa: PLR2004 -- two triangles meet in an edge
+    if closed and alone:
+        raise ValueError(
+            f"{name} is not closed: it has {alone} open edges; close the surface in the program that made it, or "
+            "repair the file (Blender: 3D Print Toolbox, Make Manifold; MeshLab: Close Holes)"
+        )
+    if crowded:
+        raise ValueError(
+            f"{name} is not closed: it has {crowded} edges in which more than two triangles meet; repair it in the "
+            "program that made it (Blender: 3D Print Toolbox, Make Manifold)"
+        )
+    wrong = int((np.abs(np.bincount(place, np.where(edges[:, 0] < edges[:, 1], 1, -1))) > 1).sum())
+    if wrong:
+        raise ValueError(
+            f"{name} has {wrong} edges whose two triangles face different ways; let the program that made it recompute "
+            "the normals outwards (Blender: Recalculate Outside), and export again"
+        )
+    return np.asarray(edges[count[place] == 1])
 
 
 def merge_corners(triangles: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -132,11 +168,6 @@ def normal_vectors(triangles: FloatArray) -> FloatArray:
 def unit_vectors(vectors: FloatArray) -> FloatArray:
     """Return vectors of length 1, shape (n, 3); those of no length stay zero."""
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))
-
-
-def count_crossings(triangles: FloatArray) -> int:
-    """Count the pairs of triangles without a common corner of which an edge of one crosses the other."""
-    return len(find_crossings(triangles))
 
 
 def find_crossings(triangles: FloatArray) -> set[tuple[int, int]]:
@@ -252,45 +283,30 @@ def close_cracks(triangles: FloatArray) -> FloatArray:
         The triangles without those that collapse, shape (m, 3, 3) [m].
     """
     points, faces = merge_corners(triangles)
-    border = np.unique(_list_border(faces)[:, :2])
+    edges, place, count = list_edges(faces)
+    border = np.unique(edges[count[place] == 1, :2])
     if not len(border):
         return triangles
     size = float(np.ptp(points, axis=0).max())
     label = cluster(points[border], _CRACKS.width * size)
     goal = border[np.unique(label, return_index=True)[1]][label]
     near = np.linalg.norm(points[goal] - points[border], axis=1) <= _CRACKS.chain * _CRACKS.width * size
-    place = np.arange(len(points))
-    place[border[near]] = goal[near]
-    kept = (place[faces] != np.roll(place[faces], 1, axis=1)).all(axis=1)
-    return np.asarray(points[place[faces[kept]]])
+    target = np.arange(len(points))
+    target[border[near]] = goal[near]
+    kept = (target[faces] != np.roll(target[faces], 1, axis=1)).all(axis=1)
+    return np.asarray(points[target[faces[kept]]])
 
 
-def refuse_seams(points: FloatArray, faces: IntArray, name: str) -> None:
+def refuse_seams(points: FloatArray, border: IntArray, name: str) -> None:
     """Refuse a surface of which two parts of the border lie along each other: they were meant to be one edge.
 
     Args:
         points: Positions of the points, shape (p, 3) [m].
-        faces: Points of each triangle, shape (f, 3).
+        border: Points of each edge of the border and the third point of its triangle, shape (k, 3).
         name: Name of the surface in messages.
 
     Raises:
         ValueError: If there is a seam, with its place.
-    """
-    number, gap, place = _find_seams(points, _list_border(faces))
-    if number:
-        least = "at least " if number >= _CRACKS.enough else ""
-        raise ValueError(
-            f"{name} has a seam: {least}{number} edges of its border lie within {1e3 * gap:.2g} mm of another part of "
-            f"the border, as at ({describe(place)}) mm; join the faces there before the export"
-        )
-
-
-def _find_seams(points: FloatArray, border: IntArray) -> tuple[int, float, FloatArray]:
-    """Return the number of edges of seams, the largest distance between two of them [m] and its place [m].
-
-    Args:
-        points: Positions of the points, shape (p, 3) [m].
-        border: Points of each edge of the border and the third point of its triangle, shape (k, 3).
     """
     edges = border[:, :2]
     start, along = points[edges[:, 0]], points[edges[:, 1]] - points[edges[:, 0]]
@@ -321,7 +337,12 @@ def _find_seams(points: FloatArray, border: IntArray) -> tuple[int, float, Float
                 gap, place = float(distance[worst]), start[one[worst]] + along[one[worst]] / 2
         if len(found) >= _CRACKS.enough:
             break
-    return len(found), gap, place
+    if found:
+        least = "at least " if len(found) >= _CRACKS.enough else ""
+        raise ValueError(
+            f"{name} has a seam: {least}{len(found)} edges of its border lie within {1e3 * gap:.2g} mm of another part "
+            f"of the border, as at ({describe(place)}) mm; join the faces there before the export"
+        )
 
 
 def refuse_parts(points: FloatArray, faces: IntArray, name: str) -> None:
@@ -332,7 +353,7 @@ def refuse_parts(points: FloatArray, faces: IntArray, name: str) -> None:
     """
     part = label_parts(len(points), faces)[faces[:, 0]]
     corner = points[faces]
-    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+    area = np.linalg.norm(normal_vectors(corner), axis=1)
     labels = np.unique(part)
     if len(labels) > 1:
         each = np.bincount(part, area)[labels]
@@ -365,11 +386,11 @@ def describe_borders(points: FloatArray, border: IntArray, name: str) -> tuple[s
 
 
 def label_parts(count: int, faces: IntArray) -> IntArray:
-    """Label points by the lowest point to which triangles or edges connect them, shape (count,).
+    """Number the parts of which points are connected by triangles, edges or other elements, shape (count,).
 
     Args:
         count: Number of points [-].
-        faces: Points of each triangle or edge, shape (f, k).
+        faces: Points of each element, shape (f, k).
     """
     label = np.arange(count)
     while True:
@@ -385,13 +406,6 @@ def label_parts(count: int, faces: IntArray) -> IntArray:
 def describe(place: FloatArray | tuple[float, ...]) -> str:
     """Write a position in millimetres."""
     return ", ".join(f"{round(1e3 * each, 2) + 0.0:g}" for each in place)
-
-
-def _list_border(faces: IntArray) -> IntArray:
-    """List the directed edges of one triangle only, and its third point, shape (k, 3)."""
-    edges = np.concatenate([np.roll(faces, -k, axis=1) for k in range(3)])
-    _, place, count = np.unique(np.sort(edges[:, :2], axis=1), axis=0, return_inverse=True, return_counts=True)
-    return np.asarray(edges[count[place.ravel()] == 1])
 
 
 def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
@@ -414,8 +428,9 @@ def collapse_short_edges(points: FloatArray, faces: IntArray, length: float) -> 
     """
     faces = faces.copy()
     for _ in range(_COLLAPSE.passes):
-        edges = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
-        keys, count = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+        edges, place, count = list_edges(faces)
+        keys = np.empty((len(count), 2), dtype=np.int64)
+        keys[place] = np.sort(edges[:, :2], axis=1)
         size = np.linalg.norm(points[keys[:, 0]] - points[keys[:, 1]], axis=1)
         border = set(keys[count == 1].ravel().tolist())
         around: dict[int, list[int]] = defaultdict(list)
@@ -451,12 +466,11 @@ def _collapse(
     moving = [face for face in mine if face not in shared]
     before = faces[moving]
     after = np.where(before == gone, stays, before)
-    one, other = (np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) for c in (points[before], points[after]))
-    product = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
+    one, other = (normal_vectors(points[each]) for each in (before, after))
+    size = np.linalg.norm(one, axis=1)
+    turned = _dot(one, other) < _COLLAPSE.turned * size * np.linalg.norm(other, axis=1)
     # Slivers say nothing about the direction of the surface; only larger triangles must not turn.
-    if (np.einsum("fc,fc->f", one, other) < _COLLAPSE.turned * product)[
-        np.linalg.norm(one, axis=1) > 0.1 * _largest(one)
-    ].any():
+    if turned[size > 0.1 * size.max(initial=0.0)].any():
         return set()
     shape = [_shapes(points[each]).min(initial=1.0) for each in (before, after)]
     if shape[1] < min(_COLLAPSE.sliver, shape[0]):
@@ -469,9 +483,5 @@ def _collapse(
 def _shapes(triangles: FloatArray) -> FloatArray:
     """Return the height over the longest side of triangles, shape (n,) [-]."""
     sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
-    area = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    area = np.linalg.norm(normal_vectors(triangles), axis=1)
     return np.asarray(area / np.maximum(sides**2, np.finfo(float).tiny))
-
-
-def _largest(vectors: FloatArray) -> float:
-    return float(np.linalg.norm(vectors, axis=1).max(initial=0.0))

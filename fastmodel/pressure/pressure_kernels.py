@@ -1,11 +1,13 @@
-# ruff: noqa: PLR0917 -- kernels take their arrays by position
-"""Compiled kernels of the solver for the pressure on a cover; `conjugate_gradient` describes the method and calls them.
+# ruff: noqa: PLR0917, PLR2004, C901 -- kernels take arrays by position, and their tolerances stand where they act
+"""Compiled kernels that compute the pressure on cells; `fastmodel.pressure.solvers` describes the methods.
 
 All kernels stand in one file, because numba's cache checks only the file of the called kernel for changes, not the
 files of the functions that this kernel calls.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -17,21 +19,6 @@ from meshes.array_types import FloatArray, IntArray
 #: the four whole cells, shape (4, m) [-]; additional self compliance of each cell, shape (m,) [m/N]; and the two
 #: matrices of `SymmetricConvolution.matrices` [m/N].
 Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
-
-#: Smallest factor by which one correction multiplies the force on a cell; a positive factor keeps forces positive [-].
-#: Corrections restore the balance of force and moments between the cells and the bodies.
-_LEAST_FACTOR = 0.2
-#: Largest number of corrections, in one step of the iteration, that restore the balance of force and moments [-].
-_CORRECTIONS = 40
-#: Errors of the balance of force and moments, over the largest prescribed value [-]: below the first, corrections end;
-#: above the second, the iteration fails.
-_BALANCED, _UNBALANCED = 1e-9, 1e-3
-#: Error of that balance, over the largest prescribed value, up to which a correction leaves displacements valid [-].
-_SLIGHT = 1e-6
-#: Sum of squares of the residual over that of the overlap, below which the residual is only rounding error [-].
-_ROUNDING = 1e-20
-#: Value added to the diagonal of small symmetric matrices, over their trace, so that they can be inverted [-].
-_RIDGE = 1e-12
 
 
 @called_by_kernels
@@ -88,7 +75,7 @@ def _solve_weighted(columns: FloatArray, weight: FloatArray, matrix: FloatArray,
             matrix[a, b] = matrix[b, a] = total
         trace += matrix[a, a]
     for a in range(k):
-        matrix[a, a] += _RIDGE * trace
+        matrix[a, a] += 1e-12 * trace  # so that it can be inverted
     for a in range(k):
         for b in range(a + 1, k):
             factor = matrix[b, a] / matrix[a, a]
@@ -143,29 +130,28 @@ def _balance(
     Each correction multiplies the forces by factors that are linear in the columns.
 
     Returns:
-        The remaining error of the balance over the largest target [-], and whether a correction exceeded `_SLIGHT`.
+        The remaining error of the balance over the largest target [-], and whether a correction was more than slight.
     """
     k, changed, error, scale = len(target), False, np.inf, 0.0
     for a in range(k):
         scale = max(scale, abs(target[a]))
-    for _ in range(_CORRECTIONS):
+    for _ in range(40):
         error = 0.0
         for a in range(k):
             found[a] = target[a]
             for i in range(len(forces)):
                 found[a] -= forces[i] * columns[i, a]
             error = max(error, abs(found[a]) / scale)
-        if error <= _BALANCED:
-            break
-        changed = changed or error > _SLIGHT
+        if error <= 1e-9:
+            return error, changed
+        changed = changed or error > 1e-6  # below, the displacements stay valid
         _solve_weighted(columns, forces, matrix, found)
         for i in range(len(forces)):
             factor = 1.0
             for a in range(k):
                 factor += columns[i, a] * found[a]
-            forces[i] *= max(factor, _LEAST_FACTOR)
-    if error > _BALANCED:
-        _scale_sums(forces, columns, target)
+            forces[i] *= max(factor, 0.2)  # a positive factor keeps forces positive
+    _scale_sums(forces, columns, target)
     return error, changed
 
 
@@ -255,13 +241,6 @@ def _advance(
 
 
 @called_by_kernels
-def _add_scaled(factor: float, added: FloatArray, values: FloatArray) -> None:
-    """Add the vector `added`, multiplied by a factor, to the vector `values`, in place; both of shape (m,)."""
-    for i in range(len(values)):
-        values[i] += factor * added[i]
-
-
-@called_by_kernels
 def _compare(forces: FloatArray, before: FloatArray, active: FloatArray) -> float:
     """Return the summed absolute change of the cell forces since the last step [N]; update `before` and `active`."""
     change = 0.0
@@ -307,15 +286,17 @@ def minimise_energy(
         converged = _compare(forces, before, active) < limits[0] and step > 0
         if converged or step == limits[2]:
             break
-        if not error <= _UNBALANCED:  # also true if the error is nan
+        if not error <= 1e-3:  # also true if the error is nan
             forces[:] = start
             break
         # the overlap is computed anew only after cells joined or left the active set or after a large correction
         if other or corrected:
             _displace(cover, forces, room, overlap)
-            _add_scaled(1.0, gap, overlap)
+            for i in range(count):
+                overlap[i] += gap[i]
         energy, size, total, grows = _compute_residual(active, overlap, columns, matrix, motion, residual)
-        if total <= limits[1] or (energy <= _ROUNDING * size and not grows):
+        # the residual is small enough, or only rounding error
+        if total <= limits[1] or (energy <= 1e-20 * size and not grows):
             converged = True
             break
         # the conjugate search direction, restarted from the residual after cells were added to the active set
@@ -328,6 +309,132 @@ def minimise_energy(
             other = _advance(slope / curvature, active, residual, direction, forces)
             previous, conjugate, step = energy, 0.0 if grows else 1.0, step + 1
             if not other:
-                _add_scaled(-slope / curvature, image, overlap)
+                for i in range(count):
+                    overlap[i] += -slope / curvature * image[i]
     _spread_on_window(cover[0], cover[1], forces, room[0])
     return forces, room[0], motion, step, converged
+
+
+def place_cells(
+    samples: tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray],
+    grid: tuple[IntArray, FloatArray, FloatArray],
+    near: FloatArray,
+    square: float,
+) -> tuple[tuple[int, int], tuple[int, int], IntArray, FloatArray, FloatArray]:
+    """Kernel: divide each cell under a body among the four whole cells around the centroid of the covered part.
+
+    Args:
+        samples: Row, column, coverage, x and y of the cells, see `GapSamples`.
+        grid: Arrays that describe the contact grid, see `CellGrid.arrays`.
+        near: Compliance between cells that lie 0 or 1 rows and columns apart, shape (2, 2) [m/N].
+        square: Displacement at the centre of a whole cell under unit force on this cell of a half space [m/N].
+
+    Returns:
+        Row and column in the contact grid of the first cell of a window that contains all these whole cells; rows and
+        columns of the window; and the first three entries of
+        `Cover`.
+    """
+    row, column, coverage, x, y = samples
+    _, low, edge = grid
+    top, left, rows, cols = row[0], column[0], 0, 0
+    for k in range(len(x)):
+        top, left = min(top, row[k]), min(left, column[k])
+        rows, cols = max(rows, row[k] + 1), max(cols, column[k] + 1)
+    # extend the window by one cell on each side
+    top, left, rows, cols = top - 1, left - 1, rows - top + 2, cols - left + 2
+    corner, weight = np.empty((2, len(x)), dtype=np.int64), np.empty((4, len(x)))
+    own = np.empty(len(x))
+    for k in range(len(x)):
+        # rounded to 1e-9 cells, so that rounding errors do not divide a fully covered cell among four cells
+        u = math.floor(1e9 * ((x[k] - low[0]) / edge[0] - 0.5 - left) + 0.5) * 1e-9
+        v = math.floor(1e9 * ((y[k] - low[1]) / edge[1] - 0.5 - top) + 0.5) * 1e-9
+        corner[0, k], corner[1, k] = math.floor(v), math.floor(u)
+        a, b = u - math.floor(u), v - math.floor(v)
+        p, q, r, s = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
+        weight[0, k], weight[1, k], weight[2, k], weight[3, k] = p, q, r, s
+        # self compliance of the divided cell by the convolution; for a whole cell it is near[0, 0]
+        interpolated = near[0, 0] * (p * p + q * q + r * r + s * s) + 2 * near[0, 1] * (p * q + r * s)
+        interpolated += 2 * near[1, 0] * (p * r + q * s) + 2 * near[1, 1] * (p * s + q * r)
+        own[k] = near[0, 0] - interpolated + square * (1 / math.sqrt(coverage[k]) - 1)
+    shape = ((rows + 3) // 4 * 4, (cols + 3) // 4 * 4)  # multiples of 4, so that few matrices are needed
+    return (top, left), shape, corner, weight, own
+
+
+def find_start(
+    last: tuple[IntArray, IntArray, FloatArray],
+    samples: tuple[IntArray, IntArray, FloatArray, IntArray],
+    wanted: FloatArray,
+    scratch: FloatArray,
+) -> FloatArray:
+    """Kernel: compute the cell forces from which the iteration starts, shape (m,) [N].
+
+    They are the last pressures on the m cells, scaled to the load of each body, or uniform pressure if the last
+    pressures on the cells under a body give less than half its load.
+
+    Args:
+        last: Row, column, and pressure times the area of a whole cell [N], of each cell of the last solution.
+        samples: Row, column, coverage and body of the m cells, see `GapSamples`.
+        wanted: Load of each body, shape (bodies,) [N].
+        scratch: Working memory of zeros, with the shape of the contact grid; zeros again afterwards.
+    """
+    row, column, coverage, body = samples
+    forces, sums, areas = np.zeros(len(row)), np.zeros(len(wanted)), np.zeros(len(wanted))
+    for k in range(len(last[0])):
+        scratch[last[0][k], last[1][k]] = last[2][k]
+    for k in range(len(row)):
+        forces[k] = scratch[row[k], column[k]] * coverage[k]
+        sums[body[k]] += forces[k]
+        areas[body[k]] += coverage[k]
+    for k in range(len(last[0])):
+        scratch[last[0][k], last[1][k]] = 0.0
+    for k in range(len(row)):
+        b = body[k]
+        if sums[b] > 0.5 * wanted[b]:
+            forces[k] *= wanted[b] / sums[b]
+        else:
+            forces[k] = wanted[b] * coverage[k] / areas[b]
+    return forces
+
+
+def are_close(one: FloatArray, other: FloatArray, tolerance: float) -> bool:
+    """Kernel: return whether no entries of two arrays of equal length, shape (n,), differ by more than a tolerance."""
+    return bool(np.abs(one - other).max() <= tolerance)
+
+
+def match_springs(
+    columns: FloatArray, gap: FloatArray, stiffness: FloatArray, target: FloatArray
+) -> tuple[FloatArray, FloatArray, bool]:
+    """Kernel: find the motion of one body at which the springs of m cells carry the body's force and moments.
+
+    Args:
+        columns: Columns of the k constraints, see `Load.build_constraints`, shape (m, k).
+        gap: Gap between body and cover at each cell, shape (m,) [m].
+        stiffness: Force per displacement of each cell, shape (m,) [N/m].
+        target: Prescribed values of the constraints, shape (k,) [N].
+
+    Returns:
+        Force on each cell, shape (m,) [N]; gap below which each cell is in contact, shape (m,) [m]; whether the
+        constraints are satisfied.
+    """
+    motion = np.zeros(len(target))
+    motion[0] = gap.min() + target[0] / stiffness.sum()
+    height = np.dot(columns, motion)
+    forces = stiffness * np.maximum(height - gap, 0.0)
+    value = 0.5 * np.dot(forces, height - gap) - np.dot(motion, target)
+    for _ in range(60):
+        miss = target - np.dot(forces, columns)
+        if np.abs(miss).max() <= 1e-9 * target[0]:
+            return forces * (target[0] / np.dot(forces, columns)[0]), height, True
+        weighted = columns * (stiffness * (forces > 0)).reshape(len(gap), 1)
+        # the small diagonal makes the matrix invertible even if few cells touch
+        tangent = np.dot(np.ascontiguousarray(weighted.T), columns) + 1e-9 * stiffness.sum() * np.eye(len(target))
+        step, share, before = np.linalg.solve(tangent, miss), 1.0, value
+        while True:
+            height = np.dot(columns, motion + share * step)
+            forces = stiffness * np.maximum(height - gap, 0.0)
+            value = 0.5 * np.dot(forces, height - gap) - np.dot(motion + share * step, target)
+            if value <= before or share <= 1e-6:
+                break
+            share /= 2
+        motion = motion + share * step
+    return forces, height, False
