@@ -23,10 +23,11 @@ from scipy.spatial.transform import Rotation
 from fastmodel.contact.points import press_points as press_fast
 from fem_reference import press
 from fem_reference.closed_form.cylinder import CylinderLayer
-from fem_reference.curved_cover import press_curved, texel_responses
+from fem_reference.curved_cover import texel_responses
 from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Roller, Sphere
 from meshes.pose import Pose
 from meshes.solids import fingertip, flat_pad, phalanx
+from meshes.solids.covers import take_meshes
 from tests.exact.spots import SpotLoad, touch_cylinder
 from validation.derivation.curved import derive_curved_cover
 
@@ -146,7 +147,7 @@ def compare_estimates() -> None:
     for name, indenter, load, (x, y), yaw, tilts in FLAT + NARROW:
         about_x, about_y = np.radians(tilts).tolist()
         pose = Pose(point=(1e-3 * x, 1e-3 * y, 5e-3), yaw=float(np.radians(yaw)), tilt=(about_x, about_y))
-        found = press_curved(cover.meshes(), cover.texels, material, indenter, pose, load=load)
+        found = press(take_meshes(cover.meshes(), material), cover.texels, indenter, pose, load=load)
         exact = press(planar, cover.texels, indenter, pose, load=load)
         difference = np.abs(found.texel_forces - exact.texel_forces)
         errors = {
@@ -167,14 +168,14 @@ def compare_estimates() -> None:
     )
 
 
-def list_presses() -> Iterator[tuple[str, str, Indenter, Pose, list[float], float]]:
-    """Shape, place, indenter, pose, direction and load of the 40 presses."""
+def list_presses() -> Iterator[tuple[str, str, Indenter, Pose, float]]:
+    """Shape, place, indenter, pose and load of the 40 presses."""
     for shape, (indenter, tilt, load) in SHAPES.items():
         turn = Rotation.from_euler("y", tilt).as_matrix()
         for place, (at, direction) in PLACES.items():
             pose = Pose.facing(1e-3 * np.array(at) - 20e-3 * np.array(direction), direction)
-            turned = Pose.from_rotation(pose.position, pose.rotation @ turn)
-            yield shape, place, indenter, turned, list(direction), load
+            turned = Pose.from_rotation(pose.position, pose.rotation @ turn, direction)
+            yield shape, place, indenter, turned, load
 
 
 def score_fast_model() -> None:
@@ -188,12 +189,12 @@ def score_fast_model() -> None:
     print("| shape | place | depth [mm] | reference [CPU s] | [s] | estimate [%] | fast [ms] | misplaced [%] |")
     print("|---|---|---|---|---|---|---|---|")
     scores, times = [], []
-    for shape, place, indenter, pose, direction, load in list_presses():
+    for shape, place, indenter, pose, load in list_presses():
         processor, wall = time.process_time(), time.perf_counter()
-        known = press_curved(meshes, cover.texels, rubber(), indenter, pose, load=load, direction=direction)
+        known = press(take_meshes(meshes, rubber()), cover.texels, indenter, pose, load=load)
         times.append((time.process_time() - processor, time.perf_counter() - wall))
         processor = time.process_time()
-        found = press_fast(fast, indenter, pose, load=load, direction=direction)
+        found = press_fast(fast, indenter, pose, load=load)
         quick = 1e3 * (time.process_time() - processor)
         scores.append(100 * np.abs(found.texel_forces - known.texel_forces).sum() / (2 * load))
         print(

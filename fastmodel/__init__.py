@@ -44,13 +44,11 @@ from fastmodel.adapters.batch import Batch
 from fastmodel.attachment import METHODS, attach, recommend_options
 from fastmodel.bench import FastIndentation, Placement, add_indenter, indent, indent_together
 from fastmodel.check import OptionWarning
-from fastmodel.contact.area import AreaTexels
-from fastmodel.contact.boxes import BoxTexels
-from fastmodel.contact.cover import CoverContact, Foundation
-from fastmodel.contact.geoms import add_geoms
+from fastmodel.contact.bodies import add_geoms
+from fastmodel.contact.boxes import AreaTexels, BoxTexels
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.mesh import MeshContact
-from fastmodel.contact.plate import Plate
+from fastmodel.contact.plate import CoverContact, Foundation, Plate
 from fastmodel.errors import FastModelError
 from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit, fit_contact, fit_foundation
 from fastmodel.fitting.gaussian import Fit, fit_gaussian

@@ -11,11 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from fastmodel.contact.area import AreaTexels
-from fastmodel.contact.boxes import BoxTexels
-from fastmodel.contact.cover import CoverContact, Foundation
+from fastmodel.contact.boxes import AreaTexels, BoxTexels
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.mesh import MeshContact
+from fastmodel.contact.plate import CoverContact, Foundation
 from fastmodel.errors import FastModelError, check_type, name_unknown
 from fastmodel.parameters import Parameters
 from fastmodel.pose import Mount

@@ -17,8 +17,8 @@ import numpy as np
 
 from fastmodel.attachment import DEFAULT, choose_method, recommend_options
 from fastmodel.compiled import report_slow_compilation
-from fastmodel.contact.geoms import add_geoms
-from fastmodel.contact.interface import ContactReader, Reading, TexelContact
+from fastmodel.contact.bodies import add_geoms
+from fastmodel.contact.interface import ContactReader, Reading, TexelContact, compile_kernels
 from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.points import press_points
 from fastmodel.errors import FastModelError, MissedArrayError, check_type
@@ -197,7 +197,7 @@ def indent_together(
     model = _build_model(parameters, placements, chosen)
     reader = chosen.bind(model, parameters.array, _ARRAY, surface=parameters.surface)
     with report_slow_compilation("simulated bench test"):
-        reader.compile_kernels(mujoco.MjData(model))
+        compile_kernels(chosen, parameters.array, parameters.surface, model.opt.cone)
     started = time.perf_counter()
     reading, chatter = _settle(model, reader, sum(placement.load for placement in placements))
     texel_forces = reading.texel_forces

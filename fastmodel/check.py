@@ -8,19 +8,17 @@ The heights of geoms above the top of an array, along lines parallel to the arra
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 
 import mujoco
 import numpy as np
 
-from fastmodel.contact.geoms import Reasons, find_obstacles
-from fastmodel.contact.mesh import find_frame
+from fastmodel.contact.bodies import Reasons, find_obstacles
+from fastmodel.contact.interface import TexelContact
 from fastmodel.parameters import Parameters
 from fastmodel.pressure.gap import describe_solid
 from fastmodel.signal.point_spread import Gaussian
-from fastmodel.surface import CoverPoints
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Thickness of plates and boxes below which soft bodies may pass through them; a rope and a cloth of 50 g that fell
@@ -186,7 +184,7 @@ def _may_sleep(model: mujoco.MjModel, geom: int) -> bool:
 
 
 def check_surroundings(
-    model: mujoco.MjModel, geoms: IntArray, name: str, *, inset: float, spacing: float, cover: CoverPoints | None = None
+    model: mujoco.MjModel, geoms: IntArray, name: str, contact: TexelContact, pitch: float
 ) -> Iterator[str]:
     """Find geoms that carry part of the force on an array, and geoms that never touch it; yield a sentence about each.
 
@@ -194,17 +192,12 @@ def check_surroundings(
         model: The compiled model with the sensor.
         geoms: Ids of the geoms of the array.
         name: Name of the sensor in the model.
-        inset: Width of the margin of the array's geoms around the texels [m].
-        spacing: Distance of the points at which the top of the array is examined [m].
-        cover: Curved cover, whose points are examined instead; None for boxes and plates.
+        contact: The contact method, which knows the top of the array.
+        pitch: The smaller pitch of the array [m].
     """
     data, obstacles = mujoco.MjData(model), find_obstacles(model, geoms)
     mujoco.mj_fwdPosition(model, data)
-    if cover is None:
-        top = sample_top(model, data, geoms, inset=inset, spacing=spacing)
-    else:
-        axes, origin = find_frame(model, data, int(geoms[0]))
-        top = (origin + cover.points @ axes.T, cover.normals @ axes.T)
+    top = contact.sample_top(model, data, geoms, pitch)
     yield from _check_flush_geoms(model, data, geoms, name, top)
     yield from _check_own_links(model, data, geoms, name)
     colliding = _find_colliding(model) & ~np.isin(np.arange(model.ngeom), geoms)
@@ -339,43 +332,6 @@ def _describe_geom(model: mujoco.MjModel, geom: int) -> str:
     """Describe a geom by its name and that of its body, or by the body alone if it has no name."""
     name, body = model.geom(geom).name, model.body(model.geom_bodyid[geom]).name
     return f"geom {name!r} of body {body!r}" if name else f"a geom without a name (id {geom}) of body {body!r}"
-
-
-#: Most points along one side of one geom of an array.
-_MOST_POINTS = 40
-#: Most points on all geoms of an array together, above which one point stands for each geom.
-_MOST_TOGETHER = 2000
-
-
-def sample_top(
-    model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, *, inset: float, spacing: float
-) -> tuple[FloatArray, FloatArray]:
-    """Place points on the outer faces of an array's geoms.
-
-    Args:
-        model: The compiled model.
-        data: A state with the poses of geoms.
-        geoms: Ids of the array's geoms, which are boxes.
-        inset: Distance from the sides of each box within which no points are placed [m].
-        spacing: Distance between neighbouring points [m].
-
-    Returns:
-        The points in the world, shape (n, 3) [m], and the outward normals of their boxes, shape (n, 3) [-].
-    """
-    points, normals = [], []
-    for geom in geoms.tolist():
-        half = np.maximum(model.geom_size[geom, :2] - inset, 0.0)
-        counts = [min(max(1, math.ceil(2 * side / spacing - 1e-9)), _MOST_POINTS) for side in half]
-        if len(geoms) * counts[0] * counts[1] > _MOST_TOGETHER:
-            counts = [1, 1] if len(geoms) > 1 else counts
-        x, y = (side * ((2 * np.arange(count) + 1) / count - 1) for side, count in zip(half, counts, strict=True))
-        local = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), model.geom_size[geom, 2])], axis=-1).reshape(
-            -1, 3
-        )
-        axes = data.geom_xmat[geom].reshape(3, 3)
-        points.append(data.geom_xpos[geom] + local @ axes.T)
-        normals.append(np.tile(axes[:, 2], (len(local), 1)))
-    return np.concatenate(points), np.concatenate(normals)
 
 
 def find_span(

@@ -29,10 +29,8 @@ from fastmodel.check import (
     list_options,
 )
 from fastmodel.compiled import report_slow_compilation
-from fastmodel.contact.cover import CoverContact, Foundation
-from fastmodel.contact.geoms import NameInModel
-from fastmodel.contact.interface import ContactReader, Reading, TexelContact
-from fastmodel.contact.mesh import MeshContact
+from fastmodel.contact.bodies import NameInModel
+from fastmodel.contact.interface import ContactReader, Reading, TexelContact, compile_kernels
 from fastmodel.errors import FastModelError, LifeCycleError, check_type, warn_user
 from fastmodel.parameters import Parameters
 from fastmodel.signal.chain import ChainFunctions, ChainState
@@ -143,7 +141,7 @@ class Sensor:
         except LifeCycleError as error:
             raise LifeCycleError(f"{error}{self._suggest_names(model, prefix, suffix)}") from error
         with report_slow_compilation(f"sensor {self.name!r}"):
-            reader.compile_kernels(mujoco.MjData(model))
+            compile_kernels(self._contact, parameters.array, parameters.surface, model.opt.cone)
         every = self._every or _choose_interval(parameters, self._contact, model.opt.timestep)
         return RunningSensor(f"{name}{suffix}", parameters, reader, model, every)
 
@@ -172,12 +170,7 @@ class Sensor:
             advice = self._suggest_names(model, self._prefix, self._suffix)
             raise LifeCycleError(f"array {name + self._suffix!r} is not in this model{advice}")
         every = self._every or _choose_interval(self.parameters, self._contact, model.opt.timestep)
-        pitch = min(array.pitch)
-        margin = self._contact.plate.margin if isinstance(self._contact, CoverContact | Foundation) else 0
-        cover = self._contact.surface if isinstance(self._contact, MeshContact) else None
-        around = check_surroundings(
-            model, geoms, f"{name}{self._suffix}", inset=margin * pitch, spacing=0.5 * pitch, cover=cover
-        )
+        around = check_surroundings(model, geoms, f"{name}{self._suffix}", self._contact, min(array.pitch))
         spread = () if self._contact.computes_spread else check_calibration(self.parameters)
         return (*check_options(self.parameters, model, every, geoms), *spread, *around)
 

@@ -223,6 +223,11 @@ class CoverCells:
         return max(float(load), 0.01 * float(self.loads[0]))
 
     @property
+    def margin(self) -> int | None:
+        """Pitches by which plates may extend beyond the texels: none for a cover with free sides; else None [-]."""
+        return None if self.table is None else 0
+
+    @property
     def reach(self) -> int:
         """Largest distance from a texel's edge at which force on a cell still reaches the texel, in cells [-]."""
         return (len(self.influence) - self.per_texel) // 2
@@ -311,6 +316,8 @@ class CoverPoints:
 
     #: Name of the contact method that takes this surface.
     method: ClassVar[str] = "curved"
+    #: See `CoverCells.margin`; plates do not follow the top.
+    margin: ClassVar[int | None] = None
 
     def __post_init__(self) -> None:
         """Check shapes and values.

@@ -18,6 +18,18 @@ class PiercedError(ValueError):
         self.control = control
 
 
+class UnsupportedError(ValueError):
+    """The solver of a kind of cover cannot do what is asked for.
+
+    Attributes:
+        argument: Name of the argument of `press` that asks for it.
+    """
+
+    def __init__(self, message: str, argument: str) -> None:
+        super().__init__(message)
+        self.argument = argument
+
+
 class ConvergenceError(RuntimeError):
     """An iterative solver stopped before it reached its tolerance."""
 

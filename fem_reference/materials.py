@@ -72,12 +72,16 @@ def pick_components(tensor: FloatArray, places: Places) -> FloatArray:
 
 def volume_ratio(F: FloatArray, places: Places = EVERY_PLACE) -> Invariant:
     """Compute J = det F with its first derivatives (cofactors of F) and second derivatives (signed entries of F)."""
-    cofactor = {place: _minor(F, *place) for place in {*places, (0, 0), (0, 1), (0, 2)}}
+    cofactor = {}
+    for i, j in {*places, (0, 0), (0, 1), (0, 2)}:
+        k, m, p, q = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+        cofactor[i, j] = F[..., k, p] * F[..., m, q] - F[..., k, q] * F[..., m, p]
     second = np.zeros((*F.shape[:-2], len(places), len(places)))
     for a, (i, j) in enumerate(places):
         for b, (k, m) in enumerate(places):
-            if i != k and j != m:
-                second[..., a, b] = _sign(i, k) * _sign(j, m) * F[..., 3 - i - k, 3 - j - m]
+            if i != k and j != m:  # the sign is that of both permutations (i, k, rest) and (j, m, rest) of (0, 1, 2)
+                sign = 1 if ((k - i) % 3 == 1) == ((m - j) % 3 == 1) else -1
+                second[..., a, b] = sign * F[..., 3 - i - k, 3 - j - m]
     return Invariant(
         value=sum((F[..., 0, j] * cofactor[0, j] for j in range(3)), np.zeros(F.shape[:-2])),
         first=np.stack([cofactor[place] for place in places], axis=-1),
@@ -141,17 +145,6 @@ def _multiply_by_power(plain: Invariant, J: Invariant, power: float) -> Invarian
     )
 
 
-def _minor(F: FloatArray, i: int, j: int) -> FloatArray:
-    """Compute the cofactor of F_ij."""
-    k, m, p, q = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
-    return np.asarray(F[..., k, p] * F[..., m, q] - F[..., k, q] * F[..., m, p])
-
-
-def _sign(i: int, k: int) -> int:
-    """Return the sign of the permutation (i, k, remaining index) of (0, 1, 2)."""
-    return 1 if (k - i) % 3 == 1 else -1
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Response:
     """Stored energy, first Piola-Kirchhoff stress and tangent moduli at many points.
@@ -182,105 +175,38 @@ class Energy(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scaled:
-    """Stored energy of another material times a constant factor, for a change of units.
+class Polynomial:
+    """Polynomial energy W = c1 x + c2 x^2 + c3 x^3 + c01 (I2 - 3) with x = I1 - 3.
+
+    With c1 alone it is that of Treloar (1943, neo-Hookean, c1 = mu / 2), with c1 and c01 that of Mooney (1940) and
+    Rivlin (1948), with c1, c2 and c3 that of Yeoh (1993).
 
     Attributes:
-        energy: Energy that is multiplied.
-        factor: Constant factor on the energy [-].
-    """
-
-    energy: Energy
-    factor: float
-
-    def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Evaluate energy, stress and tangent moduli, each times the factor; see `Energy.isochoric`."""
-        plain = self.energy.isochoric(F, J)
-        return Response(
-            energy=plain.energy * self.factor, stress=plain.stress * self.factor, tangent=plain.tangent * self.factor
-        )
-
-
-def respond_to_invariant(invariant: Invariant, energy: FloatArray, slope: FloatArray, curve: FloatArray) -> Response:
-    """Compute stress w' dI/dF and tangent w'' dI/dF x dI/dF + w' d2I/dF2 of an energy w(I) of one invariant I.
-
-    Args:
-        invariant: Invariant I with its derivatives with respect to F.
-        energy: Energy w(I) at each point, shape (...) [J/m3].
-        slope: First derivative w'(I), shape (...) [Pa].
-        curve: Second derivative w''(I), shape (...) [Pa].
-    """
-    stress = slope[..., None] * invariant.first
-    tangent = slope[..., None, None] * invariant.second
-    if np.any(curve):
-        tangent += (curve[..., None] * invariant.first)[..., :, None] * invariant.first[..., None, :]
-    return Response(energy=energy, stress=stress, tangent=tangent)
-
-
-@dataclass(frozen=True, kw_only=True)
-class NeoHookean:
-    """Neo-Hookean energy W = mu / 2 (I1 - 3) (Treloar 1943).
-
-    Attributes:
-        shear_modulus: Shear modulus mu [Pa].
-    """
-
-    shear_modulus: float
-
-    def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Evaluate energy, stress and tangent moduli at deformation gradients F; see `Energy.isochoric`."""
-        I1 = first_isochoric(F, J)
-        slope = np.full_like(I1.value, self.shear_modulus / 2)
-        return respond_to_invariant(I1, slope * (I1.value - 3), slope, np.zeros_like(slope))
-
-
-@dataclass(frozen=True, kw_only=True)
-class MooneyRivlin:
-    """Mooney-Rivlin energy W = c10 (I1 - 3) + c01 (I2 - 3) (Mooney 1940, Rivlin 1948).
-
-    Attributes:
-        c10: Modulus of the term in I1 [Pa].
+        c1: Modulus of the linear term in I1 [Pa].
+        c2: Modulus of the quadratic term [Pa].
+        c3: Modulus of the cubic term [Pa].
         c01: Modulus of the term in I2 [Pa].
     """
 
-    c10: float
-    c01: float
-
-    def isochoric(self, F: FloatArray, J: Invariant) -> Response:
-        """Evaluate energy, stress and tangent moduli at deformation gradients F; see `Energy.isochoric`."""
-        I1, I2 = first_isochoric(F, J), second_isochoric(F, J)
-        zero = np.zeros_like(I1.value)
-        one = respond_to_invariant(I1, self.c10 * (I1.value - 3), zero + self.c10, zero)
-        two = respond_to_invariant(I2, self.c01 * (I2.value - 3), zero + self.c01, zero)
-        return Response(
-            energy=one.energy + two.energy, stress=one.stress + two.stress, tangent=one.tangent + two.tangent
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Yeoh:
-    """Yeoh energy W = c1 x + c2 x^2 + c3 x^3 with x = I1 - 3 (Yeoh 1993).
-
-    Attributes:
-        c1: Modulus of the linear term [Pa].
-        c2: Modulus of the quadratic term [Pa].
-        c3: Modulus of the cubic term [Pa].
-    """
-
     c1: float
-    c2: float
-    c3: float
+    c2: float = 0.0
+    c3: float = 0.0
+    c01: float = 0.0
 
     def isochoric(self, F: FloatArray, J: Invariant) -> Response:
         """Evaluate energy, stress and tangent moduli at deformation gradients F; see `Energy.isochoric`."""
         I1 = first_isochoric(F, J)
         x = I1.value - 3
-        return respond_to_invariant(
-            I1,
-            x * (self.c1 + x * (self.c2 + x * self.c3)),
-            self.c1 + x * (2 * self.c2 + x * 3 * self.c3),
-            2 * self.c2 + 6 * self.c3 * x,
-        )
+        energy = x * (self.c1 + x * (self.c2 + x * self.c3))
+        slope, curve = self.c1 + x * (2 * self.c2 + x * 3 * self.c3), 2 * self.c2 + 6 * self.c3 * x
+        stress, tangent = slope[..., None] * I1.first, slope[..., None, None] * I1.second
+        if np.any(curve):
+            tangent += (curve[..., None] * I1.first)[..., :, None] * I1.first[..., None, :]
+        if self.c01:
+            I2 = second_isochoric(F, J)
+            energy, stress = energy + self.c01 * (I2.value - 3), stress + self.c01 * I2.first
+            tangent += self.c01 * I2.second
+        return Response(energy=energy, stress=stress, tangent=tangent)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -304,11 +230,23 @@ class Ogden:
         """Evaluate energy, stress and tangent moduli at deformation gradients F; see `Energy.isochoric`."""
         U, stretch, Vt = np.linalg.svd(F)
         energy, slope, curve = self._differentiate_principal(stretch, J.value)
+        # Moduli in the frame of the singular vectors: the Hessian on the diagonal, divided differences off it.
+        local = np.zeros((*F.shape, 3, 3))
+        for a in range(3):
+            for b in range(3):
+                local[..., a, a, b, b] = curve[..., a, b]
+        for a, b in ((0, 1), (0, 2), (1, 2)):
+            gap = stretch[..., a] - stretch[..., b]
+            close = np.abs(gap) < _SETTINGS.equal * stretch[..., a]
+            limit = (curve[..., a, a] + curve[..., b, b]) / 2 - curve[..., a, b]
+            minus = np.where(close, limit, (slope[..., a] - slope[..., b]) / np.where(close, 1.0, gap))
+            plus = (slope[..., a] + slope[..., b]) / (stretch[..., a] + stretch[..., b])
+            local[..., [a, b], [b, a], [a, b], [b, a]] = ((minus + plus) / 2)[..., None]
+            local[..., [a, b], [b, a], [b, a], [a, b]] = ((minus - plus) / 2)[..., None]
+        turned = np.einsum("...ia,...bj,...abcd,...kc,...dl->...ijkl", U, Vt, local, U, Vt, optimize=True)
         i, j = np.array(J.places).T
-        tangent = _rotate(U, stretch, Vt, slope, curve)[..., i[:, None], j[:, None], i, j]
-        return Response(
-            energy=energy, stress=pick_components((U * slope[..., None, :]) @ Vt, J.places), tangent=tangent
-        )
+        stress = pick_components((U * slope[..., None, :]) @ Vt, J.places)
+        return Response(energy=energy, stress=stress, tangent=turned[..., i[:, None], j[:, None], i, j])
 
     def _differentiate_principal(self, stretch: FloatArray, J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Compute the energy, its gradient and its Hessian with respect to the three principal stretches.
@@ -337,70 +275,38 @@ class Ogden:
         return energy, slope, curve
 
 
-def _rotate(U: FloatArray, stretch: FloatArray, Vt: FloatArray, slope: FloatArray, curve: FloatArray) -> FloatArray:
-    """Compute the tangent moduli d2W/dF2 from gradient and Hessian of the energy W in the singular values of F.
-
-    Args:
-        U: Left singular vectors of F, shape (..., 3, 3) [-].
-        stretch: Singular values of F, shape (..., 3) [-].
-        Vt: Transposed right singular vectors of F, shape (..., 3, 3) [-].
-        slope: Gradient of the energy, shape (..., 3) [Pa].
-        curve: Hessian of the energy, shape (..., 3, 3) [Pa].
-
-    Returns:
-        Tangent moduli, shape (..., 3, 3, 3, 3) [Pa].
-    """
-    local = np.zeros((*stretch.shape, 3, 3, 3))
-    for a in range(3):
-        for b in range(3):
-            local[..., a, a, b, b] += curve[..., a, b]
-            if a < b:
-                plus, minus = _divide_differences(stretch, slope, curve, a, b)
-                for i, j in ((a, b), (b, a)):
-                    local[..., i, j, i, j] += (minus + plus) / 2
-                    local[..., i, j, j, i] += (minus - plus) / 2
-    turned = np.einsum("...ia,...bj,...abcd,...kc,...dl->...ijkl", U, Vt, local, U, Vt, optimize=True)
-    return np.asarray(turned)
-
-
-def _divide_differences(
-    stretch: FloatArray, slope: FloatArray, curve: FloatArray, a: int, b: int
-) -> tuple[FloatArray, FloatArray]:
-    """Compute (Wa + Wb) / (la + lb) and (Wa - Wb) / (la - lb); Wa is the derivative of the energy in the stretch la.
-
-    Where la and lb are equal, the second quotient is replaced by its limit.
-    """
-    gap = stretch[..., a] - stretch[..., b]
-    close = np.abs(gap) < _SETTINGS.equal * stretch[..., a]
-    limit = (curve[..., a, a] + curve[..., b, b]) / 2 - curve[..., a, b]
-    minus = np.where(close, limit, (slope[..., a] - slope[..., b]) / np.where(close, 1.0, gap))
-    plus = (slope[..., a] + slope[..., b]) / (stretch[..., a] + stretch[..., b])
-    return plus, minus
-
-
-#: Stored energy of a material, by the name of its model in `meshes.material.MODELS`.
-ENERGIES: Mapping[str, Callable[[Material], Energy]] = {
-    "neo-hookean": lambda each: NeoHookean(shear_modulus=each.shear_modulus),
-    "mooney-rivlin": lambda each: MooneyRivlin(c10=each.number("c10"), c01=each.number("c01")),
-    "yeoh": lambda each: Yeoh(c1=each.number("c1"), c2=each.number("c2"), c3=each.number("c3")),
-    "ogden": lambda each: Ogden(moduli=each.terms("mu"), exponents=each.terms("alpha")),
+#: Function that creates the stored energy of a material, its moduli divided by a unit of stress [Pa], by the name of
+#: the model in `meshes.material.MODELS`.
+ENERGIES: Mapping[str, Callable[[Material, float], Energy]] = {
+    "neo-hookean": lambda each, unit: Polynomial(c1=each.shear_modulus / unit / 2),
+    "mooney-rivlin": lambda each, unit: Polynomial(c1=each.number("c10") / unit, c01=each.number("c01") / unit),
+    "yeoh": lambda each, unit: Polynomial(**{name: each.number(name) / unit for name in ("c1", "c2", "c3")}),
+    "ogden": lambda each, unit: Ogden(
+        moduli=tuple(mu / unit for mu in each.terms("mu")), exponents=each.terms("alpha")
+    ),
 }
 
 
-def create_energy(material: Material) -> Energy:
+def create_energy(material: Material, unit: float = 1.0) -> Energy:
     """Create the isochoric stored energy of a material.
+
+    Args:
+        material: Material.
+        unit: Unit of stress by which all moduli are divided [Pa].
 
     Raises:
         ValueError: If the material is `linear-elastic`, which has no stored energy at finite strain.
     """
     if material.model not in ENERGIES:
         raise ValueError(f"{material.model} is a small-strain model; take neo-hookean for finite strain")
-    return ENERGIES[material.model](material)
+    return ENERGIES[material.model](material, unit)
 
 
-def create_finite_strain_energy(material: Material) -> Energy:
-    """Create the isochoric stored energy of a material; `linear-elastic` becomes neo-Hookean of equal shear modulus."""
-    return NeoHookean(shear_modulus=material.shear_modulus) if material.small_strain_only else create_energy(material)
+def create_finite_strain_energy(material: Material, unit: float = 1.0) -> Energy:
+    """Create the energy of `create_energy`; `linear-elastic` becomes neo-Hookean of equal shear modulus."""
+    if material.small_strain_only:
+        return Polynomial(c1=material.shear_modulus / unit / 2)
+    return create_energy(material, unit)
 
 
 #: Homogeneous deformations of incompressible material by name: logarithms of the principal stretches, over that of the

@@ -11,9 +11,20 @@ from __future__ import annotations
 
 from meshes.array import TexelArray
 from meshes.cover import Cover, Layer, SolidCover
-from meshes.indenters.indenter import FlatPunch, Indenter, Primitive
-from meshes.indenters.punches import LetterH, Nut, Prism
-from meshes.indenters.shapes import Box, Cone, Cylinder, Roller, RoundedTip, Sphere
+from meshes.indenters.shapes import (
+    Box,
+    Cone,
+    Cylinder,
+    FlatPunch,
+    Indenter,
+    LetterH,
+    Nut,
+    Primitive,
+    Prism,
+    Roller,
+    RoundedTip,
+    Sphere,
+)
 from meshes.indenters.triangle_mesh import TriangleMesh
 from meshes.material import Material
 from meshes.pose import Pose

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -87,12 +87,15 @@ class Pose:
         return cls(point=place, direction=towards, yaw=spin)
 
     @classmethod
-    def from_rotation(cls, point: npt.ArrayLike, rotation: npt.ArrayLike) -> Pose:
-        """Place an indenter, given by a rotation matrix, that moves against its own z axis.
+    def from_rotation(
+        cls, point: npt.ArrayLike, rotation: npt.ArrayLike, direction: npt.ArrayLike | None = None
+    ) -> Pose:
+        """Place an indenter that is given by a rotation matrix.
 
         Args:
             point: Position of the lowest point on its axis, shape (3,) [m].
             rotation: Matrix whose columns are the indenter's axes in the array's frame, shape (3, 3).
+            direction: Direction of motion, any length, shape (3,); against the indenter's z axis if None.
 
         Raises:
             ValueError: If the matrix is no right-handed rotation.
@@ -102,9 +105,14 @@ class Pose:
             raise ValueError("the rotation of a pose must be 3 x 3 finite numbers")
         if np.abs(axes @ axes.T - np.eye(3)).max() > _ROUNDING or np.linalg.det(axes) < 0:
             raise ValueError("the rotation of a pose must be a right-handed orthogonal matrix")
-        upright = cls.facing(point, -axes[:, 2])
-        x, y = upright.rotation[:, 0], upright.rotation[:, 1]
-        return cls.facing(point, -axes[:, 2], spin=float(np.arctan2(axes[:, 0] @ y, axes[:, 0] @ x)))
+        upright = cls.facing(point, -axes[:, 2] if direction is None else direction)
+        turn = upright.rotation.T @ axes
+        # The rotation from the upright pose is one about z after the tilt, whose axis is across z.
+        sine = float(np.hypot(turn[2, 0], turn[2, 1]))
+        per_sine = float(np.arctan2(sine, turn[2, 2])) / sine if sine else 0.0
+        tilt = (per_sine * float(turn[2, 1]), -per_sine * float(turn[2, 0])) if direction is not None else (0.0, 0.0)
+        spun = turn @ replace(upright, direction=(0.0, 0.0, -1.0), tilt=tilt).rotation.T
+        return replace(upright, yaw=float(np.arctan2(spun[1, 0], spun[0, 0])), tilt=tilt)
 
     @property
     def at(self) -> tuple[float, float]:

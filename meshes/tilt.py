@@ -6,28 +6,45 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from meshes.array_types import FloatArray
-from meshes.indenters.indenter import Indenter, Primitive, quantity_field
-from meshes.indenters.shapes import Sphere
+from meshes.array_types import BoolArray, FloatArray
+from meshes.indenters.shapes import Indenter, Primitive, Sphere, quantity_field
+from meshes.pose import Pose
 
 #: Largest tilt about either axis, 10 degrees.  At small strain the contact solvers neglect the horizontal part of the
 #: contact pressure, the sine of the tilt times the pressure, and always the contact of side walls [rad].
 MOST_TILT = float(np.radians(10))
-#: Rounding that is allowed for a tilt at the limit [rad].
-_ROUNDING = 1e-9
-#: Number of steps of the iteration for the height of the surface, and largest change of the height in the last step,
-#: over the size of the shape; the iteration converges where slope times tangent of the tilt is below 1 [-].
-_STEPS, _CONVERGED = 40, 1e-9
-#: Search for the height where the iteration fails: smallest sampled height over the height of the shape, number of
-#: samples, number of halvings of the interval found, and largest jump over the height of the shape that is no wall [-].
-_LEAST_HEIGHT, _HEIGHTS, _HALVINGS, _JUMP = 1e-4, 120, 50, 1e-6
-#: Samples along each side of the shape for its height [-].
-_SHAPE_SAMPLES = 101
-#: Search for the lowest point: samples along each side of the searched rectangle, number of searches, and size of the
-#: next rectangle over the distance of the samples [-].
-_SAMPLES, _SEARCHES, _ZOOM = 61, 8, 4.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TiltNumbers:
+    """Numbers of the iteration for the height of a rotated surface, of the search where it fails, and of samples."""
+
+    #: Rounding that is allowed for a tilt at the limit [rad].
+    rounding: float = 1e-9
+    #: Steps of the iteration, which converges where slope times tangent of the tilt is below 1 [-].
+    steps: int = 40
+    #: Largest change of the height in the last step, over the size of the shape [-].
+    converged: float = 1e-9
+    #: Smallest sampled height of the search over the height of the shape [-].
+    least_height: float = 1e-4
+    #: Samples of the search [-].
+    heights: int = 120
+    #: Halvings of the interval that the search finds [-].
+    halvings: int = 50
+    #: Largest jump over the height of the shape that is no wall [-].
+    jump: float = 1e-6
+    #: Samples along each side of the shape for its height [-].
+    shape_samples: int = 101
+    #: Samples along each side of a rectangle that is searched for the lowest point [-].
+    samples: int = 61
+    #: Rectangles that are searched, one in the other [-].
+    searches: int = 8
+    #: Size of the next rectangle over the distance of the samples [-].
+    zoom: float = 4.0
+
+
+_NUMBERS = TiltNumbers()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,15 +89,15 @@ class TiltedIndenter(Indenter):
             return self._find_lowest_corner()
         middle, half = np.zeros(2), np.array(self.footprint)
         best = (0.0, 0.0, float(self._height(np.zeros(1), np.zeros(1))[0]))
-        for _ in range(_SEARCHES):
-            x, y = np.meshgrid(*(m + np.linspace(-h, h, _SAMPLES) for m, h in zip(middle, half, strict=True)))
+        for _ in range(_NUMBERS.searches):
+            x, y = np.meshgrid(*(m + np.linspace(-h, h, _NUMBERS.samples) for m, h in zip(middle, half, strict=True)))
             z = self._height(x, y)
             # Of equally low points, such as those of an edge, the one nearest to the axis.
             low = np.flatnonzero(z.ravel() <= z.min() + 1e-12 * max(self.footprint))
             index = low[np.argmin(np.hypot(x.ravel()[low], y.ravel()[low]))]
             if z.ravel()[index] < best[2] or not np.isfinite(best[2]):
                 best = (float(x.ravel()[index]), float(y.ravel()[index]), float(z.ravel()[index]))
-            middle, half = np.array(best[:2]), _ZOOM * 2 * half / (_SAMPLES - 1)
+            middle, half = np.array(best[:2]), _NUMBERS.zoom * 2 * half / (_NUMBERS.samples - 1)
         return best
 
     def _find_lowest_corner(self) -> tuple[float, float, float]:
@@ -94,38 +111,29 @@ class TiltedIndenter(Indenter):
                 continue
             corners = np.array(solid.vertices or np.indices((2, 2, 2)).reshape(3, -1).T * 2 - 1.0)
             corners = middle + (corners if solid.vertices else corners * solid.size)
-            points += list(corners[corners[:, 2] <= corners[:, 2].min() + _CONVERGED * max(self.footprint), :2])
+            points += list(corners[corners[:, 2] <= corners[:, 2].min() + _NUMBERS.converged * max(self.footprint), :2])
         places = np.array(points)
         depth = places @ down
-        x, y = places[depth >= depth.max() - _CONVERGED * max(self.footprint)].mean(axis=0)
+        x, y = places[depth >= depth.max() - _NUMBERS.converged * max(self.footprint)].mean(axis=0)
         lowest = self._rotation @ [x, y, 0.0]
         return float(lowest[0]), float(lowest[1]), float(lowest[2])
 
     def primitives(self) -> tuple[Primitive, ...]:
         """Return the convex solids of the upright indenter, rotated and raised so that the lowest point is at z = 0."""
-        turn = self._rotation
-        angle = float(np.hypot(*self.tilt))
-        axis = np.array([*self.tilt, 0.0]) / (angle or 1.0)
-        quaternion = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
-        raised = np.array([0.0, 0.0, self.lowest_point[2]])
-        return tuple(
-            replace(
-                solid,
-                position=tuple((turn @ solid.position - raised).tolist()),
-                quaternion=_multiply(quaternion, np.array(solid.quaternion)),
-            )
-            for solid in self.indenter.primitives()
-        )
+        raised, angle = np.array([0.0, 0.0, self.lowest_point[2]]), float(np.hypot(*self.tilt))
+        scalar, vector = np.cos(angle / 2), np.sin(angle / 2) * np.array([*self.tilt, 0.0]) / (angle or 1.0)
+        out = []
+        for solid in self.indenter.primitives():
+            position, (own, *axis) = self._rotation @ solid.position - raised, solid.quaternion
+            turned = own * vector + scalar * np.array(axis) + np.cross(vector, axis)
+            quaternion = (float(scalar * own - vector @ axis), *turned.tolist())
+            out.append(replace(solid, position=tuple(position.tolist()), quaternion=quaternion))
+        return tuple(out)
 
     @cached_property
     def _rotation(self) -> FloatArray:
-        """Rotation matrix of the tilt, shape (3, 3) (Rodrigues' formula)."""
-        angle = float(np.hypot(*self.tilt))
-        if angle == 0:
-            return np.eye(3)
-        x, y = np.array(self.tilt) / angle
-        cross = np.array([[0, 0, y], [0, 0, -x], [-y, x, 0]])
-        return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
+        """Rotation matrix of the tilt, shape (3, 3)."""
+        return Pose.planar(tilt=self.tilt).rotation
 
     def _height(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Compute the height of the rotated surface over the centre of rotation; inf where there is none [m].
@@ -137,17 +145,17 @@ class TiltedIndenter(Indenter):
         size = max(self.footprint)
         plane = -(back[2, 0] * x + back[2, 1] * y) / back[2, 2]
         z, change = plane, np.full_like(plane, np.inf)
-        for _ in range(_STEPS):
+        for _ in range(_NUMBERS.steps):
             inside = np.isfinite(z)
             at = np.where(inside, z, 0.0)
             u, v = (row[0] * x + row[1] * y + row[2] * at for row in back[:2])
             next_z = np.where(inside, plane + self.indenter.gap(u, v) / back[2, 2], np.inf)
             change = np.where(np.isfinite(next_z), np.abs(next_z - at), 0.0)
             z = next_z
-            if change.max(initial=0.0) < _CONVERGED**2 * size:
+            if change.max(initial=0.0) < _NUMBERS.converged**2 * size:
                 break
         # A flat face is exact after one step; beside it there are only walls.
-        failed = ~np.isfinite(z) | (change >= _CONVERGED * size)
+        failed = ~np.isfinite(z) | (change >= _NUMBERS.converged * size)
         if not self.indenter.is_flat and failed.any():
             z = z.copy()
             z[failed] = self._search_height(x[failed], y[failed], plane[failed])
@@ -163,14 +171,14 @@ class TiltedIndenter(Indenter):
         """
         back = self._rotation.T
 
-        def rise(height: FloatArray, at: slice | NDArray[np.bool_] = slice(None)) -> FloatArray:
+        def rise(height: FloatArray, at: BoolArray) -> FloatArray:
             """Height over the surface along the axis of the upright indenter, -inf beside it [m]."""
             z = plane[at] + height
             u, v = (row[0] * x[at] + row[1] * y[at] + row[2] * z for row in back[:2])
             return np.asarray(back[2, 2] * height - self.indenter.gap(u, v))
 
         low, high = np.zeros_like(x), np.full_like(x, np.inf)
-        for height in np.geomspace(_LEAST_HEIGHT, 1.0, _HEIGHTS) * self._upright_height / back[2, 2]:
+        for height in np.geomspace(_NUMBERS.least_height, 1.0, _NUMBERS.heights) * self._upright_height / back[2, 2]:
             left = np.isinf(high)
             above = np.zeros_like(left)
             above[left] = rise(np.full(int(left.sum()), height), left) >= 0
@@ -178,12 +186,12 @@ class TiltedIndenter(Indenter):
             low[left & ~above] = height
         found = np.isfinite(high)
         low, high = low[found], high[found]
-        for _ in range(_HALVINGS):
+        for _ in range(_NUMBERS.halvings):
             middle = (low + high) / 2
             above = rise(middle, found) >= 0
             low, high = np.where(above, low, middle), np.where(above, middle, high)
         # At a wall the height over the surface jumps; elsewhere it is continuous and zero at the surface.
-        surface = rise(high, found) < _JUMP * self._upright_height
+        surface = rise(high, found) < _NUMBERS.jump * self._upright_height
         z = np.full_like(x, np.inf)
         z[found] = np.where(surface, plane[found] + high, np.inf)
         return z
@@ -191,7 +199,7 @@ class TiltedIndenter(Indenter):
     @cached_property
     def _upright_height(self) -> float:
         """Largest height of the upright indenter's lower surface, with a margin for the samples [m]."""
-        x, y = np.meshgrid(*(np.linspace(-half, half, _SHAPE_SAMPLES) for half in self.indenter.footprint))
+        x, y = np.meshgrid(*(np.linspace(-half, half, _NUMBERS.shape_samples) for half in self.indenter.footprint))
         gap = self.indenter.gap(x, y)
         return 1.05 * float(gap[np.isfinite(gap)].max())
 
@@ -211,7 +219,7 @@ def tilt_indenter(indenter: Indenter, tilt: tuple[float, float]) -> Indenter:
         ValueError: If a rotation exceeds 10 degrees.
     """
     about_x, about_y = (float(angle) for angle in tilt)
-    if not max(abs(about_x), abs(about_y)) <= MOST_TILT + _ROUNDING:
+    if not max(abs(about_x), abs(about_y)) <= MOST_TILT + _NUMBERS.rounding:
         worst = float(np.degrees(max(abs(about_x), abs(about_y))))
         raise ValueError(
             f"a tilt may have at most {np.degrees(MOST_TILT):g} degrees about either axis, not {worst:.4g}; contact "
@@ -220,10 +228,3 @@ def tilt_indenter(indenter: Indenter, tilt: tuple[float, float]) -> Indenter:
     if (about_x, about_y) == (0.0, 0.0) or isinstance(indenter, Sphere):
         return indenter
     return TiltedIndenter(indenter=indenter, tilt=(about_x, about_y))
-
-
-def _multiply(left: FloatArray, right: FloatArray) -> tuple[float, float, float, float]:
-    """Multiply two quaternions with the scalar first."""
-    scalar = left[0] * right[0] - left[1:] @ right[1:]
-    vector = left[0] * right[1:] + right[0] * left[1:] + np.cross(left[1:], right[1:])
-    return float(scalar), float(vector[0]), float(vector[1]), float(vector[2])

@@ -25,17 +25,16 @@ if TYPE_CHECKING:
     from validation.calibration.point_load import PointLoadCalibration
     from validation.campaign.comparison import Comparison
     from validation.campaign.evaluation import Evaluation
-    from validation.curved.derive import CurvedDerivation
     from validation.curved.press import CurvedPress
     from validation.data_sheet import DataSheet
     from validation.derivation.derive import Derivation
     from validation.recordings.capture import Captured
     from validation.recordings.recording import Recording
-    from validation.regression.baseline import Change
+    from validation.regression.baseline import Regression
     from validation.results.report import Report
     from validation.simulator_models import Exported
-    from validation.weiss.continuity import Gap
     from validation.weiss.protocol import Reading
+    from validation.weiss.stream import Gap
 
 Progress = Callable[[str], None]
 #: What a verb takes as a sensor: what `load` returns, a path, or the name of a built-in sensor.
@@ -81,16 +80,20 @@ def load_any(sensor: Sensor) -> SensorDescription | Parameters:
 
 
 class _Stages:
-    """Passes the name of each stage to a function."""
+    """Passes the name of each stage to a function, and steps to its method `step` if it has one."""
 
     def __init__(self, progress: Progress | None) -> None:
         self._progress = progress or (lambda _: None)
+        self._step = getattr(progress, "step", None)
 
     def __call__(self, stage: str) -> None:
         self._progress(stage)
 
     def step(self, done: int, total: int, name: str) -> None:
-        self._progress(f"{done}/{total} {name}")
+        if self._step is not None:
+            self._step(done, total, name)
+        else:
+            self._progress(f"{done}/{total} {name}")
 
 
 def list_unused(sensor: SensorDescription | Parameters) -> tuple[str, ...]:
@@ -135,13 +138,18 @@ def describe(
 
 
 def derive(
-    sensor: SensorDescription | str | Path, *, out: str | Path | None = None, progress: Progress | None = None
-) -> Derivation | CurvedDerivation:
+    sensor: SensorDescription | str | Path,
+    *,
+    out: str | Path | None = None,
+    format: Literal["png", "svg"] = "png",  # noqa: A002 -- as on the command line
+    progress: Progress | None = None,
+) -> Derivation:
     """Compute the response of a sensor's cover by finite elements, and fit the parameters of its fast model to it.
 
     Args:
         sensor: The sensor; its file or the name of a built-in one.
         out: Folder for the parameters and pictures, which replace an earlier result; None to write nothing.
+        format: Format of the plot.
         progress: Called with the name of each stage.
 
     Returns:
@@ -153,24 +161,20 @@ def derive(
         ConvergenceError: If the finite elements did not converge.
     """
     description = describe(sensor)
-    require("skfem")
-    with contextlib.ExitStack() as stack:
-        folder = stack.enter_context(new_folder(Path(out))) if out else None
-        if isinstance(description.cover, SolidCover):
-            from validation.curved.derive import derive_curved
-            from validation.curved.files import write_derivation as write_curved
+    way_out = f"write the stored parameters: softcover export {description.name} --out FOLDER"
+    require(
+        "skfem",
+        useful=("matplotlib", "pyvista") if out else (),
+        otherwise=way_out if description is BUILT_IN.get(description.name) else "",
+    )
+    from validation.derivation.derive import derive as derive_sensor
+    from validation.report.files import write_derivation
 
-            curved = derive_curved(description, progress=progress)
-            if folder:
-                write_curved(curved, folder)
-            return curved
-        from validation.derivation.derive import derive_layers
-        from validation.report.derivation import write_derivation
-
-        flat = derive_layers(description, progress=progress)
+    with new_folder(Path(out)) if out else contextlib.nullcontext() as folder:
+        found = derive_sensor(description, progress=progress)
         if folder:
-            write_derivation(flat, folder)
-        return flat
+            write_derivation(found, folder, format)
+    return found
 
 
 def press(
@@ -278,7 +282,7 @@ def validate(
         ConvergenceError: If the finite elements did not converge.
     """
     from validation.campaign.evaluation import evaluate, read_plan
-    from validation.data_sets.locate import find_data_set
+    from validation.data_sets.data_set import find_data_set
 
     description, path = describe(sensor), None if campaign is None else Path(campaign)
     require("skfem", *(REPORT_MODULES if out else ()))
@@ -296,45 +300,31 @@ def validate(
 
 def regress(
     sensor: Sensor, *, baseline: str | Path, update: bool = False, seed: int = 0, progress: Progress | None = None
-) -> tuple[Change, ...]:
+) -> Regression:
     """Compare what the fast model of a sensor measures with a stored baseline.
 
     Args:
         sensor: The sensor; of parameters what needs finite elements is left out.
         baseline: The baseline file.
-        update: Whether the baseline is written instead of compared.
+        update: Whether the baseline is written, with the new values of what changed.
         seed: Seed of the noise [-].
         progress: Called with the name of each stage.
 
     Returns:
-        Each quantity that left its tolerance; empty if nothing changed.
+        The readings; `changes` are the quantities that left their tolerances, empty if nothing changed.
 
     Raises:
-        InputError: If the sensor or the baseline cannot be read, or the cover is curved.
+        InputError: If the sensor or the baseline cannot be read.
+        MissingExtraError: If finite elements are needed and not installed.
         ConvergenceError: If the finite elements did not converge.
     """
-    from validation.derivation.derive import Derivation
-    from validation.regression.baseline import compare, make_baseline, merge, read_baseline
-    from validation.regression.experiments import Subject, describe_sensor
-    from validation.regression.quantities import measure
+    from validation.regression.baseline import check_sensor
 
-    found, path, shown = load_any(sensor), Path(baseline), _Stages(progress)
-    if isinstance(found, Parameters):
-        subject = Subject(parameters=found, seed=seed)
-    else:
-        derivation = derive(found, progress=progress)
-        if not isinstance(derivation, Derivation):
-            raise InputError("the guarded quantities are those of flat arrays; `validate` scores a curved cover")
-        subject = Subject(parameters=derivation.parameters, derivation=derivation, seed=seed, progress=shown.step)
-    name = found.array.name if isinstance(found, Parameters) else found.name
-    described = describe_sensor(name, found.array, derived=not isinstance(found, Parameters))
-    stored = None if update and not path.exists() else read_baseline(path, described)
-    readings, failures = measure(subject, progress=shown)
-    now = make_baseline(described, readings)
-    changes = [] if stored is None else compare(stored, now, failures)
-    if update:
-        merge(stored, now, changes).write(path)
-    return tuple(changes)
+    found = load_any(sensor)
+    if not isinstance(found, Parameters):
+        way_out = f"check the stored parameters: softcover export {found.name} --out FOLDER, softcover regress FOLDER"
+        require("skfem", otherwise=way_out if found is BUILT_IN.get(found.name) else "")
+    return check_sensor(found, Path(baseline), update=update, seed=seed, progress=_Stages(progress))
 
 
 def calibrate(
@@ -388,9 +378,8 @@ def calibrate(
         MissingExtraError: If a package is missing that reads the recordings, solves the contact or draws.
         ConvergenceError: If the finite elements did not converge.
     """
-    from validation.calibration.calibrate import Calibration
-    from validation.calibration.recordings import calibrate_recordings
-    from validation.data_sets.from_files import Keys
+    from validation.calibration.calibrate import Calibration, calibrate_recordings
+    from validation.data_sets.data_set import Keys
     from validation.text.quantity import read_quantity
 
     description = describe(sensor)

@@ -2,22 +2,28 @@
 
 The forces on all boxes add up to the weight, but MuJoCo divides the force of a flat face among the boxes by the *number
 of contact points* per box instead of by area.  This is the known error of the method.
+
+Contact method with one rigid box per texel, whose forces are redistributed by contact area.
+
+MuJoCo gives every contact point of a flat face about the same force, whatever area of the face the point represents.
+Here the force of each touching body is redistributed over the boxes.  The body's contact points on one box span a
+polygon.  A pressure p(x, y) = a + b x + c y acts on all polygons of the body, and its coefficients are chosen so that
+the force and both moments on the body equal those of MuJoCo.  For a guided body the pressure is uniform, because the
+guide takes up the moments.  The forces on boxes that a body touches only in points or along edges are not changed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import mujoco
 import numpy as np
 
 from fastmodel.compiled import compile_kernel
-from fastmodel.contact.bodies import Bodies
-from fastmodel.contact.force_kernels import has_pyramids, imitate_contacts, press_boxes, read_contacts
-from fastmodel.contact.geoms import EVERY, check_box, describe_box, find_geoms
-from fastmodel.contact.interface import Reading
-from fastmodel.contact.net_force import NetForceReader
+from fastmodel.contact.bodies import EVERY, Bodies, Joints, check_box, describe_box, find_geoms
+from fastmodel.contact.forces import NetForceReader, press_boxes, read_contacts
+from fastmodel.contact.interface import Reading, TexelContact
 from fastmodel.pose import Mount, make_quaternions, multiply, rotate
 from fastmodel.signal.point_spread import find_tangents
 from fastmodel.state import State
@@ -30,7 +36,7 @@ _MASKED_COLOUR = (0.5, 0.5, 0.5, 0.4)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BoxTexels:
+class BoxTexels(TexelContact):
     """Contact method with one rigid box per texel, whose outer face is the texel.
 
     The boxes are as wide as the texel pitch, so that no gaps remain between the boxes.  They have no mass.  Masked
@@ -48,8 +54,6 @@ class BoxTexels:
     conaffinity: int = EVERY
 
     costly: ClassVar[bool] = False
-    computes_spread: ClassVar[bool] = False
-    takes_overlaps: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -111,11 +115,6 @@ class BoxReader:
         neighbours, self._press_boxes = _find_neighbours(array), compile_kernel(press_boxes)
         self._net_force = NetForceReader(model, array, geoms, axes=axes, middle=middle, neighbours=neighbours)
 
-    def compile_kernels(self, data: mujoco.MjData) -> None:
-        """Compile the kernel; see `ContactReader.compile_kernels`."""
-        for contacts in imitate_contacts(data, pyramidal=has_pyramids(self._model)):
-            self._press_boxes(contacts, data.geom_xmat, data.geom_xpos, self._net_force.parts)
-
     def read(self, data: mujoco.MjData) -> Reading:
         """Compute the contact forces of the last simulation step; see `ContactReader.read`.
 
@@ -128,7 +127,7 @@ class BoxReader:
             LifeCycleError: If the size of the boxes has changed.
         """
         self._bodies.check_size()
-        contacts = read_contacts(data, pyramidal=has_pyramids(self._model))
+        contacts = read_contacts(self._model, data)
         forces, carried, sums = self._press_boxes(contacts, data.geom_xmat, data.geom_xpos, self._net_force.parts)
         return self._net_force.add(Reading(self._share(data, sums[0], forces), None, carried), sums)
 
@@ -141,7 +140,7 @@ class BoxReader:
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         """Make the reading for given contact forces, shape (n,) [N]; see `ContactReader.at_rest`."""
-        return self._net_force.add_at_rest(Reading(contact_forces, None, float(contact_forces.sum())))
+        return self._net_force.add(Reading(contact_forces, None, float(contact_forces.sum())), None)
 
     def _share(self, data: mujoco.MjData, pressed: FloatArray, total: FloatArray) -> FloatArray:  # noqa: ARG002
         """Share the forces of a state among the texels: here each box keeps its own, shape (n,) [N].
@@ -184,3 +183,157 @@ def find_boxes(model: mujoco.MjModel, array: TexelArray, name: str) -> IntArray:
 def geom_name(name: str, index: int) -> str:
     """Return the name of a texel's geom, made of the sensor's name and the texel's index."""
     return f"{name}/texel{index}"
+
+
+#: Area of a contact polygon, over the product of the texel pitches, up to which it counts as a point or an edge [-].
+_FLAT = 1e-6
+#: Singular values of the moment equations below this share of the largest count as zero [-].  They occur where all
+#: contact polygons lie on one line.
+_SINGULAR = 1e-10
+#: Smallest number of points that span a polygon, and of polygons that determine a linear pressure [-].
+_TRIANGLE = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class AreaTexels(TexelContact):
+    """Contact method with rigid boxes, whose forces are redistributed by the area of contact polygons.
+
+    Attributes:
+        boxes: Settings of the boxes.
+    """
+
+    boxes: BoxTexels = field(default_factory=BoxTexels)
+
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
+        """Add one box geom per texel to a body of the spec; see `TexelContact.attach`."""
+        self.boxes.attach(body, array, pose, name)
+
+    def adapt(self, surface: Surface | None) -> AreaTexels:  # noqa: ARG002
+        """Return the method as it is: boxes suit every cover."""
+        return self
+
+    def bind(
+        self,
+        model: mujoco.MjModel,
+        array: TexelArray,
+        name: str,
+        *,
+        surface: Surface | None = None,  # noqa: ARG002
+    ) -> AreaReader:
+        """Find the boxes in the compiled model; see `TexelContact.bind`.  The cover is not used.
+
+        Raises:
+            LifeCycleError: If the model was not compiled from the spec that the array was attached to.
+        """
+        return AreaReader(model, find_boxes(model, array, name), array, name)
+
+
+class AreaReader(BoxReader):
+    """Reader that sums contact forces on each box and redistributes the force of each body by contact area."""
+
+    def __init__(self, model: mujoco.MjModel, geoms: IntArray, array: TexelArray, name: str) -> None:
+        """Tabulate the texel and the body of each geom.
+
+        Args:
+            model: The compiled model.
+            geoms: Geom id of each texel, shape (n,) [-].
+            array: The texels.
+            name: Name of the sensor, for error messages.
+        """
+        super().__init__(model, geoms, array, name)
+        self._first = int(geoms[0])
+        self._joints = Joints(model, int(model.geom_bodyid[self._first]))
+        self._smallest = _FLAT * array.pitch[0] * array.pitch[1]
+
+    def _share(self, data: mujoco.MjData, pressed: FloatArray, total: FloatArray) -> FloatArray:
+        """Redistribute the force of each body by contact area, shape (n,) [N]; see `BoxReader._share`.
+
+        A flex and other bodies without a convex shape keep the forces of their contact points.
+        """
+        if np.count_nonzero(total) <= 1:
+            return total
+        self._bodies.follow_changes()
+        texel, body, force, place = self._list_contacts(data, pressed)
+        rotation = data.geom_xmat[self._first].reshape(3, 3)
+        local = (place - data.geom_xpos[self._first]) @ rotation
+        scattered = body < 0
+        shared = np.bincount(texel[scattered], force[scattered], self._count).astype(np.float64)
+        for each in np.unique(body[~scattered]):
+            mine = body == each
+            tilts = self._joints.let_tilt(data, int(each), rotation[:, 2])
+            shared += self._redistribute(texel[mine], force[mine], local[mine, :2], tilts=tilts)
+        shared = np.maximum(shared, 0.0)
+        return shared * (total.sum() / shared.sum()) if shared.sum() > 0 else total
+
+    def _redistribute(self, texel: IntArray, force: FloatArray, place: FloatArray, *, tilts: bool) -> FloatArray:
+        """Redistribute the force of one body over n texels by contact area, shape (n,) [N].
+
+        Args:
+            texel: Texel of each of the body's contacts, shape (k,) [-].
+            force: Force of each contact against the texel's normal, shape (k,) [N].
+            place: Positions of the contacts in the plane of the array, shape (k, 2) [m].
+            tilts: Whether the body is free to tilt; the pressure then has the moments of the contact forces too.
+        """
+        own = np.bincount(texel, force, self._count).astype(np.float64)
+        touched = np.unique(texel)
+        outlines = np.array([_measure_polygon(place[texel == each]) for each in touched])
+        wide = outlines[:, 0] > self._smallest
+        if not wide.any():
+            return own
+        area, middle = outlines[wide, 0], outlines[wide, 1:]
+        inside = np.isin(texel, touched[wide])
+        load = float(force[inside].sum())
+        basis = np.column_stack([np.ones(len(middle)), middle])
+        pressure = np.array([load / area.sum(), 0.0, 0.0])
+        if tilts and len(area) >= _TRIANGLE:
+            wanted = np.array([load, *(force[inside] @ place[inside])])
+            pressure = np.linalg.lstsq(basis.T @ (area[:, None] * basis), wanted, rcond=_SINGULAR)[0]
+        own[touched[wide]] = area * (basis @ pressure)
+        return own
+
+    def _list_contacts(
+        self, data: mujoco.MjData, pressed: FloatArray
+    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """List texel, body, force against the box's normal [N], and position in the world [m] of contacts at fronts."""
+        contact = data.contact
+        texels = self._net_force.parts[0][contact.geom]
+        k, side = ((texels >= 0) & (pressed != 0)).nonzero()
+        body = self._bodies.of_geom[contact.geom[k, 1 - side]]
+        return texels[k, side], body, pressed[k, side], contact.pos[k]
+
+
+def _measure_polygon(points: FloatArray) -> tuple[float, float, float]:
+    """Compute area [m2] and centroid x, y [m] of the convex hull of k points, shape (k, 2).
+
+    If the hull has no area, the mean of the points is returned as its centroid.
+    Source: shoelace formula.
+    """
+    middle = points.mean(axis=0)
+    area, offset = 0.0, np.zeros(2)
+    if len(points) >= _TRIANGLE:
+        corners = np.array(_find_hull(points.tolist())) - middle
+        after = np.roll(corners, -1, axis=0)
+        cross = corners[:, 0] * after[:, 1] - after[:, 0] * corners[:, 1]
+        area = max(0.5 * float(cross.sum()), 0.0)
+        if area > 0:
+            offset = cross @ (corners + after) / (6 * area)
+    return area, float(middle[0] + offset[0]), float(middle[1] + offset[1])
+
+
+def _find_hull(points: list[list[float]]) -> list[list[float]]:
+    """Find the corners of the convex hull of points, counterclockwise.  Source: monotone chain, Andrew (1979)."""
+    ordered = sorted(points)
+    corners: list[list[float]] = []
+    for sweep in (ordered, ordered[::-1]):
+        chain: list[list[float]] = []
+        for point in sweep:
+            while len(chain) > 1 and _cross(chain[-2], chain[-1], point) <= 0:
+                chain.pop()
+            chain.append(point)
+        corners += chain[:-1]
+    return corners or ordered[:1]
+
+
+def _cross(a: list[float], b: list[float], c: list[float]) -> float:
+    """Compute the cross product of b - a and c - a, which is positive if the path a, b, c turns left [m2]."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -6,15 +6,17 @@ A contact method (`TexelContact`) adds geoms to a spec before the spec is compil
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import mujoco
+import numpy as np
 
+from fastmodel.contact.bodies import sample_boxes
 from fastmodel.pose import Mount
 from fastmodel.state import State
 from fastmodel.surface import Surface
 from meshes import TexelArray
-from meshes.array_types import FloatArray
+from meshes.array_types import FloatArray, IntArray
 
 
 class Reading(NamedTuple):
@@ -56,9 +58,9 @@ class TexelContact(Protocol):
         takes_overlaps: Whether texels may overlap.
     """
 
-    costly: ClassVar[bool]
-    computes_spread: ClassVar[bool]
-    takes_overlaps: ClassVar[bool]
+    costly: ClassVar[bool] = True
+    computes_spread: ClassVar[bool] = False
+    takes_overlaps: ClassVar[bool] = False
 
     def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add the geoms of the contact method to a body of a spec.
@@ -69,6 +71,22 @@ class TexelContact(Protocol):
             pose: Mount of the array's frame in the frame of the body.
             name: Name of the sensor, which is the prefix of the names of the geoms.
         """
+
+    def sample_top(
+        self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, pitch: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Place points, about half a pitch [m] apart, on the top of an array, to examine what else lies there.
+
+        Args:
+            model: The compiled model.
+            data: A state with the poses of geoms.
+            geoms: Ids of the array's geoms.
+            pitch: The smaller pitch of the array [m].
+
+        Returns:
+            The points in the world, shape (n, 3) [m], and the outward normals there, shape (n, 3) [-].
+        """
+        return sample_boxes(model, data, geoms, inset=0.0, spacing=0.5 * pitch)
 
     def bind(
         self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None
@@ -93,18 +111,12 @@ class TexelContact(Protocol):
 class ContactReader(Protocol):
     """A contact method bound to a compiled model."""
 
-    def compile_kernels(self, data: mujoco.MjData) -> None:
-        """Compile every kernel that `read` calls, so that no compilation is needed at the first contact.
-
-        Args:
-            data: A state of the model without contacts.
-        """
-
     def read(self, data: mujoco.MjData) -> Reading:
         """Compute contact forces, net force and tangential forces of the last step from the state after the step.
 
         Raises:
             FastModelError: If a contact force is not finite.
+            LifeCycleError: If the size of the array's geoms has changed.
         """
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
@@ -119,3 +131,43 @@ class ContactReader(Protocol):
         Raises:
             FastModelError: If an array is missing.
         """
+
+
+#: Contact methods, kinds of arrays and friction cones whose kernels are compiled in this process.
+_COMPILED: set[tuple[Any, ...]] = set()
+
+
+def compile_kernels(contact: TexelContact, array: TexelArray, surface: Surface | None, cone: int) -> None:
+    """Compile every kernel of a contact method, so that nothing is compiled at the first contact.
+
+    In a scene of its own a ball falls on the array, and after it a block.  One contact and several contacts have
+    different memory layouts in MuJoCo, and numba compiles a kernel once for each layout.
+
+    Args:
+        contact: The contact method.
+        array: The array.
+        surface: Compliance and influence of the cover.
+        cone: MuJoCo's option for the friction cone.
+    """
+    key = (type(contact), type(surface), array.regular, int(cone))
+    if key in _COMPILED:
+        return
+    spec, normal, size = mujoco.MjSpec(), array.normals[0], 0.5 * min(array.pitch)
+    spec.option.cone, spec.option.timestep, spec.option.gravity[:] = cone, 1e-3, -10 * normal
+    contact.attach(spec.worldbody, array, Mount.of((0, 0, 0), (1, 0, 0, 0)), "array")
+    upright, height = np.zeros(4), size + (0.0 if surface is None else surface.thickness)
+    mujoco.mju_quatZ2Vec(upright, normal)
+    for later, kind in enumerate((mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX)):
+        body = spec.worldbody.add_body(pos=array.centres[0] + (height + 1e-3 * later) * normal, quat=upright.tolist())
+        body.add_freejoint()
+        body.add_geom(type=kind, size=[size] * 3, mass=0.1, conaffinity=0)
+    model = spec.compile()
+    data, reader, counts = mujoco.MjData(model), contact.bind(model, array, "array", surface=surface), set()
+    for _ in range(300):
+        mujoco.mj_step(model, data)
+        reader.read(data)
+        counts.add(min(data.ncon, 2))
+        if len(counts - {0}) == 2:  # noqa: PLR2004 -- one contact, and several
+            reader.read(data)
+            break
+    _COMPILED.add(key)

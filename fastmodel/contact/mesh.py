@@ -11,6 +11,7 @@ is uncertain by about half a facet.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -18,34 +19,21 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
 
-from fastmodel.contact.bodies import Bodies
-from fastmodel.contact.geoms import EVERY, check_box, find_geoms
-from fastmodel.contact.interface import Reading
-from fastmodel.contact.joints import Joints
-from fastmodel.contact.panels import Wrench
+from fastmodel.contact.bodies import COLOUR, EVERY, check_box, find_geoms
+from fastmodel.contact.interface import Reading, TexelContact
 from fastmodel.contact.points import PointPressure, solve_pressure
+from fastmodel.contact.reader import ArrayContact, PressureReader
 from fastmodel.errors import FastModelError, ParametersError
 from fastmodel.pose import Mount, rotate
-from fastmodel.pressure.gap_sampling import PosedBody
-from fastmodel.state import State, pack, take_array, unpack
+from fastmodel.pressure.solvers import Load
+from fastmodel.state import State, take_array
 from fastmodel.surface import CoverPoints, Surface
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
-#: Largest depth of a point of the top below its convex hull, over the thickness [-]: the depth to which a deep dent of
-#: the top would be too far for bodies in MuJoCo.
-_DENT = 0.1
-#: Smallest over largest extent of the top below which it counts as flat: its points have no volume [-].
-_FLAT = 1e-6
-#: Relative change of forces, and change of positions over the thickness and of rotations, up to which a contact counts
-#: as unchanged, so that the last reading is returned [-].
-_UNCHANGED = 1e-5
-#: Colour of the geom: red, green, blue, opacity [-].
-_COLOUR = (0.25, 0.27, 0.3, 1.0)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MeshContact:
+class MeshContact(TexelContact):
     """Contact method that distributes the force of each body over points of a cover by the cover's compliance.
 
     Attributes:
@@ -58,7 +46,6 @@ class MeshContact:
     contype: int = EVERY
     conaffinity: int = EVERY
 
-    costly: ClassVar[bool] = True
     computes_spread: ClassVar[bool] = True
     #: The influence divides the force where texels overlap.
     takes_overlaps: ClassVar[bool] = True
@@ -73,7 +60,7 @@ class MeshContact:
         check_box(1.0, self.contype, self.conaffinity)
         if self.surface is None:
             return
-        most = _DENT * self.surface.thickness
+        most = 0.1 * self.surface.thickness  # a deeper dent would be too far for bodies in MuJoCo
         planes = ConvexHull(_list_vertices(self.surface)).equations
         depth = -(self.surface.points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
         if depth.max() > most:
@@ -107,9 +94,20 @@ class MeshContact:
         child.add_mesh(name="plate", uservert=_list_vertices(surface).ravel().tolist())
         frame = child.worldbody.add_frame(pos=pose.position.tolist(), quat=pose.quaternion.tolist())
         geom = child.worldbody.add_geom(name="plate", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="plate", mass=0.0)
-        geom.contype, geom.conaffinity, geom.rgba[:] = self.contype, self.conaffinity, _COLOUR
+        geom.contype, geom.conaffinity, geom.rgba[:] = self.contype, self.conaffinity, COLOUR
         geom.set_frame(frame)
         body.attach_frame(frame, f"{name}/", "")
+
+    def sample_top(
+        self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, pitch: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the points of the cover; see `TexelContact.sample_top`."""
+        if self.surface is None:
+            return super().sample_top(model, data, geoms, pitch)
+        turn, middle = _find_mesh_frame(model, int(geoms[0]))
+        axes = data.geom_xmat[geoms[0]].reshape(3, 3) @ turn.T
+        origin = data.geom_xpos[geoms[0]] - axes @ middle
+        return origin + self.surface.points @ axes.T, self.surface.normals @ axes.T
 
     def bind(
         self,
@@ -138,12 +136,12 @@ def _list_vertices(cover: CoverPoints) -> FloatArray:
     """Return the points whose convex hull MuJoCo collides: those of the top, and below a flat top those of the base."""
     points = cover.points
     extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    if extent[-1] > _FLAT * extent[0]:
+    if extent[-1] > 1e-6 * extent[0]:
         return points
     return np.concatenate([points, points - cover.thickness * cover.normals])
 
 
-class MeshReader:
+class MeshReader(PressureReader):
     """Reader that computes texel forces from the bodies that press on a curved cover."""
 
     def __init__(self, cover: CoverPoints, model: mujoco.MjModel, array: TexelArray, name: str) -> None:
@@ -155,169 +153,95 @@ class MeshReader:
             array: The array that was attached.
             name: Name of the sensor, as given to `MeshContact.attach`.
         """
-        self._cover, self._model, self._array = cover, model, array
-        geoms = find_geoms(model, [f"{name}/plate"], name)
-        self._geom = int(geoms[0])
-        self._bodies = Bodies(model, geoms, name)
-        self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
-        self._points = cKDTree(cover.points)
-        self._texel = cover.find_texels(array)
-        self.at_rest(np.zeros(array.count))
-
-    def compile_kernels(self, data: mujoco.MjData) -> None:  # noqa: ARG002
-        """Describe the shapes of all bodies; there is no kernel."""
-        self._bodies.find_shapes()
+        geoms = [f"{name}/plate"]
+        frame = _find_mesh_frame(model, int(find_geoms(model, geoms, name)[0]))
+        super().__init__(model, array, name, geoms=geoms, frame=frame)
+        self._cover, self._length = cover, cover.thickness
+        self._points, self._texel = cKDTree(cover.points), cover.find_texels(array)
+        self._nothing = self.at_rest(np.zeros(array.count))
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         """Make the reading for given contact forces, and discard previous solutions; see `ContactReader.at_rest`."""
-        self._bodies.follow_meshes()
         self._forces = np.zeros(len(self._cover.points))
-        self._signature, self._reading = np.zeros(0), Reading(np.zeros(self._array.count), None, 0.0)
-        above = self._array.centres + self._cover.thickness * self._array.normals
-        nearest = self._points.query(above)[1]
-        return Reading(contact_forces, self._cover.influence[:, nearest] @ contact_forces, float(contact_forces.sum()))
+        return super().at_rest(contact_forces)
 
     def get_state(self) -> State:
         """Return the last contact, its forces and its reading; see `ContactReader.get_state`."""
-        return {"forces": self._forces, "signature": self._signature, **pack("reading", self._reading)}
+        return {"forces": self._forces, **super().get_state()}
 
     def set_state(self, state: State) -> None:
         """Restore what `get_state` returned; see `ContactReader.set_state`."""
         self._forces = take_array(state, "forces", self._forces)
-        self._signature = take_array(state, "signature")
-        self._reading = unpack(state, "reading", (Reading,))
+        super().set_state(state)
 
-    def read(self, data: mujoco.MjData) -> Reading:
-        """Compute the forces of a step, or return the last ones if no force or pose has changed.
+    def _spread(self, contact_forces: FloatArray) -> FloatArray:
+        """Compute texel forces under contact forces on the texels, each at the nearest point; see `PressureReader`."""
+        nearest = self._points.query(self._array.centres + self._cover.thickness * self._array.normals)[1]
+        return np.asarray(self._cover.influence[:, nearest] @ contact_forces)
 
-        Raises:
-            LifeCycleError: If the size of the geom has changed.
-        """
-        self._bodies.follow_changes()
-        axes, origin = find_frame(self._model, data, self._geom)
-        body, force, place = self._list_contacts(data, axes, origin)
-        if not len(body):
-            return self._rest(np.zeros(0))
-        if not np.isfinite(force).all():
-            return Reading(np.zeros(self._array.count), None, float("nan"))
-        bodies, loads, numbers, scattered = [], [], [], body < 0
-        for each in np.unique(body[body >= 0]).tolist():
-            mine = body == each
-            vector, moment = force[mine].sum(axis=0), np.cross(place[mine], force[mine]).sum(axis=0)
-            if not vector.any():
-                continue
-            slides = self._joints.find_slides(data, each) @ axes
-            rotates = self._joints.let_tilt(data, each, np.zeros(3))
-            numbers.append(each)
-            bodies.append(self._find_pose(data, each, axes, origin))
-            loads.append(Wrench.along_free_directions(vector, moment, slides, rotates=rotates))
-        signature = np.concatenate(
-            [
-                np.append(body, 0.0),
-                *(np.concatenate([load.vector, load.moment / self._cover.thickness]) / load.force for load in loads),
-                np.array([load.force for load in loads]),
-                *(np.append(each.position / self._cover.thickness, each.rotation) for each in bodies),
-                force[scattered].ravel(),
-            ]
+    def _get_upright(self, frame: FloatArray) -> FloatArray:  # noqa: ARG002
+        """Return zero: on a curved cover every turn of a body counts; see `PressureReader`."""
+        return np.zeros(3)
+
+    def _find_loads(self, data: mujoco.MjData) -> tuple[ArrayContact, None] | None:
+        """Find the bodies that press on the top and their loads; friction is not used; see `PressureReader`."""
+        frame = self._find_frame(data)
+        touches = self._list_touches(data, frame)
+        if not len(touches.part):
+            return None
+        nearest = self._points.query(touches.place)[1]
+        front = np.einsum("kc,kc->k", touches.outward, self._cover.normals[nearest]) > 0
+        contact = self._build_contact(
+            data,
+            frame,
+            touches,
+            forces=touches.pressure,
+            normals=self._cover.normals,
+            table=np.hstack([touches.place, touches.pressure]),
+            front=front,
+            points=front & (touches.body < 0),
         )
-        if len(signature) == len(self._signature) and np.allclose(
-            signature, self._signature, rtol=_UNCHANGED, atol=_UNCHANGED
-        ):
-            return self._reading
-        forces, carried = np.zeros(len(self._cover.points)), 0.0
-        points = None
-        if bodies:
-            found = self._solve(bodies, loads)
-            forces, points = found.forces, int(found.points.min())
-            carried = sum(load.force for load, many in zip(loads, found.points, strict=True) if many)
-            # A body so small that it fits between the points presses with its contact points.
-            scattered = scattered | np.isin(body, np.array(numbers)[found.points == 0])
-        forces = forces + self._scatter(place[scattered], force[scattered])
-        self._forces, self._signature = forces, signature
-        self._reading = Reading(
-            np.bincount(self._texel, forces, self._array.count).astype(np.float64),
-            self._cover.influence @ forces,
-            carried + float(np.linalg.norm(force[scattered], axis=1).sum()),
-            fewest_cells=points,
-        )
-        return self._reading
+        return (contact, None) if contact.bodies or len(contact.points) else None
 
-    def _rest(self, signature: FloatArray) -> Reading:
-        """Return the reading of the untouched cover."""
-        self._signature = signature
-        self._reading = Reading(np.zeros(self._array.count), np.zeros(self._array.count), 0.0)
-        return self._reading
-
-    def _solve(self, bodies: list[PosedBody], loads: list[Wrench]) -> PointPressure:
+    def _solve(self, contact: ArrayContact) -> Reading:
         """Find the forces of all bodies; bodies whose moments no pressure can have keep only their force.
 
         Where that fails too, the forces of the last step of the search stand.
         """
-        found = solve_pressure(self._cover, bodies, loads, self._forces)
-        if not found.settled or misses_load(self._cover, found, loads):
-            found = solve_pressure(self._cover, bodies, [load.without_moments() for load in loads])
-        return found
-
-    def _list_contacts(
-        self, data: mujoco.MjData, axes: FloatArray, origin: FloatArray
-    ) -> tuple[IntArray, FloatArray, FloatArray]:
-        """List the contacts that press on the top: body, -1 without a convex shape; force with its sign reversed.
-
-        Returns:
-            Body, shape (k,); force, shape (k, 3) [N], and position, shape (k, 3) [m], in the frame of the array.
-        """
-        contact = data.contact
-        own = contact.geom == self._geom
-        touching = np.flatnonzero(own.any(axis=1) & (contact.efc_address >= 0))
-        pressure = np.zeros((len(touching), 6))
-        for number, force in zip(touching.tolist(), pressure, strict=True):
-            mujoco.mj_contactForce(self._model, data, number, force)
-        second = own[touching, 1]
-        other = contact.geom[touching, np.where(second, 0, 1)]
-        outward = (contact.frame[touching, :3] @ axes) * np.where(second, -1.0, 1.0)[:, None]
-        place = (contact.pos[touching] - origin) @ axes
-        nearest = self._points.query(place)[1] if len(place) else np.zeros(0, dtype=np.int64)
-        front = np.einsum("kc,kc->k", outward, self._cover.normals[nearest]) > 0
-        force = pressure[:, :1] * outward
-        return self._bodies.of_geom[other][front], force[front], place[front]
-
-    def _find_pose(self, data: mujoco.MjData, body: int, axes: FloatArray, origin: FloatArray) -> PosedBody:
-        """Describe the solids of a body and their poses in the frame of the array."""
-        geoms, shape = self._bodies.find_shape(body)
-        return PosedBody(
-            shape=shape,
-            rotation=axes.T @ data.geom_xmat[geoms].reshape(-1, 3, 3),
-            position=(data.geom_xpos[geoms] - origin) @ axes,
-        )
-
-    def _scatter(self, place: FloatArray, force: FloatArray) -> FloatArray:
-        """Let contacts without a convex shape act as forces on the nearest points, shape (m,) [N]."""
-        out = np.zeros(len(self._cover.points))
-        if len(place):
-            nearest = self._points.query(place)[1]
-            np.add.at(out, nearest, np.maximum((force * self._cover.normals[nearest]).sum(axis=1), 0.0))
-        return out
+        forces, carried, fewest = np.zeros(len(self._cover.points)), 0.0, None
+        if contact.loads:
+            found = solve_pressure(self._cover, contact.poses, contact.loads, self._forces)
+            if not found.settled or _misses_load(self._cover, found, contact.loads):
+                found = solve_pressure(self._cover, contact.poses, [load.without_moments() for load in contact.loads])
+            forces, fewest = found.forces, int(found.points.min())
+            # A body so small that it fits between the points presses with its contact points.
+            contact = contact.select(found.points.nonzero()[0].tolist())
+            carried = sum(load.force for load in contact.loads)
+        if len(contact.points):
+            # contacts without a convex shape act as forces on the nearest points
+            nearest, pressure = self._points.query(contact.points[:, :3])[1], contact.points[:, 3:]
+            forces = forces.copy()
+            np.add.at(forces, nearest, np.maximum((pressure * self._cover.normals[nearest]).sum(axis=1), 0.0))
+            carried += float(np.linalg.norm(pressure, axis=1).sum())
+        self._forces = forces
+        contact_forces = np.bincount(self._texel, forces, self._array.count).astype(np.float64)
+        return Reading(contact_forces, self._cover.influence @ forces, carried, fewest_cells=fewest)
 
 
-def misses_load(cover: CoverPoints, found: PointPressure, loads: list[Wrench]) -> bool:
+def _find_mesh_frame(model: mujoco.MjModel, geom: int) -> tuple[FloatArray, FloatArray]:
+    """Find axes, as columns, and middle of a mesh geom in the frame of its vertices.
+
+    MuJoCo moves the frame of a mesh geom to the centre of the mesh and along its axes of inertia.
+    """
+    mesh = int(model.geom_dataid[geom])
+    return rotate(model.mesh_quat[mesh], np.eye(3)).T, model.mesh_pos[mesh].copy()
+
+
+def _misses_load(cover: CoverPoints, found: PointPressure, loads: Sequence[Load]) -> bool:
     """Return whether the force of a body that touches differs from its load by more than a hundredth along the load."""
     for number, load in enumerate(loads):
         force = np.where(found.owner == number, found.forces, 0.0) @ cover.normals
-        length = float(np.linalg.norm(load.vector))
-        if found.points[number] and abs((force - load.vector) @ load.vector) > 1e-2 * load.force * length:
+        length = float(np.linalg.norm(load.pressing))
+        if found.points[number] and abs((force - load.pressing) @ load.pressing) > 1e-2 * load.force * length:
             return True
     return False
-
-
-def find_frame(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[FloatArray, FloatArray]:
-    """Find the frame of the array that a mesh geom belongs to.
-
-    MuJoCo moves the frame of a mesh geom to the centre of the mesh and along its axes of inertia.
-
-    Returns:
-        Axes of the array in the world, as columns, shape (3, 3) [-], and its origin, shape (3,) [m].
-    """
-    mesh = int(model.geom_dataid[geom])
-    turn = rotate(model.mesh_quat[mesh], np.eye(3)).T  # axes of the geom in the frame of the array
-    axes = data.geom_xmat[geom].reshape(3, 3) @ turn.T
-    return axes, data.geom_xpos[geom] - axes @ model.mesh_pos[mesh]

@@ -1,38 +1,46 @@
-"""A rigid plate in place of the texels of an array, and a reader that finds the bodies that press on the plate.
+"""Contact methods with a rigid plate for each flat panel of an array, which distribute forces over cells of the cover.
 
-MuJoCo's contacts with the plate give the total force of each body exactly and at little cost, but not the distribution
-of this force over the texels.  The distribution is computed from the shapes of the bodies, see `fastmodel.pressure`.
+MuJoCo's contacts with a plate give the total force of each body exactly and at little cost, but not the distribution of
+this force over the texels.  After a simulation step the force of each touching body is distributed over cells of the
+contact grid, which are smaller than a texel, from the shape of the body.  `Foundation` uses an elastic foundation.
+`CoverContact` uses the compliance of the cover, in which a force on one cell also displaces the other cells; it also
+computes the texel forces at the base of the cover.
+
+MuJoCo divides the force of a rigid body among panels by number of contact points, so that only the sum has a physical
+meaning.  Therefore the force of each body is summed over all panels as a vector, together with its moment if the body
+is free to tilt.  One rigid motion of the body then determines the pressure on the cells of all panels together.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
 
 import mujoco
 import numpy as np
 
 from fastmodel.compiled import compile_kernel
-from fastmodel.contact.bodies import Bodies
-from fastmodel.contact.force_kernels import Contacts, Sums, has_pyramids, imitate_contacts, press_plate, read_contacts
-from fastmodel.contact.geoms import EVERY, check_box, describe_box, find_geoms
-from fastmodel.contact.joints import Joints
-from fastmodel.contact.net_force import NetForceReader
-from fastmodel.contact.panel_layout import Panel, divide_into_panels
-from fastmodel.errors import FastModelError
+from fastmodel.contact.bodies import EVERY, check_box, describe_box, sample_boxes
+from fastmodel.contact.forces import FRONT, NetForceReader, Sums, press_plate, read_contacts
+from fastmodel.contact.interface import ContactReader, Reading, TexelContact
+from fastmodel.contact.layout import Panel, PanelCells, PanelLayout, divide_into_panels, lay_out
+from fastmodel.contact.reader import ArrayContact, PressureReader
+from fastmodel.errors import ParametersError
 from fastmodel.pose import Mount, make_quaternions, multiply, rotate
-from fastmodel.pressure.cell_grid import CellGrid
-from fastmodel.pressure.conjugate_gradient import Load
 from fastmodel.pressure.flexes import FlexSurfaces
-from fastmodel.pressure.gap import ELLIPSOID, Solid
-from fastmodel.pressure.gap_sampling import BodyShape, GapSamples, PosedBody, sample_gap
+from fastmodel.pressure.gap import GapSamples, PosedBody, sample_gap
+from fastmodel.pressure.solvers import STEEP, CoverSolver, FoundationSolver, Load, PressureSolution
+from fastmodel.state import State, take_array
+from fastmodel.surface import CoverCells, Surface
+from fastmodel.validity import FEWEST_CELLS
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
-#: No point forces.
-_NO_POINTS = np.zeros((0, 3))
+#: Reach of a body at its first contact: height above its smallest gap up to which cells are sampled, over the cover's
+#: thickness, for `Foundation` over the pitch [-].
+_FIRST = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,211 +110,219 @@ class Plate:
         return panels, [f"{name}/plate{number}" for number in numbers]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PlateContact:
-    """The bodies that press on the plate, with their loads and poses, and the contacts that are no body's pressure.
+@dataclass(frozen=True, kw_only=True)
+class _PlateMethod(TexelContact):
+    """Base class of the contact methods that represent the array in MuJoCo by rigid plates, one for each flat panel.
 
     Attributes:
-        bodies: Id of each body of known shape that presses on the front of the plate.
-        loads: Force and moments of each body.
-        poses: Shape of each body and its pose in the array's frame.
-        owner: Index in `bodies` of the body of each of m contacts, shape (m,).
-        touches: Position x, y on the contact grid [m] and force [N] of these contacts, shape (m, 3).
-        points: The same of the k contacts whose bodies have no known shape; they act as point forces, shape (k, 3).
-        beside: Force at the sides and on the back of the plate, with its sign [N].
+        plate: Settings of the plates.
     """
 
-    bodies: tuple[int, ...]
-    loads: tuple[Load, ...]
-    poses: tuple[PosedBody, ...]
-    owner: IntArray
-    touches: FloatArray
-    points: FloatArray
-    beside: float
+    plate: Plate = field(default_factory=Plate)
 
-    def equals(self, other: PlateContact, tolerance: float, length: float) -> bool:
-        """Return whether bodies, loads and poses of another contact are equal up to a tolerance.
+    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
+        """Add the plate to a body of the spec; see `TexelContact.attach`."""
+        self.plate.attach(body, array, pose, name)
 
-        Args:
-            other: The other contact.
-            tolerance: Largest accepted difference of forces over the force, of positions over `length`, and of entries
-                of rotations [-].
-            length: Length by which differences of positions and of lever arms are divided [m].
-        """
-        return (
-            self.bodies == other.bodies
-            and all(a.equals(b, tolerance, length) for a, b in zip(self.poses, other.poses, strict=True))
-            and all(a.equals(b, tolerance, length) for a, b in zip(self.loads, other.loads, strict=True))
-            and abs(self.beside - other.beside) <= tolerance * abs(self.beside)
-            and _are_equal(self.points, other.points, tolerance, length)
-        )
+    def adapt(self, surface: Surface | None) -> Self:
+        """Return the method with a plate that ends at the texels if the cover has free side edges there."""
+        if surface is None or surface.margin is None:
+            return self
+        return replace(self, plate=replace(self.plate, margin=surface.margin))
 
-    def select(self, kept: Sequence[int]) -> PlateContact:
-        """Return the contact with the contacts of the other bodies as point forces.
-
-        Args:
-            kept: Indices in `bodies` of the bodies that keep their shapes.
-        """
-        number = np.full(len(self.bodies), -1)
-        number[list(kept)] = np.arange(len(kept))
-        owner = number[self.owner]
-        return replace(
-            self,
-            bodies=tuple(self.bodies[k] for k in kept),
-            loads=tuple(self.loads[k] for k in kept),
-            poses=tuple(self.poses[k] for k in kept),
-            owner=owner[owner >= 0],
-            touches=self.touches[owner >= 0],
-            points=np.concatenate([self.points, self.touches[owner < 0]]),
-        )
+    def sample_top(
+        self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, pitch: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Place points on the top of the array, not on its margin; see `TexelContact.sample_top`."""
+        return sample_boxes(model, data, geoms, inset=self.plate.margin * pitch, spacing=0.5 * pitch)
 
 
-def _are_equal(one: FloatArray, other: FloatArray, tolerance: float, length: float) -> bool:
-    """Return whether positions and forces of points are equal up to a tolerance; see `PlateContact.equals`."""
-    if not len(one) or len(one) != len(other):
-        return len(one) == len(other)
-    apart, size = np.abs(one - other), np.abs(one[:, 2]).sum()
-    return bool(apart[:, :2].max() <= tolerance * length and apart[:, 2].max() <= tolerance * size)
-
-
-def press_ball(radius: float, centre: FloatArray, load: Load) -> PlateContact:
-    """Make the contact of a ball.
-
-    Args:
-        radius: Radius of the ball [m].
-        centre: Centre of the ball in the array's frame, shape (3,) [m].
-        load: Load of the ball.
-    """
-    half = np.full(3, radius)
-    ball = Solid(kind=ELLIPSOID, size=half, planes=np.zeros((0, 4)), centre=np.zeros(3), half=half)
-    pose = PosedBody(shape=BodyShape(solids=(ball,)), rotation=np.eye(3)[None], position=centre[None])
-    return PlateContact(
-        bodies=(0,),
-        loads=(load,),
-        poses=(pose,),
-        owner=np.zeros(0, dtype=np.int64),
-        touches=_NO_POINTS,
-        points=_NO_POINTS,
-        beside=0.0,
-    )
-
-
-class PlateReader:
-    """Reader that finds the bodies that press on the plate, and samples the gap under these bodies.
+@dataclass(frozen=True, kw_only=True)
+class Foundation(_PlateMethod):
+    """Contact method with a rigid plate, which distributes the force of each body by an elastic foundation of cells.
 
     Attributes:
-        net_force: Reader of net force and torque, and of the shear on the plate.
+        plate: Settings of the plate.
+        modulus: Pressure on the foundation per displacement; by default that of the cover under a square patch four
+            thicknesses wide [Pa/m].
+        per_texel: Number of cells along each texel pitch; by default as in the cover data, or 4 without cover data [-].
+    """
+
+    modulus: float | None = None
+    per_texel: int | None = None
+
+    def bind(
+        self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None
+    ) -> ContactReader:
+        """Find the plate in the compiled model; see `TexelContact.bind`.
+
+        Raises:
+            LifeCycleError: If the model was not compiled from the spec that the array was attached to.
+            ParametersError: If there is neither a modulus nor cover data.
+        """
+        cells = surface if isinstance(surface, CoverCells) else None
+        if self.modulus is None and cells is None:
+            raise ParametersError(
+                f"sensor {name!r}: the contact method 'foundation' needs the cover's cells or a modulus; derive the "
+                f"parameters anew, or use Foundation(modulus=...)"
+            )
+        modulus = self.modulus or (cells.foundation_modulus() if cells else 0.0)
+        layout = lay_out(array, self.plate.margin, self.per_texel or (cells.per_texel if cells else 4))
+        solver = FoundationSolver(layout.grid, modulus)
+        reader = PanelReader if layout.panels else CellReader
+        first = _FIRST * min(array.pitch)
+        return reader(self.plate, model, array, name, layout=layout, solver=solver, first=first)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoverContact(_PlateMethod):
+    """Contact method with a rigid plate, which distributes the force of each body by the compliance of the cover.
+
+    The method also computes the forces on the texels at the base of the cover.
+
+    Attributes:
+        plate: Settings of the plate.
+        tolerance: Tolerance of the iteration: sum of the changes of cell forces in one step, over the load, below which
+            the solver stops [-].  Texel forces with 2e-3 differ from those with 5e-4 by at most 0.02 % of the load.
+        steps: Most steps of the solver.
+    """
+
+    tolerance: float = 2e-3
+    steps: int = 100
+
+    computes_spread: ClassVar[bool] = True
+
+    def bind(
+        self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None
+    ) -> ContactReader:
+        """Find the plate in the compiled model.
+
+        Raises:
+            LifeCycleError: If the model was not compiled from the spec that the array was attached to.
+            ParametersError: If the parameters hold no cover data for this pitch.
+        """
+        if not isinstance(surface, CoverCells):
+            raise ParametersError(
+                f"sensor {name!r}: the contact method 'cover' needs the cover's cells, which these parameters do not "
+                f"hold; derive them anew, or use 'boxes' or 'area'"
+            )
+        surface.check(array)
+        layout = lay_out(array, self.plate.margin, surface.per_texel, max(surface.compliance.shape))
+        bases = [layout.build_base_forces(each, array) for each in surface.under_loads]
+        solver = CoverSolver(surface, layout.grid, tolerance=self.tolerance, steps=self.steps, bases=bases)
+        reader = PanelReader if layout.panels else CellReader
+        first = _FIRST * surface.thickness
+        return reader(self.plate, model, array, name, layout=layout, solver=solver, first=first)
+
+
+class CellReader(PressureReader):
+    """Reader that computes texel forces from the bodies on the plate of a flat, regular array.
+
+    The reader samples the gap under the bodies, solves for the forces on cells, and sums these forces over texels.
     """
 
     def __init__(
-        self, plate: Plate, model: mujoco.MjModel, array: TexelArray, name: str, *, grid: CellGrid, edge: float
+        self,
+        plate: Plate,
+        model: mujoco.MjModel,
+        array: TexelArray,
+        name: str,
+        *,
+        layout: PanelLayout,
+        solver: CoverSolver | FoundationSolver,
+        first: float,
     ) -> None:
-        """Find the plate in the compiled model.
+        """Find the plate in the compiled model, and start in the state without contacts.
 
         Args:
             plate: Settings of the plate.
             model: The compiled model.
             array: The array that was attached.
             name: Name of the sensor, as given to `Plate.attach`.
-            grid: The contact grid of the array.
-            edge: Distance by which solids with sharp edges are enlarged [m].
-
-        Raises:
-            LifeCycleError: If the model was not compiled from the spec that the array was attached to.
+            layout: The cells of the array.
+            solver: Solver that computes the forces on cells.
+            first: Reach at the first contact of a body, see `_FIRST` [m].
         """
-        panels, names = plate.divide(array, name)
-        self._geoms = find_geoms(model, names, name)
-        self._geom = int(self._geoms[0])
-        self._model, self._name, self._grid, self._height = model, names[0], grid, plate.height
-        self._turn = panels[0].axes.T
-        self._middle = panels[0].origin - 0.5 * plate.height * panels[0].axes[:, 2]
-        self._bodies = Bodies(model, self._geoms, name, edge)
-        self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
+        panels, geoms = plate.divide(array, name)
+        axes, edges = panels[0].axes, layout.grid.edge
+        middle = panels[0].origin - 0.5 * plate.height * axes[:, 2]
+        # solids with sharp edges are enlarged by an eighth of a cell; `fastmodel.pressure.gap` explains why
+        edge = 0.125 * float(np.sqrt(edges[0] * edges[1]))
+        super().__init__(model, array, name, geoms=geoms, frame=(axes, middle), edge=edge)
+        self._layout, self._grid, self._solver = layout, layout.grid, solver
+        self._length, self._height = min(edges), plate.height
+        self._net_force = NetForceReader(model, array, self._geoms, axes=axes, middle=middle)
         self._flexes = FlexSurfaces(model, 0.5 * min(array.pitch))
-        self._press_plate, self._transform_poses = compile_kernel(press_plate), compile_kernel(transform_poses)
-        self.net_force = NetForceReader(model, array, self._geoms, axes=panels[0].axes, middle=self._middle)
+        self._press_plate = compile_kernel(press_plate)
+        self._first, self._reach = first, dict[int, float]()
+        self._nothing = self.at_rest(np.zeros(array.count))
 
-    def reset(self) -> None:
-        """Follow changes of meshes since the last reset; other changes are followed at every contact."""
-        self._bodies.follow_meshes()
+    def at_rest(self, contact_forces: FloatArray) -> Reading:
+        """Make the reading for given contact forces, and discard previous solutions; see `ContactReader.at_rest`."""
+        self._reach.clear()
+        self._solver.reset()
+        return super().at_rest(contact_forces)
 
-    def find_contact(self, data: mujoco.MjData) -> tuple[PlateContact, Sums] | None:
-        """Find the bodies that press on the plate in a simulation state, and sum all contact forces on it.
+    def get_state(self) -> State:
+        """Return the last solution and what the next one starts from; see `ContactReader.get_state`."""
+        reach = np.array(list(self._reach.items()), dtype=np.float64).reshape(-1, 2)
+        return {"reach": reach, **super().get_state(), **self._solver.get_state()}
 
-        Returns:
-            The bodies, and what `sum_contacts` returns; None if nothing touches the plate.
+    def set_state(self, state: State) -> None:
+        """Restore what `get_state` returned; see `ContactReader.set_state`."""
+        self._reach = {int(body): float(reach) for body, reach in take_array(state, "reach")}
+        super().set_state(state)
+        self._solver.set_state(state)
 
-        Raises:
-            LifeCycleError: If the size of the plate has changed.
-            FastModelError: If a contact force is not finite.
+    def _spread(self, contact_forces: FloatArray) -> FloatArray | None:
+        """Compute texel forces under contact forces on the texels; see `PressureReader`."""
+        return self._solver.bases[0].from_texels(contact_forces) if self._solver.bases else None
+
+    def _complete(self, reading: Reading, sums: Sums | None) -> Reading:
+        """Add net force and tangential forces; see `PressureReader`."""
+        return self._net_force.add(reading, sums)
+
+    def _find_loads(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums] | None:
+        """Find the bodies that press, their loads and poses; see `PressureReader.find_contact`.
+
+        Friction can pull at the front of an array where the contact's normal is inclined.  No texel measures a pull.
         """
-        if not data.nefc:
-            return None
-        self._bodies.follow_changes()
-        contact, sums = self._find_loads(data, read_contacts(data, pyramidal=has_pyramids(self._model)))
-        if not np.count_nonzero(sums[2]):
-            return None
-        force = contact.beside + sum([load.force for load in contact.loads]) + contact.points[:, 2].sum()
-        if not math.isfinite(force):
-            raise FastModelError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
-        return contact, sums
-
-    def sample_gap(self, contact: PlateContact, reach: Sequence[float]) -> GapSamples:
-        """Sample the gap under every body.
-
-        Args:
-            contact: The bodies.
-            reach: For each body, gap above the body's smallest gap up to which cells are kept [m].
-        """
-        return sample_gap(self._grid, contact.poses, reach)
-
-    def compile_kernels(self, data: mujoco.MjData) -> None:
-        """Compile the kernels by calling each of them on a state without contacts."""
-        for contacts in imitate_contacts(data, pyramidal=has_pyramids(self._model)):
-            self._press_plate(contacts, data.geom_xmat, data.geom_xpos, self.net_force.parts, self._bodies.of_geom)
-        self._transform_poses(self._geoms, data.geom_xmat, data.geom_xpos, np.zeros((4, 3)))
-        self.net_force.compile_kernels(data)
-        self._flexes.compile_kernels(data.flexvert_xpos.copy())
-        self._bodies.find_shapes()
-
-    def imitate_ball(self, radius: float) -> PlateContact:
-        """Make the contact of a ball with the middle of the array under a load of 1 N; see `compile_kernels`.
-
-        Args:
-            radius: Radius of the ball [m].
-        """
-        size, low, edge = self._grid.arrays
-        return press_ball(
-            radius, np.array([*(low + 0.5 * size * edge), radius]), Load(force=1.0, moment=np.zeros(2), tilts=False)
+        bodies, sums, owner, touches, frame, totals = self._press_plate(
+            read_contacts(self._model, data),
+            data.geom_xmat,
+            data.geom_xpos,
+            self._net_force.parts,
+            self._bodies.of_geom,
         )
-
-    def _find_loads(self, data: mujoco.MjData, contacts: Contacts) -> tuple[PlateContact, Sums]:
-        """Find the bodies that press, their loads and poses; a force that is not finite makes the loads so."""
-        bodies, sums, owner, touches, place, totals = self._press_plate(
-            contacts, data.geom_xmat, data.geom_xpos, self.net_force.parts, self._bodies.of_geom
-        )
-        pressed, _, _, beside = totals
+        pressed, _, wrench, beside = totals
+        if not np.count_nonzero(wrench):
+            return None
         if self._model.nflex and (owner < 0).any():
             size, low, edge = self._grid.arrays
             bounds = np.array([[*low, -self._height], [*(low + size * edge), 0.0]])
             owner, touches = self._flexes.replace_points(
-                data, pressed.sum(axis=1), owner, touches, place=place, bounds=bounds
+                data, pressed.sum(axis=1), owner, touches, place=frame, bounds=bounds
             )
         found, poses, loads, pulls, scattered = [], [], [], [], len(owner)
         for k, (body, (force, x, y, depth, count)) in enumerate(zip(bodies.tolist(), sums.tolist(), strict=True)):
             scattered -= int(count)
-            if force <= 0:  # false for nan, which `find_contact` reports
+            if force <= 0:  # false for nan
                 pulls.append(k)
                 continue
-            tilts = self._joints.let_tilt(data, body, place[:3, 2])
+            tilts = self._joints.let_tilt(data, body, frame[:3, 2])
             loads.append(Load(force=force + 0 * (x + y), moment=np.array([x, y]), tilts=tilts))
             found.append(body)
-            poses.append(self._find_pose(data, body, place, depth))
-        points = _NO_POINTS
+            poses.append(self._find_pose(data, body, frame, depth))
+        points = touches[:0]
         if scattered or pulls:
-            owner, touches, points, pulled = _sort_touches(owner, touches, pulls)
-            beside += pulled
-        contact = PlateContact(
+            lost = np.isin(owner, pulls) | ((owner < 0) & (touches[:, 2] <= 0))
+            beside += float(touches[lost, 2].sum())
+            points = touches[(owner < 0) & ~lost]
+            kept = ~lost & (owner >= 0)
+            touches, owner = touches[kept], np.unique(owner[kept], return_inverse=True)[1]
+        if not math.isfinite(beside + sum([load.force for load in loads]) + points[:, 2].sum()):
+            self._refuse(data)
+        contact = ArrayContact(
             bodies=tuple(found),
             loads=tuple(loads),
             poses=tuple(poses),
@@ -317,57 +333,146 @@ class PlateReader:
         )
         return contact, totals
 
-    def _find_pose(self, data: mujoco.MjData, body: int, place: FloatArray, depth: float) -> PosedBody:
-        """Compute the poses of a body's solids in the array's frame, for its deepest penetration into the plate [m]."""
-        geoms, shape = self._bodies.find_shape(body)
-        rotation, position = self._transform_poses(geoms, data.geom_xmat, data.geom_xpos, place)
-        return PosedBody(shape=shape, rotation=rotation, position=position, back=-self._height - depth)
+    def sample_gap(self, contact: ArrayContact, reach: Sequence[float]) -> GapSamples:
+        """Sample the gap under every body.
+
+        Args:
+            contact: The bodies.
+            reach: For each body, gap above the body's smallest gap up to which cells are kept [m].
+        """
+        return sample_gap(self._grid, contact.poses, reach)
+
+    def _solve(self, contact: ArrayContact) -> Reading:
+        """Compute the cell forces with a sufficient reach for each body, and sum the forces over texels."""
+        reach, most = [self._reach.get(body, self._first) for body in contact.bodies], 20 * self._first
+        while reach:
+            samples = self.sample_gap(contact, reach)
+            found = samples.bodies_found
+            if len(found) < len(reach):
+                # no cell is in front of the shape of these bodies: their contact points stand for them
+                contact, reach = contact.select(found), [reach[k] for k in found]
+                continue
+            solution = self._solver.solve(samples, contact.loads)
+            height = np.where(np.isfinite(solution.height), solution.height, self._first).tolist()
+            # The cover may bulge beside a contact, so that more than its height is needed.  A still larger reach is
+            # taken for the next solution, so that it suffices while the load rises.
+            needed = [
+                min(1.6 * top, most) if have < min(1.2 * top, most) else have
+                for have, top in zip(reach, height, strict=True)
+            ]
+            if needed == reach:
+                for body, top in zip(contact.bodies, height, strict=True):
+                    self._reach[body] = min(max(1.6 * top, 0.25 * self._first), most)
+                return self._add_points(contact, self._sum(contact, samples, solution))
+            # The solution on fewer cells is a poor start: where it is exact, the iteration would not add cells.
+            self._solver.reset()
+            reach = needed
+        return self._add_points(contact, self._nothing)
+
+    def _sum(self, contact: ArrayContact, samples: GapSamples, solution: PressureSolution) -> Reading:
+        """Sum the forces on cells over texels, at the top and, if the method computes them, at the base."""
+        pressed = np.bincount(samples.body, solution.forces > 0, len(contact.loads))
+        texel_forces = None
+        if isinstance(self._solver, CoverSolver) and solution.window is not None:
+            window, origin = solution.window, solution.origin
+            if len(pressed) == 1 and pressed[0] < FEWEST_CELLS and not self._layout.panels:
+                load = contact.loads[0]
+                window, origin = self._grid.shift_window(window, origin, load.moment / load.force)
+            texel_forces = self._solver.find_base_forces(window, origin)
+        return Reading(
+            contact_forces=self._grid.sum_on_texels(samples.row, samples.column, solution.forces),
+            texel_forces=texel_forces,
+            carried=float(solution.forces.sum()),
+            # on cells in one plane the approach of a body is one number
+            approach=solution.approach if len(self._layout.panels) <= 1 else None,
+            fewest_cells=int(pressed.min()),
+        )
+
+    def _add_points(self, contact: ArrayContact, reading: Reading) -> Reading:
+        """Add the point forces of a contact, and the force beside the front of the array, to a reading."""
+        carried = reading.carried + contact.beside
+        if not len(contact.points):
+            return reading._replace(carried=carried) if contact.beside else reading
+        row, column, forces = self._grid.divide_points(contact.points)
+        contact_forces = reading.contact_forces + self._grid.sum_on_texels(row, column, forces)
+        texel_forces = reading.texel_forces
+        if isinstance(self._solver, CoverSolver) and texel_forces is not None:
+            origin = int(row.min()), int(column.min())
+            window = np.zeros((row.max() - origin[0] + 1, column.max() - origin[1] + 1))
+            np.add.at(window, (row - origin[0], column - origin[1]), forces)
+            texel_forces = texel_forces + self._solver.find_base_forces(window, origin)
+        carried += float(contact.points[:, 2].sum())
+        return reading._replace(contact_forces=contact_forces, texel_forces=texel_forces, carried=carried)
 
 
-def _sort_touches(
-    owner: IntArray, touches: FloatArray, pulls: Sequence[int]
-) -> tuple[IntArray, FloatArray, FloatArray, float]:
-    """Sort m contacts into those of bodies of known shape, point forces and pulls.
+class PanelReader(CellReader):
+    """Reader that computes texel forces from the bodies that press on the plates of several panels."""
 
-    Friction can pull at the front of an array where the contact's normal is inclined.  No texel measures a pull.
+    def _find_loads(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums] | None:
+        """Find the bodies that press on the panels and their loads and poses; see `PressureReader.find_contact`."""
+        sums = self._net_force.sum_contacts(read_contacts(self._model, data), data)
+        if not np.count_nonzero(sums[2]):
+            return None
+        frame = self._find_frame(data)
+        touches, panels = self._list_touches(data, frame), self._layout.panels
+        normals = np.array([part.panel.axes[:, 2] for part in panels])
+        normal = normals[touches.part]
+        # only the component of friction along the panel's normal is used, because the other components are not pressure
+        forces = touches.pressure + (touches.friction * normal).sum(axis=1, keepdims=True) * normal
+        along = (forces * normal).sum(axis=1)
+        front = (touches.outward * normal).sum(axis=1) >= FRONT
+        # places on the common grid, limited to the panels
+        local = np.zeros((len(along), 2))
+        for k, (number, point) in enumerate(zip(touches.part.tolist(), touches.place, strict=True)):
+            part = panels[number]
+            half = np.array(part.panel.half) - np.array(part.grid.edge) / 2
+            x, y, _ = (point - part.panel.origin) @ part.panel.axes
+            local[k] = np.clip([x, y], -half, half) + self._shift(part)
+        points = front & (touches.body < 0) & (along > 0)
+        table = np.column_stack([local, along])
+        contact = self._build_contact(
+            data, frame, touches, forces=forces, normals=normals, table=table, front=front, points=points
+        )
+        measured = points | (front & np.isin(touches.body, contact.bodies))
+        return replace(contact, beside=float(along[~measured].sum())), sums
 
-    Args:
-        owner: Index of the body of each contact, -1 for a body of unknown shape, shape (m,).
-        touches: Position x, y [m] and force [N] of each contact, shape (m, 3).
-        pulls: Indices of the bodies that pull.
+    def _shift(self, part: PanelCells) -> FloatArray:
+        """Return the position of a panel's origin on the common grid, shape (2,) [m]."""
+        return np.asarray(self._grid.low - part.grid.low + np.array([part.column, part.row]) * part.grid.edge)
 
-    Returns:
-        Index of the body, counted without bodies that pull, and the row of `touches` of every contact of a body that
-        presses; rows of `touches` of the point forces; and the sum of the pulls [N].
-    """
-    gone = np.isin(owner, pulls)
-    scattered = owner < 0
-    lost = gone | (scattered & (touches[:, 2] <= 0))
-    kept = ~gone & ~scattered
-    _, number = np.unique(owner[kept], return_inverse=True)
-    return number, touches[kept], touches[scattered & ~lost], float(touches[lost, 2].sum())
+    def sample_gap(self, contact: ArrayContact, reach: Sequence[float]) -> GapSamples:
+        """Sample the gap under every body, on the cells of every panel on which the body's force may press."""
+        none, numbers, vectors = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+        found: list[tuple[FloatArray | IntArray, ...]] = [(*[numbers] * 3, *[none] * 4, vectors, vectors)]
+        for body, (pose, load) in enumerate(zip(contact.poses, contact.loads, strict=True)):
+            parts = [each for each in self._layout.panels if each.panel.axes[:, 2] @ load.outward > STEEP]
+            tables = [self._sample_panel(each, pose, reach[body]) for each in parts if each.is_near(pose, reach[body])]
+            lowest = min((table[5].min(initial=np.inf) for table in tables), default=np.inf)
+            for table in tables:
+                kept = table[5] <= lowest + reach[body]
+                found.append((np.full(kept.sum(), body), *(each[kept] for each in table)))
+        owner, row, column, coverage, x, y, gap, place, normal = (
+            np.concatenate(each) for each in zip(*found, strict=True)
+        )
+        return GapSamples(
+            body=owner, row=row, column=column, coverage=coverage, x=x, y=y, gap=gap, place=place, normal=normal
+        )
 
-
-def transform_poses(
-    geoms: IntArray, xmat: FloatArray, xpos: FloatArray, place: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Kernel: transform the poses of p geoms from the world to the array's frame.
-
-    Args:
-        geoms: Ids of the p geoms, shape (p,).
-        xmat: Axes of all geoms in the world, shape (geoms, 9) [-].
-        xpos: Origins of all geoms in the world, shape (geoms, 3) [m].
-        place: Axes of the array in the world, as columns, and its origin, shape (4, 3) [-, m].
-
-    Returns:
-        Axes of the p geoms in the array's frame, as columns, shape (p, 3, 3) [-], and their origins, shape (p, 3) [m].
-    """
-    rotation, position = np.zeros((len(geoms), 3, 3)), np.zeros((len(geoms), 3))
-    for p in range(len(geoms)):
-        g = geoms[p]
-        for i in range(3):
-            for j in range(3):
-                position[p, i] += place[j, i] * (xpos[g, j] - place[3, j])
-                for k in range(3):
-                    rotation[p, i, k] += place[j, i] * xmat[g, 3 * j + k]
-    return rotation, position
+    def _sample_panel(self, part: PanelCells, pose: PosedBody, reach: float) -> tuple[FloatArray | IntArray, ...]:
+        """Sample the gap between a body and one panel; return the fields of `GapSamples` but the first."""
+        axes, origin = part.panel.axes, part.panel.origin
+        local = replace(pose, rotation=axes.T @ pose.rotation, position=(pose.position - origin) @ axes)
+        samples = sample_gap(part.grid, [local], [reach])
+        place = origin + np.outer(samples.x, axes[:, 0]) + np.outer(samples.y, axes[:, 1])
+        (x, y), inside = self._shift(part), part.holds(samples.row, samples.column)
+        table = (
+            samples.row + part.row,
+            samples.column + part.column,
+            samples.coverage,
+            samples.x + x,
+            samples.y + y,
+            samples.gap,
+            place,
+            np.tile(axes[:, 2], (samples.count, 1)),
+        )
+        return tuple(each[inside] for each in table)

@@ -18,111 +18,18 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from fastmodel.contact.geoms import add_geoms
-from fastmodel.contact.panels import PanelSamples, Wrench
+from fastmodel.contact.bodies import add_geoms
 from fastmodel.errors import FastModelError, MissedArrayError
 from fastmodel.pose import rotate
-from fastmodel.pressure.gap import CYLINDER, ELLIPSOID, POLYTOPE, describe_solid
-from fastmodel.pressure.gap_sampling import BodyShape, PosedBody
+from fastmodel.pressure.gap import BodyShape, PosedBody, describe_solid
+from fastmodel.pressure.solvers import Load, Wrench, join_constraints
 from fastmodel.surface import CoverPoints
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import Pose
 
-#: Component of a unit direction below which a line counts as parallel to a plane [-].
-_PARALLEL = 1e-12
-
-
-def measure_gaps(body: PosedBody, points: FloatArray, normals: FloatArray, *, behind: float = 0.0) -> FloatArray:
-    """Measure the distance from points to a body along their normals.
-
-    Args:
-        body: Solids of the body and their poses.
-        points: k points in the array's frame, shape (k, 3) [m].
-        normals: Their unit normals, shape (k, 3) [-].
-        behind: Distance behind a point up to which a body that has passed it counts [m].
-
-    Returns:
-        Distance at which each normal enters the body; negative where the point lies inside it or was passed by it,
-        infinite where the normal misses the body or it lies farther behind the point, shape (k,) [m].
-    """
-    gap = np.full(len(points), np.inf)
-    for solid, rotation, position in zip(body.shape.solids, body.rotation, body.position, strict=True):
-        start, along = (points - position) @ rotation, normals @ rotation
-        if solid.kind == POLYTOPE:
-            first, last = _cross_planes(start, along, solid.planes)
-        elif solid.kind == ELLIPSOID:
-            first, last = _cross_round(start / solid.size, along / solid.size, 1.0)
-        else:
-            radius, half = solid.size[:2]
-            first, last = _cross_cylinder(start, along, radius, half)
-            if solid.kind != CYLINDER:
-                first, last = _add_caps(start, along, radius, half, (first, last))
-        gap = np.minimum(gap, np.where((first <= last) & (last >= -behind), first, np.inf))
-    return gap
-
-
-def _cross_planes(start: FloatArray, along: FloatArray, planes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Find where k lines enter and leave a polytope; the first exceeds the last where they miss it [m]."""
-    speed, room = along @ planes[:, :3].T, planes[:, 3] - start @ planes[:, :3].T
-    moving = np.abs(speed) > _PARALLEL
-    at = np.divide(room, speed, out=np.zeros_like(room), where=moving)
-    first = np.where(moving & (speed < 0), at, -np.inf).max(axis=1)
-    last = np.where(moving & (speed > 0), at, np.inf).min(axis=1)
-    outside = (~moving & (room < 0)).any(axis=1)
-    return np.where(outside, np.inf, first), np.where(outside, -np.inf, last)
-
-
-def _cross_round(start: FloatArray, along: FloatArray, radius: float) -> tuple[FloatArray, FloatArray]:
-    """Find where |start + s along| equals a radius: the ball in 3 components, the endless cylinder in 2 [m]."""
-    square = (along**2).sum(axis=1)
-    middle, inner = (along * start).sum(axis=1), (start**2).sum(axis=1) - radius**2
-    root = middle**2 - square * inner
-    parallel = square < _PARALLEL**2
-    missed = np.where(parallel, inner > 0, root < 0)
-    half = np.sqrt(np.maximum(root, 0.0))
-    scale = np.where(parallel, 1.0, square)
-    first = np.where(parallel, -np.inf, (-middle - half) / scale)
-    last = np.where(parallel, np.inf, (-middle + half) / scale)
-    return np.where(missed, np.inf, first), np.where(missed, -np.inf, last)
-
-
-def _cross_cylinder(start: FloatArray, along: FloatArray, radius: float, half: float) -> tuple[FloatArray, FloatArray]:
-    """Find where k lines enter and leave an upright cylinder of a half length [m]."""
-    first, last = _cross_round(start[:, :2], along[:, :2], radius)
-    ends = _cross_planes(start, along, np.array([[0.0, 0, 1, half], [0, 0, -1, half]]))
-    return np.maximum(first, ends[0]), np.minimum(last, ends[1])
-
-
-def _add_caps(
-    start: FloatArray, along: FloatArray, radius: float, half: float, found: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Unite the interval in a cylinder with those in the balls at its ends, which together are a capsule [m]."""
-    missed = found[0] > found[1]
-    first, last = np.where(missed, np.inf, found[0]), np.where(missed, -np.inf, found[1])
-    for end in (-half, half):
-        enter, leave = _cross_round(start - np.array([0, 0, end]), along, radius)
-        hit = enter <= leave
-        first = np.where(hit, np.minimum(first, enter), first)
-        last = np.where(hit, np.maximum(last, leave), last)
-    return first, last
-
-
-#: Most exchanges of points, and of exchanges in blocks that do not reduce the number of wrong points [-].
-_EXCHANGES, _PATIENCE = 100, 6
-#: Overlap below which a point counts as free, over the thickness [-].
-_NEGLIGIBLE = 1e-7
-#: Most measurements of the gap, and change of a body's position at which they end, over the thickness [-].
-_MEASUREMENTS, _SETTLED = 12, 1e-3
-#: Height above the smallest gap up to which points are considered, over the thickness [-].
-_REACH = 1.0
-#: Cosine between a normal and the direction of a body's force, up to which the body does not press on a point [-].
-_STEEP = 0.0
-#: Share of the load that a body moves by, over its stiffness, to keep the equations regular where points do not
-#: determine every motion of the body [-].
-_LOOSE = 1e-9
-#: Number of points with the smallest gaps that are in contact at first [-].
-_FIRST = 6
+#: Most exchanges in blocks in a row that do not reduce the number of wrong points [-].
+_PATIENCE = 6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,7 +53,7 @@ class PointPressure:
 
 
 def solve_pressure(
-    cover: CoverPoints, bodies: Sequence[PosedBody], loads: Sequence[Wrench], start: FloatArray | None = None
+    cover: CoverPoints, bodies: Sequence[PosedBody], loads: Sequence[Load], start: FloatArray | None = None
 ) -> PointPressure:
     """Find the forces of bodies on a cover under given loads.
 
@@ -159,10 +66,10 @@ def solve_pressure(
     """
     travel = np.zeros(len(bodies))
     touching = None if start is None else start > 0
-    for _ in range(_MEASUREMENTS):
+    for _ in range(12):
         gaps = np.array(
             [
-                _measure(cover, body, load.directions[0], moved)
+                _measure(cover, body, load.outward, moved)
                 for body, load, moved in zip(bodies, loads, travel, strict=True)
             ]
         )
@@ -170,7 +77,8 @@ def solve_pressure(
         reached = np.isfinite(gaps).any(axis=1)
         if not reached.all():
             return _solve_without(cover, bodies, loads, ~reached)
-        columns, target, first = _build_constraints(cover, loads, owner, gap)
+        near = np.where(np.isfinite(gap), owner, -1)
+        columns, target, first = join_constraints(loads, near, cover.points, cover.normals)
         forces, motion, found = _exchange(cover, gap, columns, target, touching)
         touching = forces > 0
         # The travel is what all motions of a body together do along the first: others may almost contain it.
@@ -179,14 +87,14 @@ def solve_pressure(
             (along**2).sum(axis=0), np.finfo(float).tiny
         )
         travel = travel + change
-        if found and np.abs(change).max() <= _SETTLED * cover.thickness:
+        if found and np.abs(change).max() <= 1e-3 * cover.thickness:
             break
     points = np.bincount(owner[touching], minlength=len(bodies))
     return PointPressure(forces=forces, travel=travel, points=points, owner=owner, settled=found)
 
 
 def _solve_without(
-    cover: CoverPoints, bodies: Sequence[PosedBody], loads: Sequence[Wrench], missed: BoolArray
+    cover: CoverPoints, bodies: Sequence[PosedBody], loads: Sequence[Load], missed: BoolArray
 ) -> PointPressure:
     """Find the forces of the bodies that some normal reaches; the others, for example in between points, have none."""
     kept = np.flatnonzero(~missed).tolist()
@@ -201,36 +109,15 @@ def _solve_without(
 
 
 def _measure(cover: CoverPoints, body: PosedBody, outward: FloatArray, travel: float) -> FloatArray:
-    """Measure the gaps of a body that moved against `outward`; infinite where it cannot press, shape (m,) [m]."""
+    """Measure the gaps of a body that moved against `outward`, up to a thickness above the smallest, shape (m,) [m].
+
+    They are infinite where the body cannot press.
+    """
     moved = replace(body, position=body.position - travel * outward)
-    gap = measure_gaps(moved, cover.points, cover.normals, behind=cover.thickness)
-    gap = np.where(cover.normals @ outward > _STEEP, gap, np.inf)
+    gap = moved.measure_gaps(cover.points, cover.normals, behind=cover.thickness)
+    gap = np.where(cover.normals @ outward > 0, gap, np.inf)
     lowest = gap.min()
-    return np.where(gap <= lowest + _REACH * cover.thickness, gap, np.inf) if np.isfinite(lowest) else gap
-
-
-def _build_constraints(
-    cover: CoverPoints, loads: Sequence[Wrench], owner: IntArray, gap: FloatArray
-) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Build the columns of motions of all bodies, shape (m, k), their forces (k,), and each body's first column."""
-    count = len(cover.points)
-    columns: list[FloatArray] = []
-    target: list[float] = []
-    first = []
-    for number, load in enumerate(loads):
-        own = np.flatnonzero((owner == number) & np.isfinite(gap))
-        zero = np.zeros(count)
-        samples = PanelSamples(
-            body=owner, row=owner, column=owner, coverage=zero, x=zero, y=zero, gap=gap, place=cover.points,
-            normal=cover.normals,
-        )  # fmt: skip
-        part, wanted = load.build_constraints(samples, own)
-        whole = np.zeros((count, part.shape[1]))
-        whole[own] = part
-        first.append(len(target))
-        columns += list(whole.T)
-        target += wanted.tolist()
-    return np.array(columns).T, np.array(target), np.array(first)
+    return np.where(gap <= lowest + cover.thickness, gap, np.inf) if np.isfinite(lowest) else gap
 
 
 def _exchange(
@@ -242,12 +129,13 @@ def _exchange(
         touching = np.zeros(len(gap), dtype=bool)
         for column in np.unique(np.abs(columns) > 0, axis=1).T:
             own = np.flatnonzero(column & near)
-            touching[own[np.argsort(gap[own])[:_FIRST]]] = True
+            touching[own[np.argsort(gap[own])[:6]]] = True
     touching = touching & near
-    loose = _LOOSE / float(np.diag(cover.compliance).mean())
+    # a tiny share of the load that moves a body keeps the equations regular where points do not fix every motion
+    loose = 1e-9 / float(np.diag(cover.compliance).mean())
     fewest, patience = len(gap) + 1, _PATIENCE
     forces, motion = np.zeros(len(gap)), np.zeros(len(target))
-    for _ in range(_EXCHANGES):
+    for _ in range(100):
         nodes = np.flatnonzero(touching)
         part = columns[nodes]
         system = np.block([[cover.compliance[np.ix_(nodes, nodes)], -part], [part.T, loose * np.eye(len(target))]])
@@ -255,7 +143,7 @@ def _exchange(
         forces = np.zeros(len(gap))
         forces[nodes], motion = solved[: len(nodes)], solved[len(nodes) :]
         remaining = gap + cover.compliance[:, nodes] @ forces[nodes] - columns @ motion
-        wrong = np.where(touching, forces < 0, remaining < -_NEGLIGIBLE * cover.thickness)
+        wrong = np.where(touching, forces < 0, remaining < -1e-7 * cover.thickness)
         count = int(wrong.sum())
         if count == 0:
             return forces, motion, True
@@ -269,10 +157,6 @@ def _exchange(
         if not touching.any():
             touching[np.argmin(np.where(near, gap, np.inf))] = True
     return np.maximum(forces, 0.0), motion, False
-
-
-#: Number of neighbours of a point whose distance counts as the spacing of the points [-].
-_NEIGHBOURS = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -326,7 +210,7 @@ def press_points(
     body = _move_to_touch(cover, pose_indenter(indenter, pose), outward)
     found = solve_pressure(cover, [body], [wrench])
     if not found.points.any():
-        _refuse_small(cover.points, _find_middle(body), outward)
+        _refuse_small(cover.points, body.centres.mean(axis=0), outward)
     if not found.settled:
         raise FastModelError(f"the contact under {load:.4g} N was not found; use a smaller load")
     return PointPress(
@@ -360,7 +244,7 @@ def find_first_contact(
     outward = -towards / np.linalg.norm(towards)
     body = _move_to_touch(cover, pose_indenter(indenter, pose), outward)
     facing = np.flatnonzero(cover.normals @ outward > 0)
-    gap = measure_gaps(body, cover.points[facing], np.broadcast_to(outward, (len(facing), 3)))
+    gap = body.measure_gaps(cover.points[facing], np.broadcast_to(outward, (len(facing), 3)))
     return np.asarray(facing[gap <= within])
 
 
@@ -369,10 +253,9 @@ def pose_indenter(indenter: Indenter, pose: Pose) -> PosedBody:
     spec = mujoco.MjSpec()
     add_geoms(spec, spec.worldbody.add_body(), indenter)
     model = spec.compile()
-    geoms = range(model.ngeom)
     turns = np.array([rotate(quaternion, np.eye(3)).T for quaternion in model.geom_quat])
     return PosedBody(
-        shape=BodyShape(solids=tuple(describe_solid(model, geom) for geom in geoms)),
+        shape=BodyShape.of([describe_solid(model, geom) for geom in range(model.ngeom)]),
         rotation=pose.rotation @ turns,
         position=pose.position + model.geom_pos @ pose.rotation.T,
     )
@@ -385,32 +268,27 @@ def _move_to_touch(cover: CoverPoints, body: PosedBody, outward: FloatArray) -> 
         MissedArrayError: If it never does.
     """
     facing = cover.points[cover.normals @ outward > 0]
-    middle = _find_middle(body)
+    middle = body.centres.mean(axis=0)
     # far in front of the cover, so that the whole body lies ahead of every point
     spans = (*np.ptp(cover.points, axis=0), *np.ptp(body.position, axis=0), body.shape.halves.max())
     size = float(max(spans))
     start = max(float(((facing - middle) @ outward).max(initial=0.0)), 0.0) + 4 * size
     ahead = replace(body, position=body.position + start * outward)
-    gap = measure_gaps(ahead, facing, np.broadcast_to(outward, facing.shape))
+    gap = ahead.measure_gaps(facing, np.broadcast_to(outward, facing.shape))
     if not np.isfinite(gap).any():
         _refuse_small(facing, middle, outward)
         raise MissedArrayError("the indenter never touches the cover; check its position and direction")
     return replace(ahead, position=ahead.position - gap.min() * outward)
 
 
-def _find_middle(body: PosedBody) -> FloatArray:
-    """Return the mean of the centres of a body's solids, shape (3,) [m]."""
-    return np.asarray((body.position + np.einsum("pij,pj->pi", body.rotation, body.shape.centres)).mean(axis=0))
-
-
 def _refuse_small(points: FloatArray, middle: FloatArray, outward: FloatArray) -> None:
     """Raise a FastModelError if a line against `outward` through the middle of an indenter passes between points."""
-    if len(points) <= _NEIGHBOURS:
+    if len(points) <= 4:  # noqa: PLR2004 -- the neighbours whose distance counts as the spacing
         return
     flat = points - np.outer((points - middle) @ outward, outward)
     tree = cKDTree(flat)
     beside, nearest = tree.query(middle)
-    spacing = float(np.max(tree.query(flat[nearest], _NEIGHBOURS + 1)[0]))
+    spacing = float(np.max(tree.query(flat[nearest], 5)[0]))
     if beside <= spacing:
         raise FastModelError(
             f"the indenter fits between the points of the fast model, {1e3 * spacing:.2g} mm apart; press by finite "

@@ -42,11 +42,8 @@ class FlexSurfaces:
             _divide(elements.shape[1], _find_longest(data.flexvert_xpos[elements]) / spacing)
             for elements in self._elements
         ]
-
-    def compile_kernels(self, vertices: FloatArray) -> None:
-        """Compile the kernel, if there are flexes; `vertices` as in `spread`."""
-        if self._elements:
-            self.spread(0, 1.0, vertices, 0.0, np.array([[0.0, 0.0, 0.0], [1e-3, 1e-3, 0.0]]))
+        if self._elements:  # compile the kernel
+            self.spread(0, 1.0, data.flexvert_xpos.copy(), 0.0, np.array([[0.0, 0.0, 0.0], [1e-3, 1e-3, 0.0]]))
 
     def replace_points(
         self,

@@ -1,8 +1,10 @@
-"""Description of the shapes of MuJoCo geoms, from which the gap between bodies and the array is computed.
+"""Shapes of bodies, and the gap between them and the undeformed cover.
 
-The gap is the vertical distance between the lower surface of a body and the undeformed top of the cover.  Every geom
-accepted here is convex; a mesh counts as its convex hull, as in MuJoCo.  A line along the array's normal
-therefore intersects a geom in one interval, and the height of the lower end of this interval is the gap.
+Every geom accepted here is convex; a mesh counts as its convex hull, as in MuJoCo.  A line therefore intersects a geom
+in one interval, and the nearer end of this interval is the gap along the line.  A body consists of one or several
+solids; its gap is the smallest one of these, so that solids which overlap or share an edge are counted once.  Over a
+plate the gap is averaged over the cells of the contact grid, each sampled on `POINTS` x `POINTS` points; over a mesh it
+is measured along the normals of its points.
 
 The pressure under a sharp edge is singular.  Cells with uniform pressure omit part of the singular pressure, which has
 the same effect as an edge that lies farther inside.  To compensate, solids with sharp edges may be enlarged by about an
@@ -12,28 +14,23 @@ differences only.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
+from fastmodel.compiled import compile_kernel
 from fastmodel.errors import FastModelError
-from meshes.array_types import FloatArray
-
-#: Values of `Solid.kind`; a polytope is a convex solid with flat faces.
-POLYTOPE, ELLIPSOID, CYLINDER, CAPSULE = range(4)
-#: Types of geoms that are not convex solids.
-_NOT_SOLID = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
-#: Decimal places to which the plane equations of two triangles of a convex hull are compared; triangles in the same
-#: plane count as one face [-].
-_FACE_DECIMALS = 6
-#: Number of meshes whose planes are kept for other sensors and other worlds of the same model [-].
-_MOST_HULLS = 1000
+from fastmodel.pressure.cell_grid import CellGrid
+from fastmodel.pressure.gap_kernels import CAPSULE, CYLINDER, ELLIPSOID, POLYTOPE, Shape, cross_lines, sample_body
+from fastmodel.pressure.pressure_kernels import are_close
+from meshes.array_types import FloatArray, IntArray
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Solid:
+class Solid(NamedTuple):
     """The shape of a geom, in the frame of the geom.
 
     Attributes:
@@ -63,7 +60,7 @@ def describe_solid(model: mujoco.MjModel, geom: int, edge: float = 0.0) -> Solid
         FastModelError: If the geom is a height field or a signed distance field, which are not convex.
     """
     kind, size, kinds = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom].copy(), mujoco.mjtGeom
-    middle, half, no_planes = np.zeros(3), size, np.zeros((0, 4))
+    middle, half, planes = np.zeros(3), size, np.zeros((0, 4))
     match kind:
         case kinds.mjGEOM_PLANE:
             number, planes, half = POLYTOPE, np.array([[0.0, 0, 1, 0]]), np.full(3, np.inf)
@@ -74,26 +71,20 @@ def describe_solid(model: mujoco.MjModel, geom: int, edge: float = 0.0) -> Solid
             number, planes = POLYTOPE, _find_hull_planes(vertices.tobytes(), edge)
             middle, half = (vertices.max(axis=0) + vertices.min(axis=0)) / 2, np.ptp(vertices, axis=0) / 2
         case kinds.mjGEOM_SPHERE:
-            number, planes, half = ELLIPSOID, no_planes, np.repeat(size[0], 3)
+            number, size = ELLIPSOID, np.repeat(size[0], 3)
+            half = size
         case kinds.mjGEOM_ELLIPSOID:
-            number, planes = ELLIPSOID, no_planes
+            number = ELLIPSOID
         case kinds.mjGEOM_CYLINDER:
-            number, planes, half = CYLINDER, no_planes, size[[0, 0, 1]]
+            number, half = CYLINDER, size[[0, 0, 1]]
         case kinds.mjGEOM_CAPSULE:
-            number, planes, half = CAPSULE, no_planes, np.array([size[0], size[0], size[0] + size[1]])
+            number, half = CAPSULE, np.array([size[0], size[0], size[0] + size[1]])
         case _:
             raise FastModelError(
                 f"geom {model.geom(geom).name!r} (id {geom}) of body {model.body(model.geom_bodyid[geom]).name!r} is "
                 f"of type {kind.name}, which is no convex solid"
             )
-    return Solid(
-        kind=number, size=half if kind == kinds.mjGEOM_SPHERE else size, planes=planes, centre=middle, half=half + edge
-    )
-
-
-def is_solid(model: mujoco.MjModel, geom: int) -> bool:
-    """Return whether the shape of a geom is a convex solid, which `describe_solid` takes."""
-    return int(model.geom_type[geom]) not in _NOT_SOLID
+    return Solid(number, size, planes, middle, half + edge)
 
 
 def find_vertices(model: mujoco.MjModel, geom: int) -> FloatArray:
@@ -103,7 +94,7 @@ def find_vertices(model: mujoco.MjModel, geom: int) -> FloatArray:
     return np.array(model.mesh_vert[first : first + count], dtype=np.float64)
 
 
-@lru_cache(maxsize=_MOST_HULLS)
+@lru_cache(maxsize=1000)
 def _find_hull_planes(vertices: bytes, edge: float) -> FloatArray:
     """Find the planes of the f flat faces of the convex hull of n vertices, moved outwards by `edge`, shape (f, 4).
 
@@ -118,7 +109,187 @@ def _find_hull_planes(vertices: bytes, edge: float) -> FloatArray:
     corners = np.frombuffer(vertices).reshape(-1, 3)
     equations = ConvexHull(corners).equations
     scale = np.array([1, 1, 1, 1 / np.ptp(corners, axis=0).max()])
-    _, kept = np.unique(np.round(equations * scale, _FACE_DECIMALS), axis=0, return_index=True)
+    # triangles whose planes agree to six decimal places count as one face
+    _, kept = np.unique(np.round(equations * scale, 6), axis=0, return_index=True)
     planes = np.column_stack([equations[kept, :3], edge - equations[kept, 3]])
     planes.flags.writeable = False
     return planes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BodyShape:
+    """The p solids of one body as the arrays that the compiled kernels take; see `Solid`.
+
+    Attributes:
+        kinds: Kind of each solid, shape (p,).
+        sizes: Size of each solid, shape (p, 3) [m].
+        planes: Planes of all faces, shape (f, 4) [-, m].
+        starts: Index of the first plane of each solid, and f, shape (p + 1,).
+        centres: Centre of each solid's bounding box in the frame of the solid, shape (p, 3) [m].
+        halves: Half edge lengths of each solid's bounding box, shape (p, 3) [m].
+        edge: Distance by which solids with sharp edges are enlarged [m].
+    """
+
+    kinds: IntArray
+    sizes: FloatArray
+    planes: FloatArray
+    starts: IntArray
+    centres: FloatArray
+    halves: FloatArray
+    edge: float = 0.0
+
+    @classmethod
+    def of(cls, solids: Sequence[Solid], edge: float = 0.0) -> BodyShape:
+        """Join solids, which were enlarged by `edge`, to a body."""
+        return cls(
+            kinds=np.array([each.kind for each in solids], dtype=np.int64),
+            sizes=np.array([each.size for each in solids]),
+            planes=np.concatenate([each.planes for each in solids]),
+            starts=np.cumsum([0, *(len(each.planes) for each in solids)], dtype=np.int64),
+            centres=np.array([each.centre for each in solids]),
+            halves=np.array([each.half for each in solids]),
+            edge=edge,
+        )
+
+    @cached_property
+    def arrays(self) -> Shape:
+        """The solids as kernels take them."""
+        return self.kinds, self.sizes, self.planes, self.starts, self.centres, self.halves
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PosedBody:
+    """The shape of a body, with the pose of each of its p solids.
+
+    Attributes:
+        shape: The solids of the body.
+        rotation: Axes of each solid in the array's frame, as columns, shape (p, 3, 3) [-].
+        position: Origin of each solid in the array's frame, shape (p, 3) [m].
+        back: Height below which parts of the body lie behind the array.  A body may reach round the array; where a
+            vertical line enters it below this height, it presses on nothing [m].
+    """
+
+    shape: BodyShape
+    rotation: FloatArray
+    position: FloatArray
+    back: float = -np.inf
+
+    def equals(self, other: PosedBody, tolerance: float, length: float) -> bool:
+        """Return whether another body has the same shape, and a pose that is equal up to a tolerance.
+
+        Args:
+            other: The other body.
+            tolerance: Largest accepted difference of positions over `length`, and of entries of rotations [-].
+            length: Length by which differences of positions are divided [m].
+        """
+        if self.shape is not other.shape and not all(map(np.array_equal, self.shape.arrays, other.shape.arrays)):
+            return False
+        close = compile_kernel(are_close)
+        moved = not close(self.position.ravel(), other.position.ravel(), tolerance * length)
+        return not moved and close(self.rotation.ravel(), other.rotation.ravel(), tolerance)
+
+    def measure_gaps(self, points: FloatArray, normals: FloatArray, *, behind: float = 0.0) -> FloatArray:
+        """Measure the distance from points to the body along their normals.
+
+        Args:
+            points: k points in the array's frame, shape (k, 3) [m].
+            normals: Their unit normals, shape (k, 3) [-].
+            behind: Distance behind a point up to which a body that has passed it counts [m].
+
+        Returns:
+            Distance at which each normal enters the body; negative where the point lies inside it or was passed by it,
+            infinite where the normal misses the body or it lies farther behind the point, shape (k,) [m].
+        """
+        lines = np.ascontiguousarray(points), np.ascontiguousarray(normals)
+        enter, leave = compile_kernel(cross_lines)(self.shape.arrays, self.rotation, self.position, *lines)
+        return np.asarray(np.where(leave >= -behind, enter, np.inf).min(axis=0, initial=np.inf))
+
+    @property
+    def centres(self) -> FloatArray:
+        """Centre of each solid's bounding box in the array's frame, shape (p, 3) [m]."""
+        return np.asarray(self.position + np.einsum("pij,pj->pi", self.rotation, self.shape.centres))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GapSamples:
+    """The m cells of the contact grid under bodies; a cell under two bodies is listed for each body.
+
+    All arrays have shape (m,) unless another shape is given.
+
+    Attributes:
+        body: Index of the body above the cell, from 0 and in rising order.
+        row: Row of the cell in the contact grid.
+        column: Column of the cell in the contact grid.
+        coverage: Share of the cell's area that lies under the body [-].
+        x: x of the centroid of the covered part of the cell on the contact grid [m].
+        y: y of the centroid of the covered part of the cell on the contact grid [m].
+        gap: Mean gap between the body's surface and the undeformed cover over the covered part [m].
+        place: That centroid in the array's frame, shape (m, 3), or x and y on a plate, shape (m, 2) [m].
+        normal: Outward normal of the cell in the array's frame, shape (m, 3) [-].
+    """
+
+    body: IntArray
+    row: IntArray
+    column: IntArray
+    coverage: FloatArray
+    x: FloatArray
+    y: FloatArray
+    gap: FloatArray
+    place: FloatArray
+    normal: FloatArray
+
+    @property
+    def count(self) -> int:
+        """Number m of cells, summed over all bodies."""
+        return len(self.body)
+
+    @cached_property
+    def bodies_found(self) -> list[int]:
+        """Indices of the bodies that lie over at least one cell."""
+        return np.bincount(self.body).nonzero()[0].tolist()
+
+    @cached_property
+    def lowest(self) -> FloatArray:
+        """Smallest gap over the cells under each body, shape (bodies,) [m]."""
+        return -self.find_largest(-self.gap)
+
+    def find_largest(self, values: FloatArray) -> FloatArray:
+        """Find the largest of some values, shape (m,), over the cells under each body, shape (bodies,)."""
+        bodies = int(self.body[-1]) + 1
+        if bodies == 1:
+            return np.array([values.max()])
+        largest = np.full(bodies, -np.inf)
+        np.maximum.at(largest, self.body, values)
+        return largest
+
+
+def sample_gap(grid: CellGrid, bodies: Sequence[PosedBody], reach: Sequence[float]) -> GapSamples:
+    """Average the gap under each body over the cells of the contact grid.
+
+    Args:
+        grid: The contact grid.
+        bodies: Shapes and poses of the bodies.
+        reach: For each body, gap above the body's smallest gap up to which cells are kept [m].
+    """
+    kernel = compile_kernel(sample_body)
+    found = [
+        kernel((each.shape.arrays, each.shape.edge, each.rotation, each.position), grid.arrays, height, each.back)
+        for each, height in zip(bodies, reach, strict=True)
+    ]
+    row, column, coverage, x, y, gap = (
+        found[0] if len(found) == 1 else (np.concatenate(each) for each in zip(*found, strict=True))
+    )
+    # filled in place, which takes a quarter of the time of numpy's functions for arrays this small
+    place, normal = np.empty((len(x), 2)), np.zeros((len(x), 3))
+    place[:, 0], place[:, 1], normal[:, 2] = x, y, 1.0
+    return GapSamples(
+        body=np.repeat(np.arange(len(found)), [len(each[0]) for each in found]),
+        row=row,
+        column=column,
+        coverage=coverage,
+        x=x,
+        y=y,
+        gap=gap,
+        place=place,
+        normal=normal,
+    )

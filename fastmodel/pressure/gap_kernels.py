@@ -1,5 +1,7 @@
-# ruff: noqa: PLR0917 -- kernels take plain numbers by position
-"""Compiled kernels that sample the gap between one body and the undeformed cover; `gap_sampling` calls `sample_body`.
+# ruff: noqa: PLR0917, PLR2004 -- kernels take plain numbers by position, and their tolerances stand where they act
+"""Compiled kernels that measure the gap between bodies and the undeformed cover; `fastmodel.pressure.gap` calls them.
+
+`sample_body` averages the gap along an array's normal over cells; `cross_lines` finds where any lines meet solids.
 
 All kernels stand in one file, because numba's cache checks only the file of the called kernel for changes, not the
 files of the functions that this kernel calls.
@@ -12,70 +14,59 @@ import math
 import numpy as np
 
 from fastmodel.compiled import called_by_kernels
-from fastmodel.pressure.gap import CAPSULE, CYLINDER, ELLIPSOID, POLYTOPE
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
+#: Kinds of solids; a polytope is a convex solid with flat faces.
+POLYTOPE, ELLIPSOID, CYLINDER, CAPSULE = range(4)
+#: The arrays of p solids, see `BodyShape.arrays`.
+Shape = tuple[IntArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray]
+#: Arrays that describe the contact grid, see `CellGrid.arrays`.
+Grid = tuple[IntArray, FloatArray, FloatArray]
 #: Row, column, coverage, x, y and gap of m cells of the contact grid, each of shape (m,); see `GapSamples`.
 Cells = tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
-#: The arrays of p solids, see `BodyShape.arrays`; the distance by which solids with sharp edges are enlarged [m]; axes
-#: (p, 3, 3) [-] and origins (p, 3) of the solids in the array's frame [m].
-Body = tuple[tuple[IntArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray], float, FloatArray, FloatArray]
+#: The p solids; the distance by which those with sharp edges are enlarged [m]; their axes (p, 3, 3) [-] and origins
+#: (p, 3) [m] in the array's frame.
+Body = tuple[Shape, float, FloatArray, FloatArray]
 #: Windows of the p solids and the window around them all, see `_find_windows`; lowest corner and edges of a cell of the
 #: contact grid, (2,) [m].
 View = tuple[IntArray, IntArray, FloatArray, FloatArray]
 #: Vertical lines at x[first:last] and y: x, y [m], first, last.
 Line = tuple[FloatArray, float, int, int]
+#: Components along x, y and z.
+Vector = tuple[float, float, float]
 
 #: Number of points along each edge of a cell at which the gap is evaluated [-].
 POINTS = 4
-#: Height up to which cells are sampled at first, over the smallest gap, divided by the reach [-].  More is sampled if
-#: the smallest mean gap of a cell requires it.
-_AMPLE = 1.2
-#: A height above everything [m].
-_EVERYTHING = 1e9
 #: Value below which a component of a unit vector counts as zero [-].  A face of a solid then counts as parallel to the
 #: array's normal, and the axis of a cylinder as parallel to the array's normal or plane.
 _PARALLEL = 1e-9
 
 
-def sample_body(
-    shape: tuple[IntArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray],
-    edge: float,
-    rotation: FloatArray,
-    position: FloatArray,
-    grid: tuple[IntArray, FloatArray, FloatArray],
-    reach: float,
-    back: float,
-) -> Cells:
+def sample_body(body: Body, grid: Grid, reach: float, back: float) -> Cells:
     """Kernel: sample the gap under one body of p solids, and average the gap over cells of the contact grid.
 
     A vertical line intersects each solid in one interval of heights.  Where the interval begins below `back`, the solid
     lies behind the array or passes beside it, and presses on nothing.
 
     Args:
-        shape: Arrays that describe the solids, see `BodyShape.arrays`.
-        edge: Distance by which solids with sharp edges are enlarged [m].
-        rotation: Axes of each solid in the array's frame, as columns, shape (p, 3, 3) [-].
-        position: Origin of each solid in the array's frame, shape (p, 3) [m].
-        grid: Arrays that describe the contact grid, see `CellGrid.arrays`.
+        body: The solids and their poses.
+        grid: The contact grid.
         reach: Gap above the smallest gap up to which cells are kept [m].
         back: Height below which parts of the body lie behind the array [m].
 
     Returns:
         The kept cells.
     """
-    size, low, cell = grid
-    windows, around = _find_windows(rotation, position, shape[4], shape[5], size, low, cell)
-    body, view = (shape, edge, rotation, position), (windows, around, low, cell)
-    top = np.inf
+    windows, around = _find_windows(body, grid)
+    view, top = (windows, around, grid[1], grid[2]), np.inf
     while True:
         centres, near, top = _sample_centres(body, view, reach, back, top)
         spans = _find_spans(centres, near, view, top)
         heights = _sample_spans(body, view, near, spans, back)
-        cells, lowest = _average_over_cells(heights, around, low, cell, reach)
-        if lowest + reach <= top or top >= _EVERYTHING:
+        cells, lowest = _average_over_cells(heights, around, grid[1], grid[2], reach)
+        if lowest + reach <= top or top >= 1e9:  # a height above everything
             return cells
-        top = min(lowest + reach, _EVERYTHING)
+        top = min(lowest + reach, 1e9)
 
 
 @called_by_kernels
@@ -106,7 +97,7 @@ def _sample_centres(
                 floors[p] += rotation[p, 2, i] * shape[4][p, i] - abs(rotation[p, 2, i]) * shape[5][p, i]
     for p in np.argsort(floors):
         first, last = windows[p, 0] - around[0], windows[p, 2] - around[0] + 2
-        near[p] = last > first + 2 and floors[p] <= (top if top < np.inf else lowest + _AMPLE * reach)
+        near[p] = last > first + 2 and floors[p] <= (top if top < np.inf else lowest + 1.2 * reach)
         if not near[p]:
             continue
         faces = _transform_faces(shape[2][shape[3][p] : shape[3][p + 1]], rotation[p], position[p])
@@ -116,7 +107,8 @@ def _sample_centres(
             for j in range(first, last):
                 heights[p, i, j] = bottom[j] if back < bottom[j] <= upper[j] else np.inf
                 lowest = min(lowest, heights[p, i, j])
-    return heights, near, lowest + _AMPLE * reach if top == np.inf else top
+    # more is sampled later if the smallest mean gap of a cell requires it
+    return heights, near, lowest + 1.2 * reach if top == np.inf else top
 
 
 @called_by_kernels
@@ -183,22 +175,15 @@ def _sample_spans(body: Body, view: View, near: BoolArray, spans: IntArray, back
 
 
 @called_by_kernels
-def _find_windows(
-    rotation: FloatArray,
-    position: FloatArray,
-    centres: FloatArray,
-    halves: FloatArray,
-    size: IntArray,
-    low: FloatArray,
-    cell: FloatArray,
-) -> tuple[IntArray, IntArray]:
+def _find_windows(body: Body, grid: Grid) -> tuple[IntArray, IntArray]:
     """Find the window (rectangle of cells) under the bounding box of each of p solids, and the window around them all.
 
     Returns:
         The windows of the solids, shape (p, 4), and the window around them, shape (4,): first column, first row, one
         past the last column, one past the last row.
     """
-    windows = np.empty((len(rotation), 4), dtype=np.int64)
+    (shape, _, rotation, position), (size, low, cell) = body, grid
+    centres, halves, windows = shape[4], shape[5], np.empty((len(rotation), 4), dtype=np.int64)
     around = np.zeros(4, dtype=np.int64)
     around[0], around[1] = size[0], size[1]
     for p in range(len(rotation)):
@@ -246,21 +231,43 @@ def _cross_solid(body: Body, p: int, faces: FloatArray, line: Line, bottom: Floa
     """Intersect vertical lines at x[first:last] and y with solid p; write the heights to `bottom`, `top` [m].
 
     Where a line misses the solid, `bottom` exceeds `top`.  `faces` are the faces of a polytope, see `_transform_faces`.
+    In the frame of a round solid each line is o + z u, with the array's normal u and the height z.
     """
     (shape, edge, rotation, position), (x, y, first, last) = body, line
     if shape[0][p] == POLYTOPE:
-        _cross_faces(faces, x, y, first, last, bottom, top)
-    else:
-        _cross_round(shape[0][p], shape[1][p], edge, rotation[p], position[p], x, y, first, last, bottom, top)
+        _cross_faces(faces, line, bottom, top)
+        return
+    turn, place = rotation[p], position[p]
+    # written out and with numbers, because passing arrays for every line doubles the time
+    kind, size = shape[0][p], (shape[1][p, 0], shape[1][p, 1], shape[1][p, 2])
+    up, dy, dz = (turn[2, 0], turn[2, 1], turn[2, 2]), y - place[1], -place[2]
+    for j in range(first, last):
+        dx = x[j] - place[0]
+        ox = turn[0, 0] * dx + turn[1, 0] * dy + turn[2, 0] * dz
+        oy = turn[0, 1] * dx + turn[1, 1] * dy + turn[2, 1] * dz
+        oz = turn[0, 2] * dx + turn[1, 2] * dy + turn[2, 2] * dz
+        if kind == ELLIPSOID:  # not by the function for all kinds, which is too large to be inlined
+            scaled = (ox / size[0], oy / size[1], oz / size[2]), (up[0] / size[0], up[1] / size[1], up[2] / size[2])
+            bottom[j], top[j] = _cross_ball(scaled[0], scaled[1], 1.0)
+        else:
+            bottom[j], top[j] = _cross_round(kind, size, edge, (ox, oy, oz), up)
 
 
 @called_by_kernels
-def _cross_faces(
-    faces: FloatArray, x: FloatArray, y: float, first: int, last: int, bottom: FloatArray, top: FloatArray
-) -> None:
-    """Intersect vertical lines at x[first:last] and y with a polytope; write the heights to `bottom`, `top` [m]."""
-    low, high = bottom[first:last], top[first:last]
-    place = x[first:last]
+def _turn_back(turn: FloatArray, x: float, y: float, z: float) -> Vector:
+    """Return the components of a vector along axes that are the columns of a matrix, shape (3, 3)."""
+    return (
+        turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z,
+        turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z,
+        turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z,
+    )
+
+
+@called_by_kernels
+def _cross_faces(faces: FloatArray, line: Line, bottom: FloatArray, top: FloatArray) -> None:
+    """Intersect vertical lines with a polytope, see `_cross_solid`."""
+    x, y, first, last = line
+    low, high, place = bottom[first:last], top[first:last], x[first:last]
     for j in range(len(place)):
         low[j], high[j] = -np.inf, np.inf
     for f in range(len(faces)):
@@ -278,76 +285,93 @@ def _cross_faces(
 
 
 @called_by_kernels
-def _cross_round(
-    kind: int,
-    size: FloatArray,
-    edge: float,
-    rotation: FloatArray,
-    position: FloatArray,
-    x: FloatArray,
-    y: float,
-    first: int,
-    last: int,
-    bottom: FloatArray,
-    top: FloatArray,
-) -> None:
-    """Intersect vertical lines at x[first:last] and y with an ellipsoid, cylinder or capsule.
-
-    The intervals of height are written to `bottom` and `top` [m].  In the frame of the solid each line is o + z u, with
-    the array's normal u and the height z.
-    """
-    ux, uy, uz = rotation[2, 0], rotation[2, 1], rotation[2, 2]
-    for j in range(first, last):
-        dx, dy, dz = x[j] - position[0], y - position[1], -position[2]
-        ox = rotation[0, 0] * dx + rotation[1, 0] * dy + rotation[2, 0] * dz
-        oy = rotation[0, 1] * dx + rotation[1, 1] * dy + rotation[2, 1] * dz
-        oz = rotation[0, 2] * dx + rotation[1, 2] * dy + rotation[2, 2] * dz
-        if kind == ELLIPSOID:
-            a, b, c = size
-            bottom[j], top[j] = _cross_ball(ox / a, oy / b, oz / c, ux / a, uy / b, uz / c, 1.0)
-            continue
-        bottom[j], top[j] = _cross_cylinder(size[0], size[1], edge if kind == CYLINDER else 0.0, ox, oy, oz, ux, uy, uz)
-        if kind == CAPSULE and not (bottom[j] <= top[j] and abs(oz + bottom[j] * uz) < (1 - _PARALLEL) * size[1]):
-            # Beyond its round side, the capsule is the union of the cylinder and of the two balls at its ends.
-            low, high = (bottom[j], top[j]) if bottom[j] <= top[j] else (np.inf, -np.inf)
-            for sign in (-1.0, 1.0):
-                enter, leave = _cross_ball(ox, oy, oz + sign * size[1], ux, uy, uz, size[0])
-                if enter <= leave:
-                    low, high = min(low, enter), max(high, leave)
-            bottom[j], top[j] = low, high
+def _cross_round(kind: int, size: Vector, edge: float, o: Vector, u: Vector) -> tuple[float, float]:
+    """Find the interval of s in which the line o + s u lies in an ellipsoid, cylinder or capsule in its own frame."""
+    if kind == ELLIPSOID:
+        a, b, c = size
+        return _cross_ball((o[0] / a, o[1] / b, o[2] / c), (u[0] / a, u[1] / b, u[2] / c), 1.0)
+    low, high = _cross_cylinder(size[0], size[1], edge if kind == CYLINDER else 0.0, o, u)
+    if kind == CAPSULE and not (low <= high and abs(o[2] + low * u[2]) < (1 - _PARALLEL) * size[1]):
+        # Beyond its round side, the capsule is the union of the cylinder and of the two balls at its ends.
+        if low > high:
+            low, high = np.inf, -np.inf
+        for sign in (-1.0, 1.0):
+            enter, leave = _cross_ball((o[0], o[1], o[2] + sign * size[1]), u, size[0])
+            if enter <= leave:
+                low, high = min(low, enter), max(high, leave)
+    return low, high
 
 
 @called_by_kernels
-def _cross_ball(ox: float, oy: float, oz: float, ux: float, uy: float, uz: float, radius: float) -> tuple[float, float]:
-    """Find the two roots z of |o + z u| = radius, lower one first; return (inf, -inf) if no root is real."""
-    square = ux**2 + uy**2 + uz**2
-    half = ox * ux + oy * uy + oz * uz
-    root = half**2 - square * (ox**2 + oy**2 + oz**2 - radius**2)
+def _cross_ball(o: Vector, u: Vector, radius: float) -> tuple[float, float]:
+    """Find the two roots s of |o + s u| = radius, lower one first; return (inf, -inf) if no root is real."""
+    square = u[0] ** 2 + u[1] ** 2 + u[2] ** 2
+    half = o[0] * u[0] + o[1] * u[1] + o[2] * u[2]
+    root = half**2 - square * (o[0] ** 2 + o[1] ** 2 + o[2] ** 2 - radius**2)
     if root < 0:
         return np.inf, -np.inf
     return (-half - math.sqrt(root)) / square, (-half + math.sqrt(root)) / square
 
 
 @called_by_kernels
-def _cross_cylinder(
-    radius: float, length: float, edge: float, ox: float, oy: float, oz: float, ux: float, uy: float, uz: float
-) -> tuple[float, float]:
+def _cross_cylinder(radius: float, length: float, edge: float, o: Vector, u: Vector) -> tuple[float, float]:
     """Find the interval of s in which the line o + s u lies in a cylinder about the z axis, |z| < length.
 
     The radius is enlarged in proportion to uz^2: fully for an upright cylinder, which presses with its sharp edge, and
     not at all for a horizontal cylinder, which presses with its round side.
     """
-    radius += edge * uz**2
+    radius += edge * u[2] ** 2
     length += edge
     bottom, top = -np.inf, np.inf
-    if abs(uz) > _PARALLEL:
-        bottom, top = -oz / uz - abs(length / uz), -oz / uz + abs(length / uz)
-    elif abs(oz) > length:
+    if abs(u[2]) > _PARALLEL:
+        bottom, top = -o[2] / u[2] - abs(length / u[2]), -o[2] / u[2] + abs(length / u[2])
+    elif abs(o[2]) > length:
         return np.inf, -np.inf
-    if ux**2 + uy**2 < _PARALLEL**2:
-        return (bottom, top) if ox**2 + oy**2 <= radius**2 else (np.inf, -np.inf)
-    enter, leave = _cross_ball(ox, oy, 0.0, ux, uy, 0.0, radius)
+    if u[0] ** 2 + u[1] ** 2 < _PARALLEL**2:
+        return (bottom, top) if o[0] ** 2 + o[1] ** 2 <= radius**2 else (np.inf, -np.inf)
+    enter, leave = _cross_ball((o[0], o[1], 0.0), (u[0], u[1], 0.0), radius)
     return max(bottom, enter), min(top, leave)
+
+
+def cross_lines(
+    shape: Shape, rotation: FloatArray, position: FloatArray, points: FloatArray, along: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Kernel: find where lines through k points enter and leave each of p solids.
+
+    Args:
+        shape: The solids.
+        rotation: Axes of each solid, as columns, shape (p, 3, 3) [-].
+        position: Origin of each solid, shape (p, 3) [m].
+        points: The points, shape (k, 3) [m].
+        along: Direction of each line, of unit length, shape (k, 3) [-].
+
+    Returns:
+        Distances along the lines from the points, each of shape (p, k) [m]; inf and -inf for a line that misses.
+    """
+    enter, leave = np.full((len(position), len(points)), np.inf), np.full((len(position), len(points)), -np.inf)
+    for p in range(len(position)):
+        for k in range(len(points)):
+            x, y, z = points[k, 0] - position[p, 0], points[k, 1] - position[p, 1], points[k, 2] - position[p, 2]
+            o = _turn_back(rotation[p], x, y, z)
+            u = _turn_back(rotation[p], along[k, 0], along[k, 1], along[k, 2])
+            low, high = -np.inf, np.inf
+            if shape[0][p] != POLYTOPE:
+                size = (shape[1][p, 0], shape[1][p, 1], shape[1][p, 2])
+                low, high = _cross_round(shape[0][p], size, 0.0, o, u)
+            else:
+                for f in range(shape[3][p], shape[3][p + 1]):
+                    plane = shape[2][f]
+                    speed = plane[0] * u[0] + plane[1] * u[1] + plane[2] * u[2]
+                    room = plane[3] - (plane[0] * o[0] + plane[1] * o[1] + plane[2] * o[2])
+                    if speed < -_PARALLEL:
+                        low = max(low, room / speed)
+                    elif speed > _PARALLEL:
+                        high = min(high, room / speed)
+                    elif room < 0:
+                        high = -np.inf
+            if low <= high:
+                enter[p, k], leave[p, k] = low, high
+    return enter, leave
 
 
 @called_by_kernels

@@ -8,25 +8,17 @@ is computed, and the error of its mesh is removed by the small-strain solutions 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from fem_reference.curved_cover.contact import find_touch
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.grid_press import GridPress
-from fem_reference.curved_cover.press import (
-    LARGEST_DEPTH,
-    CurvedIndentation,
-    build_compliance,
-    choose_target,
-    press_curved,
-    warn_of_errors,
-)
+from fem_reference.curved_cover.press import LARGEST_DEPTH, build_compliance, measure_balance, press_small, warn_of_all
 from fem_reference.curved_cover.pressure_shapes import PointSampler, evaluate_hats, gauss_points
-from fem_reference.curved_cover.responses import check_meshes, project_texels, texel_responses
+from fem_reference.curved_cover.responses import project_texels, texel_responses
 from fem_reference.curved_cover.solid import DisplacementNodes
 from fem_reference.finite_strain.axisymmetric_path import PENALTY
 from fem_reference.finite_strain.contact import SurfaceContact, TopPoints
@@ -34,6 +26,8 @@ from fem_reference.finite_strain.contact_problem import ContactEquilibrium, Cont
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import Control, Units
+from fem_reference.indentation.press import PressProblem
+from fem_reference.indentation.result import Indentation
 from fem_reference.indentation.rounding import choose_solid_fillet, state_rounding
 from meshes import Cover, Indenter, Layer, Material, TexelArray
 from meshes.array_types import FloatArray
@@ -46,8 +40,6 @@ _LEAST_COSINE = 0.05
 #: First step of the loading path, from the first touch of a contact point, over the way from there to the depth at
 #: small strain [-].
 _FIRST_STEP = 0.5
-#: Smallest cosine between the direction of motion and the axis of the indenter [-].
-_ALONG = 1 - 1e-9
 #: Mean penetration of indenter and cover, over the depth, below which augmentation stops [-].
 _OVERLAP = 2e-3
 #: Stiffness of the contact at small strain over the penalty, as augmentation makes it [-].
@@ -75,48 +67,21 @@ class _Reached:
     mesh: SolidMesh
 
 
-def press_curved_finite(
-    meshes: SolidMesh | Sequence[SolidMesh],
-    texels: TexelArray,
-    material: Material,
-    indenter: Indenter,
-    pose: Pose,
-    *,
-    load: float | None = None,
-    depth: float | None = None,
-    direction: npt.ArrayLike | None = None,
-    friction: float = 0.0,
-    progress: Callable[[str], None] | None = None,
-) -> CurvedIndentation:
-    """Press a rigid indenter on a curved cover at finite strain; see `press_curved` for arguments and result.
+def press_finite(
+    meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float
+) -> Indentation:
+    """Press to one target at finite strain, along the axis of the indenter and without friction; see `press_small`.
 
     The arrays of the result are those of the finest mesh on which finite strain was solved: the last but one of
     several.  Texel forces, and depth or load, are corrected for its discretisation error.
-
-    Raises:
-        ValueError: If input is missing or wrong, the indenter never touches, or it moves across its own axis.
-        PiercedError: If the indenter would go through most of the cover at small strain already.
-        ConvergenceError: If the loading path stops early; the message states the load and depth that were reached.
     """
-    target, control = choose_target(load, depth)
-    towards = pose.towards if direction is None else np.array(direction, dtype=float)
-    if -pose.rotation[:, 2] @ towards < _ALONG * np.linalg.norm(towards):
-        raise ValueError("at finite strain the indenter moves along its own axis; turn it to look along the direction")
-    if friction:
-        raise ValueError(
-            "on curved covers friction is computed at small strain only; use --strain small or no friction"
-        )
-    every = check_meshes(meshes)
-    given = {"load": load, "depth": depth, "progress": progress}
-    accurate = press_curved(every, texels, material, indenter, pose, **given)  # type: ignore[arg-type]
+    accurate = press_small(meshes, material, problem, target)
     small, full = [], []
-    for number, mesh in enumerate(every[: max(1, len(every) - 1)], start=1):
-        tell = None if progress is None else _number_lines(progress, number)
-        small.append(_press_points(mesh, texels, material, (indenter, pose), (target, control)))
-        full.append(_solve(mesh, texels, material, (indenter, pose), small[-1], (target, control), tell))
-    return _combine(
-        accurate, small, full, texels, control, _state_assumptions(material, indenter, measure_thickness(every[-1]))
-    )
+    for number, mesh in enumerate(meshes[: max(1, len(meshes) - 1)], start=1):
+        small.append(_press_points(mesh, material, problem, target))
+        full.append(_solve(mesh, material, problem, target, small[-1], number))
+    assumptions = _state_assumptions(material, problem.indenter, measure_thickness(meshes[-1]))
+    return _combine(accurate, small, full, problem.array, problem.control, assumptions)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,24 +101,16 @@ class _Small:
     first: float
 
 
-def _press_points(
-    mesh: SolidMesh,
-    texels: TexelArray,
-    material: Material,
-    body: tuple[Indenter, Pose],
-    target: tuple[float, Control],
-) -> _Small:
+def _press_points(mesh: SolidMesh, material: Material, problem: PressProblem, target: float) -> _Small:
     """Solve at small strain with contact at the Gauss points at which finite strain states it."""
-    indenter, pose = body
-    compliance, towards = build_compliance(mesh, material), -pose.rotation[:, 2]
-    thickness, top = measure_thickness(mesh), compliance.top
-    touch = find_touch(top, indenter, pose, towards)
+    pose, thickness, compliance = problem.pose, measure_thickness(mesh), build_compliance(mesh, material)
+    touch = find_touch(compliance.top, problem.indenter, pose, pose.towards)
     deepest = LARGEST_DEPTH * thickness
     penalty = PENALTY * _AUGMENTED * material.shear_modulus / thickness
-    sampler = PointSampler(top, indenter, pose, towards, touch + deepest, deepest, penalty)
-    contact = GridPress(compliance, sampler, towards, touch, deepest).to(*target)
+    sampler = PointSampler(compliance.top, problem.indenter, pose, pose.towards, touch + deepest, deepest, penalty)
+    contact = GridPress(compliance, sampler, pose.towards, touch, deepest).to(target, problem.control)
     return _Small(
-        texel_forces=texel_responses(mesh, texels, material).finest.texel_forces(contact.nodal),
+        texel_forces=texel_responses(mesh, problem.array, material).finest.texel_forces(contact.nodal),
         load=contact.load,
         depth=contact.travel - touch,
         first=float(sampler.at(touch).gap.min()),
@@ -170,21 +127,11 @@ def _state_assumptions(material: Material, indenter: Indenter, thickness: float)
     }
 
 
-def _number_lines(progress: Callable[[str], None], number: int) -> Callable[[str], None]:
-    return lambda text: progress(f"finite strain, mesh {number}: {text}")
-
-
 def _solve(  # noqa: PLR0917
-    mesh: SolidMesh,
-    texels: TexelArray,
-    material: Material,
-    body: tuple[Indenter, Pose],
-    small: _Small,
-    target: tuple[float, Control],
-    progress: Callable[[str], None] | None,
+    mesh: SolidMesh, material: Material, problem: PressProblem, target: float, small: _Small, number: int
 ) -> _Reached:
     """Follow the loading path on one mesh, from a part of the depth at small strain."""
-    indenter, pose = body
+    indenter, pose, tell = problem.indenter, problem.pose, problem.progress
     own = DisplacementNodes.on(mesh)
     units = Units(length=measure_thickness(mesh), stress=material.shear_modulus)
     travel = find_touch(FacetSurface.part_of(own.elements.nodes, own.top), indenter, pose, -pose.rotation[:, 2])
@@ -201,18 +148,18 @@ def _solve(  # noqa: PLR0917
         points=top.points,
     )
     base = np.unique(layout.base)
-    problem = ContactProblem(
+    path = ContactProblem(
         solid=solid,
         contact=contact,
         constrained=(3 * base[:, None] + np.arange(3)).ravel(),
         units=units,
         overlap=_OVERLAP,
     )
-    value, control = target
-    goal = value / (units.force if control == "load" else units.length)
+    goal = target / (units.force if problem.control == "load" else units.length)
     first = (small.first + _FIRST_STEP * (small.depth - small.first)) / units.length
-    reached = problem.follow([goal], control=control, first=first, progress=progress)[0]
-    return _collect(_Solved(mesh=mesh, own=own, pose=pose, units=units, top=top, reached=reached), texels)
+    numbered = None if tell is None else lambda text: tell(f"finite strain, mesh {number}: {text}")
+    reached = path.follow([goal], control=problem.control, first=first, progress=numbered)[0]
+    return _collect(_Solved(mesh=mesh, own=own, pose=pose, units=units, top=top, reached=reached), problem.array)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -269,8 +216,9 @@ def _collect(solved: _Solved, texels: TexelArray) -> _Reached:
     contact = reached.contact
     pressing = -(contact.force[:count].reshape(-1, 3) @ turn) * units.force
     # The force at a point follows the normal of the indenter, whose component along the motion is 1.
-    length = contact.pressure * contact.weight * np.linalg.norm(contact.normal, axis=2) * units.force
-    around = np.searchsorted(surface.index, top.points.nodes)
+    vectors = -(contact.pressure * contact.weight)[..., None] * (contact.normal @ turn) * units.force
+    around = np.searchsorted(surface.index, top.points.nodes).ravel()
+    hats = np.einsum("fqc,qa->fac", vectors, top.hats).reshape(-1, 3)
     return _Reached(
         texel_forces=np.einsum("nb,bc,nc->n", project_texels(base, texels), reaction, texels.normals),
         force=pressing.sum(axis=0),
@@ -281,61 +229,62 @@ def _collect(solved: _Solved, texels: TexelArray) -> _Reached:
         depth=reached.depth * units.length,
         area=float(top.areas[contact.pressure > 0].sum()) * units.length**2,
         top=surface,
-        contact_forces=np.bincount(around.ravel(), (length @ top.hats).ravel(), len(surface.nodes)).astype(float),
+        contact_forces=np.stack([np.bincount(around, each, len(surface.nodes)) for each in hats.T], axis=1),
         displacement=displacement,
         mesh=solved.mesh,
     )
 
 
 def _combine(  # noqa: PLR0917
-    accurate: CurvedIndentation,
+    accurate: Indentation,
     small: Sequence[_Small],
     full: Sequence[_Reached],
     texels: TexelArray,
     control: Control,
     assumptions: Mapping[str, str],
-) -> CurvedIndentation:
+) -> Indentation:
     """Correct the solution at finite strain for the error of its mesh, and estimate what remains."""
     shares = np.array([f.texel_forces / f.load - s.texel_forces / s.load for f, s in zip(full, small, strict=True)])
     stiffer = np.array([(f.load / f.depth) / (s.load / s.depth) for f, s in zip(full, small, strict=True)])
     last = full[-1]
-    load, depth = accurate.load, accurate.depth
+    load, depth = accurate.total_force, accurate.depth
     if control == "load":
         depth /= stiffer[-1]
     else:
         load *= stiffer[-1]
-    texel_forces = np.where(texels.active, accurate.texel_forces / accurate.load + shares[-1], 0.0) * load
-    other = "depth" if control == "load" else "load"
+    texel_forces = np.where(texels.active, accurate.texel_forces / accurate.total_force + shares[-1], 0.0) * load
     areas = np.array([each.area for each in full])
     peak = float(np.abs(texel_forces).max())
     added = {
-        "texel_forces": _estimate_effect(shares) * load / peak,
+        "peak_texel": _estimate_effect(shares) * load / peak,
         "misplaced_force": _estimate_effect(shares, summed=True) / 2,
-        "total_force": _estimate_effect(shares.sum(axis=1)) * load / abs(float(texel_forces.sum())),
-        other: _estimate_effect(stiffer - 1),
+        "texel_sum": _estimate_effect(shares.sum(axis=1)) * load / abs(float(texel_forces.sum())),
+        "depth" if control == "load" else "total_force": _estimate_effect(stiffer - 1),
         "contact_area": _estimate_effect(areas - areas.mean()) / areas[-1],
     }
-    errors = {name: error + added[name] for name, error in accurate.error_estimate.items()}
+    errors = {name: error + added.get(name, 0.0) for name, error in accurate.error_estimate.items()}
     scale = load / last.load
-    base_force = scale * last.base_force
+    force, base_force = scale * last.force, scale * last.base_force
     return replace(
         accurate,
         texel_forces=texel_forces,
-        force=scale * last.force,
+        force=force,
         moment=scale * last.moment,
         base_force=base_force,
         base_moment=scale * last.base_moment,
         unmeasured=base_force + texel_forces @ texels.normals,
-        load=load,
+        total_force=load,
+        balance=measure_balance(force, base_force),
         depth=depth,
         contact_area=last.area,
-        top=last.top,
+        contact_points=last.top.nodes,
+        energy=None,
         contact_forces=scale * last.contact_forces,
         displacement=last.displacement,
         mesh=last.mesh,
         error_estimate=errors,
         assumptions={**accurate.assumptions, **assumptions},
-        warnings=warn_of_errors(errors),
+        warnings=warn_of_all(errors),
     )
 
 

@@ -204,7 +204,6 @@ def texel_responses(
     grids = []
     for mesh in every:
         check_texels(mesh, texels)
-        layout = lay_out(mesh)
         places = {"centres": texels.centres, "normals": texels.normals, "size": texels.texel_size}
 
         def compute(mesh: SolidMesh = mesh) -> dict[str, FloatArray]:
@@ -215,8 +214,7 @@ def texel_responses(
 
         inputs = {"mesh": mesh.digest, "texels": places, "material": material}
         found = result_store.fetch("curved-responses", inputs, compute)
-        top = FacetSurface.part_of(layout.elements.nodes, layout.top)
-        grids.append(GridResponse(mesh=mesh, top=top, influence=found["influence"]))
+        grids.append(GridResponse(mesh=mesh, top=find_top(mesh), influence=found["influence"]))
     return TexelResponses(texels=texels, material=material, grids=tuple(grids))
 
 
@@ -311,6 +309,13 @@ def check_meshes(meshes: SolidMesh | Sequence[SolidMesh]) -> tuple[SolidMesh, ..
 def build_solid(mesh: SolidMesh, material: Material) -> CoverSolid:
     """Build the solid of a mesh; the last three are kept with their factorisations."""
     return CoverSolid(mesh, material)
+
+
+@lru_cache(maxsize=3)
+def find_top(mesh: SolidMesh) -> FacetSurface:
+    """Return the top of a mesh with its displacement nodes; the last three are kept."""
+    layout = lay_out(mesh)
+    return FacetSurface.part_of(layout.elements.nodes, layout.top)
 
 
 @lru_cache(maxsize=3)

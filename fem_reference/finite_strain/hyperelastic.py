@@ -27,7 +27,7 @@ import scipy.sparse as sp
 from fem_reference.elements.taylor_hood import MixedElements, Pattern
 from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.loading_path import Units
-from fem_reference.materials import Energy, Invariant, Response, Scaled, create_finite_strain_energy, volume_ratio
+from fem_reference.materials import Energy, Invariant, Response, create_finite_strain_energy, volume_ratio
 from meshes import Cover
 from meshes.array_types import FloatArray
 
@@ -73,7 +73,7 @@ class Solid:
         materials = [layer.material for layer in cover.layers]
         return cls(
             elements=elements,
-            energies=[Scaled(energy=create_finite_strain_energy(m), factor=1 / units.stress) for m in materials],
+            energies=[create_finite_strain_energy(m, units.stress) for m in materials],
             bulk_compliance=np.array([units.stress / m.bulk_modulus for m in materials]),
             pattern=Pattern(elements),
             direct_bulk=np.array([min(direct * m.shear_modulus, m.bulk_modulus / 2) for m in materials]) / units.stress,

@@ -29,7 +29,7 @@ from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Box, Cover, FlatPunch
 from meshes.array_types import FloatArray, IntArray
-from meshes.indenters.punches import PolygonalPunch
+from meshes.indenters.shapes import PolygonalPunch
 from meshes.pose import Pose
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,9 +12,9 @@ import numpy as np
 from meshes.cover import Layer, SolidCover
 from meshes.material import Material
 from meshes.solids.shell import Shell
-from meshes.solids.solid_mesh import LIMITS, SolidMesh, check_quality
+from meshes.solids.solid_mesh import LIMITS, SolidMesh, check_quality, measure_thickness
 from meshes.solids.swept import SweptCover
-from meshes.solids.triangles import enclosed_volume
+from meshes.surfaces.triangles import enclosed_volume
 
 #: Volume of a regular tetrahedron over the cube of its edge [-].
 _REGULAR = 1 / (6 * np.sqrt(2))
@@ -80,6 +80,24 @@ def make_shell_cover(shell: Shell, material: Material, source: str, sizes: tuple
         given_thickness=shell.thickness,
         notes=shell.notes,
         base_triangles=shell.base,
+    )
+
+
+def take_meshes(
+    meshes: Sequence[SolidMesh], material: Material, source: str = "given meshes", notes: tuple[str, ...] = ()
+) -> SolidCover:
+    """Make a cover of given meshes, coarsest first.
+
+    Args:
+        meshes: One mesh, or two or three of the same shape.
+        material: Material of the cover.
+        source: What the cover is made from, in words.
+        notes: Sentences on what was repaired or assumed.
+    """
+    thickness = measure_thickness(meshes[-1])
+    layer = Layer(thickness=thickness, material=material)
+    return SolidCover(
+        layers=(layer,), source=source, make=lambda *_: tuple(meshes), given_thickness=thickness, notes=notes
     )
 
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
 
 from meshes.array_types import BoolArray, FloatArray, IntArray
-from meshes.solids.triangles import (
+from meshes.surfaces.triangles import (
     collapse_short_edges,
     describe,
     describe_borders,
     enclosed_volume,
     find_crossings,
+    list_border,
     merge_corners,
     nearest_points,
     normal_vectors,
@@ -98,7 +98,7 @@ class Shell:
         """Thickness of the offset, or volume over half of the whole area, which counts the sides too [m]."""
         if self.nominal is not None:
             return self.nominal
-        return 2 * enclosed_volume(self.surface) / measure_triangles(self.surface)
+        return 4 * enclosed_volume(self.surface) / float(np.linalg.norm(normal_vectors(self.surface), axis=1).sum())
 
 
 def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool) -> Shell:
@@ -119,11 +119,11 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
     points, faces = merge_corners(triangles)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     border = list_border(faces, name)
-    refuse_seams(points, faces, name)
+    refuse_seams(points, border, name)
     refuse_parts(points, faces, name)
-    assumed = _check_outward(points, faces, name) + describe_borders(points, border, name)
+    assumed = _check_outward(points, faces, name) + describe_borders(points, border[:, :2], name)
     points, faces = collapse_short_edges(points, faces, _OFFSET.short * thickness)
-    border = list_border(faces, name)
+    border = list_border(faces, name)[:, :2]
     normals = point_normals(points, faces)
     step = (-thickness if inward else thickness) * normals
     near = _list_neighbours(faces, len(points))
@@ -151,7 +151,10 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
             f"({describe(sharp)}) mm; round the edges there, take a smaller thickness, or give the surface of the base"
         )
     outer, inner = (points, moved) if inward else (moved, points)
-    notes = assumed + _describe_offset(distance, thickness)
+    notes = assumed
+    if distance <= 0.98 * thickness:
+        text = f"the surface bends more sharply than {1e3 * thickness:.3g} mm at some points: there the cover is"
+        notes += (f"{text} thinner, at least {1e3 * distance:.3g} mm",)
     if least:
         notes += (f"the offset surface folds at {100 * least:.2g} % of its area, where the mesher smooths it",)
     return Shell(
@@ -177,8 +180,8 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
     """
     outer_points, outer_faces = merge_corners(outer)
     base_points, base_faces = merge_corners(base)
-    border = list_border(outer_faces, "the outer surface")
-    edge = list_border(base_faces, "the base")
+    border = list_border(outer_faces, "the outer surface")[:, :2]
+    edge = list_border(base_faces, "the base")[:, :2]
     if not len(border):
         chosen = select_base(outer, base, distance=distance, is_closed=not len(edge))
         if chosen.any():
@@ -199,7 +202,7 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
     if agreement < 0:
         base_faces = base_faces[:, ::-1]
     into = base_points[base_faces]
-    strip = _zip(outer_points, border, base_points, list_border(base_faces[:, ::-1], "the base"))
+    strip = _zip(outer_points, border, base_points, list_border(base_faces[:, ::-1], "the base")[:, :2])
     _refuse_crossings((outer_points[outer_faces], into, strip), (_SHEETS, _OUTLINES))
     surface = np.concatenate([outer_points[outer_faces], into[:, ::-1], strip])
     if enclosed_volume(surface) < 0:  # the outer surface faced its base
@@ -248,43 +251,16 @@ def select_base(
     return np.asarray((np.linalg.norm(near - middle, axis=1) <= limit) & (cosine > _SIDES.aligned))
 
 
-def list_border(faces: IntArray, name: str) -> IntArray:
-    """List the directed edges that belong to one triangle only, shape (k, 2).
-
-    Raises:
-        ValueError: If more than two triangles share an edge, or two share it and face different ways.
-    """
-    edges = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
-    _, place, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    if (count > 2).any():  # noqa: PLR2004
-        raise ValueError(f"{name} has {int((count > 2).sum())} edges with more than two triangles; repair it")  # noqa: PLR2004
-    sign = np.where(edges[:, 0] < edges[:, 1], 1, -1)
-    wrong = int((np.abs(np.bincount(place.ravel(), sign)) > 1).sum())
-    if wrong:
-        raise ValueError(
-            f"{name} has {wrong} edges whose triangles face different ways; recompute its normals outwards"
-        )
-    return np.asarray(edges[count[place.ravel()] == 1])
-
-
 def point_normals(points: FloatArray, faces: IntArray) -> FloatArray:
     """Compute unit normals at points, averaged over their triangles by angle, shape (p, 3) [-]."""
     corner = points[faces]
     normal = unit_vectors(normal_vectors(corner))
     out = np.zeros_like(points)
     for k in range(3):
-        one, other = (
-            unit_vectors(corner[:, (k + 1) % 3] - corner[:, k]),
-            unit_vectors(corner[:, (k + 2) % 3] - corner[:, k]),
-        )
+        one, other = (unit_vectors(corner[:, (k + turn) % 3] - corner[:, k]) for turn in (1, 2))
         angle = np.arccos(np.clip(np.einsum("fc,fc->f", one, other), -1, 1))
         np.add.at(out, faces[:, k], angle[:, None] * normal)
     return unit_vectors(out)
-
-
-def measure_triangles(triangles: FloatArray) -> float:
-    """Compute the area of triangles [m2]."""
-    return float(np.linalg.norm(normal_vectors(triangles), axis=1).sum() / 2)
 
 
 def _check_outward(points: FloatArray, faces: IntArray, name: str) -> tuple[str, ...]:
@@ -349,20 +325,12 @@ def _smooth(step: FloatArray, near: list[list[int]], spots: set[int], *, rings: 
     return out
 
 
-def _describe_offset(distance: float, thickness: float) -> tuple[str, ...]:
-    if distance > 0.98 * thickness:
-        return ()
-    text = f"the surface bends more sharply than {1e3 * thickness:.3g} mm at some points: there the cover is thinner, "
-    return (f"{text}at least {1e3 * distance:.3g} mm",)
-
-
 def _list_neighbours(faces: IntArray, count: int) -> list[list[int]]:
-    near: dict[int, set[int]] = defaultdict(set)
-    for a, b, c in faces.tolist():
-        near[a] |= {b, c}
-        near[b] |= {a, c}
-        near[c] |= {a, b}
-    return [sorted(near[point]) for point in range(count)]
+    near: list[set[int]] = [set() for _ in range(count)]
+    for face in faces.tolist():
+        for point in face:
+            near[point] |= {*face} - {point}
+    return [sorted(each) for each in near]
 
 
 def _zip(outer: FloatArray, border: IntArray, base: FloatArray, edge: IntArray) -> FloatArray:

@@ -17,7 +17,7 @@ from meshes.array_types import FloatArray, IntArray
 from meshes.atomic_file import replace
 from meshes.bounded_file import FileLimitError, pack_npz, parse_json, read_bytes, unpack_npz
 from meshes.solids.facets import QUADRILATERAL, TRIANGLE, area_vectors, facet_shape, line_shape, line_slope
-from meshes.solids.triangles import label_parts
+from meshes.surfaces.triangles import label_parts
 
 #: Numbers of nodes of a hexahedron and of a tetrahedron [-].
 HEXAHEDRON, TETRAHEDRON = 27, 4

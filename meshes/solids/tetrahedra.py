@@ -20,7 +20,7 @@ import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
 from meshes.solids.solid_mesh import LIMITS, Quality, Setting, SolidMesh, check_quality, read_mesh, write_mesh
-from meshes.solids.triangles import (
+from meshes.surfaces.triangles import (
     check_closed,
     enclosed_volume,
     merge_corners,

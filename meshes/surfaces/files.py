@@ -18,9 +18,9 @@ import numpy as np
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.bounded_file import FileLimitError, read_bytes, unpack_npy
 from meshes.indenters.polygons import cross
-from meshes.indenters.punches import Prism
-from meshes.indenters.triangle_mesh import TriangleMesh
-from meshes.surfaces.underside import compute_volume, select_facing_down
+from meshes.indenters.shapes import Prism
+from meshes.indenters.triangle_mesh import TriangleMesh, select_facing_down
+from meshes.surfaces.triangles import enclosed_volume, list_border, list_edges
 
 #: Endings of the names of files with surfaces, and with tetrahedra.
 SURFACES, TETRAHEDRA = (".stl", ".obj", ".ply", ".npy", ".tet"), (".tet",)
@@ -82,11 +82,10 @@ def read_triangles(path: Path, unit: float) -> FloatArray:
         nodes, cells = read_tetrahedra(path, unit)
         return _drop_collapsed(path.name, nodes[list_boundary(orient_tetrahedra(nodes, cells))])
     content = _read(path)
-    points, faces = _read_grid(path.name, content) if kind == ".npy" else _read_mesh(path.name, content, kind[1:])
-    if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > LIMITS.surface_coordinate:
-        raise ValueError(f"{path.name} is damaged: a corner is not a number; export it again")
-    if len(faces) > LIMITS.triangles:
-        raise ValueError(f"{path.name} has {len(faces)} triangles; at most {LIMITS.triangles} are accepted")
+    if kind == ".npy":
+        points, faces = _read_grid(path.name, content)
+    else:
+        points, faces = _read_mesh(path.name, content, kind[1:], LIMITS.surface_coordinate)
     return _drop_collapsed(path.name, unit * points[faces])
 
 
@@ -149,17 +148,17 @@ def orient_tetrahedra(nodes: FloatArray, cells: IntArray) -> IntArray:
     return np.asarray(out)
 
 
-def _read(path: Path) -> bytes:
+def _read(path: Path, *, most: int = LIMITS.surface_bytes, what: str = "a surface") -> bytes:
     try:
-        return read_bytes(path, most=LIMITS.surface_bytes)
+        return read_bytes(path, most=most)
     except FileLimitError as error:
-        raise ValueError(f"{path} {error}") from None
+        raise ValueError(f"{path} {error}; give the path of {what}, exported more coarsely if it is large") from None
     except OSError as error:
-        raise ValueError(f"{path}: {error.strerror}; give the path of a surface") from None
+        raise ValueError(f"{path}: {error.strerror}; give the path of {what}") from None
 
 
-def _read_mesh(name: str, content: bytes, kind: str) -> tuple[FloatArray, IntArray]:
-    """Read points and triangles by trimesh."""
+def _read_mesh(name: str, content: bytes, kind: str, largest: float) -> tuple[FloatArray, IntArray]:
+    """Read points and triangles by trimesh; a coordinate above the largest means damage."""
     import trimesh
 
     log = logging.getLogger("trimesh")
@@ -170,15 +169,27 @@ def _read_mesh(name: str, content: bytes, kind: str) -> tuple[FloatArray, IntArr
                 io.BytesIO(content), file_type=kind, process=False, force="mesh", skip_materials=True
             )
             points, faces = np.asarray(found.vertices, dtype=np.float64), np.asarray(found.faces, dtype=np.int64)
-        if points.ndim != 2 or faces.ndim != 2 or not len(faces) or faces.max() >= len(points):  # noqa: PLR2004
-            raise ValueError("no triangles")  # noqa: TRY301 -- reported below like every other fault of the content
+        whole = points.ndim == 2 == faces.ndim and len(faces) and 0 <= faces.min() <= faces.max() < len(points)  # noqa: PLR2004
     except ModuleNotFoundError:
         raise
     except Exception:  # noqa: BLE001 -- a reader of arbitrary bytes raises errors of many types
-        raise ValueError(f"{name} is not a whole {kind.upper()} file with triangles; export it again") from None
+        whole = False
     finally:
         log.disabled = False
+    if not whole:
+        raise ValueError(f"{name} is not a whole {kind.upper()} file with triangles; export it again")
+    _check_points(name, points, len(faces), largest)
     return points, faces
+
+
+def _check_points(name: str, points: FloatArray, count: int, largest: float) -> None:
+    """Refuse coordinates that are no numbers or above the largest, and too many triangles."""
+    if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > largest:
+        raise ValueError(f"{name} is damaged: a corner is not a number; export it again")
+    if count > LIMITS.triangles:
+        raise ValueError(
+            f"{name} has {count} triangles, more than the {LIMITS.triangles} that are accepted; export it more coarsely"
+        )
 
 
 def _read_grid(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
@@ -196,6 +207,7 @@ def _read_grid(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
     index = np.arange(present.size).reshape(present.shape)
     square = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
     square = square[present.ravel()[square].all(axis=1)]
+    _check_points(name, points, 2 * len(square), LIMITS.surface_coordinate)
     return points.reshape(-1, 3), np.concatenate([square[:, [0, 1, 2]], square[:, [0, 2, 3]]])
 
 
@@ -234,8 +246,14 @@ def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] 
     source = Path(path)
     if not (np.isfinite(unit) and unit > 0):
         raise ValueError(f"the unit of {source.name} must be a positive length, not {unit} m")
-    points, faces = _merge_points(source.name, *_parse(source.name, _read_bytes(source)))
-    _check_closed(source.name, faces)
+    content = _read(source, most=LIMITS.stl_bytes, what="an STL file")
+    points, faces = _read_mesh(source.name, content, "stl", LIMITS.stl_coordinate)
+    points, index = np.unique(points, axis=0, return_inverse=True)
+    faces = index.reshape(-1)[faces]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    if not len(faces):
+        raise ValueError(f"{source.name} holds no triangles; export a solid")
+    list_border(faces, source.name, closed=True)
     corners = points[faces] * unit
     size = float(np.ptp(corners, axis=(0, 1)).max())
     low_mm, high_mm = 1e3 * LIMITS.sizes[0], 1e3 * LIMITS.sizes[1]
@@ -244,7 +262,7 @@ def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] 
             f"{source.name} would be {1e3 * size:.3g} mm long, no size for an indenter "
             f"({low_mm:g}..{high_mm:g} mm); give the unit of the file, for example unit=mm or unit=inch"
         )
-    volume = compute_volume(corners)
+    volume = enclosed_volume(corners)
     if abs(volume) <= LIMITS.zero**2 * size**3:
         raise ValueError(f"{source.name} holds no volume: it is a sheet, not a body; export a solid")
     if volume < 0:  # all triangles face inwards, as in a mirrored body: reverse the order of their corners
@@ -256,129 +274,6 @@ def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] 
         return _convert_to_prism(TriangleMesh(triangles=corners), size)
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
-
-
-def _read_bytes(source: Path) -> bytes:
-    """Read the content of an STL file, if its size is at most `LIMITS.stl_bytes`.
-
-    Raises:
-        ValueError: If the path cannot be read or is not a file, or the file is too large.
-    """
-    try:
-        size = source.stat().st_size
-        if not source.is_file():
-            raise ValueError(f"{source} is not a file; give the path of an STL file")
-        if size > LIMITS.stl_bytes:
-            raise _too_many_triangles(source.name, f"{size / 1e6:.0f} MB")
-        return read_bytes(source, most=LIMITS.stl_bytes)
-    except OSError as error:
-        raise ValueError(f"{source}: {error.strerror}; give the path of an STL file") from None
-
-
-def _parse(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
-    """Parse the content of an STL file.
-
-    Args:
-        name: Name of the file in error messages.
-        content: The file's bytes.
-
-    Returns:
-        Coordinates of n points in the file's unit, shape (n, 3); indices of the three points of each of m triangles,
-        shape (m, 3).
-
-    Raises:
-        ValueError: If the content is not a whole STL file, or has too many triangles.
-    """
-    from trimesh.exchange.stl import load_stl
-
-    log = logging.getLogger("trimesh.util")
-    log.disabled = True  # trimesh prints tracebacks for damaged files
-    try:
-        with np.errstate(all="ignore"):
-            loaded = load_stl(io.BytesIO(content))
-            points = np.array(loaded["vertices"], dtype=np.float64).reshape(-1, 3)
-            faces = np.array(loaded["faces"], dtype=np.int64).reshape(-1, 3)
-        if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
-            raise ValueError("no triangles")  # noqa: TRY301 -- reported below like every other fault of the content
-    except Exception:  # noqa: BLE001 -- a reader of arbitrary bytes raises errors of many types
-        raise ValueError(f"{name} is not a whole STL file; export it again, as binary or ASCII STL") from None
-    finally:
-        log.disabled = False
-    if len(faces) > LIMITS.triangles:
-        raise _too_many_triangles(name, f"{len(faces)} triangles")
-    return points, faces
-
-
-def _merge_points(name: str, points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """Merge equal points, and remove the triangles of which two corners coincide.
-
-    Args:
-        name: Name of the file in error messages.
-        points: Coordinates of the points, shape (n, 3).
-        faces: Indices of the three points of each triangle, shape (m, 3).
-
-    Returns:
-        The points without duplicates, and the remaining triangles as indices of these points.
-
-    Raises:
-        ValueError: If a coordinate is not a number or too large, or no triangle is left.
-    """
-    if not np.isfinite(points).all() or np.abs(points).max() > LIMITS.stl_coordinate:
-        raise ValueError(f"{name} is damaged: a corner is not a number; export it again")
-    points, index = np.unique(points, axis=0, return_inverse=True)
-    faces = index.reshape(-1)[faces]
-    a, b, c = faces.T
-    faces = faces[(a != b) & (b != c) & (c != a)]
-    if not len(faces):
-        raise ValueError(f"{name} holds no triangles; export a solid")
-    return points, faces
-
-
-def _too_many_triangles(name: str, found: str) -> ValueError:
-    return ValueError(
-        f"{name} has {found}, more than the {LIMITS.triangles} triangles that are accepted; export it more coarsely"
-    )
-
-
-def _check_closed(name: str, faces: IntArray) -> None:
-    """Check that a surface is closed and oriented: two triangles share every edge, and run along it in opposite ways.
-
-    Args:
-        name: Name of the file in error messages.
-        faces: Indices of the three points of each triangle, shape (m, 3).
-
-    Raises:
-        ValueError: If an edge belongs to one triangle or to more than two, or its two triangles have opposite
-            orientations.
-    """
-    directed, edge, count = _list_edges(faces)
-    alone, crowded = int((count == 1).sum()), int((count > 2).sum())  # noqa: PLR2004 -- two triangles meet in an edge
-    if alone or crowded:
-        found = f"{alone} open edges" if alone else f"{crowded} edges in which more than two triangles meet"
-        raise ValueError(
-            f"{name} is not closed: it has {found}; close the surface in the program that made it, or repair the file "
-            "(Blender: 3D Print Toolbox, Make Manifold; MeshLab: Close Holes)"
-        )
-    direction = np.where(directed[:, 0] < directed[:, 1], 1, -1)
-    wrong = int(np.count_nonzero(np.bincount(edge, direction)))
-    if wrong:
-        raise ValueError(
-            f"{name} has {wrong} edges whose two triangles face different ways; let the program that made it recompute "
-            "the normals outwards (Blender: Recalculate Outside), and export again"
-        )
-
-
-def _list_edges(faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """List the edges of n triangles, given as indices of their points, shape (n, 3).
-
-    Returns:
-        Indices of the first and last point of the three edges of each triangle, shape (3 n, 2); for each of these
-        directed edges, the index of the undirected edge, shape (3 n,); and the number of triangles that share each of
-        the m undirected edges, shape (m,).
-    """
-    directed = np.concatenate([faces[:, [k, (k + 1) % 3]] for k in range(3)])
-    _, edge, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
-    return directed, edge.reshape(-1), count
 
 
 def _convert_to_prism(body: TriangleMesh, size: float) -> Prism | TriangleMesh:
@@ -413,9 +308,9 @@ def _trace_outlines(face: FloatArray) -> list[list[list[float]]]:
         Corners (x, y) of each outline; the outline with most corners comes first [m].
     """
     points, index = np.unique(face.reshape(-1, 2), axis=0, return_inverse=True)
-    directed, edge, count = _list_edges(index.reshape(-1, 3))
+    edges, place, count = list_edges(index.reshape(-1, 3))
     following: dict[int, list[int]] = {}
-    for start, end in directed[count[edge] == 1].tolist():
+    for start, end in edges[count[place] == 1, :2].tolist():
         following.setdefault(start, []).append(end)
     outlines = []
     while following:
@@ -431,7 +326,10 @@ def _trace_outlines(face: FloatArray) -> list[list[list[float]]]:
             # The chain is the list of points followed so far.  If the next point is already in the chain, the points
             # from its first occurrence on form a closed outline.  They are removed, and the chain continues from there.
             if (first := places.get(after)) is not None:
-                outlines.append(_remove_straight_corners(points[chain[first:]]))
+                outline = points[chain[first:]]
+                before, behind = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
+                straight = LIMITS.zero * np.hypot(*before.T) * np.hypot(*behind.T)
+                outlines.append(outline[np.abs(cross(before, behind)) > straight])
                 kept = first + 1 if first else 0
                 for point in chain[kept:]:
                     del places[point]
@@ -440,10 +338,3 @@ def _trace_outlines(face: FloatArray) -> list[list[list[float]]]:
                 places[after] = len(chain)
                 chain.append(after)
     return [each.tolist() for each in sorted(outlines, key=len, reverse=True) if len(each) > 2]  # noqa: PLR2004
-
-
-def _remove_straight_corners(outline: FloatArray) -> FloatArray:
-    """Return the corners of an outline, shape (n, 2), without those on a straight line between their neighbours."""
-    before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
-    straight = np.abs(cross(before, after)) <= LIMITS.zero * np.hypot(*before.T) * np.hypot(*after.T)
-    return np.asarray(outline[~straight])

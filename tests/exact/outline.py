@@ -17,7 +17,7 @@ import numpy as np
 from fem_reference.closed_form.influence import Excess, tabulate_excess
 from meshes import Box, Cover, Indenter
 from meshes.array_types import FloatArray
-from meshes.indenters.punches import PolygonalPunch
+from meshes.indenters.shapes import PolygonalPunch
 from tests.exact.active_set import solve_active_set
 from tests.exact.boundary import PressedCells, collect_rectangles, measure_areas, place_gauss_points
 

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from fastmodel.check import sample_top
+from fastmodel.contact.bodies import sample_boxes
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def geoms():
 
 def test_points_are_the_centres_of_equal_parts_of_the_top(geoms):
     model, data, ids = geoms(2)
-    points, normals = sample_top(model, data, ids, inset=0.2e-3, spacing=0.9e-3)
+    points, normals = sample_boxes(model, data, ids, inset=0.2e-3, spacing=0.9e-3)
     turn = data.geom_xmat[0].reshape(3, 3)
     np.testing.assert_allclose(normals, np.tile(turn[:, 2], (len(points), 1)), atol=1e-12)
     local = (points - data.geom_xpos[0]) @ turn
@@ -38,5 +38,5 @@ def test_points_are_the_centres_of_equal_parts_of_the_top(geoms):
 @pytest.mark.parametrize(("count", "each"), [(250, 8), (251, 1), (1, 40 * 40)])
 def test_one_point_stands_for_each_of_many_geoms_above_two_thousand_points(geoms, count, each):
     spacing = 0.9e-3 if count > 1 else 1e-6
-    points, _ = sample_top(*geoms(count), inset=0.2e-3, spacing=spacing)
+    points, _ = sample_boxes(*geoms(count), inset=0.2e-3, spacing=spacing)
     assert len(points) == count * each

@@ -6,7 +6,7 @@ import pytest
 import trimesh
 
 from meshes.indenters.polygons import make_hexagon
-from meshes.indenters.punches import match_hexagon
+from meshes.indenters.shapes import match_hexagon
 
 _HALF_H = [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)]
 #: Corners of the letter [m].

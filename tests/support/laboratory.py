@@ -7,9 +7,7 @@ import numpy as np
 
 from meshes import Box, TexelArray
 from meshes.array_types import FloatArray
-from validation.calibration.contact import ContactMethod
-from validation.calibration.counts import CountCurve
-from validation.calibration.observations import Observations, Placement, Pose
+from validation.calibration.model import ContactMethod, CountCurve, Observations, Placement, Pose
 from validation.recordings.importing import save
 from validation.recordings.recording import Recording, Setup, make_array
 

@@ -5,8 +5,7 @@ import numpy as np
 
 import fastmodel
 from fastmodel.pressure.cell_grid import CellGrid
-from fastmodel.pressure.gap import describe_solid
-from fastmodel.pressure.gap_sampling import BodyShape, PosedBody
+from fastmodel.pressure.gap import BodyShape, PosedBody, describe_solid
 from meshes.catalogue import ARRAYS
 
 GRID = CellGrid.over(ARRAYS["wts-0614-34"], 4, 1)
@@ -21,7 +20,7 @@ def pose_body(indenter, at=(0.7e-3, -1.1e-3), yaw=0.0, edge=0.0):
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return PosedBody(
-        shape=BodyShape(solids=tuple(describe_solid(model, geom, edge) for geom in range(model.ngeom)), edge=edge),
+        shape=BodyShape.of([describe_solid(model, geom, edge) for geom in range(model.ngeom)], edge),
         rotation=data.geom_xmat.reshape(-1, 3, 3).copy(),
         position=data.geom_xpos.copy(),
     )

@@ -6,9 +6,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from validation.weiss.continuity import Gap
-from validation.weiss.serve import PseudoTerminal, serve
-from validation.weiss.virtual import VirtualSensor, show_pattern
+from validation.weiss.stream import Gap
+from validation.weiss.virtual import FAULTS, PseudoTerminal, VirtualSensor, serve, show_pattern
 
 #: A device leaves out frames that wait for 0.2 s.  On a busy machine tests would lose some by chance: let 1 MiB wait.
 _BACKLOG_BYTES = 2**20
@@ -79,3 +78,8 @@ def take(sensor, frames, **options):
 def is_ramp(counts):
     """Whether texels differ by 40 counts from one to the next, modulo 4096, as in the pattern `ramp`."""
     return bool((np.diff(np.asarray(counts).astype(int)) % 4096 == 40).all())
+
+
+def hit(fault, message, random):
+    """A message as it arrives after a fault of the line."""
+    return FAULTS[fault](message, random.randrange(len(message)), random) if message else message

@@ -29,7 +29,7 @@ def plug_in(monkeypatch):
     from tests.support.virtual_port import VirtualPort
 
     # closing a port waits for its reader: let that take a moment only
-    monkeypatch.setattr("validation.weiss.link._READ_TIMEOUT", 0.01)
+    monkeypatch.setattr("validation.weiss.sensor._READ_TIMEOUT", 0.01)
     ports = []
 
     def start(source=None, **options):

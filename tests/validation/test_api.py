@@ -12,7 +12,7 @@ import pytest
 import fastmodel
 import validation
 from tests.support.laboratory import ARRAY, STAMP_TEXT, draw_gains, make_curve, press, uniform_method, write
-from validation.calibration.observations import Pose
+from validation.calibration.model import Pose
 from validation.cli.entry import _COMMANDS
 from validation.errors import InputError
 from validation.sensor_file import SensorDescription
@@ -86,7 +86,7 @@ def test_a_recording_is_replayed_and_recordings_calibrate(tmp_path, monkeypatch)
         f"[array]\nrows = {ARRAY.rows}\ncolumns = {ARRAY.columns}\npitch = '5 mm'\n[[cover.layer]]\n"
         "thickness = '2 mm'\nmaterial = 'dragon-skin-30'\n[electronics]\nrate = '271 Hz'\nsensitivity = '1 1/N'\n"
     )
-    monkeypatch.setattr("validation.calibration.recordings.choose_method", lambda *_: uniform_method())
+    monkeypatch.setattr("validation.calibration.calibrate.choose_method", lambda *_: uniform_method())
     out, picture = tmp_path / "new.toml", tmp_path / "left-out.png"
     found = validation.calibrate(paths, tmp_path / "own.toml", at="1mm,-2mm", out=out, picture=picture)
     assert found.estimates["sensitivity"].value == pytest.approx(917 * curve.gains[found.texels].mean(), rel=0.02)

@@ -8,10 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from fem_reference import press
 from fem_reference.closed_form.cylinder import CylinderLayer
-from fem_reference.curved_cover import press_curved, texel_responses
+from fem_reference.curved_cover import texel_responses
 from meshes import Box, Cover, Layer, Material, Sphere, TexelArray
 from meshes.pose import Pose
 from meshes.solids import flat_pad, sweep
+from meshes.solids.covers import take_meshes
 from meshes.solids.swept import cylinder_surface
 from tests.exact.spots import SpotLoad, touch_cylinder
 
@@ -44,11 +45,13 @@ def test_estimates_of_point_forces_on_a_cylinder_bound_the_error(shift):
 @pytest.mark.parametrize("at", [(0.5e-3, 0.33e-3), (1.3e-3, -0.9e-3)])
 def test_estimates_of_presses_bound_the_difference_from_the_planar_solution(indenter, load, at):
     cover = flat_pad(size=(14e-3, 14e-3), rows=3)
-    ours = press_curved(cover.meshes(), cover.texels, RUBBER, indenter, Pose.facing([*at, 5e-3], [0, 0, -1]), load=load)
+    ours = press(
+        take_meshes(cover.meshes(), RUBBER), cover.texels, indenter, Pose.facing([*at, 5e-3], [0, 0, -1]), load=load
+    )
     planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=(14e-3, 14e-3))
     known = press(planar, cover.texels, indenter, load=load, pose=Pose.planar(at=at))
     difference = np.abs(ours.texel_forces - known.texel_forces).max() / known.texel_forces.max()
-    assert difference < ours.error_estimate["texel_forces"] < 0.15
+    assert difference < ours.error_estimate["peak_texel"] < 0.15
     misplaced = np.abs(ours.texel_forces - known.texel_forces).sum() / (2 * load)
     assert misplaced < ours.error_estimate["misplaced_force"] < 0.04
     assert abs(ours.depth / known.depth - 1) < ours.error_estimate["depth"] < 0.15
@@ -60,8 +63,8 @@ def test_estimates_of_presses_bound_the_difference_from_the_planar_solution(inde
 def test_a_tilted_box_presses_as_on_the_planar_solution(size, tilt, at):
     cover, load, tilt = flat_pad(size=(14e-3, 14e-3), rows=3), 0.2, np.radians(tilt)
     box = Box(size=(size, 3e-3, 6e-3))
-    pose = Pose.from_rotation(np.array([*at, 5e-3]), Rotation.from_rotvec([0, tilt, 0]).as_matrix())
-    ours = press_curved(cover.meshes(), cover.texels, RUBBER, box, pose, load=load, direction=[0, 0, -1])
+    pose = Pose.from_rotation(np.array([*at, 5e-3]), Rotation.from_rotvec([0, tilt, 0]).as_matrix(), (0, 0, -1))
+    ours = press(take_meshes(cover.meshes(), RUBBER), cover.texels, box, pose, load=load)
     planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=(14e-3, 14e-3))
     known = press(planar, cover.texels, box, load=load, pose=Pose.planar(at=at, tilt=(0.0, tilt)))
     misplaced = np.abs(ours.texel_forces - known.texel_forces).sum() / (2 * load)

@@ -13,21 +13,23 @@ from meshes.solids import phalanx, write_mesh
 PROGRAM = """
 import hashlib, sys
 from pathlib import Path
-from fem_reference.curved_cover import press_curved, press_curved_finite, texel_responses
+from fem_reference import press
+from fem_reference.curved_cover import texel_responses
 from meshes import Material, Sphere
 from meshes.solids import phalanx, read_mesh
 from meshes.pose import Pose
+from meshes.solids.covers import take_meshes
 
 meshes = [read_mesh(Path(name)) for name in sys.argv[2:]]
 rubber = Material(name="neo", model="neo-hookean", parameters={"shear_modulus": 3e5}, poisson_ratio=0.49)
 cover, ball = phalanx(length=10e-3, rows=3, columns=3), Sphere(radius=4e-3)
 pose = Pose.facing([1e-3, 0.4e-3, 12e-3], [-0.2, 0, -1])
-solve = press_curved_finite if sys.argv[1] == "finite" else press_curved
-found = solve(meshes, cover.texels, rubber, ball, pose, load=1.0)
+found = press(take_meshes(meshes, rubber), cover.texels, ball, pose, load=1.0, strain=sys.argv[1])
 arrays = (
     texel_responses(meshes, cover.texels, rubber).matrix, found.texel_forces, found.contact_forces, found.displacement
 )
-print(hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest(), found.depth.hex(), found.load.hex())
+digest = hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
+print(digest, found.depth.hex(), found.total_force.hex())
 """
 
 

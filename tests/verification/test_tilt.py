@@ -7,13 +7,14 @@ import pytest
 
 from fem_reference import press
 from meshes import Box, Cylinder, Pose, Sphere
+from tests.support.indentations import column_contact
 from tests.support.rubber import make_cover
 
 BOX = Box(size=(6e-3, 4e-3, 5e-3))
 
 
 def find_moment(found):
-    return found.contact[:, 2] @ found.contact[:, :2]
+    return column_contact(found)[:, 2] @ column_contact(found)[:, :2]
 
 
 @pytest.mark.parametrize("degrees", [0.5, 1.0])

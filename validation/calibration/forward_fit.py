@@ -19,10 +19,7 @@ from scipy.optimize import least_squares
 
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
-from validation.calibration.contact import ContactMethod
-from validation.calibration.counts import CountCurve
-from validation.calibration.loading import CREEP_START
-from validation.calibration.observations import Observations, Placement, Pose
+from validation.calibration.model import CREEP_START, ContactMethod, CountCurve, Observations, Placement, Pose
 from validation.metrics import centre_of_pressure
 
 IntArray = npt.NDArray[np.intp]
@@ -105,9 +102,7 @@ class Options:
         temperature: Whether temperature coefficients are fitted; None to decide by the range of temperatures.
         creep: Creep coefficient; None for the median of those measured in the recordings [-].
         output_max: Largest count after subtraction of the threshold; inf for no saturation; None to fit it [-].
-        saturation_band: Width of the bend below it; None to fit it [-].
         load_power: Power of the load with which the weight of an image rises [-].
-        placing: Whether only poses and the level of the sensitivity are fitted.
     """
 
     gains: bool = True
@@ -115,9 +110,7 @@ class Options:
     temperature: bool | None = None
     creep: float | None = None
     output_max: float | None = float("inf")
-    saturation_band: float | None = None
     load_power: float = 1.0
-    placing: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,35 +164,9 @@ class Layout:
     fixed: CountCurve
 
     @cached_property
-    def start(self) -> FloatArray:
-        """Initial values inside the bounds, shape (p,)."""
-        inset = 1e-9 * self.scale
-        return np.clip(self._list("start"), self.lower + inset, self.upper - inset)
-
-    @cached_property
-    def scale(self) -> FloatArray:
-        """Typical magnitudes, shape (p,)."""
-        return self._list("scale")
-
-    @cached_property
-    def lower(self) -> FloatArray:
-        """Lower bounds, shape (p,)."""
-        return self._list("lower")
-
-    @cached_property
-    def upper(self) -> FloatArray:
-        """Upper bounds, shape (p,)."""
-        return self._list("upper")
-
-    @cached_property
-    def centre(self) -> FloatArray:
-        """Means of the priors, shape (p,)."""
-        return self._list("mean")
-
-    @cached_property
     def prior(self) -> FloatArray:
         """Inverse variances of the priors, shape (p,); zero without a prior."""
-        return np.array([each.spread**-2 for each in self.unknowns])
+        return self.list("spread") ** -2
 
     @cached_property
     def gains(self) -> IntArray:
@@ -216,7 +183,8 @@ class Layout:
         """Texel of each seating height."""
         return np.array([each.texel for each in self.unknowns if each.texel >= 0 and not each.is_gain], dtype=np.intp)
 
-    def _list(self, name: str) -> FloatArray:
+    def list(self, name: str) -> FloatArray:
+        """Return an attribute of every parameter, such as its bound `lower`, shape (p,)."""
         return np.array([getattr(each, name) for each in self.unknowns], dtype=np.float64)
 
     def poses(self, vector: FloatArray) -> dict[str, Pose]:
@@ -257,84 +225,72 @@ def lay_out(
         options: What to fit, and what is given.
         array: The texels.
         guesses: Guessed pose of each placement.
-        curve: A curve to start from; None to guess a straight line.
+        curve: A curve whose level alone is fitted, beside the poses; None to fit a curve that starts as a line.
     """
     fixed = curve or _guess_curve(observations, options, array)
     unknowns = [each for placement, pose in guesses.items() for each in _list_pose(placement, pose, array)]
-    if options.placing:
+    if curve is not None:
         level = float(np.log(fixed.sensitivity))
         unknowns.append(Unknown(name="ln_sensitivity", start=level, scale=0.3, mean=level, spread=NUMBERS.level_spread))
     else:
         unknowns += _list_curve(fixed, observations, options)
         lit = np.flatnonzero((observations.measured & (observations.counts > 0)).any(axis=0)).tolist()
-        if options.heights:
-            spread = NUMBERS.height_spread * float(observations.loads.mean())
-            starts = fixed.heights.tolist()
-            unknowns += [
-                Unknown(name=f"height{texel}", start=starts[texel], scale=spread, spread=spread, texel=texel)
-                for texel in lit
-            ]
-        if options.gains:
-            starts = np.log(fixed.gains).tolist()
-            spread = NUMBERS.gain_spread
-            unknowns += [
-                Unknown(name=f"gain{texel}", start=starts[texel], scale=1.0, spread=spread, texel=texel, is_gain=True)
-                for texel in lit
-            ]
+        high, spread = NUMBERS.height_spread * float(observations.loads.mean()), NUMBERS.gain_spread
+        heights, gains = (lit if wanted else [] for wanted in (options.heights, options.gains))
+        unknowns += [Unknown(name=f"height{k}", start=0.0, scale=high, spread=high, texel=k) for k in heights]
+        unknowns += [
+            Unknown(name=f"gain{k}", start=0.0, scale=1.0, spread=spread, texel=k, is_gain=True) for k in gains
+        ]
     poses = {placement.name: pose for placement, pose in guesses.items()}
     return Layout(unknowns=tuple(unknowns), guesses=poses, fixed=fixed)
 
 
 def _list_pose(placement: Placement, pose: Pose, array: TexelArray) -> list[Unknown]:
     """List the parts of a pose that are fitted; a position may leave the texels by no more than a pitch."""
-    name, numbers = placement.name, NUMBERS
-    values = dict(zip(("x", "y", "yaw", "tilt x", "tilt y"), pose.vector.tolist(), strict=True))
-    unknowns = []
-    if placement.at is None:
-        for part, key in enumerate(("x", "y")):
-            pitch = array.pitch[part]
-            limit = float(np.abs(array.centres[:, part]).max() + pitch)
-            unknowns.append(
-                Unknown(
-                    name=f"{name} {key}", start=values[key], scale=pitch, lower=-limit, upper=limit,
-                    placement=name, part=part,
-                )
-            )  # fmt: skip
-    turns = [("yaw", 2, 0.1, numbers.largest_yaw, numbers.yaw_spread)]
-    if placement.yaw is not None or placement.indenter.axisymmetric:
-        turns = []
-    if placement.tilt is None:
-        turns += [
-            (key, part, 0.01, numbers.largest_tilt, numbers.tilt_spread) for part, key in ((3, "tilt x"), (4, "tilt y"))
-        ]
-    return unknowns + [
+    limits = [float(np.abs(array.centres[:, part]).max() + array.pitch[part]) for part in (0, 1)]
+    #: Name, scale, largest value and spread of each part.
+    parts = [
+        ("x", array.pitch[0], limits[0], np.inf),
+        ("y", array.pitch[1], limits[1], np.inf),
+        ("yaw", 0.1, NUMBERS.largest_yaw, NUMBERS.yaw_spread),
+        ("tilt x", 0.01, NUMBERS.largest_tilt, NUMBERS.tilt_spread),
+        ("tilt y", 0.01, NUMBERS.largest_tilt, NUMBERS.tilt_spread),
+    ]
+    turned = placement.yaw is None and not placement.indenter.axisymmetric
+    fitted = [placement.at is None] * 2 + [turned] + [placement.tilt is None] * 2
+    return [
         Unknown(
-            name=f"{name} {key}", start=values[key], scale=scale, lower=-limit, upper=limit, spread=spread,
-            placement=name, part=part,
+            name=f"{placement.name} {key}",
+            start=pose.vector[part],
+            scale=scale,
+            lower=-limit,
+            upper=limit,
+            spread=spread,
+            placement=placement.name,
+            part=part,
         )
-        for key, part, scale, limit, spread in turns
-    ]  # fmt: skip
+        for part, (key, scale, limit, spread) in enumerate(parts)
+        if fitted[part]
+    ]
 
 
 def _list_curve(fixed: CountCurve, observations: Observations, options: Options) -> list[Unknown]:
-    """List the parameters that all texels share."""
+    """List the parameters that all texels share, for a curve that starts as a line."""
     texel_force = float(observations.loads.mean()) / max(1, int((observations.counts > 0).sum(axis=1).max()))
     unknowns = [
         Unknown(name="ln_sensitivity", start=float(np.log(fixed.sensitivity)), scale=0.3),
-        Unknown(name="dead_force", start=fixed.dead_force, scale=0.3 * texel_force),
+        Unknown(name="dead_force", start=0.0, scale=0.3 * texel_force),
     ]
     if options.temperature:
         gain, dead = NUMBERS.gain_temperature_spread, NUMBERS.dead_temperature_spread * texel_force
-        unknowns += [
-            Unknown(name="gain_temperature", start=fixed.gain_temperature, scale=0.01, spread=gain),
-            Unknown(name="dead_temperature", start=fixed.dead_temperature, scale=0.1 * dead, spread=dead),
-        ]
+        unknowns.append(Unknown(name="gain_temperature", start=0.0, scale=0.01, spread=gain))
+        unknowns.append(Unknown(name="dead_temperature", start=0.0, scale=0.1 * dead, spread=dead))
     if options.output_max is None:
         top = float(observations.counts.max())
         unknowns.append(
             Unknown(name="output_max", start=fixed.output_max, scale=0.1 * top, lower=0.9 * top, upper=1e3 * top)
         )
-    if options.saturation_band is None and np.isfinite(fixed.output_max):
+    if np.isfinite(fixed.output_max):
         share = fixed.saturation_band / fixed.output_max
         start, spread = float(np.log(share / (1 - share))), NUMBERS.band_spread
         unknowns.append(
@@ -351,9 +307,7 @@ def _guess_curve(observations: Observations, options: Options, array: TexelArray
     slope = float(np.median(totals[lit] / np.maximum(observations.loads[lit], 1e-9)))
     warm, ages = observations.temperatures, observations.ages
     largest = options.output_max if options.output_max is not None else 1.05 * float(counts.max())
-    band = options.saturation_band
-    if band is None:
-        band = largest / (1 + np.exp(-NUMBERS.band)) if np.isfinite(largest) else 0.0
+    band = largest / (1 + np.exp(-NUMBERS.band)) if np.isfinite(largest) else 0.0
     return CountCurve(
         sensitivity=max(slope, 1e-9),
         dead_force=0.0,
@@ -505,7 +459,7 @@ def fit_forward(
         method: The contact method.
         observations: The images.
         options: What to fit, and what is given.
-        start: An earlier fit from which the poses and the curve start; with `options.placing` its gains are kept.
+        start: An earlier fit, from which the poses start, and whose curve is kept but for its level.
 
     Raises:
         ValueError: If there are no images, or their counts do not rise under load; the message names the recordings.
@@ -515,19 +469,21 @@ def fit_forward(
         more = [f"and {len(names) - most} more"] if len(names) > most else []
         named = ", ".join([*names[:most], *more]) or "the recordings to fit"
         raise ValueError(f"{named}: show no load: on average the counts do not rise under it")
-    if not options.placing and options.temperature is None:
+    if start is None and options.temperature is None:
         options = replace(options, temperature=not describe_confounding(observations))
-    if not options.placing and options.creep is None:
+    if start is None and options.creep is None:
         known = observations.creep[np.isfinite(observations.creep)]
         options = replace(options, creep=float(np.median(known)) if known.size else 0.0)
     problem = _Problem(method, observations, options, start)
     layout, lit = problem.layout, observations.measured
     loads = observations.loads / max(float(observations.loads.max()), 1e-9)
     emphasis = np.maximum(loads, NUMBERS.least_emphasis) ** options.load_power
-    problem.scale, problem.weights, vector = NUMBERS.first_scale, emphasis, layout.start
+    lower, upper, scales = (layout.list(name) for name in ("lower", "upper", "scale"))
+    vector = np.clip(layout.list("start"), lower + 1e-9 * scales, upper - 1e-9 * scales)
+    problem.scale, problem.weights = NUMBERS.first_scale, emphasis
     for _ in range(NUMBERS.rounds):
         vector = least_squares(
-            problem.residuals, vector, jac=problem.jacobian, bounds=(layout.lower, layout.upper), x_scale=layout.scale,
+            problem.residuals, vector, jac=problem.jacobian, bounds=(lower, upper), x_scale=scales,
             ftol=NUMBERS.tolerance, xtol=NUMBERS.tolerance, max_nfev=NUMBERS.most_steps,
         ).x  # fmt: skip
         misfit = problem.misfit(vector)
@@ -579,10 +535,9 @@ def fit_placements(fit: ForwardFit, observations: Observations) -> ForwardFit:
         fit: The fitted forward model.
         observations: Images of placements that were not fitted, or are to be fitted anew.
     """
-    options = replace(fit.options, placing=True)
     poses, levels = dict(fit.poses), dict(fit.levels)
     for placement in observations.distinct_placements:
-        placed = fit_forward(fit.method, observations.select(observations.rows_of(placement)), options, start=fit)
+        placed = fit_forward(fit.method, observations.select(observations.rows_of(placement)), fit.options, start=fit)
         poses |= placed.poses
         levels[placement.name] = placed.curve.sensitivity / fit.curve.sensitivity
     return replace(fit, poses=poses, levels=levels)
@@ -638,7 +593,7 @@ class _Problem:
     def residuals(self, vector: FloatArray) -> FloatArray:
         """Weighted residuals over their scale, followed by those of the priors."""
         data = (self.misfit(vector) * self.weights[:, None] / self.scale)[self.observations.measured]
-        return np.concatenate([data, self._prior_rows @ (vector - self.layout.centre)])
+        return np.concatenate([data, self._prior_rows @ (vector - self.layout.list("mean"))])
 
     def jacobian(self, vector: FloatArray) -> FloatArray:
         """Derivatives of `residuals`."""

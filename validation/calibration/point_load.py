@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fastmodel import Electronics
-from validation.calibration.observations import Observations
+from validation.calibration.model import Observations
 from validation.calibration.uncertainty import Estimate, estimate_mean
 from validation.derivation.contact_range import compute_tip_share, linearise
 from validation.derivation.kernel import Influence

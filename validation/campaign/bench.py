@@ -22,7 +22,7 @@ from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.campaign.reference_press import find_stored_reference, press_reference
 from validation.campaign.results import MODELS, CaseResult, Reference, predict
-from validation.derivation.derive import Derivation
+from validation.derivation.layers import LayeredDerivation
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from validation.credibility.uncertainty import InputUncertainty
     from validation.credibility.verification import Check
     from validation.published.models import ComparisonModels
+    from validation.sensor_file import SensorDescription
 
 #: Load between the two groups of loads [N], and share of the load outside the array above which a case is at the edge.
 _HEAVY, _AT_EDGE = 2.0, 0.05
@@ -43,6 +44,8 @@ class Bench(ABC):
     models: ClassVar[Mapping[str, str]]
     #: Sections of the report that are not computed for this kind of cover, with the reason or the cost, as sentences.
     left_out: ClassVar[tuple[str, ...]] = ()
+    #: What readers of the report must know about this kind of cover, a paragraph by the name of the section.
+    notes: ClassVar[Mapping[str, str]] = {}
 
     @property
     @abstractmethod
@@ -100,6 +103,28 @@ class LayeredBench(Bench):
     """
 
     models = MODELS
+    notes: ClassVar[Mapping[str, str]] = {
+        "cases": ("Row 0 is at the bottom. The dashed line is the edge of the contact area in the reference."),
+        "uncertainty": (
+            "Images on the linear cover, coarse cells. Friction: half-space between frictionless and its bound as a "
+            "uniform distribution; flat faces that are not round are represented by a cylinder of equal area."
+        ),
+        "verification": (
+            "Flat faces are extrapolated with order 1, because the pressure at a sharp edge is singular; the result "
+            "then differs from the finest grid. A dash means that the three values are not monotonic. Contact areas "
+            "scatter with the place of the edge within a cell."
+        ),
+        "calibration": (
+            "The kernel: least squares to one reference response, unit force as uniform pressure over the middle "
+            "texel, before any case was pressed, and unchanged afterwards. The shape of a single layer's point spread "
+            "function does not depend on the modulus."
+        ),
+        "limits": (
+            "The cover is laterally wide, without free edges. The indenter is guided and does not tilt. The methods "
+            "boxes and no-spread share a flat face by number of contact points, not by area; this dominates their "
+            "error under flat indenters."
+        ),
+    }
     cover: Cover
     fast: Parameters
     friction: float = 0.0
@@ -194,31 +219,76 @@ class LayeredBench(Bench):
 
 
 @singledispatch
-def prepare_bench(derivation: object, cases: Sequence[Case], progress: Callable[[str], None] | None = None) -> Bench:
+def plan_cases(
+    cover: object, sensor: SensorDescription, cases: Sequence[Case], progress: Callable[[str], None] | None = None
+) -> Plan:
+    """Find out which presses are missing from the store, and how long the cases take, before anything is derived.
+
+    Each kind of cover registers its own function.
+
+    Args:
+        cover: The cover of the sensor.
+        sensor: The sensor.
+        cases: The cases that will be scored.
+        progress: Called with the name of each part.
+
+    Raises:
+        TypeError: If no function is registered for the cover.
+    """
+    del sensor, cases, progress
+    raise TypeError(f"no bench is registered for {type(cover).__name__}")
+
+
+@plan_cases.register(Cover)
+def _(
+    cover: Cover, sensor: SensorDescription, cases: Sequence[Case], progress: Callable[[str], None] | None = None
+) -> Plan:
+    del progress
+    return plan_solves(cover, sensor.array, cases, friction=sensor.friction)
+
+
+@singledispatch
+def prepare_bench(
+    derivation: object,
+    cases: Sequence[Case],
+    progress: Callable[[str], None] | None = None,
+    *,
+    parameters: Parameters | None = None,
+) -> Bench:
     """Return the bench on which cases are scored; each kind of derivation registers its own.
 
     Args:
         derivation: What was derived from a sensor.
         cases: The cases that will be scored; nothing may be fitted to them.
         progress: Called with the name of each part.
+        parameters: Parameters of the fast model instead of the derived ones; no published model is scored then.
 
     Raises:
         InputError: If the fast model of the sensor cannot be scored.
         TypeError: If no bench is registered for the derivation.
     """
-    del cases, progress
+    del cases, progress, parameters
     raise TypeError(f"no bench is registered for {type(derivation).__name__}")
 
 
-@prepare_bench.register
-def _(derivation: Derivation, cases: Sequence[Case], progress: Callable[[str], None] | None = None) -> Bench:
+@prepare_bench.register(LayeredDerivation)
+def _(
+    derivation: LayeredDerivation,
+    cases: Sequence[Case],
+    progress: Callable[[str], None] | None = None,
+    *,
+    parameters: Parameters | None = None,
+) -> Bench:
     from validation.published.models import prepare_models
 
+    sensor = derivation.sensor
+    cover, friction = sensor.layered_cover, sensor.friction
+    if parameters is not None:
+        return LayeredBench(cover=cover, fast=parameters, friction=friction)
     if progress:
         progress("fit of the comparison models")
-    sensor, parameters = derivation.sensor, derivation.parameters
-    published = prepare_models(sensor.layered_cover, parameters, cases, friction=sensor.friction)
-    return LayeredBench(cover=sensor.layered_cover, fast=parameters, friction=sensor.friction, published=published)
+    published = prepare_models(cover, derivation.parameters, cases, friction=friction)
+    return LayeredBench(cover=cover, fast=derivation.parameters, friction=friction, published=published)
 
 
 #: Time of one missing solution by the kind of problem, on one core of a computer of 2020 [s].  `foil` are covers with a

@@ -8,13 +8,14 @@ a file in the package.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import cache, singledispatch
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
-from meshes import Cover, Pose, SolidCover, TexelArray
+from meshes import Cover, Pose, TexelArray
 from validation.campaign.case import Case, name_positions
 from validation.errors import InputError, nearest
 from validation.schema import parse, read_raw
@@ -22,7 +23,7 @@ from validation.schema.campaign import CampaignTables, CaseTable, LoadsForTable
 from validation.text.indenter import read_position, read_tilt, read_yaw
 
 if TYPE_CHECKING:
-    from validation.curved.places import CurvedPlaces
+    from validation.sensor_file import SensorDescription
 
 #: Number of cases of `--quick` if the file marks none [-].
 _QUICK = 6
@@ -100,22 +101,115 @@ class Campaign:
             "source": self.source,
             "intended_use": self.intended_use,
             "required": {"mean": dict(self.criterion.mean), "each": dict(self.criterion.each)},
-            "inputs": dataclasses.asdict(self.inputs) | {"friction": _number_or_word(self.inputs.friction)},
+            "inputs": dataclasses.asdict(self.inputs)
+            | {"friction": "no-slip" if math.isinf(self.inputs.friction) else self.inputs.friction},
             "cases": [case.name for case in self.cases],
             "left_out": list(self.left_out),
         }
 
 
-def read_campaign(
-    path: Path | None, array: TexelArray, *, cover: Cover | SolidCover | None = None, curved: CurvedPlaces | None = None
-) -> Campaign:
+class Places(Protocol):
+    """Named places on a cover, and the default campaign of this kind of cover."""
+
+    @property
+    def default(self) -> str:
+        """Name of the file with the default campaign."""
+
+    def read(self, given: Mapping[str, Any], place: str) -> Pose:
+        """Read the pose of a case: `at`, `yaw`, `tilt`, and what else this kind of cover has.
+
+        Values that are no texts are left out; the schema refuses them.
+
+        Args:
+            given: The table of the case.
+            place: Place of the table in the file.
+
+        Raises:
+            InputError: With one line per fault.
+        """
+
+    def scale_loads(self, table: LoadsForTable, source: str) -> float:
+        """Return the factor on the loads of a campaign that is written for another cover.
+
+        Raises:
+            InputError: If loads are not scaled for this kind of cover.
+        """
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class FlatPlaces:
+    """Places on planar layers.
+
+    Attributes:
+        array: The array, which defines the named positions of the indenter.
+    """
+
+    array: TexelArray
+    default: str = "default.toml"
+
+    def read(self, given: Mapping[str, Any], place: str) -> Pose:
+        """Read `at`, `yaw` and `tilt` of a case; see `Places`."""
+        faults = []
+        if "direction" in given:
+            faults.append(
+                f"{place}.direction: is for curved covers; a flat one is pressed along -z, `tilt` turns the body"
+            )
+        readers: dict[str, Callable[..., Any]] = {"at": self._read_at, "yaw": read_yaw, "tilt": read_tilt}
+        parts = {}
+        for key, read in readers.items():
+            try:
+                if isinstance(given.get(key), str):
+                    parts[key] = read(given[key], place=f"{place}.{key}")
+            except InputError as error:
+                faults += error.faults
+        if faults:
+            raise InputError(*faults)
+        return Pose.planar(**parts)
+
+    def scale_loads(self, table: LoadsForTable, source: str) -> float:
+        """Refuse to scale the loads; see `Places`."""
+        del table
+        raise InputError(f"{source}: loads_for: is for curved covers; remove it, and write the loads as they are")
+
+    def _read_at(self, text: str, *, place: str) -> tuple[float, float]:
+        named = name_positions(self.array)
+        if text in named:
+            return named[text]
+        if not any(character.isdigit() for character in text):
+            raise InputError(
+                f"{place}: unknown position {text[:80]!r}; {nearest(text[:80], named)}, or x,y such as '1mm,-2mm'"
+            )
+        return read_position(text, place=place)
+
+
+@singledispatch
+def find_places(cover: object, sensor: SensorDescription, progress: Callable[[str], None] | None = None) -> Places:
+    """Return the places on a cover; each kind of cover registers its own.
+
+    Args:
+        cover: The cover of the sensor.
+        sensor: The sensor.
+        progress: Called with a line of text before each step.
+
+    Raises:
+        TypeError: If no function is registered for the cover.
+    """
+    del sensor, progress
+    raise TypeError(f"no campaign is registered for {type(cover).__name__}")
+
+
+@find_places.register(Cover)
+def _(cover: Cover, sensor: SensorDescription, progress: Callable[[str], None] | None = None) -> Places:
+    del cover, progress
+    return FlatPlaces(array=sensor.array)
+
+
+def read_campaign(path: Path | None, places: Places) -> Campaign:
     """Read a campaign file, or the default campaign.
 
     Args:
         path: The file; None for the default campaign.
-        array: The array, which defines the named positions of the indenter.
-        cover: The cover, for whose stiffness loads are scaled where the file has `loads_for`.
-        curved: Places on a curved cover, which has a default campaign of its own; None for a flat cover.
+        places: Places on the cover, see `find_places`.
 
     Raises:
         InputError: If the file cannot be read as a campaign, has a fault outside the cases, or no case is usable; one
@@ -123,13 +217,8 @@ def read_campaign(
         OSError: If the file exists and cannot be read.
     """
     if path is None:
-        return parse_campaign({}, array, source="built-in", cover=cover, curved=curved)
-    return parse_campaign(read_raw(path, CampaignTables), array, source=str(path), cover=cover, curved=curved)
-
-
-def default_cases(array: TexelArray) -> tuple[Case, ...]:
-    """Return the cases of the default campaign for an array."""
-    return read_campaign(None, array).cases
+        return parse_campaign({}, places, source="built-in")
+    return parse_campaign(read_raw(path, CampaignTables), places, source=str(path))
 
 
 @cache
@@ -137,35 +226,25 @@ def _read_default(name: str) -> dict[str, Any]:
     return read_raw(Path(str(resources.files("validation.campaign").joinpath(name))), CampaignTables)
 
 
-def parse_campaign(
-    data: Mapping[str, Any],
-    array: TexelArray,
-    *,
-    source: str,
-    cover: Cover | SolidCover | None = None,
-    curved: CurvedPlaces | None = None,
-) -> Campaign:
+def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> Campaign:
     """Check the tables of a campaign file and make the campaign.
 
     What the file leaves out, besides cases, is that of the default campaign.
 
     Args:
         data: The tables of the file, as the TOML parser returns them.
-        array: The array, which defines the named positions of the indenter.
+        places: Places on the cover.
         source: The file; fault lines begin with it.
-        cover: The cover, for whose stiffness loads are scaled where the file has `loads_for`.
-        curved: Places on a curved cover; None for a flat cover.
 
     Raises:
         InputError: As for `read_campaign`.
     """
-    default = _read_default("default.toml" if curved is None else "curved.toml")
+    default = _read_default(places.default)
     if "case" in data:
         default = {key: value for key, value in default.items() if key not in ("case", "loads_for")}
-    data = default | dict(data)
-    tables = parse(data, CampaignTables, source=source)
-    scale = _find_load_scale(tables.loads_for, cover, source)
-    cases, quick, left_out = _read_cases(tables.case, array, curved)
+    tables = parse(default | dict(data), CampaignTables, source=source)
+    scale = 1.0 if tables.loads_for is None else places.scale_loads(tables.loads_for, source)
+    cases, quick, left_out = _read_cases(tables.case, places)
     if scale != 1:
         cases = [dataclasses.replace(case, load=float(f"{scale * case.load:.2g}")) for case in cases]
     left_out = [f"{source}: {fault}" for fault in left_out]
@@ -183,19 +262,7 @@ def parse_campaign(
     )
 
 
-def _find_load_scale(table: LoadsForTable | None, cover: Cover | SolidCover | None, source: str) -> float:
-    """Return the factor on the loads for a cover: its modulus times thickness squared, over those of `loads_for`."""
-    if table is None:
-        return 1.0
-    if cover is None:
-        raise InputError(f"{source}: loads_for: is for curved covers; remove it, and write the loads as they are")
-    stiffness = cover.layers[0].material.youngs_modulus * cover.thickness**2
-    return stiffness / (table.modulus * table.thickness**2)
-
-
-def _read_cases(
-    listed: Sequence[Any], array: TexelArray, curved: CurvedPlaces | None
-) -> tuple[list[Case], list[str], list[str]]:
+def _read_cases(listed: Sequence[Any], places: Places) -> tuple[list[Case], list[str], list[str]]:
     """Read the tables `[[case]]`; return the cases, the names of those of a quick run, and the faults of the others."""
     cases: list[Case] = []
     quick: list[str] = []
@@ -204,7 +271,7 @@ def _read_cases(
     for number, data in enumerate(listed):
         place = f"case[{number}]"
         try:
-            read, is_quick = _read_case(data, number, array, curved)
+            read, is_quick = _read_case(data, number, places)
             for case in read:
                 _check_new(case, cases, place_of, place)
         except InputError as error:
@@ -216,7 +283,7 @@ def _read_cases(
     return cases, quick, faults
 
 
-def _read_case(data: object, number: int, array: TexelArray, curved: CurvedPlaces | None) -> tuple[list[Case], bool]:
+def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], bool]:
     """Read one table `[[case]]`; return a case for each of its loads, and whether a quick run has them."""
     given = data if isinstance(data, Mapping) else {}
     faults: list[str] = []
@@ -226,7 +293,7 @@ def _read_case(data: object, number: int, array: TexelArray, curved: CurvedPlace
     except InputError as error:
         faults += error.faults
     try:
-        pose = _read_pose(given, f"case[{number}]", array, curved)
+        pose = places.read(given, f"case[{number}]")
     except InputError as error:
         faults += error.faults
     if faults:
@@ -244,51 +311,6 @@ def _read_case(data: object, number: int, array: TexelArray, curved: CurvedPlace
     return [Case(name=name, load=load, **common) for name, load in zip(names, loads, strict=True)], table.quick
 
 
-def _read_pose(given: Mapping[str, Any], place: str, array: TexelArray, curved: CurvedPlaces | None) -> Pose:
-    """Read the pose of a case: `at`, `yaw` and `tilt`, and on a curved cover `direction`.
-
-    Values that are no texts are left out; the schema refuses them.
-    """
-    texts = {key: given[key] for key in ("at", "direction", "yaw", "tilt") if isinstance(given.get(key), str)}
-    faults: list[str] = []
-    if curved is not None:
-        if "path" in given:
-            faults.append(f"{place}.path: a curved cover has no friction, so earlier loads do not matter; write loads")
-        pose = curved.read(texts, place, faults)
-    else:
-        if "direction" in given:
-            faults.append(
-                f"{place}.direction: is for curved covers; a flat one is pressed along -z, `tilt` turns the body"
-            )
-        readers: dict[str, Callable[[str, str], Any]] = {
-            "at": lambda text, where: _read_at(text, array, where),
-            "yaw": lambda text, where: read_yaw(text, place=where),
-            "tilt": lambda text, where: read_tilt(text, place=where),
-        }
-        parts = {}
-        for key, read in readers.items():
-            try:
-                if key in texts:
-                    parts[key] = read(texts[key], f"{place}.{key}")
-            except InputError as error:
-                faults += error.faults
-        pose = Pose.planar(**parts)
-    if faults or pose is None:
-        raise InputError(*faults)
-    return pose
-
-
-def _read_at(text: str, array: TexelArray, place: str) -> tuple[float, float]:
-    named = name_positions(array)
-    if text in named:
-        return named[text]
-    if not any(character.isdigit() for character in text):
-        raise InputError(
-            f"{place}: unknown position {text[:80]!r}; {nearest(text[:80], named)}, or x,y such as '1mm,-2mm'"
-        )
-    return read_position(text, place=place)
-
-
 def _check_new(case: Case, cases: Sequence[Case], place_of: Mapping[str, str], place: str) -> None:
     """Refuse a case with the name or the press of an earlier one: a press that counts twice biases the means."""
     for other in cases:
@@ -297,7 +319,3 @@ def _check_new(case: Case, cases: Sequence[Case], place_of: Mapping[str, str], p
             raise InputError(f"{place}.name: {case.name!r} is the name of {first} already; every case needs its own")
         if case.is_press_of(other):
             raise InputError(f"{place}: {case.name!r} is the same press as {first}, {other.name!r}; change one of them")
-
-
-def _number_or_word(friction: float) -> float | str:
-    return "no-slip" if friction == float("inf") else friction

@@ -187,17 +187,21 @@ def _press(
     **options: Any,  # noqa: ANN401 -- those of `press`
 ) -> Indentation:
     """Compute one indentation by finite elements, at the depth if it is given and else at the load of the case."""
+    from fem_reference.errors import UnsupportedError
     from fem_reference.indentation.press import press
 
     if not isinstance(sensor, SensorDescription):
         raise InputError("the finite elements need the description of the cover")
-    return press(
-        sensor.layered_cover,
-        sensor.array,
-        case.indenter,
-        load=case.load if depth is None else None,
-        depth=depth,
-        pose=case.pose,
-        progress=lambda text: tell(f"finite elements, {text}"),
-        **options,
-    )
+    try:
+        return press(
+            sensor.cover,
+            sensor.array,
+            case.indenter,
+            load=case.load if depth is None else None,
+            depth=depth,
+            pose=case.pose,
+            progress=lambda text: tell(f"finite elements, {text}"),
+            **options,
+        )
+    except UnsupportedError as error:
+        raise InputError(f"--{error.argument}: {error}") from None

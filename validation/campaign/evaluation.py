@@ -10,18 +10,18 @@ import dataclasses
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
-from importlib import import_module, metadata
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from meshes import SolidCover
-from validation.campaign.bench import Plan, plan_solves, prepare_bench
-from validation.campaign.campaign_file import Campaign, read_campaign
+from validation.campaign.bench import LayeredBench, plan_cases, prepare_bench
+from validation.campaign.campaign_file import Campaign, find_places, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.results import CampaignResult, Verdict, judge
 from validation.campaign.run import run_campaign
+from validation.campaign.solid_bench import SolidBench
 from validation.credibility.evidence import Evidence, gather_evidence
 from validation.derivation.derive import Derivation, derive
 from validation.errors import InputError
@@ -29,10 +29,13 @@ from validation.sensor_file import SensorDescription
 from validation.text.friction import describe_friction
 
 if TYPE_CHECKING:
-    from validation.curved.derive import CurvedDerivation
     from validation.data_sets.data_set import DataSet
     from validation.data_sets.results import RecordingScores
     from validation.results.report import Report
+
+
+#: Benches of the kinds of covers; their modules register how cases are read, planned and scored.
+KINDS = (LayeredBench, SolidBench)
 
 
 class Progress(Protocol):
@@ -65,7 +68,7 @@ class Evaluation:
         versions: Versions of the software by name.
     """
 
-    derivation: Derivation | CurvedDerivation
+    derivation: Derivation
     verification: Mapping[str, float]
     plan: Campaign
     campaign: CampaignResult
@@ -142,12 +145,11 @@ def evaluate(
     clock.append(time.perf_counter())
     plan = campaign or read_plan(None, sensor, progress)
     plan = plan if cases is None else dataclasses.replace(plan, cases=tuple(cases))
-    cost = plan_cases(sensor, plan.cases, progress)
+    cost = plan_cases(sensor.cover, sensor, plan.cases, progress)
     if announce:
         announce(cost.describe())
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
-    import_module("validation.curved.bench")  # registers the bench of solid covers
     bench = prepare_bench(derivation, plan.cases, progress)
     result = run_campaign(bench, plan.cases, plan=cost, progress=progress.step if progress else None)
     evidence = gather_evidence(bench, plan, result, progress)
@@ -188,23 +190,7 @@ def read_plan(path: Path | None, sensor: SensorDescription, progress: Progress |
     Raises:
         InputError: As for `read_campaign`.
     """
-    if not isinstance(sensor.cover, SolidCover):
-        return read_campaign(path, sensor.array)
-    from validation.curved.places import CurvedPlaces
-    from validation.curved.press import make_meshes
-
-    places = CurvedPlaces(mesh=make_meshes(sensor, progress)[-1], texels=sensor.array)
-    return read_campaign(path, sensor.array, cover=sensor.cover, curved=places)
-
-
-def plan_cases(sensor: SensorDescription, cases: Sequence[Case], progress: Progress | None = None) -> Plan:
-    """Find out which presses are missing from the store, and how long the evaluation takes."""
-    if not isinstance(sensor.cover, SolidCover):
-        return plan_solves(sensor.layered_cover, sensor.array, cases, friction=sensor.friction)
-    from validation.curved.bench import plan_presses
-    from validation.curved.press import make_meshes
-
-    return plan_presses(sensor, make_meshes(sensor, progress), cases)
+    return read_campaign(path, find_places(sensor.cover, sensor, progress))
 
 
 def versions() -> dict[str, str]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from meshes import Cover, TexelArray
+from meshes import Cover, SolidCover, TexelArray
 from validation.campaign.case import Case
 
 if TYPE_CHECKING:
     from fem_reference.indentation.result import Indentation
 
 
-def press_reference(cover: Cover, array: TexelArray, case: Case, *, friction: float = 0.0) -> Indentation:
+def press_reference(cover: Cover | SolidCover, array: TexelArray, case: Case, *, friction: float = 0.0) -> Indentation:
     """Compute one case by finite elements.
 
     A load of a path is computed together with the other loads, because slip depends on the loads before.
@@ -40,7 +40,9 @@ def press_reference(cover: Cover, array: TexelArray, case: Case, *, friction: fl
     return results[loads.index(case.load)]
 
 
-def find_stored_reference(cover: Cover, array: TexelArray, case: Case, *, friction: float = 0.0) -> Indentation | None:
+def find_stored_reference(
+    cover: Cover | SolidCover, array: TexelArray, case: Case, *, friction: float = 0.0
+) -> Indentation | None:
     """Return the reference of a case if all its solutions are in the result store; None if one is missing.
 
     A case that the solver refuses counts as stored, because it takes no time: the result is None as well.

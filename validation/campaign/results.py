@@ -240,13 +240,13 @@ class CampaignResult(Result):
 
 
 def texel_error(estimates: Mapping[str, float]) -> float:
-    """Return the estimated error of texel forces [-]: of the largest one, or on a curved cover the misplaced force."""
-    return estimates.get("peak_texel", estimates.get("misplaced_force", 0.0))
+    """Return the estimated error of texel forces [-]: the misplaced force where it is known, or of the largest one."""
+    return estimates.get("misplaced_force", estimates.get("peak_texel", 0.0))
 
 
 def name_texel_error(estimates: Mapping[str, float]) -> str:
     """Say what `texel_error` is a share of."""
-    return "the peak texel" if "peak_texel" in estimates else "the load, on wrong texels"
+    return "the load, on wrong texels" if "misplaced_force" in estimates else "the peak texel"
 
 
 def describe_reference_error(campaign: CampaignResult) -> str:

@@ -186,9 +186,16 @@ def read_setup(indenter: str, load: str | None, note: str) -> Setup:
 
 
 def read_sensor(
-    sensor: str, *, material: str | None = None, thickness: str | None = None, layers: Sequence[str] | None = None
+    sensor: str,
+    *,
+    material: str | None = None,
+    thickness: str | None = None,
+    layers: Sequence[str] | None = None,
+    curved: bool = False,
 ) -> SensorDescription | Parameters:
     """Read a sensor as `validation.load` does, for a command that needs only the fast model.
+
+    With `curved` the command derives the fast model of curved covers itself.
 
     Raises:
         InputError: If the sensor cannot be read, or describes a curved cover, of which `derive` makes parameters.
@@ -197,7 +204,7 @@ def read_sensor(
     from validation.sensor_file import SensorDescription
 
     found = api.load(sensor, material=material, thickness=thickness, layers=layers or ())
-    return _accept(found, curved=False) if isinstance(found, SensorDescription) else found
+    return _accept(found, curved=curved) if isinstance(found, SensorDescription) else found
 
 
 def read_description(

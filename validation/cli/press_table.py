@@ -40,7 +40,8 @@ def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
         assumptions = ", ".join(f"{name}: {value}" for name, value in fem.assumptions.items())
         yield "finite elements", f"{fem.total_force:.4f} N, {_format_force(fem.outside)} of it outside the array"
         yield "", f"depth {1e3 * fem.depth:.4f} mm, contact area {1e6 * fem.contact_area:.3f} mm²"
-        yield "", f"elastic energy {1e3 * fem.energy:.4g} mJ"
+        if fem.energy is not None:
+            yield "", f"elastic energy {1e3 * fem.energy:.4g} mJ"
         yield "", f"error estimate {errors}"
         yield "", f"assumes {assumptions}; {fem.seconds:.2f} s"
     if fast is not None:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
+from pydantic import Field
+
 from validation.campaign.campaign_file import Campaign
 from validation.campaign.results import CampaignResult, CaseResult, Pooled, pool
 from validation.credibility.stages import StageErrors
@@ -38,6 +40,7 @@ class Evidence(Result):
         domain: Range of the cases, by name: smallest and largest value, in SI units.
         failed: Why a part is missing, one line each.
         left_out: Which sections have no meaning for this kind of cover, one sentence each.
+        notes: What readers must know about this kind of cover, by section of the report.
     """
 
     checks: tuple[Check, ...] = renamed("code_verification")
@@ -49,6 +52,7 @@ class Evidence(Result):
     domain: Mapping[str, tuple[Number, Number]] = renamed("validated_domain")
     failed: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    notes: Mapping[str, str] = Field(default_factory=dict)
 
 
 def gather_evidence(
@@ -110,6 +114,7 @@ def gather_evidence(
         domain=describe_domain(bench, result.cases),
         failed=tuple(failed),
         left_out=bench.left_out,
+        notes=bench.notes,
     )
 
 

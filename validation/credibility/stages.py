@@ -124,7 +124,8 @@ def spread_contact(cells: CoverCells, array: TexelArray, reference: Indentation,
     """
     from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 
-    x, y, force = reference.contact.T
+    x, y = reference.contact_points[:, :2].T
+    force = -reference.contact_forces[:, 2]
     low = array.centres[:, :2].min(axis=0)
     high = array.centres[:, :2].max(axis=0)
     beyond = max(0.0, float((low - [x.min(), y.min()]).max()), float(([x.max(), y.max()] - high).max()))

@@ -14,7 +14,7 @@ from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fastmodel.surface import CoverPoints
-    from fem_reference.curved_cover import CurvedIndentation
+    from fem_reference import Indentation
     from meshes import Indenter, Pose
     from meshes.array_types import FloatArray
     from meshes.solids import SolidMesh
@@ -95,7 +95,7 @@ def derive_fast_model(
 
 
 def press_fast(
-    cover: CoverPoints, indenter: Indenter, pose: Pose, load: float, known: CurvedIndentation | None = None
+    cover: CoverPoints, indenter: Indenter, pose: Pose, load: float, known: Indentation | None = None
 ) -> FastPress:
     """Press an indenter by the fast model.
 

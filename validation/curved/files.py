@@ -1,4 +1,4 @@
-"""Files of a derivation and of an indentation of a curved cover."""
+"""Files of the meshes and of an indentation of a curved cover."""
 
 from __future__ import annotations
 
@@ -7,46 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshes.bounded_file import pack_npz
 from meshes.solids import write_mesh
 from validation.curved.press import describe_mesh
 from validation.json_values import json_text
+from validation.press_files.fields_file import format_contact
 from validation.scene.cover_scene import show_curved, show_mesh
 from validation.scene.draw import write_scene
 
 if TYPE_CHECKING:
     from meshes.solids import SolidMesh
-    from validation.curved.derive import CurvedDerivation
     from validation.curved.press import CurvedPress
     from validation.sensor_file import SensorDescription
 
 #: Name of the file with the mesh that was solved.
 MESH_FILE = "mesh.npz"
-
-
-def write_derivation(derivation: CurvedDerivation, folder: Path) -> tuple[str, ...]:
-    """Write `parameters.toml`, `cover.npz`, `derive.json`, `responses.npz`, `mesh.npz`, and pictures where possible.
-
-    `responses.npz` holds the nodes of the top and the force on each texel per unit force vector on each of them.
-
-    Args:
-        derivation: Responses of a sensor's texels.
-        folder: An existing folder to write to.
-
-    Returns:
-        The names of the written files.
-
-    Raises:
-        OSError: If the folder cannot be written.
-    """
-    grid, sensor = derivation.responses.finest, derivation.sensor
-    derivation.parameters.save(folder)
-    (folder / "derive.json").write_text(json_text(derivation.result), encoding="utf-8")
-    arrays = {"points": grid.top.nodes, "normals": grid.top.normals, "influence": grid.influence}
-    (folder / "responses.npz").write_bytes(pack_npz(arrays))
-    write_mesh(folder / MESH_FILE, grid.mesh)
-    files = ("parameters.toml", "cover.npz", "derive.json", "responses.npz", MESH_FILE)
-    return files + write_scene(show_mesh(grid.mesh, sensor.array, title=sensor.name), folder)
 
 
 def write_mesh_report(sensor: SensorDescription, meshes: tuple[SolidMesh, ...], folder: Path) -> tuple[str, ...]:
@@ -78,13 +52,10 @@ def write_press(press: CurvedPress, folder: Path) -> tuple[str, ...]:
     (folder / "press.json").write_text(json_text(press.as_json()), encoding="utf-8")
     texels = np.column_stack([array.centres, array.normals, found.texel_forces])
     _write_table(folder / "texels.csv", "x_m,y_m,z_m,nx,ny,nz,force_N", texels)
-    touched = found.contact_forces > 0
-    columns, names = [found.top.nodes, found.top.normals, found.contact_forces], "x_m,y_m,z_m,nx,ny,nz,normal_N"
-    if found.shear is not None:
-        columns, names = [*columns, found.shear], f"{names},shear_x_N,shear_y_N,shear_z_N"
-    _write_table(folder / "contact.csv", names, np.column_stack(columns)[touched])
-    write_mesh(folder / MESH_FILE, found.mesh)
-    title = f"{press.shape} on {press.sensor.name}, {found.load:.4g} N"
+    (folder / "contact.csv").write_text(format_contact(found), encoding="utf-8")
+    if found.mesh is not None:
+        write_mesh(folder / MESH_FILE, found.mesh)
+    title = f"{press.shape} on {press.sensor.name}, {found.total_force:.4g} N"
     scene = show_curved(found, array, direction=press.touch.towards, title=title)
     return ("press.json", "texels.csv", "contact.csv", MESH_FILE, *write_scene(scene, folder))
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from meshes import Indenter, Pose, SolidCover
 from meshes.solids.solid_mesh import check_quality
@@ -18,18 +15,13 @@ from validation.campaign.case import tabulate_pose
 from validation.curved.fast import FastPress, derive_fast_model, press_fast
 from validation.curved.places import CurvedPlaces, PoseText
 from validation.errors import InputError
-from validation.json_values import json_text
 from validation.metrics import Score, published_line, score
 from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
-    from fem_reference.curved_cover import CurvedIndentation
-    from fem_reference.curved_cover.facet_surface import FacetSurface
+    from fem_reference import Indentation
     from meshes.solids import SolidMesh
     from validation.campaign.case import Case
-
-#: Parts of a result that follow from the mesh and are not stored.
-_FROM_MESH = ("mesh", "top")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +41,7 @@ class CurvedPress:
     sensor: SensorDescription
     shape: str
     touch: Pose
-    fem: CurvedIndentation
+    fem: Indentation
     seconds: float
     wanted: Mapping[str, float]
     fast: FastPress | None = None
@@ -58,12 +50,15 @@ class CurvedPress:
         """Return the result as a dictionary, under the names that the command line prints as JSON."""
         from validation.campaign.results import Reference
 
-        described = Reference.of(self.fem).as_json() | {"mesh": describe_mesh(self.fem.mesh), "seconds": self.seconds}
+        described = Reference.of(self.fem).as_json() | {
+            "mesh": self.fem.mesh and describe_mesh(self.fem.mesh),
+            "seconds": self.seconds,
+        }
         return {
             "sensor": self.sensor.name,
             "cover": self.sensor.describe_cover(),
             "indenter": self.shape,
-            "load": self.fem.load,
+            "load": self.fem.total_force,
             "wanted": dict(self.wanted),
             "stopped": None,
             **tabulate_pose(self.touch),
@@ -79,7 +74,7 @@ class CurvedPress:
         return score(
             self.fem.texel_forces,
             self.fast.texel_forces,
-            load=self.fem.load,
+            load=self.fem.total_force,
             array=self.sensor.array,
             line=published_line(self.sensor.electronics),
         )
@@ -119,95 +114,28 @@ def press_sensor(
         PiercedError: If the indenter would go through most of the cover.
         ConvergenceError: If the contact is not found.
     """
+    from fem_reference import press
+
     coefficient = choose_friction(sensor, friction, finite=finite)
     started = time.perf_counter()
     meshes = make_meshes(sensor, progress)
     touch = CurvedPlaces(mesh=meshes[-1], texels=sensor.array).find(pose or PoseText())
-    found = press_stored(
-        sensor, meshes, indenter, touch, load=load, depth=depth, friction=coefficient, finite=finite, progress=progress
-    )
+    found = press(
+        sensor.cover, sensor.array, indenter, touch, load=load, depth=depth, friction=coefficient,
+        strain="finite" if finite else "small", progress=progress,
+    )  # fmt: skip
     seconds = time.perf_counter() - started
     cover = derive_fast_model(sensor, meshes, progress) if fast else None
-    model = press_fast(cover, indenter, touch, found.load, found) if cover is not None else None
+    model = press_fast(cover, indenter, touch, found.total_force, found) if cover is not None else None
     wanted = {name: value for name, value in (("load", load), ("depth", depth)) if value is not None}
     return CurvedPress(sensor=sensor, shape=shape, touch=touch, fem=found, seconds=seconds, wanted=wanted, fast=model)
 
 
-def press_case(sensor: SensorDescription, meshes: Sequence[SolidMesh], case: Case) -> CurvedIndentation:
-    """Compute one case by finite elements at small strain, or read the result from the store; see `press_stored`."""
-    return press_stored(sensor, meshes, case.indenter, case.pose, load=case.load, friction=choose_friction(sensor))
+def press_case(sensor: SensorDescription, case: Case) -> Indentation:
+    """Compute one case by finite elements at small strain, or read the result from the store."""
+    from fem_reference import press
 
-
-def press_stored(
-    sensor: SensorDescription,
-    meshes: Sequence[SolidMesh],
-    indenter: Indenter,
-    pose: Pose,
-    *,
-    load: float | None = None,
-    depth: float | None = None,
-    friction: float = 0.0,
-    finite: bool = False,
-    progress: Callable[[str], None] | None = None,
-) -> CurvedIndentation:
-    """Press an indenter on a curved cover by finite elements, or read the result from the store.
-
-    Args:
-        sensor: A sensor with a curved cover.
-        meshes: Meshes of the cover, coarsest first.
-        indenter: The indenter.
-        pose: Its pose and direction of motion.
-        load: Force along the direction [N]; give either load or depth.
-        depth: Distance from the first touch [m].
-        friction: 0, or inf for no slip [-].
-        finite: Whether strains are finite; else small.
-        progress: Called with a line of text before each step.
-
-    Raises:
-        ValueError: If the indenter never touches or would go through most of the cover.
-        ConvergenceError: If the contact or the load is not found.
-    """
-    from fem_reference import result_store
-    from fem_reference.curved_cover import CurvedIndentation, press_curved, press_curved_finite
-
-    texels, material = sensor.array, sensor.cover.layers[0].material
-    solve = press_curved_finite if finite else press_curved
-
-    def compute() -> dict[str, Any]:
-        found = solve(
-            meshes, texels, material, indenter, pose, load=load, depth=depth, friction=friction, progress=progress
-        )
-        values = {field.name: getattr(found, field.name) for field in fields(found) if field.name not in _FROM_MESH}
-        values = {name: value for name, value in values.items() if value is not None}
-        arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray | float)}
-        texts = {name: value for name, value in values.items() if name not in arrays}
-        return {**arrays, "texts": np.array(json_text(texts))}
-
-    inputs = {
-        "meshes": [mesh.digest for mesh in meshes], "texels": texels, "material": material, "indenter": indenter,
-        "pose": pose, "load": load, "depth": depth, "friction": friction, "finite": finite,
-    }  # fmt: skip
-    stored = result_store.fetch("curved-press", inputs, compute)
-    values: dict[str, Any] = {
-        name: value if value.ndim else float(value) for name, value in stored.items() if name != "texts"
-    }
-    texts = json.loads(str(stored["texts"]))
-    values |= {name: tuple(each) if isinstance(each, list) else _restore(each) for name, each in texts.items()}
-    return CurvedIndentation(mesh=meshes[-1], top=_find_top(meshes[-1]), **values)
-
-
-def _restore(values: Any) -> Any:  # noqa: ANN401 -- JSON
-    """Return a mapping with nan for null, which JSON has instead."""
-    return {name: math.nan if value is None else value for name, value in values.items()}
-
-
-@lru_cache(maxsize=3)
-def _find_top(mesh: SolidMesh) -> FacetSurface:
-    from fem_reference.curved_cover.facet_surface import FacetSurface
-    from fem_reference.curved_cover.responses import lay_out
-
-    layout = lay_out(mesh)
-    return FacetSurface.part_of(layout.elements.nodes, layout.top)
+    return press(sensor.cover, sensor.array, case.indenter, case.pose, load=case.load, friction=choose_friction(sensor))
 
 
 def choose_friction(sensor: SensorDescription, given: float | None = None, *, finite: bool = False) -> float:

@@ -7,14 +7,21 @@ series, file or split: it is kept as a line in `DataSet.problems`, and the rest 
 from __future__ import annotations
 
 import fnmatch
+import os
+import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from meshes import Indenter
-from validation.calibration.observations import Placement
+from meshes import Indenter, TexelArray
+from meshes.bounded_file import FileLimitError, read_text
+from validation.calibration.model import Placement
 from validation.errors import InputError, nearest
+from validation.recordings.importing import open_recording
+from validation.recordings.recording import RecordingError
+from validation.schema import read
 from validation.schema.data_set import (
     FITTED,
     LABELS,
@@ -25,10 +32,8 @@ from validation.schema.data_set import (
     SeriesTable,
     SplitTable,
 )
-from validation.text.indenter import read_indenter
+from validation.text.indenter import read_indenter, read_position, read_yaw
 
-#: Tolerance of the limits of a selection by load [-].
-_SAME_LOAD = 1e-6
 #: First and last time after loading between which frames are averaged, if the file does not say [s].
 DEFAULT_WINDOW = (6.0, 9.0)
 
@@ -54,56 +59,14 @@ class DataFile:
     path: Path
     name: str
     series: str
-    load: float | str
-    temperature: float | None
+    load: float | str = LABELS
+    temperature: float | None = None
     placement: Placement
-    array: int | None
-    threshold: float | None
-    window: tuple[float, float]
-    temperature_channel: int
-    uses: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Selection:
-    """Recordings of one series: those whose load and file name match.
-
-    Attributes:
-        series: Name of the series.
-        patterns: Patterns of file names, of which one must match; none for all files.
-        least: Smallest load [N].
-        most: Largest load [N].
-    """
-
-    series: str
-    patterns: tuple[str, ...] = ()
-    least: float = 0.0
-    most: float = float("inf")
-
-    def takes(self, file: DataFile, load: float) -> bool:
-        """Return whether the selection takes a recording with this load [N]."""
-        named = not self.patterns or any(fnmatch.fnmatchcase(file.path.name, each) for each in self.patterns)
-        above, below = load >= self.least * (1 - _SAME_LOAD), load <= self.most * (1 + _SAME_LOAD)
-        return file.series == self.series and named and above and below
-
-
-@dataclass(frozen=True, kw_only=True)
-class Split:
-    """A division of the recordings into fitted and scored ones.
-
-    Attributes:
-        name: Short name.
-        about: What the split tests.
-        fit: Recordings to which electronics, gains and poses are fitted.
-        place: Recordings to which only the poses of the scored recordings are fitted.
-        score: Recordings that are scored.
-    """
-
-    name: str
-    about: str
-    fit: tuple[Selection, ...]
-    place: tuple[Selection, ...]
-    score: tuple[Selection, ...]
+    array: int | None = None
+    threshold: float | None = None
+    window: tuple[float, float] = DEFAULT_WINDOW
+    temperature_channel: int = -1
+    uses: tuple[str, ...] = ("fit", "score")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,11 +84,11 @@ class DataSet:
     """
 
     name: str
-    source: str
-    sensor: str
+    source: str = ""
+    sensor: str = ""
     folder: Path
     files: tuple[DataFile, ...]
-    splits: tuple[Split, ...]
+    splits: tuple[SplitTable, ...] = ()
     problems: tuple[str, ...]
 
 
@@ -155,7 +118,7 @@ def build_data_set(tables: DataSetTables, *, source: Path, folder: Path) -> Data
         if fault:
             problems.append(f"{source.name}: split {table.name!r}: {fault}; it is left out")
         else:
-            splits.append(_build_split(table))
+            splits.append(table)
     return DataSet(
         name=tables.name or source.stem,
         source=tables.source,
@@ -167,7 +130,7 @@ def build_data_set(tables: DataSetTables, *, source: Path, folder: Path) -> Data
     )
 
 
-def propose_splits(files: Sequence[DataFile]) -> tuple[Split, ...]:
+def propose_splits(files: Sequence[DataFile]) -> tuple[SplitTable, ...]:
     """Return the splits of a data set that names none.
 
     Series that may only be scored are predicted from those that may be fitted; if there are none, the heavier half of
@@ -177,28 +140,20 @@ def propose_splits(files: Sequence[DataFile]) -> tuple[Split, ...]:
     scored = list(dict.fromkeys(file.series for file in files if file.uses == ("score",)))
     if scored:
         about = f"{', '.join(fitted)} to {', '.join(scored)}"
-        sides = [tuple(Selection(series=name) for name in side) for side in (fitted, scored)]
-        return (Split(name="other series", about=about, fit=sides[0], place=(), score=sides[1]),) if fitted else ()
+        fit, score = (tuple(SelectionTable(series=name) for name in side) for side in (fitted, scored))
+        return (SplitTable.model_construct(name="other series", about=about, fit=fit, score=score),) if fitted else ()
     splits = []
     for series in fitted:
         loads = sorted({file.load for file in files if file.series == series and not isinstance(file.load, str)})
         if len(loads) > 1:
             half = len(loads) // 2
-            light, heavy = (Selection(series=series, most=loads[half - 1]), Selection(series=series, least=loads[half]))
+            # The fields are read from texts with a unit; these loads are numbers already.
+            light = SelectionTable.model_construct(series=series, most=loads[half - 1])
+            heavy = SelectionTable.model_construct(series=series, least=loads[half])
             about = f"{series}: light loads to heavy ones"
-            splits.append(Split(name=f"{series} heavier", about=about, fit=(light,), place=(), score=(heavy,)))
+            split = SplitTable.model_construct(name=f"{series} heavier", about=about, fit=(light,), score=(heavy,))
+            splits.append(split)
     return tuple(splits)
-
-
-def _build_split(table: SplitTable) -> Split:
-    sides = ([_build_selection(each) for each in side] for side in (table.fit, table.place, table.score))
-    fit, place, score = (tuple(side) for side in sides)
-    return Split(name=table.name, about=table.about or table.name, fit=fit, place=place, score=score)
-
-
-def _build_selection(table: SelectionTable) -> Selection:
-    limits = {name: value for name, value in (("least", table.least), ("most", table.most)) if value is not None}
-    return Selection(series=table.series, patterns=tuple(table.files), **limits)
 
 
 def _find_fault_of_split(table: SplitTable, series: Sequence[SeriesTable]) -> str:
@@ -233,8 +188,8 @@ def _list_files(series: SeriesTable, tables: DataSetTables, folder: Path, proble
         if not path.exists():
             problems.append(f"{place}: {path}: no such file")
             continue
-        file = _build_file(path, table, series, shared, indenter)
-        files[path] = replace(file, name=f"{series.name} {_name_below(path, folder)}")
+        name = f"{series.name} {path.name if path.is_relative_to(folder) else path}"
+        files[path] = replace(_build_file(path, table, series, shared, indenter), name=name)
     return [files[path] for path in sorted(files)] if not series.file else list(files.values())
 
 
@@ -255,11 +210,6 @@ def _match_patterns(series: SeriesTable, folder: Path, problems: list[str]) -> I
             yield from ((path, None) for path in sorted(folder.glob(pattern)))
         except (ValueError, NotImplementedError) as error:
             problems.append(f"series {series.name!r}: files: {pattern!r} is not a pattern below {folder}: {error}")
-
-
-def _name_below(path: Path, folder: Path) -> str:
-    """Return the name of a file, with the folders that distinguish it from others of the data set left out."""
-    return path.name if path.is_relative_to(folder) else str(path)
 
 
 def _build_file(
@@ -296,3 +246,192 @@ def _build_file(
         temperature_channel=-1 if shared["temperature_channel"] is None else shared["temperature_channel"],
         uses=tuple(series.use),
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Keys:
+    """Options that hold for all recordings on the command line.
+
+    Attributes:
+        indenter: The tool; empty to take it from the labels of each recording.
+        at: Position of its axis as text; None to fit it.
+        yaw: Its yaw as text; None for 0 if `at` is given, else to fit it.
+        moved: Whether each recording has a pose of its own.
+        array: Index of the pressed array; None for the one that is pressed most.
+        threshold: Counts that the firmware subtracted; None for what the labels say [-].
+        window: First and last time after loading between which frames are averaged [s].
+        temperature_channel: Index of the temperature sensor.
+    """
+
+    indenter: str
+    at: str | None
+    yaw: str | None
+    moved: bool
+    array: int | None
+    threshold: float | None
+    window: tuple[float, float]
+    temperature_channel: int
+
+
+def describe_files(paths: Sequence[Path], keys: Keys, sensor: TexelArray | None = None) -> DataSet:
+    """Describe recordings as a data set of one series, or read the one data-set file among them.
+
+    Args:
+        paths: Recordings, or one data-set file.
+        keys: Options for recordings; a data-set file states its own.
+        sensor: Array that was recorded, for CSV files that state no layout.
+
+    Raises:
+        InputError: If a data-set file stands beside other files, or no tool is named.
+        RecordingError: If a data set has no recording.
+    """
+    if any(path.suffix == ".toml" for path in paths):
+        if len(paths) > 1:
+            raise InputError(f"{paths[0]}: a data-set file stands alone; it names the recordings")
+        found = find_data_set(paths[0])
+        if found is None:
+            raise InputError(f"{paths[0]}: no data set")
+        return found
+    files: list[DataFile] = []
+    problems: list[str] = []
+    for path in paths:
+        try:
+            files.append(_describe_file(path, keys, sensor))
+        except RecordingError as error:
+            problems.append(f"{error}; left out")
+    return DataSet(name="files", folder=Path(), files=tuple(files), problems=tuple(problems))
+
+
+def _describe_file(path: Path, keys: Keys, sensor: TexelArray | None) -> DataFile:
+    text = keys.indenter
+    if not text:
+        text = open_recording(path, sensor=sensor).setup.indenter
+        if not text:
+            raise InputError(f"{path}: its labels name no tool; give --indenter, such as box:size=10mmx10mmx5mm")
+    at = None if keys.at is None else read_position(keys.at)
+    yaw = 0.0 if at is not None else None
+    name = path.name if keys.moved else "tool"
+    return DataFile(
+        path=path,
+        name=path.name,
+        series="recordings",
+        placement=Placement(
+            name=name,
+            indenter=read_indenter(text, place="--indenter"),
+            at=at,
+            yaw=yaw if keys.yaw is None else read_yaw(keys.yaw),
+        ),
+        array=keys.array,
+        threshold=keys.threshold,
+        window=keys.window,
+        temperature_channel=keys.temperature_channel,
+    )
+
+
+#: Environment variable that names the folder of recordings.
+ENVIRONMENT_VARIABLE = "SOFTCOVER_RECORDINGS"
+#: Data sets whose file comes with the package, by name; their recordings do not.
+BUILT_IN = ("kiechle-sdh2",)
+
+
+def find_data_set(recordings: str | Path | None = None, data_set: str | Path | None = None) -> DataSet | None:
+    """Find a data set and its recordings.
+
+    Args:
+        recordings: A folder with recordings, or a data-set file.  If not given, the folder that the environment
+            variable `SOFTCOVER_RECORDINGS` names.
+        data_set: A data-set file, or the name of one that comes with the package.  If not given, `recordings` if that
+            is a file, else the one file `*.toml` in the folder, else the built-in data set.
+
+    Returns:
+        The data set; None if nothing is named.
+
+    Raises:
+        InputError: If the data-set file is missing or has faults, or the folder holds no recording of it.
+        RecordingError: If the folder does not exist.
+        OSError: If the data-set file cannot be read.
+    """
+    named = Path(recordings) if recordings is not None else None
+    variable = os.environ.get(ENVIRONMENT_VARIABLE)
+    if named is not None and named.suffix == ".toml":
+        if data_set is not None:
+            raise InputError(f"--recordings, --data-set: {named} and {data_set} are both data-set files; name one")
+        named, data_set = None, named
+    if named is None and data_set is None:
+        if not variable:
+            return None
+        named = Path(variable)
+    if named is not None and not named.is_dir():
+        raise RecordingError(f"{named}: no such folder; expected a folder with recordings, or a data-set file (.toml)")
+    source = _find_file(data_set, named)
+    tables = read(source, DataSetTables)
+    found = [build_data_set(tables, source=source, folder=f) for f in _list_folders(named, source, tables, variable)]
+    chosen = next((each for each in found if each.files), found[0])
+    if not chosen.files:
+        where = " nor ".join(str(each.folder) for each in found)
+        missing = f"{source.name}: no recordings of it in {where}; give their folder with --recordings"
+        raise InputError(*chosen.problems, missing)
+    return chosen
+
+
+def describe_unused_recordings() -> str | None:
+    """Say in a sentence that the folder of the environment variable is not used; None if the variable is not set."""
+    folder = os.environ.get(ENVIRONMENT_VARIABLE)
+    if not folder:
+        return None
+    return (
+        f"{ENVIRONMENT_VARIABLE} is set and not used: recordings belong to one sensor; to score against them, "
+        f"add --recordings {shlex.quote(folder)}"
+    )
+
+
+def _find_file(data_set: str | Path | None, folder: Path | None) -> Path:
+    """Return the data-set file that an option names, or that lies in the folder; else the built-in one."""
+    if data_set is not None:
+        if str(data_set) in BUILT_IN:
+            return _built_in(str(data_set))
+        path = Path(data_set)
+        if not path.is_file():
+            raise InputError(f"{path}: no such data-set file; {nearest(str(path), BUILT_IN)}, or a .toml file")
+        return path
+    if folder is not None:
+        files = [path for path in sorted(folder.glob("*.toml")) if _may_be_data_set(path)]
+        if len(files) > 1:
+            names = ", ".join(path.name for path in files)
+            raise InputError(f"{folder}: holds several data-set files ({names}); name one with --data-set")
+        if files:
+            return files[0]
+    return _built_in(BUILT_IN[0])
+
+
+def _may_be_data_set(path: Path) -> bool:
+    """Return whether a file in the folder of recordings has series, or cannot be read, which is then reported."""
+    if not path.is_file():
+        return False
+    try:
+        return "series" in read_text(path, most=DataSetTables.MOST_BYTES)
+    except FileLimitError:
+        return True
+
+
+def _built_in(name: str) -> Path:
+    return Path(str(resources.files("validation.data_sets").joinpath(f"{name}.toml")))
+
+
+def _list_folders(named: Path | None, source: Path, tables: DataSetTables, variable: str | None) -> list[Path]:
+    """List the folders in which recordings are looked for, the first choice first.
+
+    A folder on the command line is the only one.  Otherwise it is the key `path` of the data-set file, or the folder
+    of that file; for a built-in data set, or if that folder holds no recording, the folder of the environment variable.
+    """
+    if named is not None:
+        return [named]
+    own = source.parent / tables.path if tables.path else source.parent
+    others = [Path(variable)] if variable else []
+    built_in = source.stem in BUILT_IN and source == _built_in(source.stem)
+    if built_in and not others:
+        raise RecordingError(
+            f"{source.stem}: the recordings are not part of the package ({tables.source}); name their folder with "
+            f"--recordings or {ENVIRONMENT_VARIABLE}"
+        )
+    return others if built_in else [own, *others]

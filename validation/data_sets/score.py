@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -12,14 +13,18 @@ import numpy.typing as npt
 from fastmodel import Electronics, Parameters
 from fastmodel.signal.electronics import grey_levels
 from meshes.array_types import FloatArray
-from validation.calibration.contact import ContactMethod, make_fast_method, make_reference_method
 from validation.calibration.forward_fit import ForwardFit, Options, borrow_poses, fit_forward, fit_placements
-from validation.calibration.observations import Observations
+from validation.calibration.model import (
+    ContactMethod,
+    Observations,
+    join_observations,
+    make_fast_method,
+    make_reference_method,
+)
 from validation.calibration.uncertainty import describe_fit
 from validation.campaign.results import pool, skill
-from validation.data_sets.data_set import DataSet, Split
+from validation.data_sets.data_set import DataSet
 from validation.data_sets.images import Image, observe, read_images
-from validation.data_sets.null_models import NULLS
 from validation.data_sets.results import (
     CountScore,
     RecordingExample,
@@ -30,7 +35,87 @@ from validation.data_sets.results import (
     score_counts,
 )
 from validation.errors import InputError
+from validation.schema.data_set import SplitTable
 from validation.sensor_file import SensorDescription
+
+#: Function from load [N] and temperature [degC] to predicted counts of the n texels, shape (n,) [-].
+Predictor = Callable[[float, float], FloatArray]
+#: Function from the fitted images, the images that place the indenter (or None), and the largest count to a predictor.
+NullModel = Callable[[Observations, Observations | None, float], Predictor]
+
+
+def fit_zeros(fitted: Observations, placed: Observations | None, output_max: float) -> Predictor:  # noqa: ARG001
+    """Return a predictor that gives zero counts for every texel under every load."""
+    empty = np.zeros(fitted.counts.shape[1])
+    return lambda _load, _temperature: empty
+
+
+def fit_pattern(fitted: Observations, placed: Observations | None, output_max: float) -> Predictor:
+    """Return a predictor that multiplies a mean image by a quadratic in the load, fitted to the sizes of the images.
+
+    With placing images, the pattern is their mean, and the quadratic is scaled to their sums of counts.
+    """
+    pattern = fitted.counts.mean(axis=0)
+    size = fitted.counts @ pattern / max(float(pattern @ pattern), 1e-9)
+    degree = min(2, len(np.unique(fitted.loads)) - 1)
+    curve = np.polynomial.Polynomial.fit(fitted.loads, size, degree)
+    if placed is not None:
+        ratio = placed.counts.sum() / max(float(sum(curve(load) for load in placed.loads)) * pattern.sum(), 1e-9)
+        pattern = (
+            placed.counts.mean(axis=0) / max(float(placed.counts.mean(axis=0).sum()), 1e-9) * pattern.sum() * ratio
+        )
+    return lambda load, _temperature: np.clip(float(curve(load)) * pattern, 0.0, output_max)
+
+
+def fit_polynomials(
+    fitted: Observations, placed: Observations | None, output_max: float, *, degree: int, temperature: bool = False
+) -> Predictor:
+    """Return a predictor with a separate polynomial in the load for every texel, by least squares.
+
+    Args:
+        fitted: Fitted images.
+        placed: Images that place the indenter; fitted as well.
+        output_max: Largest count [-].
+        degree: Degree of the polynomial [-].
+        temperature: Whether each coefficient is a linear function of the temperature.
+    """
+    seen = fitted if placed is None else join_observations([fitted, placed])
+    warm = np.nan_to_num(seen.temperatures, nan=0.0)
+    middle, spread = float(warm.mean()), max(float(warm.std()), 1e-9)
+    largest = max(float(seen.loads.max()), 1e-9)
+
+    def terms(load: FloatArray, degrees: FloatArray) -> FloatArray:
+        powers = (load[:, None] / largest) ** np.arange(degree + 1)
+        warmer = ((np.nan_to_num(degrees, nan=middle) - middle) / spread)[:, None]
+        return np.hstack([powers, powers * warmer]) if temperature else powers
+
+    coefficients = np.linalg.lstsq(terms(seen.loads, seen.temperatures), seen.counts, rcond=1e-6)[0]
+
+    def predict(load: float, degrees: float) -> FloatArray:
+        return np.asarray(np.clip((terms(np.array([load]), np.array([degrees])) @ coefficients)[0], 0.0, output_max))
+
+    return predict
+
+
+def fit_heaviest(fitted: Observations, placed: Observations | None, output_max: float) -> Predictor:
+    """Return a predictor that multiplies the image of the heaviest fitted load by the ratio of the loads."""
+    seen = fitted if placed is None else placed
+    heaviest = float(seen.loads.max())
+    image = seen.counts[seen.loads >= heaviest * (1 - 1e-9)].mean(axis=0)
+    return lambda load, _temperature: np.clip(image * load / max(heaviest, 1e-9), 0.0, output_max)
+
+
+#: Null models by name.
+NULLS: Mapping[str, NullModel] = MappingProxyType(
+    {
+        "zeros": fit_zeros,
+        "mean pattern x load curve": fit_pattern,
+        "quadratic per texel": partial(fit_polynomials, degree=2),
+        "line per texel": partial(fit_polynomials, degree=1),
+        "line per texel x temperature": partial(fit_polynomials, degree=1, temperature=True),
+        "heaviest fitted image x load ratio": fit_heaviest,
+    }
+)
 
 #: Name of the fast model by its default contact method in tables.
 FAST = "fast model"
@@ -118,7 +203,7 @@ def list_methods(sensor: SensorDescription, parameters: Parameters) -> dict[str,
 class _SplitTable:
     """Builds the rows of the table for one split, and the images of the heaviest scored recording."""
 
-    def __init__(self, split: Split, images: Sequence[Image], sensor: SensorDescription) -> None:
+    def __init__(self, split: SplitTable, images: Sequence[Image], sensor: SensorDescription) -> None:
         """Divide the images into fitted, placing and scored ones.
 
         Raises:
@@ -128,7 +213,11 @@ class _SplitTable:
         self.rows: list[RecordingRow] = []
         self.notes: tuple[str, ...] = ()
         self._fitted, self._placed, self._scored = (
-            [image for image in images if any(each.takes(image.file, image.load) for each in side)]
+            [
+                image
+                for image in images
+                if any(each.takes(image.file.series, image.file.path.name, image.load) for each in side)
+            ]
             for side in (split.fit, split.place, split.score)
         )
         _check_sides(split, self._fitted, self._placed, self._scored)
@@ -289,7 +378,7 @@ def choose_power(method: ContactMethod, fitted: Observations, options: Options) 
     return _EXTRAPOLATION_POWERS[int(np.argmin(errors))]
 
 
-def _check_sides(split: Split, fitted: Sequence[Image], placed: Sequence[Image], scored: Sequence[Image]) -> None:
+def _check_sides(split: SplitTable, fitted: Sequence[Image], placed: Sequence[Image], scored: Sequence[Image]) -> None:
     """Check that no side of a split is empty and that no recording stands on two sides.
 
     Raises:

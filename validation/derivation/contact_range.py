@@ -487,8 +487,8 @@ def linearise(cover: Cover) -> Cover:
 
 def _measure(press: Indentation, array: TexelArray, influence: Influence) -> FloatArray:
     """Compute the force on each of n texels under the contact forces of a press, shape (n,) [N]."""
-    x, y, force = press.contact.T
-    measured = force @ influence.texel_influence(array, np.column_stack([x, y]))
+    force = -press.contact_forces[:, 2]
+    measured = force @ influence.texel_influence(array, press.contact_points[:, :2])
     return np.asarray(measured * press.total_force / force.sum())
 
 

@@ -49,12 +49,12 @@ def write_indentation(found: Indentation, folder: Path) -> tuple[str, ...]:
 
 
 def format_contact(found: Indentation) -> str:
-    """Return the contact points as CSV: position [m], normal force, and frictional force on the cover [N]."""
+    """Return the contact points as CSV: position [m], and force of the indenter on the cover [N]."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    shear = np.zeros((len(found.contact), 2)) if found.shear is None else found.shear
-    writer.writerow(("x_m", "y_m", "normal_N", "shear_x_N", "shear_y_N"))
-    writer.writerows(np.column_stack([found.contact, shear]).tolist())
+    writer.writerow(("x_m", "y_m", "z_m", "force_x_N", "force_y_N", "force_z_N"))
+    touched = found.contact_forces.any(axis=1)
+    writer.writerows(np.column_stack([found.contact_points, found.contact_forces])[touched].tolist())
     return text.getvalue()
 
 

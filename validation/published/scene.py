@@ -12,7 +12,7 @@ import numpy as np
 
 from fastmodel import BoxTexels, FastIndentation, Parameters, indent
 from fastmodel.contact.boxes import BoxReader, find_boxes
-from fastmodel.contact.interface import Reading
+from fastmodel.contact.interface import Reading, TexelContact
 from fastmodel.pose import Mount
 from fastmodel.surface import Surface
 from fem_reference.closed_form.influence import TexelResponse
@@ -204,15 +204,13 @@ def _map_contact(array: TexelArray, case: Case) -> ContactMap:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _RecordingBoxes:
+class _RecordingBoxes(TexelContact):
     """Contact method `BoxTexels` that keeps MuJoCo's contact points of each reading."""
 
     boxes: BoxTexels = field(default_factory=BoxTexels)
     recorded: list[Contacts] = field(default_factory=list)
 
     costly: ClassVar[bool] = False
-    computes_spread: ClassVar[bool] = False
-    takes_overlaps: ClassVar[bool] = False
 
     def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
         """Add one box geom per texel; see `TexelContact.attach`."""

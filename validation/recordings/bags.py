@@ -13,10 +13,10 @@ import itertools
 import os
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from meshes.bounded_file import LIMITS, FileLimitError, format_size, read_text
 from validation.extras import MissingExtraError
 from validation.recordings.labels import MOST_ARRAYS, MOST_FULL_SCALE
 from validation.recordings.recording import (
+    NANOSECOND,
     Budget,
     CountArray,
     FloatArray,
@@ -37,6 +38,9 @@ from validation.recordings.recording import (
     make_array,
     open_recorded,
 )
+
+if TYPE_CHECKING:
+    from rosbags.highlevel import AnyReader
 
 #: Names of the message fields in which public tactile drivers give the number of rows, the number of columns and the
 #: counts.  Of several names that a message has, the first in the list is used.
@@ -67,9 +71,6 @@ class _Limits:
 
 _LIMITS = _Limits()
 
-_SECONDS_PER_NANOSECOND = 1e-9
-_NANOSECONDS_PER_SECOND = 1_000_000_000
-
 
 @dataclass(frozen=True)
 class _ArrayFrame:
@@ -84,21 +85,6 @@ class _ArrayFrame:
     array: str
     shape: tuple[int, int]
     counts: CountArray
-
-
-@dataclass
-class _Collector:
-    """Collects the frames and forces of one bag.
-
-    Attributes:
-        shapes: Number of rows and of columns by name of the array [-].
-        frames: Time [ns] and counts of each frame, by name of the array.
-        forces: Time [ns] and value [N] of each reading of the force sensor.
-    """
-
-    shapes: dict[str, tuple[int, int]] = field(default_factory=dict)
-    frames: dict[str, list[tuple[int, CountArray]]] = field(default_factory=lambda: defaultdict(list))
-    forces: list[tuple[int, float]] = field(default_factory=list)
 
 
 def read(
@@ -116,17 +102,50 @@ def read(
         RecordingError: If the bag cannot be read, or if no topic or several topics hold tactile frames.
     """
     path = Path(path)
-    collector = _Collector()
-
-    def collect(name: str, time: int, message: object) -> None:
-        force = _find_force(message)
-        if force is not None:
-            collector.forces.append((time, force))
-        elif topic is None or name == topic:
-            _add_frames(path, collector, time, _find_frames(path, name, message, rows, columns))
-
-    _read_messages(path, collect)
-    return _make_recording(path, collector, topic)
+    shapes: dict[str, tuple[int, int]] = {}
+    series: dict[str, list[tuple[int, CountArray]]] = defaultdict(list)
+    forces: list[tuple[int, float]] = []
+    with _open_bag(path) as messages:
+        for name, time, message in messages:
+            force = _find_force(message)
+            if force is not None:
+                forces.append((time, force))
+                continue
+            for frame in _find_frames(path, name, message, rows, columns) if topic in (None, name) else ():
+                first = shapes.setdefault(frame.array, frame.shape)
+                if first != frame.shape:
+                    raise RecordingError(
+                        f"{path}: {frame.array}: the array changes from {first[0]} x {first[1]} to "
+                        f"{frame.shape[0]} x {frame.shape[1]} texels; expected the same size in all frames"
+                    )
+                series[frame.array].append((time, frame.counts))
+            if len(shapes) > MOST_ARRAYS:
+                raise RecordingError(f"{path}: holds frames of more than {MOST_ARRAYS} arrays")
+    if not shapes:
+        raise RecordingError(
+            f"{path}: no tactile frames{f' on {topic}' if topic else ''}; known are images and grids of at most "
+            f"{MOST_TEXELS} texels"
+        )
+    topics = {name if name.count("/") == 1 else name.rsplit("/", 1)[0] for name in shapes}
+    if len({len(frames) for frames in series.values()}) > 1 or (len(shapes) > 1 and len(topics) > 1):
+        raise RecordingError(f"{path}: frames on several topics; name one of {', '.join(sorted(shapes))}")
+    for frames in series.values():
+        frames.sort(key=lambda frame: frame[0])
+    times = [time for time, _ in next(iter(series.values()))]
+    digest = hash_contents(path)
+    return Recording(
+        path=path,
+        sha256=digest,
+        started=convert_to_utc(times[0]),
+        times=count_seconds(times, times[0]),
+        arrays=tuple(
+            make_array(*shapes[name], np.array([counts for _, counts in frames]), name=name)
+            for name, frames in series.items()
+        ),
+        setup=Setup(source=path.name, source_sha256=digest, note=f"from {', '.join(shapes)}"),
+        forces=np.array([force for _, force in forces]),
+        force_times=count_seconds([time for time, _ in forces], times[0]),
+    )
 
 
 def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
@@ -138,27 +157,20 @@ def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
     Raises:
         RecordingError: If the bag cannot be read or holds no wrench messages.
     """
-    path = Path(path)
-    found: list[tuple[float, float]] = []
-
-    def collect(_: str, time: int, message: object) -> None:
-        force = _find_force(message)
-        if force is not None:
-            found.append((time * _SECONDS_PER_NANOSECOND, force))
-
-    _read_messages(path, collect)
-    if not found:
+    with _open_bag(Path(path)) as messages:
+        found = [(time * NANOSECOND, _find_force(message)) for _, time, message in messages]
+    forces = sorted((time, force) for time, force in found if force is not None)
+    if not forces:
         raise RecordingError(f"{path}: no forces; expected a topic of wrenches")
-    times, values = np.array(sorted(found)).T
+    times, values = np.array(forces).T
     return times, values
 
 
-def _read_messages(path: Path, collect: Callable[[str, int, object], None]) -> None:
-    """Read each message in a bag, in order of time, without messages of unknown type.
+@contextlib.contextmanager
+def _open_bag(path: Path) -> Iterator[Iterator[tuple[str, int, object]]]:
+    """Open a bag for its messages in order of time: topic, time [ns] and content, without those of unknown type.
 
-    Args:
-        path: The bag.
-        collect: Called with topic, time [ns] and content of each message.
+    Errors of the library, and those that messages of odd types cause where they are used, become errors of the file.
 
     Raises:
         RecordingError: If the bag is missing, damaged or larger than is accepted.
@@ -176,13 +188,7 @@ def _read_messages(path: Path, collect: Callable[[str, int, object], None]) -> N
     budget = Budget(path, size)
     try:
         with _limit_memory(path, size), AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            known = [connection for connection in reader.connections if connection.msgtype in reader.typestore.types]
-            for connection, received, data in reader.messages(connections=known):
-                message = reader.deserialize(data, connection.msgtype)
-                time = _find_time(message, received)
-                budget.spend(records=1)
-                budget.spend_message(connection.topic, len(data), (received, time))
-                collect(connection.topic, time, message)
+            yield _read_messages(reader, budget)
     except RecordingError:
         raise
     except OSError as error:
@@ -192,12 +198,16 @@ def _read_messages(path: Path, collect: Callable[[str, int, object], None]) -> N
         raise RecordingError(f"{path}: not a ROS bag, or damaged; accepted: an intact bag of ROS 1 or ROS 2") from error
 
 
-def _find_time(message: object, received: int) -> int:
-    """Return the time in the header of a message [ns], or the time of reception if the header has no time."""
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    if stamp is None or not stamp.sec:
-        return received
-    return int(stamp.sec) * _NANOSECONDS_PER_SECOND + int(stamp.nanosec)
+def _read_messages(reader: AnyReader, budget: Budget) -> Iterator[tuple[str, int, object]]:
+    known = [connection for connection in reader.connections if connection.msgtype in reader.typestore.types]
+    for connection, received, data in reader.messages(connections=known):
+        message = reader.deserialize(data, connection.msgtype)
+        # The time of the header, or that of reception if the header has none.
+        stamp = getattr(getattr(message, "header", None), "stamp", None)
+        time = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) if stamp and stamp.sec else received
+        budget.spend(records=1)
+        budget.spend_message(connection.topic, len(data), (received, time))
+        yield connection.topic, time, message
 
 
 def _find_force(message: object) -> float | None:
@@ -208,8 +218,8 @@ def _find_force(message: object) -> float | None:
 
 def _find_frames(
     path: Path, name: str, message: object, rows: int | None, columns: int | None
-) -> Sequence[_ArrayFrame]:
-    """Extract the tactile frames from a message; a message of unknown layout gives an empty list.
+) -> Iterator[_ArrayFrame]:
+    """Yield the tactile frames in a message; none for a message of unknown layout.
 
     Args:
         path: The bag, for error messages.
@@ -221,54 +231,34 @@ def _find_frames(
     Raises:
         RecordingError: If values are not whole numbers of 0 or more, or if an image has the wrong number of bytes.
     """
-    encoding = getattr(message, "encoding", None)
+    encoding, parts = getattr(message, "encoding", None), getattr(message, "tactile_matrix", None)
     if encoding is not None:
-        return _read_image(path, name, message) if encoding in _PIXEL_TYPES else []
-    parts = getattr(message, "tactile_matrix", None)
+        yield from _read_image(path, name, message) if encoding in _PIXEL_TYPES else ()
+        return
     if parts is not None:
         if len(parts) > MOST_ARRAYS:
             raise RecordingError(f"{path}: {name}: holds {len(parts)} arrays; at most {MOST_ARRAYS} are accepted")
-        return [
-            frame
-            for number, part in enumerate(parts)
-            for frame in _find_frames(path, f"{name}/{getattr(part, 'matrix_id', number)}", part, rows, columns)
-        ]
-    values = _find_attribute(message, _COUNT_NAMES)
-    shape = _find_shape(message, rows, columns)
-    if shape is None or not isinstance(values, np.ndarray) or values.size != shape[0] * shape[1]:
-        return []
-    if not 1 <= values.size <= MOST_TEXELS:
-        return []
+        for number, part in enumerate(parts):
+            yield from _find_frames(path, f"{name}/{getattr(part, 'matrix_id', number)}", part, rows, columns)
+        return
+    values, shape = _find_attribute(message, _COUNT_NAMES), _find_shape(message) or (rows or 0, columns or 0)
+    texels = shape[0] * shape[1] if min(shape) > 0 else 0
+    if not isinstance(values, np.ndarray) or not 1 <= texels <= MOST_TEXELS or values.size != texels:
+        return
     if not np.isfinite(values).all() or (values < 0).any() or (values != np.round(values)).any():
         raise RecordingError(f"{path}: {name}: values are no counts; expected whole numbers of 0 or more")
     if values.max() > MOST_FULL_SCALE:
         raise RecordingError(f"{path}: {name}: a count of {values.max()}; at most {MOST_FULL_SCALE} are accepted")
-    return [_ArrayFrame(name, shape, values.astype(np.int32))]
+    yield _ArrayFrame(name, shape, values.astype(np.int32))
 
 
-def _read_image(path: Path, name: str, message: Any) -> list[_ArrayFrame]:  # noqa: ANN401 -- rosbags creates message types at run time
-    pixel = np.dtype(_PIXEL_TYPES[message.encoding]).newbyteorder(">" if message.is_bigendian else "<")
-    rows, columns, step = int(message.height), int(message.width), int(message.step)
-    if rows * columns > MOST_TEXELS:  # the picture of a camera
-        return []
-    if step < columns * pixel.itemsize or len(message.data) != rows * step:
-        raise RecordingError(
-            f"{path}: {name}: an image of {rows} x {columns} pixels has {len(message.data)} bytes; "
-            f"expected {rows} rows of {step} bytes"
-        )
-    lines = np.asarray(message.data).reshape(rows, step)[:, : columns * pixel.itemsize]
-    return [_ArrayFrame(name, (rows, columns), np.ascontiguousarray(lines).view(pixel).astype(np.int32).ravel())]
-
-
-def _find_shape(message: object, rows: int | None, columns: int | None) -> tuple[int, int] | None:
-    """Return the numbers of rows and columns stated in a message, or `rows` and `columns` if it states none."""
-    own_rows, own_columns = _find_attribute(message, _ROW_NAMES), _find_attribute(message, _COLUMN_NAMES)
-    if isinstance(own_rows, int) and isinstance(own_columns, int):
-        return own_rows, own_columns
-    match [int(dimension.size) for dimension in getattr(getattr(message, "layout", None), "dim", ())]:
-        case [first, second]:
-            return first, second
-    return (rows, columns) if rows and columns else None
+def _find_shape(message: object) -> tuple[int, int] | None:
+    """Return the numbers of rows and columns that a message states; None if it states none."""
+    rows, columns = _find_attribute(message, _ROW_NAMES), _find_attribute(message, _COLUMN_NAMES)
+    if isinstance(rows, int) and isinstance(columns, int):
+        return rows, columns
+    sides = [int(dimension.size) for dimension in getattr(getattr(message, "layout", None), "dim", ())]
+    return (sides[0], sides[1]) if len(sides) == 2 else None  # noqa: PLR2004 -- rows and columns
 
 
 def _find_attribute(message: object, names: Sequence[str]) -> object:
@@ -276,48 +266,18 @@ def _find_attribute(message: object, names: Sequence[str]) -> object:
     return next((getattr(message, name) for name in names if hasattr(message, name)), None)
 
 
-def _add_frames(path: Path, collector: _Collector, time: int, frames: Sequence[_ArrayFrame]) -> None:
-    """Add frames with the same time [ns] to a collector; raise `RecordingError` if the size of an array changes."""
-    for frame in frames:
-        first = collector.shapes.setdefault(frame.array, frame.shape)
-        if first != frame.shape:
-            raise RecordingError(
-                f"{path}: {frame.array}: the array changes from {first[0]} x {first[1]} to "
-                f"{frame.shape[0]} x {frame.shape[1]} texels; expected the same size in all frames"
-            )
-        collector.frames[frame.array].append((time, frame.counts))
-    if len(collector.shapes) > MOST_ARRAYS:
-        raise RecordingError(f"{path}: holds frames of more than {MOST_ARRAYS} arrays")
-
-
-def _make_recording(path: Path, collector: _Collector, topic: str | None) -> Recording:
-    """Make a recording from the frames and forces of a bag, which must be those of one topic and of equal number."""
-    names = list(collector.shapes)
-    topics = {name if name.count("/") == 1 else name.rsplit("/", 1)[0] for name in names}
-    counts = {len(collector.frames[name]) for name in names}
-    if not names:
+def _read_image(path: Path, name: str, message: Any) -> Iterator[_ArrayFrame]:  # noqa: ANN401 -- a type made at run time
+    pixel = np.dtype(_PIXEL_TYPES[message.encoding]).newbyteorder(">" if message.is_bigendian else "<")
+    rows, columns, step = int(message.height), int(message.width), int(message.step)
+    if rows * columns > MOST_TEXELS:  # the picture of a camera
+        return
+    if step < columns * pixel.itemsize or len(message.data) != rows * step:
         raise RecordingError(
-            f"{path}: no tactile frames{f' on {topic}' if topic else ''}; known are images and grids of at most "
-            f"{MOST_TEXELS} texels"
+            f"{path}: {name}: an image of {rows} x {columns} pixels has {len(message.data)} bytes; "
+            f"expected {rows} rows of {step} bytes"
         )
-    if len(counts) > 1 or (len(names) > 1 and len(topics) > 1):
-        raise RecordingError(f"{path}: frames on several topics; name one of {', '.join(sorted(names))}")
-    series = [sorted(collector.frames[name], key=lambda frame: frame[0]) for name in names]
-    start = series[0][0][0]
-    digest = hash_contents(path)
-    return Recording(
-        path=path,
-        sha256=digest,
-        started=convert_to_utc(start),
-        times=count_seconds(series[0], start),
-        arrays=tuple(
-            make_array(*collector.shapes[name], np.array([counts for _, counts in frames]), name=name)
-            for name, frames in zip(names, series, strict=True)
-        ),
-        setup=Setup(source=path.name, source_sha256=digest, note=f"from {', '.join(names)}"),
-        forces=np.array([force for _, force in collector.forces]),
-        force_times=count_seconds(collector.forces, start),
-    )
+    lines = np.asarray(message.data).reshape(rows, step)[:, : columns * pixel.itemsize]
+    yield _ArrayFrame(name, (rows, columns), np.ascontiguousarray(lines).view(pixel).astype(np.int32).ravel())
 
 
 def _measure_bag(path: Path) -> int:

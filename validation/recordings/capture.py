@@ -11,11 +11,9 @@ from typing import Literal
 
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
 from validation.recordings.recording import BoolArray, RecordedArray, Setup, make_array
-from validation.weiss.clock import DeviceClock, Residual
-from validation.weiss.continuity import Gap
-from validation.weiss.link import Chunk, LinkLostError, PortError
 from validation.weiss.protocol import MatrixInfo, Reading
-from validation.weiss.sensor import NoAnswerError, Sensor, SensorError
+from validation.weiss.sensor import Chunk, LinkLostError, NoAnswerError, PortError, Sensor, SensorError
+from validation.weiss.stream import DeviceClock, Gap, Residual
 
 #: Errors of optional questions, such as the temperature: the recording goes on without the answer.
 _UNANSWERED = (SensorError, NoAnswerError)

@@ -17,8 +17,9 @@ from __future__ import annotations
 import bz2
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
@@ -28,7 +29,6 @@ import numpy.typing as npt
 
 from meshes import TexelArray
 from validation.recordings.recording import (
-    BoolArray,
     RecordedArray,
     Recording,
     RecordingError,
@@ -41,13 +41,6 @@ from validation.recordings.recording import (
 FrameArray = npt.NDArray[np.int16]
 #: Function that raises a `RecordingError`: path of the file, place in the file and the given text.
 Fail = Callable[[str], NoReturn]
-
-#: Tags of the XML elements that describe one texel array; all are required.
-MATRIX_FIELDS = (
-    *("cells_x", "cells_y", "texel_width", "texel_height", "static_mask", "dynamic_mask"),
-    *("matrix_center_x", "matrix_center_y", "matrix_center_z", "theta_x", "theta_y", "theta_z"),
-    *("output_unit", "fullscale", "hw_revision", "one_wire_uid"),
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,12 +79,11 @@ LIMITS = Limits()
 _LARGEST_FULL_SCALE = int(np.iinfo(np.int16).max)
 #: Number of hexadecimal digits of one token of a frame, an IEEE-754 single-precision number.
 _TOKEN_DIGITS = 8
-_METRES_PER_MILLIMETRE = 1e-3
 #: Patterns of the accepted whole numbers and decimal numbers, which limit the number of digits.
 _WHOLE_NUMBER = re.compile(r"[0-9]{1,15}")
 _NUMBER = re.compile(r"[+-]?[0-9]{1,15}(\.[0-9]{0,15})?([eE][+-]?[0-9]{1,2})?")
-_SECONDS_PER_MILLISECOND = 1e-3
-_NANOSECONDS_PER_MILLISECOND = 1_000_000
+#: A millimetre [m] and a millisecond [s].
+_MILLIMETRE, _MILLISECOND = 1e-3, 1e-3
 
 #: Required child elements of each XML element, by the path of the parent.  Elements in `_COUNT_OF` may occur any number
 #: of times, the others exactly once.
@@ -99,7 +91,11 @@ _SCHEMA: Mapping[str, tuple[str, ...]] = {
     "": ("root",),
     "root": ("sensor", "data"),
     "root/sensor": ("generated_by", "hw_revision", "serial_nr", "num_matrices", "converter_resolution", "matrix"),
-    "root/sensor/matrix": MATRIX_FIELDS,
+    "root/sensor/matrix": (
+        *("cells_x", "cells_y", "texel_width", "texel_height", "static_mask", "dynamic_mask"),
+        *("matrix_center_x", "matrix_center_y", "matrix_center_z", "theta_x", "theta_y", "theta_z"),
+        *("output_unit", "fullscale", "hw_revision", "one_wire_uid"),
+    ),
     "root/data": ("frame_count", "frame"),
     "root/data/frame": ("time_stamp", "frame_data"),
     "root/temperatures": ("temp_count", "temp"),
@@ -111,12 +107,7 @@ _SCHEMA: Mapping[str, tuple[str, ...]] = {
 _OPTIONAL: Mapping[str, tuple[str, ...]] = {"root": ("temperatures", "joint_angles")}
 #: For each XML element that may be repeated, the element that states the number of repetitions.  Repeated elements
 #: have an attribute `index`.
-_COUNT_OF: Mapping[str, str] = {
-    "matrix": "num_matrices",
-    "frame": "frame_count",
-    "temp": "temp_count",
-    "angle": "angle_count",
-}
+_COUNT_OF = {"matrix": "num_matrices", "frame": "frame_count", "temp": "temp_count", "angle": "angle_count"}
 
 
 def read(path: str | Path) -> Recording:
@@ -128,118 +119,40 @@ def read(path: str | Path) -> Recording:
     Raises:
         RecordingError: If the file is missing, damaged, of another format, or larger than the limits of this module.
     """
-    path = Path(path)
-    collector = _Collector(path)
-    _XmlReader(collector).read(unpack_bzip2(path, limit=LIMITS.xml_bytes))
-    return collector.make_recording()
+    return _Reader(Path(path)).read()
 
 
-class _Collector:
-    """Collects the content of the XML elements of one file, in the order in which the elements end."""
+@dataclass(frozen=True)
+class _Element:
+    """An open XML element.
+
+    Attributes:
+        path: Tags from the outermost element to this one, such as `root/data/frame`.
+        fields: Texts of its child elements, by tag.
+        counts: Numbers of its repeated child elements, by tag.
+    """
+
+    path: str
+    fields: dict[str, str] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
+
+
+class _Reader:
+    """Reads the XML of one file as a stream, checks it against the schema and collects what complete elements hold."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.place = "start of the file"
-        self.arrays: list[RecordedArray] = []
-        self.serial = ""
+        self._path = path
+        self._arrays: list[RecordedArray] = []
+        self._serial = ""
         #: Largest possible count of each of the n texels of all arrays, shape (n,); None before the end of `<sensor>`.
-        self.limits: FrameArray | None = None
-        self.frames: list[FrameArray] = []
-        self.stamps: list[int] = []
-        self.temperatures: list[list[float]] = []
-        self.temperature_stamps: list[int] = []
-
-    def add(self, element: str, fields: Mapping[str, str]) -> None:
-        """Read the content of one XML element that agrees with the schema.
-
-        Args:
-            element: Path of the element, such as `root/data/frame`.
-            fields: Texts of the child elements, by tag.
-        """
-        match element:
-            case "root/sensor/matrix":
-                name = f"array {len(self.arrays)}"
-                if len(self.arrays) == LIMITS.arrays or self.limits is not None:
-                    self.fail(f"unexpected {name}; expected at most {LIMITS.arrays}, before the frames")
-                self.arrays.append(_read_array(fields, name, self.fail))
-            case "root/sensor":
-                self.serial = fields["serial_nr"].strip()
-                self.limits = np.concatenate([_limit_counts(array) for array in self.arrays])
-            case "root/data/frame":
-                self._add_frame(fields)
-            case "root/temperatures/temp":
-                self._add_temperature(fields)
-
-    def make_recording(self) -> Recording:
-        """Make a recording from the content collected from the whole file."""
-        if not self.frames:
-            self.fail("no frames; expected at least one")
-        first = self.stamps[0]
-        try:
-            started = convert_to_utc(first * _NANOSECONDS_PER_MILLISECOND)
-        except OverflowError:
-            self.fail(f"time stamp {first} ms; expected milliseconds since 1970")
-        ends = np.cumsum([array.texels.count for array in self.arrays])
-        parts = np.split(np.stack(self.frames), ends[:-1], axis=1)
-        digest = hash_contents(self.path)
-        return Recording(
-            path=self.path,
-            sha256=digest,
-            serial=self.serial,
-            started=started,
-            times=(np.array(self.stamps) - first) * _SECONDS_PER_MILLISECOND,
-            arrays=tuple(
-                replace(array, counts=part.astype(np.int32)) for array, part in zip(self.arrays, parts, strict=True)
-            ),
-            temperatures=np.array(self.temperatures or np.empty((0, 0)), dtype=float),
-            temperature_times=(np.array(self.temperature_stamps, dtype=float) - first) * _SECONDS_PER_MILLISECOND,
-            setup=Setup(source=self.path.name, source_sha256=digest),
-        )
-
-    def fail(self, fault: str) -> NoReturn:
-        """Raise a `RecordingError` with the path of the file, the place in the file and a description of the fault."""
-        raise RecordingError(f"{self.path}: {self.place}: {fault}")
-
-    def _add_frame(self, fields: Mapping[str, str]) -> None:
-        if self.limits is None:
-            self.fail("a frame before the description of the sensor; expected <sensor> first")
-        if (len(self.frames) + 1) * len(self.limits) > LIMITS.values:
-            self.fail(f"more than the {LIMITS.values} values accepted, frames times texels")
-        self.stamps.append(self._read_stamp(fields, self.stamps))
-        self.frames.append(decode_counts(fields["frame_data"], self.limits, self.fail))
-
-    def _add_temperature(self, fields: Mapping[str, str]) -> None:
-        readings = [_read_number(part, "temp_data", self.fail) for part in fields["temp_data"].split(",")]
-        if self.temperatures and len(readings) != len(self.temperatures[0]):
-            self.fail(f"{len(readings)} temperatures; expected {len(self.temperatures[0])} as before")
-        if len(readings) > LIMITS.channels or len(self.temperatures) == LIMITS.readings:
-            self.fail(f"more temperatures than the {LIMITS.readings} readings of {LIMITS.channels} channels accepted")
-        self.temperature_stamps.append(self._read_stamp(fields, self.temperature_stamps))
-        self.temperatures.append(readings)
-
-    def _read_stamp(self, fields: Mapping[str, str], before: list[int]) -> int:
-        """Read the time stamp of an element [ms], which must not be smaller than the last of the stamps in `before`."""
-        stamp = _read_whole_number(fields["time_stamp"], "time_stamp", self.fail)
-        if before and stamp < before[-1]:
-            self.fail(f"time stamp {stamp} ms; expected {before[-1]} ms, the one before, or later")
-        return stamp
-
-
-class _XmlReader:
-    """Reads the XML as a stream, checks it against the schema and passes each complete element to a collector."""
-
-    def __init__(self, collector: _Collector) -> None:
-        self._collector = collector
-        #: Path of each open XML element, outermost first.
-        self._paths = [""]
-        #: Texts of the child elements of each open element, by tag.
-        self._fields: list[dict[str, str]] = [{}]
-        #: Numbers of the repeated child elements of each open element, by tag.
-        self._counts: list[dict[str, int]] = [{}]
-        #: Text since the last tag.
-        self._text = ""
-        #: Number of bytes since the last tag or text.
-        self._markup_bytes = 0
+        self._limits: FrameArray | None = None
+        self._frames: list[FrameArray] = []
+        self._temperatures: list[list[float]] = []
+        #: Time stamps of the frames, and of the temperatures [ms].
+        self._stamps: dict[str, list[int]] = {"frame": [], "temp": []}
+        self._open = [_Element("")]
+        #: Text since the last tag, and number of bytes since the last tag or text.
+        self._text, self._markup_bytes = "", 0
         self._expat = expat.ParserCreate()
         self._expat.buffer_text = True
         self._expat.StartElementHandler = self._start_element
@@ -248,14 +161,41 @@ class _XmlReader:
         self._expat.StartDoctypeDeclHandler = self._refuse_declaration
         self._expat.ProcessingInstructionHandler = self._refuse_declaration
 
-    def read(self, pieces: Iterable[bytes]) -> None:
-        """Read a complete XML document, given as pieces of bytes."""
-        for piece in pieces:
+    def read(self) -> Recording:
+        """Read the whole file."""
+        for piece in unpack_bzip2(self._path, limit=LIMITS.xml_bytes):
             self._markup_bytes += len(piece)
             self._parse(piece, final=False)
             if self._markup_bytes > LIMITS.markup_bytes:
                 self._fail(f"more than {LIMITS.markup_bytes} bytes of XML without a tag or text")
         self._parse(b"", final=True)
+        if not self._frames:
+            self._fail("no frames; expected at least one")
+        first = self._stamps["frame"][0]
+        try:
+            started = convert_to_utc(first * 1_000_000)
+        except OverflowError:
+            self._fail(f"time stamp {first} ms; expected milliseconds since 1970")
+        frames, temperatures = ((np.array(stamps, dtype=float) - first) for stamps in self._stamps.values())
+        ends = np.cumsum([array.texels.count for array in self._arrays])
+        parts = np.split(np.stack(self._frames), ends[:-1], axis=1)
+        digest = hash_contents(self._path)
+        return Recording(
+            path=self._path,
+            sha256=digest,
+            serial=self._serial,
+            started=started,
+            times=frames * _MILLISECOND,
+            arrays=tuple(
+                replace(array, counts=part.astype(np.int32)) for array, part in zip(self._arrays, parts, strict=True)
+            ),
+            temperatures=np.array(self._temperatures or np.empty((0, 0)), dtype=float),
+            temperature_times=temperatures * _MILLISECOND,
+            setup=Setup(source=self._path.name, source_sha256=digest),
+        )
+
+    def _fail(self, fault: str) -> NoReturn:
+        raise RecordingError(f"{self._path}: line {self._expat.CurrentLineNumber}: {fault}")
 
     def _parse(self, piece: bytes, *, final: bool) -> None:
         try:
@@ -272,100 +212,133 @@ class _XmlReader:
         if len(self._text) > LIMITS.text:
             self._fail(f"more than the {LIMITS.text} characters accepted in one element")
 
-    def _start_element(self, tag: str, attributes: dict[str, str]) -> None:
-        self._markup_bytes = 0
-        path = self._paths[-1]
-        known = (*_SCHEMA.get(path, ()), *_OPTIONAL.get(path, ()))
-        if tag not in known:
-            parent = path.rpartition("/")[2] or "document"
-            self._fail(f"<{tag}> in <{parent}>; expected {', '.join(known) or 'text only'}")
-        self._check_no_text()
-        if tag in _COUNT_OF:
-            self._check_index(tag, attributes.get("index"))
-        self._paths.append(f"{path}/{tag}" if path else tag)
-        self._fields.append({})
-        self._counts.append({})
-
-    def _end_element(self, tag: str) -> None:
-        self._markup_bytes = 0
-        path, fields, counts = self._paths.pop(), self._fields.pop(), self._counts.pop()
-        if path in _SCHEMA:
-            self._check_no_text()
-            self._check_complete(path, fields, counts)
-            self._collector.place = f"line {self._expat.CurrentLineNumber}"
-            self._collector.add(path, fields)
-        if tag in _COUNT_OF:
-            return
-        if tag in self._fields[-1]:
-            self._fail(f"<{tag}> for the second time; expected one")
-        self._fields[-1][tag], self._text = self._text, ""
-
-    def _check_index(self, tag: str, index: str | None) -> None:
-        """Check that the index of a repeated element is the number of elements before it, and count the element."""
-        expected = self._counts[-1].get(tag, 0)
-        if index != str(expected):
-            self._fail(f"<{tag}> has index {index!r}; expected '{expected}'")
-        self._counts[-1][tag] = expected + 1
-
-    def _check_complete(self, path: str, fields: Mapping[str, str], counts: Mapping[str, int]) -> None:
-        """Check that no required child element is missing and that repeated ones have the stated number.
-
-        Args:
-            path: Path of the parent element.
-            fields: Texts of the child elements, by tag.
-            counts: Numbers of the repeated child elements, by tag.
-        """
-        missing = [name for name in _SCHEMA[path] if name not in fields and name not in _COUNT_OF]
-        if missing:
-            self._fail(f"<{path.rpartition('/')[2]}> lacks {', '.join(missing)}")
-        for tag in set(_SCHEMA[path]) & set(_COUNT_OF):
-            announced = _read_whole_number(fields[_COUNT_OF[tag]], _COUNT_OF[tag], self._fail)
-            if announced != counts.get(tag, 0):
-                self._fail(f"{_COUNT_OF[tag]} is {announced}, found {counts.get(tag, 0)}")
-
     def _check_no_text(self) -> None:
         """Refuse text between two tags where the schema expects elements only; white space is accepted."""
         if self._text.strip():
             self._fail("text between elements; expected none")
         self._text = ""
 
-    def _fail(self, fault: str) -> NoReturn:
-        self._collector.place = f"line {self._expat.CurrentLineNumber}"
-        self._collector.fail(fault)
+    def _start_element(self, tag: str, attributes: dict[str, str]) -> None:
+        self._markup_bytes = 0
+        parent = self._open[-1]
+        known = (*_SCHEMA.get(parent.path, ()), *_OPTIONAL.get(parent.path, ()))
+        if tag not in known:
+            within = parent.path.rpartition("/")[2] or "document"
+            self._fail(f"<{tag}> in <{within}>; expected {', '.join(known) or 'text only'}")
+        self._check_no_text()
+        if tag in _COUNT_OF:
+            if attributes.get("index") != str(parent.counts[tag]):
+                self._fail(f"<{tag}> has index {attributes.get('index')!r}; expected '{parent.counts[tag]}'")
+            parent.counts[tag] += 1
+        self._open.append(_Element(f"{parent.path}/{tag}" if parent.path else tag))
 
+    def _end_element(self, tag: str) -> None:
+        self._markup_bytes = 0
+        element, parent = self._open.pop(), self._open[-1]
+        if element.path in _SCHEMA:
+            self._check_no_text()
+            self._check_complete(element)
+            self._collect(element.path, element.fields)
+        if tag in _COUNT_OF:
+            return
+        if tag in parent.fields:
+            self._fail(f"<{tag}> for the second time; expected one")
+        parent.fields[tag], self._text = self._text, ""
 
-def _read_array(fields: Mapping[str, str], name: str, fail: Fail) -> RecordedArray:
-    """Read the description of one texel array from a `<matrix>` element.
+    def _check_complete(self, element: _Element) -> None:
+        """Check that no required child element is missing and that repeated ones have the stated number."""
+        required = _SCHEMA[element.path]
+        missing = [name for name in required if name not in element.fields and name not in _COUNT_OF]
+        if missing:
+            self._fail(f"<{element.path.rpartition('/')[2]}> lacks {', '.join(missing)}")
+        for tag in set(required) & set(_COUNT_OF):
+            announced = self._read_whole(element.fields, _COUNT_OF[tag])
+            if announced != element.counts[tag]:
+                self._fail(f"{_COUNT_OF[tag]} is {announced}, found {element.counts[tag]}")
 
-    Args:
-        fields: Text of each child element in `MATRIX_FIELDS`, by tag.
-        name: Name that the array gets.
-        fail: Function that raises the error for a faulty file.
+    def _collect(self, path: str, fields: Mapping[str, str]) -> None:
+        """Read the texts of the children of an element that agrees with the schema."""
+        match path:
+            case "root/sensor/matrix":
+                name = f"array {len(self._arrays)}"
+                if len(self._arrays) == LIMITS.arrays or self._limits is not None:
+                    self._fail(f"unexpected {name}; expected at most {LIMITS.arrays}, before the frames")
+                self._arrays.append(self._read_array(fields, name))
+            case "root/sensor":
+                self._serial = fields["serial_nr"].strip()
+                # The full scale, or 0 for a masked texel.
+                largest = [np.where(each.texels.active & each.enabled, each.full_scale, 0) for each in self._arrays]
+                self._limits = np.concatenate(largest).astype(np.int16)
+            case "root/data/frame":
+                if self._limits is None:
+                    self._fail("a frame before the description of the sensor; expected <sensor> first")
+                if (len(self._frames) + 1) * len(self._limits) > LIMITS.values:
+                    self._fail(f"more than the {LIMITS.values} values accepted, frames times texels")
+                self._add_stamp("frame", fields)
+                self._frames.append(decode_counts(fields["frame_data"], self._limits, self._fail))
+            case "root/temperatures/temp":
+                self._add_stamp("temp", fields)
+                self._add_temperatures(
+                    [self._read_number("temp_data", each) for each in fields["temp_data"].split(",")]
+                )
 
-    Returns:
-        The array, without frames.
-    """
-    columns, rows = (_read_bounded(fields, cells, LIMITS.cells, fail) for cells in ("cells_x", "cells_y"))
-    width, height = (_read_length(fields, edge, fail) for edge in ("texel_width", "texel_height"))
-    active = _read_mask(fields, "static_mask", rows, columns, fail)
-    if not active.any():
-        fail("static_mask leaves no texel; expected at least one")
-    x, y, z = (_read_number(fields[f"matrix_center_{axis}"], "matrix_center", fail) for axis in "xyz")
-    about_x, about_y, about_z = (math.radians(_read_number(fields[f"theta_{axis}"], "theta", fail)) for axis in "xyz")
-    return RecordedArray(
-        texels=TexelArray.grid(rows, columns, (width, height), active=active, name=name),
-        enabled=_read_mask(fields, "dynamic_mask", rows, columns, fail),
-        counts=np.empty((0, rows * columns), dtype=np.int32),
-        full_scale=_read_bounded(fields, "fullscale", _LARGEST_FULL_SCALE, fail),
-        unit=fields["output_unit"].strip(),
-        centre=(x * _METRES_PER_MILLIMETRE, y * _METRES_PER_MILLIMETRE, z * _METRES_PER_MILLIMETRE),
-        rotation=(about_x, about_y, about_z),
-    )
+    def _add_stamp(self, kind: str, fields: Mapping[str, str]) -> None:
+        """Read the time stamp of an element [ms], which must not be smaller than that of the one before."""
+        stamp, before = self._read_whole(fields, "time_stamp"), self._stamps[kind]
+        if before and stamp < before[-1]:
+            self._fail(f"time stamp {stamp} ms; expected {before[-1]} ms, the one before, or later")
+        before.append(stamp)
 
+    def _add_temperatures(self, readings: list[float]) -> None:
+        before = self._temperatures
+        if before and len(readings) != len(before[0]):
+            self._fail(f"{len(readings)} temperatures; expected {len(before[0])} as before")
+        if len(readings) > LIMITS.channels or len(before) == LIMITS.readings:
+            self._fail(f"more temperatures than the {LIMITS.readings} readings of {LIMITS.channels} channels accepted")
+        before.append(readings)
 
-def _limit_counts(array: RecordedArray) -> FrameArray:
-    """Return the largest possible count of each texel, shape (n,) [-]: the full scale, or 0 for a masked texel."""
-    return np.where(array.texels.active & array.enabled, array.full_scale, 0).astype(np.int16)
+    def _read_array(self, fields: Mapping[str, str], name: str) -> RecordedArray:
+        """Read the description of one texel array from the texts of a `<matrix>`; it gets a name and no frames."""
+        columns, rows = (self._read_whole(fields, cells, LIMITS.cells) for cells in ("cells_x", "cells_y"))
+        edges = []
+        for edge in ("texel_width", "texel_height"):
+            edges.append(self._read_number(edge, fields[edge]) * _MILLIMETRE)
+            if edges[-1] <= 0:
+                self._fail(f"{edge} is {fields[edge].strip()} mm; expected a positive length")
+        masks = []
+        for mask in ("static_mask", "dynamic_mask"):
+            lines = fields[mask].split()
+            if len(lines) != rows or any(len(line) != columns or set(line) - {"0", "1"} for line in lines):
+                self._fail(f"{mask} is not {rows} lines of {columns} digits 0 or 1")
+            masks.append(np.array([digit == "1" for line in lines for digit in line]))
+        if not masks[0].any():
+            self._fail("static_mask leaves no texel; expected at least one")
+        centre = [self._read_number("matrix_center", fields[f"matrix_center_{axis}"]) * _MILLIMETRE for axis in "xyz"]
+        turns = [math.radians(self._read_number("theta", fields[f"theta_{axis}"])) for axis in "xyz"]
+        return RecordedArray(
+            texels=TexelArray.grid(rows, columns, (edges[0], edges[1]), active=masks[0], name=name),
+            enabled=masks[1],
+            counts=np.empty((0, rows * columns), dtype=np.int32),
+            full_scale=self._read_whole(fields, "fullscale", _LARGEST_FULL_SCALE),
+            unit=fields["output_unit"].strip(),
+            centre=(centre[0], centre[1], centre[2]),
+            rotation=(turns[0], turns[1], turns[2]),
+        )
+
+    def _read_whole(self, fields: Mapping[str, str], name: str, largest: int | None = None) -> int:
+        """Parse an element as a whole number of 0 or more, or from 1 to `largest`."""
+        text = fields[name].strip()
+        if not _WHOLE_NUMBER.fullmatch(text):
+            self._fail(f"{name} is {text[:40]!r}; expected a whole number")
+        if largest is not None and not 1 <= int(text) <= largest:
+            self._fail(f"{name} is {int(text)}; expected 1..{largest}")
+        return int(text)
+
+    def _read_number(self, name: str, text: str) -> float:
+        """Parse a finite decimal number; `name` is the tag of the element, for the error message."""
+        if not _NUMBER.fullmatch(text.strip()):
+            self._fail(f"{name} is {text.strip()[:40]!r}; expected a number")
+        return float(text)
 
 
 def decode_counts(text: str, limits: FrameArray, fail: Fail) -> FrameArray:
@@ -399,44 +372,6 @@ def decode_counts(text: str, limits: FrameArray, fail: Fail) -> FrameArray:
     return counts
 
 
-def _read_whole_number(text: str, name: str, fail: Fail) -> int:
-    """Parse a whole number of 0 or more; `name` is the tag of the element, for the error message."""
-    if not _WHOLE_NUMBER.fullmatch(text.strip()):
-        fail(f"{name} is {text.strip()[:40]!r}; expected a whole number")
-    return int(text)
-
-
-def _read_number(text: str, name: str, fail: Fail) -> float:
-    """Parse a finite decimal number; `name` is the tag of the element, for the error message."""
-    if not _NUMBER.fullmatch(text.strip()):
-        fail(f"{name} is {text.strip()[:40]!r}; expected a number")
-    return float(text)
-
-
-def _read_bounded(fields: Mapping[str, str], name: str, largest: int, fail: Fail) -> int:
-    """Parse the element `name` as a whole number from 1 to `largest`."""
-    value = _read_whole_number(fields[name], name, fail)
-    if not 1 <= value <= largest:
-        fail(f"{name} is {value}; expected 1..{largest}")
-    return value
-
-
-def _read_length(fields: Mapping[str, str], name: str, fail: Fail) -> float:
-    """Parse the element `name` as a positive length in millimetres; return the length [m]."""
-    value = _read_number(fields[name], name, fail)
-    if value <= 0:
-        fail(f"{name} is {value} mm; expected a positive length")
-    return value * _METRES_PER_MILLIMETRE
-
-
-def _read_mask(fields: Mapping[str, str], name: str, rows: int, columns: int, fail: Fail) -> BoolArray:
-    """Parse the element `name` as lines of digits 0 or 1; return the digits as booleans, shape (rows * columns,)."""
-    lines = fields[name].split()
-    if len(lines) != rows or any(len(line) != columns or set(line) - {"0", "1"} for line in lines):
-        fail(f"{name} is not {rows} lines of {columns} digits 0 or 1")
-    return np.array([digit == "1" for line in lines for digit in line])
-
-
 def unpack_bzip2(path: Path, *, limit: int) -> Iterator[bytes]:
     """Yield the unpacked bytes of a file in pieces of at most `LIMITS.piece_bytes`.
 
@@ -453,28 +388,21 @@ def unpack_bzip2(path: Path, *, limit: int) -> Iterator[bytes]:
     with open_recorded(path) as file:
         while packed := file.read(LIMITS.piece_bytes):
             if decompressor.eof:
-                raise RecordingError(f"{path}: bytes follow the end of the bzip2 stream; expected none")
-            for piece in _decompress(decompressor, packed, path):
+                break
+            while packed or not (decompressor.eof or decompressor.needs_input):
+                try:
+                    piece = decompressor.decompress(packed, max_length=LIMITS.piece_bytes)
+                except OSError as error:
+                    raise RecordingError(f"{path}: damaged, or no bzip2 file; expected an intact one") from error
+                packed = b""
                 total += len(piece)
                 if total > limit:
                     raise RecordingError(f"{path}: unpacks to more than the {limit} bytes accepted")
-                yield piece
+                if piece:
+                    yield piece
     if not decompressor.eof:
         raise RecordingError(
             f"{path}: truncated: the bzip2 stream stops after {total} unpacked bytes; expected a complete file"
         )
-    if decompressor.unused_data:
+    if packed or decompressor.unused_data:
         raise RecordingError(f"{path}: bytes follow the end of the bzip2 stream; expected none")
-
-
-def _decompress(decompressor: bz2.BZ2Decompressor, packed: bytes, path: Path) -> Iterator[bytes]:
-    while True:
-        try:
-            piece = decompressor.decompress(packed, max_length=LIMITS.piece_bytes)
-        except OSError as error:
-            raise RecordingError(f"{path}: damaged, or no bzip2 file; expected an intact one") from error
-        if piece:
-            yield piece
-        if decompressor.eof or decompressor.needs_input:
-            return
-        packed = b""

@@ -1,9 +1,8 @@
-"""Converts the labels of a recording (set-up, arrays, serial number, clocks) to and from a JSON object in its file."""
+"""Labels of a recording: set-up, arrays, serial number and clocks, as a JSON object in its file."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -33,30 +32,13 @@ _Triple = tuple[_Coordinate, _Coordinate, _Coordinate]
 _Nanoseconds = Annotated[int, Field(ge=0, le=LATEST)]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Labels:
-    """Labels of a recording: the description of sensor and set-up that its file holds beside the frames.
-
-    Attributes:
-        setup: How the recording was made.
-        arrays: The texel arrays, without frames.
-        serial: Serial number of the sensor.
-        start: Time at the start of the recording, UTC since 1970, by the clock of the host [ns].
-        monotonic: Time at the start of the recording on the monotonic clock of the host [ns].
-    """
-
-    setup: Setup
-    arrays: tuple[RecordedArray, ...]
-    serial: str
-    start: int
-    monotonic: int
-
-
-class _Entry(BaseModel):
+class _Table(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, allow_inf_nan=False)
 
 
-class _ArrayEntry(_Entry):
+class ArrayLabels(_Table):
+    """Description of one texel array; masks are texts of the digits 0 and 1."""
+
     name: str
     rows: int
     columns: int
@@ -70,47 +52,84 @@ class _ArrayEntry(_Entry):
     centre_m: _Triple
     rotation_rad: _Triple
 
+    def make(self) -> RecordedArray:
+        """Make the array, without frames.
 
-class _ClockEntry(_Entry):
+        Raises:
+            ValueError: If a number is impossible, or a mask has another size than the array.
+        """
+        check_texel_count(self.rows, self.columns)
+        enabled = _read_mask(self.enabled)
+        if len(enabled) != self.rows * self.columns:
+            raise ValueError(f"a mask of {len(enabled)} texels; expected {self.rows} x {self.columns}")
+        active, size = _read_mask(self.active), self.texel_size_m
+        return RecordedArray(
+            texels=TexelArray.grid(
+                self.rows, self.columns, self.pitch_m, texel_size=size, active=active, name=self.name
+            ),
+            enabled=enabled,
+            counts=np.empty((0, len(enabled)), dtype=np.int32),
+            full_scale=self.full_scale,
+            offset=self.offset,
+            unit=self.unit,
+            centre=self.centre_m,
+            rotation=self.rotation_rad,
+        )
+
+
+class ClockLabels(_Table):
+    """Time at the start of the recording: UTC since 1970, and on the monotonic clock of the host [ns]."""
+
     start_ns: _Nanoseconds
     monotonic_ns: _Nanoseconds
 
 
-class _SetupEntry(_Entry):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=True)
+class Labels(_Table):
+    """All labels of a recording."""
 
-    indenter: str = ""
-    load: float | None = None
-    note: str = ""
-    source: str = ""
-    source_sha256: str = ""
-    device: dict[str, str | bool | int | float] = Field(default_factory=dict)
-    other: dict[str, str] = Field(default_factory=dict)
-
-
-class _LabelsEntry(_Entry):
     format: str
     serial: str
-    arrays: tuple[_ArrayEntry, ...]
-    clock: _ClockEntry
-    setup: _SetupEntry
+    arrays: tuple[ArrayLabels, ...]
+    clock: ClockLabels
+    setup: Setup
 
 
-def encode_labels(labels: Labels) -> str:
-    """Return labels as the text of a JSON object, without the frames of the arrays."""
-    setup = labels.setup
-    entry = _LabelsEntry(
-        format=FORMAT,
-        serial=labels.serial,
-        arrays=tuple(_encode_array(array) for array in labels.arrays),
-        clock=_ClockEntry(start_ns=labels.start, monotonic_ns=labels.monotonic),
-        setup=_SetupEntry(**{**vars(setup), "device": dict(setup.device), "other": dict(setup.other)}),
+def encode_labels(
+    setup: Setup, arrays: tuple[RecordedArray, ...], *, serial: str = "", start: int = 0, monotonic: int = 0
+) -> str:
+    """Return labels as the text of a JSON object.
+
+    Args:
+        setup: How the recording is made.
+        arrays: The texel arrays; their frames are left out.
+        serial: Serial number of the sensor.
+        start: Time at the start of the recording, UTC since 1970 [ns].
+        monotonic: The same time on the monotonic clock of the host [ns].
+    """
+    described = tuple(
+        ArrayLabels(
+            name=array.texels.name,
+            rows=array.texels.rows,
+            columns=array.texels.columns,
+            pitch_m=array.texels.pitch,
+            texel_size_m=array.texels.texel_size,
+            active=_write_mask(array.texels.active),
+            enabled=_write_mask(array.enabled),
+            full_scale=array.full_scale,
+            offset=array.offset,
+            unit=array.unit,
+            centre_m=array.centre,
+            rotation_rad=array.rotation,
+        )
+        for array in arrays
     )
-    return json.dumps(entry.model_dump(mode="json", exclude=None if setup.other else {"setup": {"other"}}))
+    clock = ClockLabels(start_ns=start, monotonic_ns=monotonic)
+    labels = Labels(format=FORMAT, serial=serial, arrays=described, clock=clock, setup=setup)
+    return json.dumps(labels.model_dump(mode="json", exclude=None if setup.other else {"setup": {"other"}}))
 
 
-def decode_labels(text: str, path: Path) -> Labels:
-    """Parse the text of the JSON object that `encode_labels` returns.
+def decode_labels(text: str, path: Path) -> tuple[Labels, tuple[RecordedArray, ...]]:
+    """Parse the text of the JSON object that `encode_labels` returns; return the labels and the arrays without frames.
 
     Args:
         text: Text of the JSON object.
@@ -127,14 +146,8 @@ def decode_labels(text: str, path: Path) -> Labels:
         if len(entries["arrays"]) > MOST_ARRAYS:
             raise ValueError(f"{len(entries['arrays'])} arrays; at most {MOST_ARRAYS} are accepted")  # noqa: TRY301
         if name == FORMAT:
-            entry = _LabelsEntry.model_validate_json(text)
-            return Labels(
-                setup=Setup(**entry.setup.model_dump()),
-                arrays=tuple(_decode_array(array) for array in entry.arrays),
-                serial=entry.serial,
-                start=entry.clock.start_ns,
-                monotonic=entry.clock.monotonic_ns,
-            )
+            labels = Labels.model_validate_json(text)
+            return labels, tuple(each.make() for each in labels.arrays)
     except ValidationError as error:
         faults = error.errors(include_url=False, include_input=False) if error.error_count() <= _MOST_FAULTS else []
         fault = f"{'.'.join(map(str, faults[0]['loc']))}: {faults[0]['msg']}" if faults else "faults everywhere"
@@ -144,48 +157,9 @@ def decode_labels(text: str, path: Path) -> Labels:
     raise RecordingError(f"{path}: its labels have the format {str(name)[:40]!r}; accepted: {FORMAT!r}")
 
 
-def _encode_array(array: RecordedArray) -> _ArrayEntry:
-    texels = array.texels
-    return _ArrayEntry(
-        name=texels.name,
-        rows=texels.rows,
-        columns=texels.columns,
-        pitch_m=texels.pitch,
-        texel_size_m=texels.texel_size,
-        active="".join("1" if active else "0" for active in texels.active),
-        enabled="".join("1" if enabled else "0" for enabled in array.enabled),
-        full_scale=array.full_scale,
-        offset=array.offset,
-        unit=array.unit,
-        centre_m=array.centre,
-        rotation_rad=array.rotation,
-    )
+def _write_mask(mask: BoolArray) -> str:
+    return "".join("1" if each else "0" for each in mask)
 
 
-def _decode_array(entry: _ArrayEntry) -> RecordedArray:
-    check_texel_count(entry.rows, entry.columns)
-    enabled = _decode_mask(entry.enabled)
-    if len(enabled) != entry.rows * entry.columns:
-        raise ValueError(f"a mask of {len(enabled)} texels; expected {entry.rows} x {entry.columns}")
-    texels = TexelArray.grid(
-        entry.rows,
-        entry.columns,
-        entry.pitch_m,
-        texel_size=entry.texel_size_m,
-        active=_decode_mask(entry.active),
-        name=entry.name,
-    )
-    return RecordedArray(
-        texels=texels,
-        enabled=enabled,
-        counts=np.empty((0, texels.count), dtype=np.int32),
-        full_scale=entry.full_scale,
-        offset=entry.offset,
-        unit=entry.unit,
-        centre=entry.centre_m,
-        rotation=entry.rotation_rad,
-    )
-
-
-def _decode_mask(text: str) -> BoolArray:
+def _read_mask(text: str) -> BoolArray:
     return np.array([digit == "1" for digit in text])

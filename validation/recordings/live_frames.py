@@ -16,8 +16,8 @@ from fastmodel.signal.electronics import grey_levels
 from fastmodel.signal.frame import Frame
 from meshes import Indenter
 from validation.recordings.recording import Recording, find_pressed_array
-from validation.weiss.continuity import Gap
 from validation.weiss.sensor import Sensor
+from validation.weiss.stream import Gap
 
 if TYPE_CHECKING:
     from fastmodel.parameters import Parameters

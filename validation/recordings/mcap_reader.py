@@ -11,8 +11,8 @@ import io
 import mmap
 import zlib
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
@@ -21,14 +21,16 @@ import numpy as np
 from meshes import atomic_file
 from meshes.bounded_file import format_size
 from validation.extras import MissingExtraError
-from validation.recordings import ros_messages
 from validation.recordings.labels import decode_labels
 from validation.recordings.mcap_writer import (
     FORCE_TOPIC,
     GAP_TOPIC,
+    RAW_TOPIC,
     SETUP_TOPIC,
     TANGENTIAL_LABEL,
     TEMPERATURE_TOPIC,
+    find_kind,
+    load_types,
     name_topics,
 )
 from validation.recordings.recording import (
@@ -44,7 +46,7 @@ from validation.recordings.recording import (
 )
 
 if TYPE_CHECKING:
-    from mcap.records import Channel, Chunk, McapRecord, Message
+    from mcap.records import Chunk, McapRecord, Message
 
 #: First and last bytes of every MCAP file.
 MAGIC = b"\x89MCAP0\r\n"
@@ -61,6 +63,20 @@ _MOST_WINDOW = 2**27
 _LARGEST_RECORD = 2**27
 
 
+@dataclass(frozen=True, slots=True)
+class _Received:
+    """A message of a recording: its content, its number in its topic, and its times, UTC since 1970 [ns]."""
+
+    content: Any
+    number: int
+    logged: int
+    published: int
+
+
+#: Messages by topic.
+_Messages = dict[str, list[_Received]]
+
+
 def read(path: str | Path) -> Recording:
     """Read a recording from an MCAP file that this program wrote.
 
@@ -71,17 +87,23 @@ def read(path: str | Path) -> Recording:
         RecordingError: If the file is missing, damaged, or was written by another program.
     """
     path = Path(path)
-    collector = _Collector(path, complete=is_complete(path))
-    budget = Budget(path, path.stat().st_size)
+    complete = is_complete(path)
+    budget, messages = Budget(path, path.stat().st_size), defaultdict[str, list[_Received]](list)
     for topic, message in _read_messages(path):
         budget.spend_message(topic, len(message.data), (message.log_time, message.publish_time))
+        kind, before = find_kind(topic), messages[topic]
+        if kind is None or topic == RAW_TOPIC or topic.endswith("/image"):
+            continue
+        if topic.endswith("/frame") and message.sequence != len(before):
+            raise RecordingError(
+                f"{path}: damaged: frame {message.sequence} of {topic} follows frame {len(before) - 1}"
+            )
         try:
-            collector.add(topic, message)
-        except RecordingError:
-            raise
+            content = load_types().deserialize_cdr(message.data, kind)
         except Exception as error:  # the libraries raise many kinds of exceptions on damaged messages
             raise RecordingError(f"{path}: damaged: a message of {topic} cannot be read") from error
-    return collector.make_recording()
+        before.append(_Received(content, message.sequence, message.log_time, message.publish_time))
+    return _make_recording(path, messages, complete=complete)
 
 
 def is_own_recording(path: str | Path) -> bool:
@@ -146,141 +168,87 @@ def recover(path: str | Path) -> bool:
     return True
 
 
-@dataclass
-class _Collector:
-    """Collects the decoded messages of one MCAP file; their times are UTC since 1970 [ns].
+def _make_recording(path: Path, messages: _Messages, *, complete: bool) -> Recording:
+    """Make a recording from the messages of a file."""
+    if not messages[SETUP_TOPIC]:
+        raise RecordingError(f"{path}: an MCAP file without the labels of a softcover recording")
+    labels, arrays = decode_labels(str(messages[SETUP_TOPIC][-1].content.data), path)
+    names = name_topics(len(arrays))
+    series = [messages[f"/{name}/frame"] for name in names]
+    # A recorder that was killed between the frames of two arrays leaves one frame more of the first arrays than of the
+    # others; the additional frames are left out.
+    count = min(len(frames) for frames in series)
+    clocks = series[0][:count]
+    # In a file without frames, times count from the start of the recording.
+    start = clocks[0].published if count else labels.clock.start_ns
+    recorded = []
+    for name, array, frames in zip(names, arrays, series, strict=True):
+        counts = [each.content.counts for each in frames[:count]]
+        if any(each.size != array.texels.count for each in counts):
+            raise RecordingError(f"{path}: damaged: a frame has other texels than {array.texels.name}")
+        stacked = np.array(counts, dtype=np.int32).reshape(count, array.texels.count) - np.int32(array.offset)
+        forces = _collect_forces(path, messages, name, count, array.texels.count)
+        recorded.append(replace(array, counts=stacked, simulated=forces))
+    temperatures = [np.array(each.content.data, dtype=np.float64) for each in messages[TEMPERATURE_TOPIC]]
+    if len({degrees.size for degrees in temperatures}) > 1:
+        raise RecordingError(f"{path}: damaged: the number of temperatures changes")
+    return Recording(
+        path=path,
+        sha256=hash_contents(path),
+        serial=labels.serial,
+        started=convert_to_utc(start),
+        times=count_seconds([each.published for each in clocks], start),
+        arrays=tuple(recorded),
+        temperatures=np.array(temperatures or np.empty((0, 0))),
+        temperature_times=count_seconds([each.logged for each in messages[TEMPERATURE_TOPIC]], start),
+        setup=labels.setup,
+        gaps=tuple(status.message for gap in messages[GAP_TOPIC] for status in gap.content.status),
+        complete=complete,
+        host_monotonic=np.array([each.content.host_monotonic for each in clocks], dtype=np.int64),
+        ticks=np.array([each.content.device_ticks for each in clocks], dtype=np.int64),
+        forces=np.array([each.content.wrench.force.z for each in messages[FORCE_TOPIC]], dtype=np.float64),
+        force_times=count_seconds([each.logged for each in messages[FORCE_TOPIC]], start),
+    )
 
-    Attributes:
-        path: The file.
-        complete: Whether the file was closed properly.
-        labels_text: Labels of the recording as JSON text; None before they were read.
-        frames: Time and content of each frame, by topic.
-        gaps: One line for each gap in the stream of frames.
-        temperatures: Time and temperatures of all channels [degC] of each reading.
-        forces: Time and value [N] of each reading of the force sensor.
-        values: Other values of simulated frames, by topic and number of the frame.
-        labels: Label of these values, by topic.
+
+def _collect_forces(path: Path, messages: _Messages, name: str, frames: int, texels: int) -> SimulatedForces | None:
+    """Collect the forces of the frames of one array of n texels; None if no frame has any.
+
+    Args:
+        path: The file, for error messages.
+        messages: All messages.
+        name: First part of the array's topics.
+        frames: Number of frames.
+        texels: Number of texels n.
     """
 
-    path: Path
-    complete: bool
-    labels_text: str | None = None
-    frames: dict[str, list[tuple[int, ros_messages.FrameMessage]]] = field(default_factory=lambda: defaultdict(list))
-    gaps: list[str] = field(default_factory=list)
-    temperatures: list[tuple[int, FloatArray]] = field(default_factory=list)
-    forces: list[tuple[int, float]] = field(default_factory=list)
-    values: dict[str, dict[int, FloatArray]] = field(default_factory=lambda: defaultdict(dict))
-    labels: dict[str, str] = field(default_factory=dict)
-
-    def add(self, topic: str, message: Message) -> None:
-        """Decode one message and store its content by topic; raise `RecordingError` if a frame before it is missing."""
-        if topic == SETUP_TOPIC:
-            self.labels_text = str(ros_messages.decode(message.data, ros_messages.TEXT).data)
-        elif topic == GAP_TOPIC:
-            self.gaps += [
-                status.message for status in ros_messages.decode(message.data, ros_messages.DIAGNOSTICS).status
-            ]
-        elif topic == TEMPERATURE_TOPIC:
-            numbers = ros_messages.decode(message.data, ros_messages.NUMBERS)
-            self.temperatures.append((message.log_time, np.array(numbers.data, dtype=np.float64)))
-        elif topic == FORCE_TOPIC:
-            self.forces.append((message.log_time, float(ros_messages.decode_wrench(message.data)[2])))
-        elif topic.endswith("/frame"):
-            frames = self.frames[topic]
-            if message.sequence != len(frames):
-                raise RecordingError(
-                    f"{self.path}: damaged: frame {message.sequence} of {topic} follows frame {len(frames) - 1}"
-                )
-            frames.append((message.publish_time, ros_messages.decode_frame(message.data)))
-        elif topic.endswith("/wrench"):
-            self.values[topic][message.sequence] = ros_messages.decode_wrench(message.data)
-        elif topic.endswith(("/pressures", "/tangential")):
-            numbers = ros_messages.decode(message.data, ros_messages.NUMBERS)
-            self.values[topic][message.sequence] = np.array(numbers.data, dtype=np.float64)
-            self.labels[topic] = str(numbers.layout.dim[0].label) if numbers.layout.dim else ""
-
-    def make_recording(self) -> Recording:
-        """Make a recording from all messages of the file."""
-        if self.labels_text is None:
-            raise RecordingError(f"{self.path}: an MCAP file without the labels of a softcover recording")
-        labels = decode_labels(self.labels_text, self.path)
-        series = [self.frames[f"/{name}/frame"] for name in name_topics(len(labels.arrays))]
-        # A recorder that was killed between the frames of two arrays leaves one frame more of the first arrays than of
-        # the others; the additional frames are left out.
-        count = min(len(frames) for frames in series)
-        # In a file without frames, times count from the start of the recording.
-        start = series[0][0][0] if count else labels.start
-        for array, frames in zip(labels.arrays, series, strict=True):
-            if any(frame.counts.size != array.texels.count for _, frame in frames[:count]):
-                raise RecordingError(f"{self.path}: damaged: a frame has other texels than {array.texels.name}")
-        clocks = [frame for _, frame in series[0][:count]]
-        return Recording(
-            path=self.path,
-            sha256=hash_contents(self.path),
-            serial=labels.serial,
-            started=convert_to_utc(start),
-            times=count_seconds(series[0][:count], start),
-            arrays=tuple(
-                replace(
-                    array,
-                    counts=np.array([frame.counts for _, frame in frames[:count]], dtype=np.int32).reshape(
-                        count, array.texels.count
-                    )
-                    - np.int32(array.offset),
-                    simulated=self._collect_simulated(name, [frame for _, frame in frames[:count]], array.texels.count),
-                )
-                for name, array, frames in zip(name_topics(len(series)), labels.arrays, series, strict=True)
-            ),
-            temperatures=self._stack_temperatures(),
-            temperature_times=count_seconds(self.temperatures, start),
-            setup=labels.setup,
-            gaps=tuple(self.gaps),
-            complete=self.complete,
-            host_monotonic=np.array([frame.host_monotonic for frame in clocks], dtype=np.int64),
-            ticks=np.array([frame.ticks for frame in clocks], dtype=np.int64),
-            forces=np.array([force for _, force in self.forces]),
-            force_times=count_seconds(self.forces, start),
-        )
-
-    def _stack_temperatures(self) -> FloatArray:
-        """Stack the temperatures of all readings, shape (readings, channels) [degC]."""
-        if len({degrees.size for _, degrees in self.temperatures}) > 1:
-            raise RecordingError(f"{self.path}: damaged: the number of temperatures changes")
-        return np.array([degrees for _, degrees in self.temperatures] or np.empty((0, 0)))
-
-    def _collect_simulated(
-        self, name: str, frames: list[ros_messages.FrameMessage], texels: int
-    ) -> SimulatedForces | None:
-        """Collect the forces of the frames of one array of n texels; None if no frame has any.
-
-        Args:
-            name: First part of the array's topics.
-            frames: The frames.
-            texels: Number of texels n.
-        """
-        given = {number: frame.texel_forces for number, frame in enumerate(frames) if frame.texel_forces.size}
-        if not given and not any(topic.startswith(f"/{name}/") for topic in self.values):
-            return None
-        self.values[f"/{name}/frame"] = given
-        wrench = self._stack(f"/{name}/wrench", len(frames), 6)
-        return SimulatedForces(
-            texel_forces=self._stack(f"/{name}/frame", len(frames), texels),
-            pressures=self._stack(f"/{name}/pressures", len(frames), texels),
-            net_force=wrench[:, :3],
-            net_torque=wrench[:, 3:],
-            tangential=self._stack(f"/{name}/tangential", len(frames), 2 * texels).reshape(-1, texels, 2),
-            tangential_source=self.labels.get(f"/{name}/tangential", "").removeprefix(TANGENTIAL_LABEL),
-        )
-
-    def _stack(self, topic: str, frames: int, size: int) -> FloatArray:
+    def stack(end: str, size: int, read_values: Callable[[Any], Any]) -> FloatArray:
         """Stack the values of a topic, shape (frames, size); NaN for frames without values."""
-        stacked = np.full((frames, size), np.nan)
-        for number, value in self.values.get(topic, {}).items():
-            if value.shape != (size,):
-                raise RecordingError(f"{self.path}: damaged: {topic} has {value.size} values, not {size}")
-            if number < frames:
-                stacked[number] = value
+        stacked, topic = np.full((frames, size), np.nan), f"/{name}/{end}"
+        for each in messages[topic]:
+            values = np.asarray(read_values(each.content), dtype=np.float64)
+            if end == "frame" and not values.size:
+                continue
+            if values.shape != (size,):
+                raise RecordingError(f"{path}: damaged: {topic} has {values.size} values, not {size}")
+            if each.number < frames:
+                stacked[each.number] = values
         return stacked
+
+    texel_forces = stack("frame", texels, lambda frame: frame.texel_forces)
+    ends = ("pressures", "wrench", "tangential")
+    if np.isnan(texel_forces).all() and not any(messages[f"/{name}/{end}"] for end in ends):
+        return None
+    dimensions = [each.content.layout.dim for each in messages[f"/{name}/tangential"][-1:]]
+    label = str(dimensions[0][0].label) if dimensions and dimensions[0] else ""
+    return SimulatedForces(
+        texel_forces=texel_forces,
+        pressures=stack("pressures", texels, lambda message: message.data),
+        net_force=stack("wrench", 3, lambda message: [getattr(message.wrench.force, axis) for axis in "xyz"]),
+        net_torque=stack("wrench", 3, lambda message: [getattr(message.wrench.torque, axis) for axis in "xyz"]),
+        tangential=stack("tangential", 2 * texels, lambda message: message.data).reshape(-1, texels, 2),
+        tangential_source=label.removeprefix(TANGENTIAL_LABEL),
+    )
 
 
 def _read_messages(path: Path) -> Iterator[tuple[str, Message]]:
@@ -373,14 +341,11 @@ def unpack_records(chunk: Chunk, budget: Budget) -> Iterator[McapRecord]:
         raise RecordingError("a chunk fails its checksum")
     position = 0
     while position < len(content):
-        size = int.from_bytes(content[position + 1 : position + _RECORD_HEAD_SIZE], "little")
-        end = position + _RECORD_HEAD_SIZE + size
-        if end > len(content):
+        position += _RECORD_HEAD_SIZE + int.from_bytes(content[position + 1 : position + _RECORD_HEAD_SIZE], "little")
+        if position > len(content):
             raise RecordingError("a chunk ends in the middle of a record")
         budget.spend(records=1)
-        record = replace(chunk, compression="", uncompressed_crc=0, data=content[position:end])
-        yield from breakup_chunk(record)
-        position = end
+    yield from breakup_chunk(replace(chunk, compression="", uncompressed_crc=0, data=content))
 
 
 def _unpack(chunk: Chunk) -> bytes:

@@ -3,6 +3,10 @@
 Five times a second, one thread closes a chunk (group of messages) and passes it to the operating system.  Once a
 second, another thread forces the file to the disk (fsync).  A killed recorder leaves a valid file without index and
 footer: `mcap_reader.read` reads such a file, and `mcap_reader.recover` completes it.
+
+The messages are ROS 2 messages in their binary format, CDR.  Images, diagnostics, temperatures and forces use standard
+types, so that Foxglove and ROS 2 tools display them.  No standard type holds a frame with the clocks of host and
+device; the type of this program is defined in every file, as is usual in ROS 2 recordings.
 """
 
 from __future__ import annotations
@@ -10,22 +14,22 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, cast
+from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from validation.extras import MissingExtraError
-from validation.recordings import ros_messages
-from validation.recordings.labels import Labels, encode_labels
+from validation.recordings.labels import encode_labels
 from validation.recordings.recording import RecordedArray, Setup
 
 if TYPE_CHECKING:
-    from mcap.writer import Writer
+    from rosbags.typesys.store import Typestore
 
     from fastmodel.signal.frame import Frame
 
@@ -33,13 +37,35 @@ if TYPE_CHECKING:
 #: frames, temperatures, readings of the force sensor.
 SETUP_TOPIC, RAW_TOPIC, GAP_TOPIC = "/setup", "/raw", "/diagnostics"
 TEMPERATURE_TOPIC, FORCE_TOPIC = "/temperatures", "/force"
-
+#: Name of the ROS 2 type of a frame message, and its definition.
+FRAME = "softcover_msgs/msg/TactileFrame"
+_FRAME_DEFINITION = """std_msgs/Header header
+uint64 host_monotonic
+uint32 device_ticks
+uint16[] counts
+float64[] texel_forces
+"""
+#: ROS 2 type of the messages of each topic; topics of an array by their last part.
+KINDS = {
+    SETUP_TOPIC: "std_msgs/msg/String",
+    RAW_TOPIC: "std_msgs/msg/UInt8MultiArray",
+    GAP_TOPIC: "diagnostic_msgs/msg/DiagnosticArray",
+    TEMPERATURE_TOPIC: "std_msgs/msg/Float64MultiArray",
+    FORCE_TOPIC: "geometry_msgs/msg/WrenchStamped",
+    "image": "sensor_msgs/msg/Image",
+    "frame": FRAME,
+    "pressures": "std_msgs/msg/Float64MultiArray",
+    "wrench": "geometry_msgs/msg/WrenchStamped",
+    "tangential": "std_msgs/msg/Float64MultiArray",
+}
 #: First part of the label of tangential forces; their source follows, see `Frame.tangential_source`.
 TANGENTIAL_LABEL = "tangential force x, y [N]: "
 #: Time between two chunks, and time between two calls of fsync, which forces the file to the disk [s].
 _FLUSH_INTERVAL, _SYNC_INTERVAL = 0.2, 1.0
 #: Largest count that a frame message can hold, because its counts are 16 bit numbers [-].
 LARGEST_COUNT = 0xFFFF
+#: Level of a ROS diagnostic status that marks a warning.
+_WARNING = 1
 
 
 class StorageError(OSError):
@@ -61,6 +87,72 @@ class Clocks:
     monotonic: int = 0
     ticks: int = 0
     arrival: int | None = None
+
+
+@cache
+def load_types() -> Typestore:
+    """Load the standard ROS 2 message types and that of frame messages.
+
+    Raises:
+        MissingExtraError: If rosbags is not installed.
+    """
+    try:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    except ImportError as error:
+        raise MissingExtraError("rosbags") from error
+    types = get_typestore(Stores.ROS2_JAZZY)
+    types.register(get_types_from_msg(_FRAME_DEFINITION, FRAME))
+    return types
+
+
+def find_kind(topic: str) -> str | None:
+    """Return the ROS 2 type of the messages of a topic of a recording; None for any other topic."""
+    return KINDS.get(topic) or KINDS.get(topic.rpartition("/")[2])
+
+
+def encode(kind: str, /, **fields: object) -> bytes:
+    """Encode a message in CDR.
+
+    Args:
+        kind: Its ROS 2 type.
+        fields: Values of its fields; a mapping stands for a message within the message.
+    """
+    return bytes(load_types().serialize_cdr(_make_message(kind, fields), kind))
+
+
+def _make_message(kind: str, fields: Mapping[str, Any]) -> object:
+    types, made = load_types(), dict(fields)
+    for name, (_, detail) in types.fielddefs[kind][1]:
+        value = made[name]
+        if isinstance(value, Mapping):
+            made[name] = _make_message(str(detail), value)
+        elif isinstance(value, list):
+            ((_, inner), _) = cast("tuple[tuple[object, str], object]", detail)
+            made[name] = [_make_message(inner, each) for each in value]
+    return types.types[kind](**made)
+
+
+def _make_header(time_ns: int, name: str) -> Mapping[str, object]:
+    """Return the header of a message at a time, UTC since 1970 [ns], in the coordinate frame `name`."""
+    seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
+    return {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": name}
+
+
+def _make_numbers(values: npt.ArrayLike, label: str = "") -> Mapping[str, object]:
+    """Return the fields of an array of numbers, whose first dimension is labelled with their meaning."""
+    numbers = np.asarray(values, dtype=np.float64)
+    sizes = numbers.shape if label else ()
+    sides: list[Mapping[str, object]] = [
+        {"label": "" if axis else label, "size": size, "stride": int(np.prod(sizes[axis:]))}
+        for axis, size in enumerate(sizes)
+    ]
+    return {"layout": {"dim": sides, "data_offset": 0}, "data": numbers.ravel()}
+
+
+def _make_wrench(force: npt.ArrayLike, torque: npt.ArrayLike = (0.0, 0.0, 0.0)) -> Mapping[str, object]:
+    """Return the fields of a wrench: force [N] and torque about the origin of the coordinate frame [N m]."""
+    given = {"force": force, "torque": torque}
+    return {name: dict(zip("xyz", map(float, np.asarray(each)), strict=True)) for name, each in given.items()}
 
 
 class RecordingWriter(AbstractContextManager["RecordingWriter"]):
@@ -86,25 +178,33 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         serial: str = "",
         start: int | None = None,
     ) -> None:
+        try:
+            from mcap.writer import Writer
+        except ImportError as error:
+            raise MissingExtraError("mcap") from error
         self.path = Path(path)
         self.frames = 0
-        self._columns = [array.texels.columns for array in arrays]
-        self._offsets = [array.offset for array in arrays]
+        self._arrays = tuple(arrays)
         self._names = name_topics(len(arrays))
         self._sequence = [0] * len(arrays)
         self._lock = threading.Lock()
         self._closed = threading.Event()
         self._failure: OSError | None = None
         self._file = _File(self.path)
-        self._writer = _open_writer(self._file)
+        # `Writer` is declared to need a complete file object, but it only calls `write`, `tell` and `flush`.
+        self._writer = Writer(cast("IO[bytes]", self._file), enable_data_crcs=True)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
-        monotonic, now = time.monotonic_ns(), time.time_ns()
-        labels = Labels(
-            setup=setup, arrays=tuple(arrays), serial=serial, start=now if start is None else start, monotonic=monotonic
-        )
+        monotonic, now = time.monotonic_ns(), time.time_ns() if start is None else start
+        labels = encode_labels(setup, self._arrays, serial=serial, start=now, monotonic=monotonic)
         try:
-            self._write_start(labels)
+            self._writer.start(profile="ros2", library="softcover")
+            topics = [topic for topic in KINDS if topic.startswith("/")]
+            for topic in topics + [f"/{name}/{end}" for name in self._names for end in ("image", "frame")]:
+                self._register(topic)
+            self._writer.add_metadata("softcover", {"labels": labels})
+            self._add(SETUP_TOPIC, now, {"data": labels})
+            self._writer.flush()
         except StorageError:
             raise
         except OSError as error:
@@ -144,24 +244,32 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             StorageError: If an earlier write failed.
             ValueError: If a count does not fit 16 bits.
         """
-        least, most = -self._offsets[array], LARGEST_COUNT - self._offsets[array]
+        offset, columns, name = self._arrays[array].offset, self._arrays[array].texels.columns, self._names[array]
+        least, most = -offset, LARGEST_COUNT - offset
         if counts.size and (counts.min() < least or counts.max() > most):
             raise ValueError(f"counts must lie in {least}..{most}, not {counts.min()}..{counts.max()}")
-        values = (counts.astype(np.int64) + self._offsets[array]).astype(np.uint16)
-        name = self._names[array]
-        pixels = counts.clip(0, LARGEST_COUNT).astype(np.uint16)
-        image = ros_messages.encode_image(clocks.time, name, pixels, self._columns[array])
-        frame = ros_messages.FrameMessage(
-            host_monotonic=clocks.monotonic,
-            ticks=clocks.ticks,
-            counts=values,
-            texel_forces=np.empty(0) if texel_forces is None else texel_forces,
-        )
-        sequence = self._sequence[array]
+        header, number = _make_header(clocks.time, name), self._sequence[array]
         self._sequence[array] += 1
-        data = ros_messages.encode_frame(clocks.time, name, frame)
-        self._add(f"/{name}/image", clocks.time, image, sequence, arrival=clocks.arrival)
-        self._add(f"/{name}/frame", clocks.time, data, sequence, arrival=clocks.arrival)
+        pixels = np.ascontiguousarray(counts.clip(0, LARGEST_COUNT), dtype="<u2")
+        # The first row of the image has the smallest y.
+        image = {
+            "header": header,
+            "height": pixels.size // columns,
+            "width": columns,
+            "encoding": "mono16",
+            "is_bigendian": 0,
+            "step": 2 * columns,
+            "data": pixels.view(np.uint8),
+        }
+        frame = {
+            "header": header,
+            "host_monotonic": clocks.monotonic,
+            "device_ticks": clocks.ticks,
+            "counts": (counts.astype(np.int64) + offset).astype(np.uint16),
+            "texel_forces": np.empty(0) if texel_forces is None else texel_forces,
+        }
+        self._add(f"/{name}/image", clocks.time, image, number, arrival=clocks.arrival)
+        self._add(f"/{name}/frame", clocks.time, frame, number, arrival=clocks.arrival)
         self.frames += array == 0
 
     def add_simulated_frame(self, array: int, clocks: Clocks, frame: Frame) -> None:
@@ -179,33 +287,35 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             StorageError: If an earlier write failed.
             ValueError: If a count does not fit 16 bits.
         """
-        name, number, time_ns = self._names[array], self._sequence[array], clocks.time
+        name, number, when = self._names[array], self._sequence[array], clocks.time
         self.add_frame(array, clocks, frame.counts, texel_forces=frame.texel_forces)
         if frame.pressures is not None:
-            data = ros_messages.encode_numbers(frame.pressures, "pressure [Pa]")
-            self._add(f"/{name}/pressures", time_ns, data, number, kind=ros_messages.NUMBERS)
+            self._add(f"/{name}/pressures", when, _make_numbers(frame.pressures, "pressure [Pa]"), number)
         if frame.net_force is not None and frame.net_torque is not None:
-            data = ros_messages.encode_wrench(time_ns, name, frame.net_force, frame.net_torque)
-            self._add(f"/{name}/wrench", time_ns, data, number, kind=ros_messages.WRENCH)
+            wrench = _make_wrench(frame.net_force, frame.net_torque)
+            self._add(f"/{name}/wrench", when, {"header": _make_header(when, name), "wrench": wrench}, number)
         if frame.tangential is not None:
-            data = ros_messages.encode_numbers(frame.tangential, f"{TANGENTIAL_LABEL}{frame.tangential_source}")
-            self._add(f"/{name}/tangential", time_ns, data, number, kind=ros_messages.NUMBERS)
+            label = f"{TANGENTIAL_LABEL}{frame.tangential_source}"
+            self._add(f"/{name}/tangential", when, _make_numbers(frame.tangential, label), number)
 
     def add_raw(self, time_ns: int, data: bytes) -> None:
         """Write bytes that were received from a port at `time_ns`, UTC since 1970 [ns], without parsing them."""
-        self._add(RAW_TOPIC, time_ns, ros_messages.encode_bytes(data))
+        layout = {"dim": [], "data_offset": 0}
+        self._add(RAW_TOPIC, time_ns, {"layout": layout, "data": np.frombuffer(data, dtype=np.uint8)})
 
     def add_gap(self, time_ns: int, text: str) -> None:
         """Write one line of text on missing frames that were noticed at `time_ns`, UTC since 1970 [ns]."""
-        self._add(GAP_TOPIC, time_ns, ros_messages.encode_diagnostics(time_ns, "gap", text))
+        status = {"level": _WARNING, "name": "gap", "message": text, "hardware_id": "", "values": []}
+        self._add(GAP_TOPIC, time_ns, {"header": _make_header(time_ns, "gap"), "status": [status]})
 
     def add_temperatures(self, time_ns: int, degrees: npt.ArrayLike) -> None:
         """Write the temperatures of all channels, shape (channels,) [degC], at `time_ns`, UTC since 1970 [ns]."""
-        self._add(TEMPERATURE_TOPIC, time_ns, ros_messages.encode_numbers(degrees))
+        self._add(TEMPERATURE_TOPIC, time_ns, _make_numbers(degrees))
 
     def add_force(self, time_ns: int, newtons: float) -> None:
         """Write a reading of a force sensor [N] that was taken at `time_ns`, UTC since 1970 [ns]."""
-        self._add(FORCE_TOPIC, time_ns, ros_messages.encode_wrench(time_ns, "force_sensor", (0.0, 0.0, newtons)))
+        wrench = _make_wrench((0.0, 0.0, newtons))
+        self._add(FORCE_TOPIC, time_ns, {"header": _make_header(time_ns, "force_sensor"), "wrench": wrench})
 
     def close(self) -> None:
         """Write index and footer, and close the file; a second call does nothing.
@@ -228,47 +338,37 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         self._check_failure()
         self._file.close()
 
-    def _write_start(self, labels: Labels) -> None:
-        """Write the header of the file, the message types and topics, and the labels of the recording."""
-        topics = {
-            SETUP_TOPIC: ros_messages.TEXT,
-            RAW_TOPIC: ros_messages.BYTES,
-            GAP_TOPIC: ros_messages.DIAGNOSTICS,
-            TEMPERATURE_TOPIC: ros_messages.NUMBERS,
-            FORCE_TOPIC: ros_messages.WRENCH,
-        }
-        for name in self._names:
-            topics |= {f"/{name}/image": ros_messages.IMAGE, f"/{name}/frame": ros_messages.FRAME}
-        self._writer.start(profile="ros2", library="softcover")
-        self._schemas = {
-            kind: self._writer.register_schema(kind, "ros2msg", ros_messages.define_type(kind))
-            for kind in dict.fromkeys(topics.values())
-        }
-        self._channels = {
-            topic: self._writer.register_channel(topic, "cdr", self._schemas[kind]) for topic, kind in topics.items()
-        }
-        text = encode_labels(labels)
-        self._writer.add_metadata("softcover", {"labels": text})
-        self._add(SETUP_TOPIC, labels.start, ros_messages.encode_text(text))
-        self._writer.flush()
+    def _register(self, topic: str) -> None:
+        """Announce a topic, and its message type if it is the first topic of that type."""
+        kind = find_kind(topic) or ""
+        if kind not in self._schemas:
+            definition = load_types().generate_msgdef(kind, ros_version=2)[0].encode()
+            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", definition)
+        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
 
     def _add(
-        self, topic: str, time_ns: int, data: bytes, sequence: int = 0, *, kind: str = "", arrival: int | None = None
+        self,
+        topic: str,
+        time_ns: int,
+        fields: Mapping[str, object],
+        sequence: int = 0,
+        *,
+        arrival: int | None = None,
     ) -> None:
-        """Write an encoded message to a topic.
+        """Write a message to a topic.
 
         Args:
             topic: The topic.
             time_ns: Time of the message, UTC since 1970 [ns].
-            data: The message.
+            fields: Fields of the message.
             sequence: Number of the message in its topic.
-            kind: Type of the message, for a topic that the head of the file does not announce.
             arrival: Time at which the message arrived, UTC since 1970 [ns]; `time_ns` if not given.
         """
+        data = encode(find_kind(topic) or "", **fields)
         with self._lock:
             self._check_failure()
             if topic not in self._channels:
-                self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+                self._register(topic)
             logged = time_ns if arrival is None else arrival
             self._writer.add_message(self._channels[topic], logged, data, publish_time=time_ns, sequence=sequence)
 
@@ -352,12 +452,3 @@ class _File:
 def name_topics(arrays: int) -> list[str]:
     """Return the first part of the topics of each array: `tactile`, or `tactile_0`, `tactile_1`, ... for several."""
     return ["tactile"] if arrays == 1 else [f"tactile_{index}" for index in range(arrays)]
-
-
-def _open_writer(output: _File) -> Writer:
-    try:
-        from mcap.writer import Writer
-    except ImportError as error:
-        raise MissingExtraError("mcap") from error
-    # `Writer` is declared to need a complete file object, but it only calls `write`, `tell` and `flush`.
-    return Writer(cast("IO[bytes]", output), enable_data_crcs=True)

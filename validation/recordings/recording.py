@@ -11,10 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import ConfigDict
 
 from fastmodel.signal.electronics import grey_levels
 from fastmodel.signal.frame import Frame
@@ -34,7 +35,8 @@ DEFAULT_FULL_SCALE = 4095
 _PRESSED_SHARE = 0.02
 #: Tolerance of a coordinate of a texel centre when two arrays are compared [m].
 _SAME_POSITION = 1e-6
-_SECONDS_PER_NANOSECOND = 1e-9
+#: A nanosecond [s].
+NANOSECOND = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +87,10 @@ class Setup:
     note: str = ""
     source: str = ""
     source_sha256: str = ""
-    device: Mapping[str, str | int | float] = field(default_factory=dict)
+    #: How the labels of a file are read.
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", strict=True)
+
+    device: Mapping[str, str | bool | int | float] = field(default_factory=dict)
     other: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -230,7 +235,7 @@ class Recording:
         arrivals = self.host_monotonic
         if not arrivals.size or not arrivals.all():
             return np.empty(0)
-        delays = (arrivals - arrivals[0]) * _SECONDS_PER_NANOSECOND - self.times
+        delays = (arrivals - arrivals[0]) * NANOSECOND - self.times
         return np.asarray(delays - delays.min(), dtype=np.float64)
 
     @property
@@ -292,18 +297,9 @@ def convert_to_utc(nanoseconds: int) -> datetime:
     return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=nanoseconds // 1000)
 
 
-def count_seconds(timed: Sequence[tuple[int, object]], start: int) -> FloatArray:
-    """Convert times in nanoseconds to times from a start in seconds.
-
-    Args:
-        timed: Pairs of a time [ns] and a value; the values are ignored.
-        start: Time of the start [ns].
-
-    Returns:
-        Times from the start, shape (values,) [s].
-    """
-    nanoseconds = np.array([time for time, _ in timed], dtype=np.int64) - start
-    return nanoseconds.astype(np.float64) * _SECONDS_PER_NANOSECOND
+def count_seconds(times: Sequence[int], start: int) -> FloatArray:
+    """Convert times to times from a start [both ns] in seconds, shape (times,) [s]."""
+    return (np.array(times, dtype=np.int64) - start).astype(np.float64) * NANOSECOND
 
 
 def hash_contents(path: Path) -> str:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import array
 import csv
 import io
+import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -65,11 +66,13 @@ class _Table:
     """Content of the CSV file of a recording or of a force sensor.
 
     Attributes:
+        path: The file.
         notes: Values of the lines `# key = value`, by key.
         header: Names of the columns, in lower case.
         values: Numbers in the lines below the header, shape (lines, columns).
     """
 
+    path: Path
     notes: Mapping[str, str]
     header: list[str]
     values: FloatArray
@@ -77,6 +80,27 @@ class _Table:
     def get_column(self, name: str) -> FloatArray:
         """Return the numbers of the column with this name, shape (lines,); shape (0,) if the column is missing."""
         return self.values[:, self.header.index(name)] if name in self.header else np.empty(0)
+
+    def read_note(self, key: str, default: float, *, most: int | None = None) -> float:
+        """Return the value of the line `# key = value`, a number of 0 or more; `default` if there is no line.
+
+        Args:
+            key: The key.
+            default: Value without such a line.
+            most: Largest value of a key that takes a whole number from 1 on; None for any number.
+        """
+        if key not in self.notes:
+            return default
+        start = f"{self.path}: # {key} = {self.notes[key][:40]}"
+        try:
+            value = _parse_number(self.notes[key])
+        except ValueError as error:
+            raise RecordingError(f"{start}: not a number; expected 0 or more") from error
+        if most is not None and not (value.is_integer() and 1 <= value <= most):
+            raise RecordingError(f"{start}: expected a whole number of 1 to {most}")
+        if not math.isfinite(value) or value < 0:
+            raise RecordingError(f"{start}: expected a number of 0 or more")
+        return value
 
 
 def read(
@@ -98,7 +122,7 @@ def read(
     if not len(table.values):
         raise RecordingError(f"{path}: no frames; expected at least one line of numbers")
     readings = table.values[:, _find_first_texel(table.header) :]
-    full_scale = _read_whole(path, table.notes, "full_scale", DEFAULT_FULL_SCALE, MOST_FULL_SCALE)
+    full_scale = int(table.read_note("full_scale", DEFAULT_FULL_SCALE, most=MOST_FULL_SCALE))
     if (largest := np.abs(readings).max(initial=0)) > full_scale:
         raise RecordingError(
             f"{path}: a count of {largest:.10g} exceeds the full scale of {full_scale}; write the largest count "
@@ -107,7 +131,7 @@ def read(
     counts, rounded = _round_counts(path, readings)
     stamps, temperatures, forces = (table.get_column(name) for name in ("time", "temperature", "force"))
     times = stamps - stamps[0]
-    pitch = _read_number(path, table.notes, "pitch", DEFAULT_PITCH)
+    pitch = table.read_note("pitch", DEFAULT_PITCH)
     if not _PITCHES[0] <= pitch <= _PITCHES[1]:
         raise RecordingError(f"{path}: # pitch = {pitch:g}: expected {_PITCHES[0]:g}..{_PITCHES[1]:g} m")
     known = sensor is not None and "pitch" not in table.notes
@@ -120,7 +144,7 @@ def read(
         times=times,
         arrays=(
             make_array(
-                *_find_shape(path, table.notes, rows, columns, sensor, texels=counts.shape[1]),
+                *_find_shape(table, rows, columns, sensor, texels=counts.shape[1]),
                 counts,
                 pitch=sensor.pitch if sensor is not None and known else (pitch, pitch),
                 full_scale=full_scale,
@@ -130,7 +154,7 @@ def read(
         temperature_times=times[: len(temperatures)],
         setup=Setup(
             indenter=table.notes.get("indenter", ""),
-            load=_read_number(path, table.notes, "load", 0.0) if "load" in table.notes else None,
+            load=table.read_note("load", 0.0) if "load" in table.notes else None,
             note=table.notes.get("note", ""),
             source=path.name,
             source_sha256=digest,
@@ -182,7 +206,9 @@ def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
         "load": "" if setup.load is None else setup.load,
         "note": " ".join(setup.note.split()),
     }
-    notes |= {key: " ".join(value.split()) for key, value in setup.other.items() if _is_key(key) and key not in _KEYS}
+    notes |= {
+        key: " ".join(value.split()) for key, value in setup.other.items() if _KEY.fullmatch(key) and key not in _KEYS
+    }
     start = recording.started.timestamp()
     text = io.StringIO()
     text.writelines(f"# {key} = {value}\n" for key, value in notes.items() if value != "")
@@ -211,10 +237,12 @@ def _read_table(path: Path) -> _Table:
         if line.startswith("#"):
             _add_note(place, line, notes)
         elif line.strip():
-            cells = _split(place, line)
+            try:
+                cells = [cell.strip() for cell in next(csv.reader([line]))]
+            except csv.Error as error:
+                raise RecordingError(f"{place}: {error}; expected numbers and commas") from error
             if not header:
-                header = [cell.lower() for cell in cells]
-                _check_header(place, header)
+                header = _read_header(place, cells)
                 continue
             if len(values) + len(cells) > MOST_VALUES:
                 raise RecordingError(f"{place}: more than the {MOST_VALUES} numbers accepted")
@@ -225,7 +253,7 @@ def _read_table(path: Path) -> _Table:
             values.extend(numbers)
     if not header:
         raise RecordingError(f"{path}: empty; expected a line `time, ...` and one line per frame")
-    return _Table(notes, header, np.frombuffer(values).reshape(-1, len(header)))
+    return _Table(path, notes, header, np.frombuffer(values).reshape(-1, len(header)))
 
 
 def _read_lines(path: Path) -> Iterator[tuple[str, str]]:
@@ -235,9 +263,7 @@ def _read_lines(path: Path) -> Iterator[tuple[str, str]]:
         RecordingError: If the file cannot be read, is no text in UTF-8, or has a line longer than `MOST_CHARACTERS`.
     """
     with io.TextIOWrapper(open_recorded(path), encoding="utf-8-sig") as file:
-        number = 0
-        while True:
-            number += 1
+        for number in itertools.count(1):
             place = f"{path}, line {number}"
             try:
                 line = file.readline(MOST_CHARACTERS + 1)
@@ -250,18 +276,10 @@ def _read_lines(path: Path) -> Iterator[tuple[str, str]]:
             yield place, line.rstrip("\n")
 
 
-def _split(place: str, line: str) -> list[str]:
-    """Split a line into its columns."""
-    try:
-        return [cell.strip() for cell in next(csv.reader([line]))]
-    except csv.Error as error:
-        raise RecordingError(f"{place}: {error}; expected numbers and commas") from error
-
-
 def _add_note(place: str, line: str, notes: dict[str, str]) -> None:
     """Add the key and the value of a line `# key = value` to the notes; other lines are comments."""
     key, separator, value = (part.strip() for part in line[1:].partition("="))
-    if not separator or not _is_key(key):
+    if not separator or not _KEY.fullmatch(key):
         return
     if key in notes:
         raise RecordingError(f"{place}: `# {key} = ` stands twice; expected one value")
@@ -270,8 +288,50 @@ def _add_note(place: str, line: str, notes: dict[str, str]) -> None:
     notes[key] = value
 
 
-def _is_key(key: str) -> bool:
-    return _KEY.fullmatch(key) is not None
+def _read_header(place: str, cells: list[str]) -> list[str]:
+    """Return the names of the columns in lower case: time, optional ones, and texels."""
+    header = [cell.lower() for cell in cells]
+    between = header[1 : _find_first_texel(header)]
+    if header[0] != "time" or any(name not in _SENSOR_COLUMNS for name in between) or len(set(header)) != len(header):
+        raise RecordingError(
+            f"{place}: expected the columns `time`, optionally `force` and `temperature`, and then one column per "
+            f"texel, each with a name of its own"
+        )
+    return header
+
+
+def _find_first_texel(header: list[str]) -> int:
+    """Return the index of the first column that holds counts, after the time and the optional columns."""
+    return 1 + sum(name in header for name in _SENSOR_COLUMNS)
+
+
+def _read_numbers(place: str, cells: list[str], header: list[str]) -> list[float]:
+    """Parse and check the numbers of one line below the header.
+
+    Raises:
+        RecordingError: If the line has another number of columns than the header, a text is not a finite number, or a
+            number is larger than any that a sensor gives.
+    """
+    if len(cells) != len(header):
+        raise RecordingError(f"{place}: {len(cells)} columns; expected {len(header)} as in the first line")
+    values = []
+    for cell in cells:
+        try:
+            values.append(_parse_number(cell))
+        except ValueError:
+            raise RecordingError(f"{place}: not a number: {cell[:40]!r}") from None
+    if not all(map(math.isfinite, values)):
+        raise RecordingError(f"{place}: all numbers must be finite")
+    if max(map(abs, values[: _find_first_texel(header)])) > _LARGEST:
+        raise RecordingError(f"{place}: times, forces and temperatures must lie within {_LARGEST:g}")
+    return values
+
+
+def _parse_number(text: str) -> float:
+    """Convert a text to a number; the underscores that `float` skips are no part of one."""
+    if "_" in text:
+        raise ValueError(text)
+    return float(text)
 
 
 def _round_counts(path: Path, values: FloatArray) -> tuple[CountArray, dict[str, str]]:
@@ -295,77 +355,16 @@ def _round_counts(path: Path, values: FloatArray) -> tuple[CountArray, dict[str,
     return counts.astype(np.int32), label
 
 
-def _find_first_texel(header: list[str]) -> int:
-    """Return the index of the first column that holds counts, after the time and the optional columns."""
-    return 1 + sum(name in header for name in _SENSOR_COLUMNS)
-
-
-def _check_header(place: str, header: list[str]) -> None:
-    between = header[1 : _find_first_texel(header)]
-    if header[0] != "time" or any(name not in _SENSOR_COLUMNS for name in between) or len(set(header)) != len(header):
-        raise RecordingError(
-            f"{place}: expected the columns `time`, optionally `force` and `temperature`, and then one column per "
-            f"texel, each with a name of its own"
-        )
-
-
-def _read_numbers(place: str, cells: list[str], header: list[str]) -> list[float]:
-    """Parse and check the numbers of one line below the header.
-
-    Args:
-        place: Place of the line, for error messages.
-        cells: Texts of its columns.
-        header: Names of the columns.
-
-    Raises:
-        RecordingError: If the line has another number of columns than the header, a text is not a finite number, or a
-            number is larger than any that a sensor gives.
-    """
-    if len(cells) != len(header):
-        raise RecordingError(f"{place}: {len(cells)} columns; expected {len(header)} as in the first line")
-    try:
-        values = [_parse_number(cell) for cell in cells]
-    except ValueError:
-        wrong = next(cell for cell in cells if not _is_number(cell))
-        raise RecordingError(f"{place}: not a number: {wrong[:40]!r}") from None
-    if not all(map(math.isfinite, values)):
-        raise RecordingError(f"{place}: all numbers must be finite")
-    if max(map(abs, values[: _find_first_texel(header)])) > _LARGEST:
-        raise RecordingError(f"{place}: times, forces and temperatures must lie within {_LARGEST:g}")
-    return values
-
-
-def _parse_number(text: str) -> float:
-    """Convert a text to a number; the underscores that `float` skips are no part of one."""
-    if "_" in text:
-        raise ValueError(text)
-    return float(text)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        _parse_number(text)
-    except ValueError:
-        return False
-    return True
-
-
 def _find_shape(
-    path: Path,
-    notes: Mapping[str, str],
-    rows: int | None,
-    columns: int | None,
-    sensor: TexelArray | None,
-    *,
-    texels: int,
+    table: _Table, rows: int | None, columns: int | None, sensor: TexelArray | None, *, texels: int
 ) -> tuple[int, int]:
     """Return the numbers of rows and columns of the array.
 
     Arguments take precedence over the lines `# key = value` of the file, and these over the array of the sensor.  If
     only one of the two numbers is known, the other follows from the number of texels.
     """
-    rows = _read_whole(path, notes, "rows", 0, MOST_TEXELS) if rows is None else rows
-    columns = _read_whole(path, notes, "columns", 0, MOST_TEXELS) if columns is None else columns
+    rows = int(table.read_note("rows", 0, most=MOST_TEXELS)) if rows is None else rows
+    columns = int(table.read_note("columns", 0, most=MOST_TEXELS)) if columns is None else columns
     if sensor is not None and not rows and not columns:
         rows, columns = sensor.rows, sensor.columns
     if rows and not columns:
@@ -375,26 +374,7 @@ def _find_shape(
     if not 1 <= texels <= MOST_TEXELS or rows < 1 or rows * columns != texels:
         layout = f"are not {rows} rows x {columns} columns" if rows else "in an unknown number of rows and columns"
         raise RecordingError(
-            f"{path}: {texels} texels {layout}; write `# rows = 14` and `# columns = 6` before the first line, or give "
-            "--rows and --columns"
+            f"{table.path}: {texels} texels {layout}; write `# rows = 14` and `# columns = 6` before the first line, "
+            "or give --rows and --columns"
         )
     return rows, columns
-
-
-def _read_whole(path: Path, notes: Mapping[str, str], key: str, default: int, most: int) -> int:
-    """Return the value of the line `# key = value` of a file, a whole number of 1 to `most`, or `default`."""
-    value = _read_number(path, notes, key, default)
-    if key in notes and not (value.is_integer() and 1 <= value <= most):
-        raise RecordingError(f"{path}: # {key} = {notes[key][:40]}: expected a whole number of 1 to {most}")
-    return int(value)
-
-
-def _read_number(path: Path, notes: Mapping[str, str], key: str, default: float) -> float:
-    """Return the value of the line `# key = value` of a file, a number of 0 or more; `default` if there is no line."""
-    try:
-        value = _parse_number(notes[key]) if key in notes else default
-    except ValueError as error:
-        raise RecordingError(f"{path}: # {key} = {notes[key][:40]}: not a number; expected 0 or more") from error
-    if not math.isfinite(value) or value < 0:
-        raise RecordingError(f"{path}: # {key} = {notes[key][:40]}: expected a number of 0 or more")
-    return value

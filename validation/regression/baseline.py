@@ -6,20 +6,30 @@ unit and tolerance.
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 from xml.etree import ElementTree as ET
 
 from validation.errors import InputError
 from validation.output_folder import write_text
-from validation.regression.quantities import Reading
+from validation.regression.experiments import Subject, describe_sensor
+from validation.regression.quantities import Reading, measure
 from validation.schema import read
 from validation.schema.baseline import FORMAT, OF_VALUE, BaselineTables
+from validation.sensor_file import SensorDescription
+
+if TYPE_CHECKING:
+    from fastmodel import Parameters
+    from validation.campaign.evaluation import Progress
 
 #: Packages whose versions a baseline states, because values depend on them.
 _PACKAGES = ("softcover", "mujoco", "numba", "numpy", "scipy")
@@ -184,7 +194,7 @@ def _find_largest(before: Reading | None, now: Reading | None) -> float:
     return max((_measure_change(*pair, before) for pair in pairs), default=0.0)
 
 
-def merge(stored: Baseline | None, measured: Baseline, changes: list[Change]) -> Baseline:
+def merge(stored: Baseline | None, measured: Baseline, changes: Sequence[Change]) -> Baseline:
     """Return the baseline to store: new values of what changed, stored values of all else, stored tolerances.
 
     Values within tolerance stay, so that the difference of two files shows only what changed, and a slow drift adds up
@@ -300,6 +310,90 @@ def _separate(lines: Iterator[str]) -> Iterator[str]:
         before = line
     if before is not None:
         yield before
+
+
+@dataclass(frozen=True, kw_only=True)
+class Regression:
+    """What a regression check found.
+
+    Attributes:
+        now: The readings of now.
+        stored: The stored baseline; None if there is none yet.
+        failures: Why quantities could not be measured, by title.
+        seconds: Duration of the check [s].
+    """
+
+    now: Baseline
+    stored: Baseline | None
+    failures: Mapping[str, str]
+    seconds: float
+
+    @cached_property
+    def changes(self) -> tuple[Change, ...]:
+        """Each quantity that left its tolerance, or that only one side has."""
+        return () if self.stored is None else tuple(compare(self.stored, self.now, self.failures))
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """Largest change of each quantity over its tolerance [-], by title; infinity where one side lacks it."""
+        return {} if self.stored is None else measure_changes(self.stored, self.now)
+
+    @property
+    def other_versions(self) -> list[str]:
+        """Packages whose version is another one than in the baseline."""
+        then = {} if self.stored is None else self.stored.versions
+        pairs = ((name, then.get(name, "none"), version) for name, version in self.now.versions.items())
+        return [f"{name} {old} -> {version}" for name, old, version in pairs if old != version]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return changes and readings as a dictionary of JSON values."""
+        return {"changed": len(self.changes), "changes": [asdict(each) for each in self.changes], **self.now.as_json()}
+
+    def to_csv(self) -> str:
+        """Return `ratios` as CSV."""
+        out = io.StringIO()
+        rows = [
+            ("quantity", "change_over_tolerance"),
+            *((title, f"{value:.6g}") for title, value in self.ratios.items()),
+        ]
+        csv.writer(out, lineterminator="\n").writerows(rows)
+        return out.getvalue()
+
+
+def check_sensor(
+    source: SensorDescription | Parameters, path: Path, *, update: bool = False, seed: int = 0, progress: Progress
+) -> Regression:
+    """Measure all quantities of a sensor and compare them with a baseline, or write the baseline.
+
+    A fault in the baseline is reported before the long computation.
+
+    Args:
+        source: Description of a sensor, or parameters of its fast model, of which what needs finite elements is left
+            out.
+        path: The baseline file.
+        update: Whether the baseline is written.
+        seed: Seed of the noise [-].
+        progress: Display of progress.
+
+    Raises:
+        InputError: If the baseline cannot be read.
+        ConvergenceError: If the finite elements did not converge.
+    """
+    from validation.derivation.derive import derive
+
+    started = time.perf_counter()
+    sensor = source if isinstance(source, SensorDescription) else None
+    described = describe_sensor(sensor.name if sensor else source.array.name, source.array, derived=sensor is not None)
+    stored = None if update and not path.exists() else read_baseline(path, described)
+    derivation = derive(sensor, progress=progress) if sensor else None
+    parameters = derivation.parameters if derivation else cast("Parameters", source)
+    subject = Subject(parameters=parameters, derivation=derivation, seed=seed, progress=progress.step)
+    readings, failures = measure(subject, progress=progress)
+    now = make_baseline(described, readings)
+    found = Regression(now=now, stored=stored, failures=failures, seconds=time.perf_counter() - started)
+    if update:
+        merge(stored, now, found.changes).write(path)
+    return found
 
 
 def write_junit(path: Path, sensor: str, titles: Iterable[str], changes: Sequence[Change], *, seconds: float) -> None:

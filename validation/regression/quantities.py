@@ -19,8 +19,10 @@ import numpy.typing as npt
 import fastmodel
 from fastmodel import Parameters
 from validation.campaign.results import CaseResult
+from validation.metrics import METRICS
 from validation.regression.experiments import (
-    FLAT_METHODS,
+    AREA_METHODS,
+    METHODS_OF,
     STAGES,
     Subject,
     Value,
@@ -41,34 +43,37 @@ from validation.regression.experiments import (
 )
 from validation.sensor_file import BUILT_IN
 
-#: Models of the campaign whose mean scores are quantities.
-_MODELS = ("fast", "area", "boxes")
-
 
 def measure_derivation(subject: Subject) -> Values:
-    """Take the fitted kernel, the response of the cover, its stiffness and the estimated errors from the derivation."""
+    """Take the fitted Gaussian, the response of the cover, its stiffness and the estimated errors of the derivation."""
     found = subject.derivation
     if found is None:
         return {}
-    kernel, array = found.fit.gaussian, found.sensor.array
-    row, column = divmod(array.middle, array.columns)
-    point, uniform = (np.atleast_2d(each) for each in (found.texel_response, found.texel_response_uniform))
-    validity = found.parameters.validity
-    return {
-        "sigma": {"x": kernel.sigma_x, "y": kernel.sigma_y},
-        "ksize": {"x": kernel.ksize_x, "y": kernel.ksize_y},
-        "residual": found.fit.residual,
-        "outside the kernel": found.fit.outside_kernel,
-        "share on the loaded texel": {"point": float(point[row, column]), "uniform": float(uniform[row, column])},
-        "share outside": dict(zip(("point", "uniform"), found.outside, strict=True)),
-        "share of the calibration tip": None if found.tip is None else found.tip.share,
-        "foundation modulus": None if found.depth is None else found.depth.foundation.modulus,
-        "depth of a ball": None if found.depth is None else {"depths": list(found.depth.depth)},
-        "range of the fast model": None
-        if validity is None
-        else {"2 %": validity.load_2_percent, "5 %": validity.load_5_percent},
-        "estimated error": dict(found.error_estimate),
+    result, pitch = found.result, found.sensor.array.pitch
+    kernel, surface = result.psf, result.gaussian
+    outside = {"point": result.texel_response_outside, "uniform": result.texel_response_uniform_outside}
+    loads = {"2 %": result.load_2_percent, "5 %": result.load_5_percent}
+    tip = result.calibration["tip"]
+    values: dict[str, Value] = {
+        "share on the loaded texel": found.own_share,
+        "share outside": {name: each for name, each in outside.items() if each is not None} or None,
+        "share of the calibration tip": tip and tip["share"],
+        "foundation modulus": result.foundation_modulus,
+        "depth of a ball": result.depth and {"depths": list(result.depth["depth"])},
+        "range of the fast model": {name: each for name, each in loads.items() if each is not None} or None,
+        "estimated error": {name: each for name, each in found.error_estimate.items() if math.isfinite(each)} or None,
     }
+    if kernel is not None:
+        values |= {
+            "sigma": {"x": kernel.sigma_x, "y": kernel.sigma_y},
+            "ksize": {"x": kernel.ksize_x, "y": kernel.ksize_y},
+            "residual": kernel.residual,
+            "outside the kernel": kernel.outside_kernel,
+        }
+    if surface is not None:
+        along = zip("xy", surface.sigma_m, pitch, strict=True)
+        values |= {"sigma": {axis: sigma / each for axis, sigma, each in along}, "residual": surface.residual}
+    return values
 
 
 def compare_shipped(subject: Subject) -> Values:
@@ -127,21 +132,15 @@ def measure_accuracy(subject: Subject) -> Values:
     campaign = subject.campaign
     if campaign is None:
         return {}
-    names = (
-        "misplaced_force",
-        "relative_l2",
-        "total_force_error",
-        "centre_of_pressure_m",
-        "image_changed_percent",
-    )
     scores = {result.case.name: result.predictions["fast"].score.as_json() for result in campaign.cases}
     cases = {
-        name: {case: float(value) for case, each in scores.items() if (value := each[name]) is not None}
-        for name in names
+        each.name: {case: float(value) for case, score in scores.items() if (value := score[each.name]) is not None}
+        for each in QUANTITIES
+        if each.group == "accuracy" and each.name in METRICS
     }
-    means = {model: campaign.pooled[model]["misplaced_force"].mean for model in _MODELS}
-    skipped = float(len(campaign.skipped))
-    return {**cases, "mean misplaced force of each method": means, "skipped cases": skipped}
+    models = [name for name, meaning in campaign.models.items() if not meaning.startswith("null")]
+    means = {model: campaign.pooled[model]["misplaced_force"].mean for model in models}
+    return {**cases, "mean misplaced force of each method": means, "skipped cases": float(len(campaign.skipped))}
 
 
 #: Experiments by the group of quantities that each one gives.
@@ -247,7 +246,11 @@ _TABLE: tuple[tuple[str, str, str, float | str], ...] = (
     ("spread", "foundation modulus", "N/mm3", "0.5 % of each"),
     *(
         (group, f"{method}, {name}", unit, tolerance)
-        for group, methods in (("H", FLAT_METHODS), ("ball", ("foundation", "cover")), ("oblong texels", FLAT_METHODS))
+        for group, methods in (
+            ("H", (*METHODS_OF["cover"], *METHODS_OF["curved"])),
+            ("ball", AREA_METHODS),
+            ("oblong texels", METHODS_OF["cover"]),
+        )
         for method in methods
         for name, unit, tolerance in (
             ("force of each texel", "mN", "1 % of largest"),

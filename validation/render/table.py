@@ -1,16 +1,18 @@
 """Tables of results: rendered to the terminal, to CSV and, by the template of the report's page, to HTML.
 
-What a column prints stands beside the field that it shows: see `validation.results.Column`.  There are three ways to a
-table: `tabulate` makes one row for each result, `list_facts` one row for each field of one result, and `Table` itself
+What a column prints stands beside the field that it shows: see `validation.results.Column`.  There are four ways to a
+table: `tabulate` makes one row for each result, `list_facts` one row for each named field of one result,
+`tabulate_facts` one row for every column of a result and of the results within it, and `Table` itself
 takes headings and rows of texts.  `validation.cli.output.render` prints any of them.
 """
 
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -137,6 +139,42 @@ def tabulate(name: str, caption: str, results: Iterable[Result], shown: type[Res
     return Table(name=name, caption=caption, headings=headings, rows=rows, texts=texts)
 
 
+def tabulate_facts(name: str, caption: str, result: Result) -> Table:
+    """Make a table of two columns, quantity and value, of all columns of a result and of the results within it.
+
+    A field without a value has no row; a mapping has a row for each of its entries.
+
+    Args:
+        name: Identifier of the table.
+        caption: What it shows.
+        result: The result.
+    """
+    return Table(name=name, caption=caption, headings=("quantity", "value"), rows=list(_walk_facts(result)))
+
+
+def _walk_facts(result: Result) -> Iterator[list[Cell]]:
+    known = columns(type(result))
+    for field in dict.fromkeys((*(each.name for each in dataclasses.fields(result)), *known)):  # type: ignore[arg-type]
+        value, column = getattr(result, field), known.get(field)
+        if isinstance(value, Result):
+            yield from _walk_facts(value)
+        if column is None or value is None:
+            continue
+        named = {column.heading: value}
+        if isinstance(value, Mapping):
+            named = {f"{column.heading} {key.replace('_', ' ')}": each for key, each in value.items()}
+        elif column.parts:
+            named = dict(zip(column.parts, value, strict=True))
+        for heading, each in named.items():
+            label = Cell(text=f"{heading} [{column.unit}]" if column.unit else heading)
+            if isinstance(each, str):
+                yield [label, Cell(text=each)]
+            elif isinstance(each, tuple):
+                yield [label, Cell(text=", ".join(map(column.text, each)))]
+            else:
+                yield [label, Cell(text=column.text(each), value=None if math.isnan(each) else each)]
+
+
 def _make_cells(item: Result, field: str, column: Column) -> list[Cell]:
     value: Any = getattr(item, field)
     factor = getattr(item, column.factor_field) if column.factor_field else column.factor
@@ -150,7 +188,15 @@ def _make_cells(item: Result, field: str, column: Column) -> list[Cell]:
     return [number(value, factor, column.digits, small)]
 
 
-def number(value: float | None, factor: float = 1.0, digits: int = 3, small: str = "", unit: str = "") -> Cell:
+def number(
+    value: float | None,
+    factor: float = 1.0,
+    digits: int = 3,
+    small: str = "",
+    unit: str = "",
+    *,
+    column: Column | None = None,
+) -> Cell:
     """Make the cell of a number; a dash if it is None or NaN.
 
     Args:
@@ -159,10 +205,11 @@ def number(value: float | None, factor: float = 1.0, digits: int = 3, small: str
         digits: Number of significant digits [-].
         small: A second, smaller line.
         unit: Printed unit, where the heading of the column does not name it.
+        column: How the number is printed, instead of factor and digits.
     """
     if value is None or math.isnan(value):
         return Cell(text=DASH, small=small)
-    text = Column(heading="", factor=factor, digits=digits).text(value)
+    text = (column or Column(heading="", factor=factor, digits=digits)).text(value)
     return Cell(text=f"{text} {unit}".strip(), value=value, small=small)
 
 

@@ -1,17 +1,30 @@
-"""Interactive figures of the report, as data for plotly.js."""
+"""Figures of the report: interactive ones as data for plotly.js, and pictures of the cases.
+
+What only one kind of cover has is registered by the type of its derivation; a new kind has none at first.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+import logging
+from collections.abc import Mapping
+from functools import singledispatch
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from validation.campaign.results import CampaignResult
-from validation.derivation.derive import Derivation
+from meshes.array_types import FloatArray
+from validation.campaign.evaluation import Evaluation
+from validation.campaign.results import CampaignResult, CaseResult
+from validation.derivation.layers import LayeredDerivation
+from validation.derivation.solid import SolidDerivation
+from validation.extras import MissingExtraError
 
-FloatArray = npt.NDArray[np.float64]
+_LOG = logging.getLogger(__name__)
 
+#: Most cases of which a picture is drawn, which takes a second or two each [-].
+_MOST_PICTURES = 24
 #: Colour of each scored model in the figures.
 _COLOURS = {"fast": "#2b6cb0", "area": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
 _COLOURS |= {"gaussian": _COLOURS["area"], "rigid": _COLOURS["boxes"]}
@@ -19,7 +32,102 @@ _COLOURS |= {"gaussian": _COLOURS["area"], "rigid": _COLOURS["boxes"]}
 _INK = "ink"
 
 
-def point_spread_figure(derivation: Derivation) -> dict[str, Any]:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """Pictures of the cases in three dimensions.
+
+    Attributes:
+        files: Name of the picture's file by name of the case.
+        missing: Why there are none, or not all; empty if nothing is to say.
+    """
+
+    files: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    missing: str = ""
+
+
+@singledispatch
+def list_figures(derivation: object) -> dict[str, tuple[dict[str, Any], str]]:
+    """Return the figures of a derivation: data and caption by name."""
+    del derivation
+    return {}
+
+
+@list_figures.register(LayeredDerivation)
+def _(derivation: LayeredDerivation) -> dict[str, tuple[dict[str, Any], str]]:
+    return {
+        "texel-plot": (
+            texel_profile_figure(derivation),
+            "Forces on the middle column of texels. The kernel is fitted to the uniform load on one texel.",
+        ),
+        "psf-plot": (
+            point_spread_figure(derivation),
+            "Pressure on the base under a point load. The Gaussian is fitted to uniform loads on whole texels.",
+        ),
+    }
+
+
+@singledispatch
+def find_outline(derivation: object, result: CaseResult) -> FloatArray | None:
+    """Return the corners (x, y) of the contact area of the reference, for planar images [m]; None for no line."""
+    del derivation, result
+    return None
+
+
+@find_outline.register(LayeredDerivation)
+def _(derivation: LayeredDerivation, result: CaseResult) -> FloatArray | None:
+    """Return the convex hull of the cells of the contact grid that are in contact."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    del derivation
+    points = result.reference.found.contact_points[:, :2]
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except (QhullError, ValueError):  # fewer than three cells in contact, or all of them on one line
+        return np.asarray(points)
+
+
+@singledispatch
+def draw_cases(derivation: object, evaluation: Evaluation, folder: Path) -> Pictures:
+    """Draw the reference of each case in three dimensions, as files in a folder, where a flat image shows too little.
+
+    Raises:
+        OSError: If the folder cannot be written.
+    """
+    del derivation, evaluation, folder
+    return Pictures()
+
+
+@draw_cases.register(SolidDerivation)
+def _(derivation: SolidDerivation, evaluation: Evaluation, folder: Path) -> Pictures:
+    """Draw contact pressure, section, and forces on the texels."""
+    from validation.scene.cover_scene import show_curved
+    from validation.scene.rendering import RenderingError
+
+    results = evaluation.campaign.cases
+    files: dict[str, str] = {}
+    try:
+        from validation.scene.draw import write_picture
+
+        for index, result in enumerate(results[:_MOST_PICTURES]):
+            case, name = result.case, f"case-{index + 1:02d}.png"
+            title = f"{case.name}: {case.shape}, {case.load:.3g} N"
+            scene = show_curved(
+                result.reference.found, derivation.sensor.array, direction=case.pose.towards, title=title
+            )
+            write_picture(scene, folder / name)
+            files[case.name] = name
+    except ImportError:
+        missing = str(MissingExtraError("pyvista"))
+    except RenderingError as error:
+        missing = str(error)
+    else:
+        left = len(results) - len(files)
+        return Pictures(files=files, missing=f"{left} further cases are not drawn" if left else "")
+    _LOG.warning("no pictures in the report: %s", missing)
+    return Pictures(missing=f"no pictures in three dimensions: {missing}")
+
+
+def point_spread_figure(derivation: LayeredDerivation) -> dict[str, Any]:
     """Make the figure of base pressure over distance from a unit point load: finite elements, closed form and Gaussian.
 
     Raises:
@@ -47,7 +155,7 @@ def point_spread_figure(derivation: Derivation) -> dict[str, Any]:
     }
 
 
-def gaussian_pressure(derivation: Derivation, radius: FloatArray) -> FloatArray:
+def gaussian_pressure(derivation: LayeredDerivation, radius: FloatArray) -> FloatArray:
     """Compute the pressure per unit force of the fitted Gaussian at distances from its centre, with sigma along x.
 
     Args:
@@ -61,7 +169,7 @@ def gaussian_pressure(derivation: Derivation, radius: FloatArray) -> FloatArray:
     return np.asarray(np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2))
 
 
-def texel_profile_figure(derivation: Derivation) -> dict[str, Any]:
+def texel_profile_figure(derivation: LayeredDerivation) -> dict[str, Any]:
     """Make the figure of the forces on the middle column of texels: finite elements and the fitted kernel."""
     array = derivation.sensor.array
     column = array.columns // 2

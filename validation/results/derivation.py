@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, ClassVar
+
+import numpy as np
 
 from validation.results import Array, Column, JsonObject, Number, Result, result_model
 
@@ -25,10 +27,26 @@ class Kernel(Result):
     sigma_y: Annotated[float, Column(heading="sigma y", unit="pitches", decimals=4)]
     ksize_x: Annotated[int, Column(heading="ksize x", unit="texels", decimals=0)]
     ksize_y: Annotated[int, Column(heading="ksize y", unit="texels", decimals=0)]
-    estimator: str
-    estimates: Mapping[str, tuple[float, float]]
-    residual: Annotated[float, Column(heading="kernel's misfit", unit="% of the load", factor=100)]
-    outside_kernel: Annotated[float, Column(heading="beyond the kernel", unit="% of the load", factor=100)]
+    residual: Annotated[float, Column(heading="load that the kernel puts on wrong texels", unit="%", factor=100)]
+    outside_kernel: Annotated[float, Column(heading="load beyond the kernel", unit="%", factor=100)]
+    estimator: Annotated[str, Column(heading="estimator of sigma")]
+    estimates: Annotated[Mapping[str, tuple[float, float]], Column(heading="sigma x, y by", unit="pitches", decimals=4)]
+
+
+@result_model
+class SurfaceKernel(Result):
+    """The Gaussian in surface coordinates that is fitted to the responses to uniform loads on all texels.
+
+    Attributes:
+        sigma_m: Standard deviations along the two axes of the surface [m].
+        residual: Load that it puts on wrong texels, mean over the loaded texels [-].
+    """
+
+    sigma_m: Annotated[
+        tuple[float, float],
+        Column(heading="", unit="mm", factor=1e3, parts=("sigma along the first axis", "sigma along the second axis")),
+    ]
+    residual: Annotated[float, Column(heading="load that the Gaussian puts on wrong texels", unit="%", factor=100)]
 
 
 @result_model
@@ -45,65 +63,35 @@ class PointResponse(Result):
 
 
 @result_model
-class FlatResponses(Result):
-    """Response of a flat cover, and the fast model's parameters that are fitted to it.
+class Responses(Result):
+    """Response of the n texels under a cover, and the fast model's parameters that are fitted to it.
+
+    A part that a kind of cover does not have is None.
 
     Attributes:
         sensor: Name of the sensor.
         cover: Layers, base and size.
-        psf: The fitted kernel.
-        texel_response: Force on texels per unit point load over the middle one, shape (rows, columns) [-].
-        texel_response_outside: Force of it that falls outside the array [-].
-        texel_response_uniform: The same for uniform pressure over that texel, shape (rows, columns) [-].
-        texel_response_uniform_outside: Force of it that falls outside the array [-].
+        texel_response: Of planar layers the force on texels per unit point load over the middle one, shape (rows,
+            columns); of a solid the force on each texel (column) per unit point force above each texel (row), shape
+            (n, n) [-].
+        texel_response_uniform: The same for a force that is spread evenly over the loaded texel [-].
+        psf: The fitted kernel of planar layers.
+        gaussian: The fitted Gaussian of a solid.
+        texel_response_outside: Force of `texel_response` that no texel measures [-].
+        texel_response_uniform_outside: The same of `texel_response_uniform` [-].
         point_response: Radial profile; None with free side edges.
-        error_estimate: Estimated relative errors by name [-].
         resolution: Two-point separation at the base; NaN if there is no dip, None with free side edges [m].
         resolution_on_array: The same with these texels, in the worst alignment [m].
         sensitivity: Change of sigma by thickness [pitches/m] and Poisson ratio [pitches].
         depth: Fits to the depth of a ball; None with free side edges.
         validity: Range of the fast model, or `not stated`.
-        undetermined: What the data do not determine.
-        assumed_electronics: What the sensor file does not state of the electronics.
         calibration: Force of the characteristic, and the share of a calibration tip's force on a texel.
-        seconds: Wall time [s].
-    """
-
-    sensor: str
-    cover: JsonObject
-    psf: Kernel
-    texel_response: Array
-    texel_response_outside: float
-    texel_response_uniform: Array
-    texel_response_uniform_outside: float
-    point_response: PointResponse | None
-    error_estimate: Mapping[str, Number]
-    resolution: float | None
-    resolution_on_array: float | None
-    sensitivity: Mapping[str, float]
-    depth: JsonObject | None
-    validity: JsonObject | str
-    undetermined: tuple[str, ...]
-    assumed_electronics: tuple[str, ...]
-    calibration: JsonObject
-    seconds: float
-
-
-@result_model
-class CurvedResponses(Result):
-    """Responses of the n texels of a curved cover.
-
-    Attributes:
-        sensor: Name of the sensor.
-        cover: The material and the thickness.
-        texels: Centres [m], normals, size [m] and whether they are active.
+        texels: Centres [m], normals, size [m] and whether they are active, of a solid.
         above_m: Points of the surface above the texels, shape (n, 3) [m].
-        texel_response: Force on each texel (column) per unit point force above each texel (row), shape (n, n) [-].
-        texel_response_uniform: The same for a force that is spread over the texel, shape (n, n) [-].
-        gaussian: Sigma along the two axes of the surface [m], and the load that it puts on wrong texels [-].
-        error_estimate: Estimated relative errors by name [-].
         meshes: Hash, origin and quality of each mesh.
         notes: What is to know about the mesh.
+        error_estimate: Estimated relative errors by name [-].
+        undetermined: What the data do not determine.
         warnings: Responses that do not mean what they say.
         assumed_electronics: What the sensor file does not state of the electronics.
         seconds: Wall time [s].
@@ -111,14 +99,75 @@ class CurvedResponses(Result):
 
     sensor: str
     cover: JsonObject
-    texels: JsonObject
-    above_m: Array
     texel_response: Array
     texel_response_uniform: Array
-    gaussian: JsonObject
-    error_estimate: Mapping[str, Number]
-    meshes: tuple[JsonObject, ...]
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]
+    psf: Kernel | None = None
+    gaussian: SurfaceKernel | None = None
+    texel_response_outside: float | None = None
+    texel_response_uniform_outside: float | None = None
+    point_response: PointResponse | None = None
+    resolution: Annotated[
+        float | None, Column(heading="two-point separation at the base", unit="mm", factor=1e3, decimals=2)
+    ] = None
+    resolution_on_array: Annotated[
+        float | None, Column(heading="two-point separation with these texels", unit="mm", factor=1e3, decimals=2)
+    ] = None
+    sensitivity: Mapping[str, float] | None = None
+    depth: JsonObject | None = None
+    validity: JsonObject | str = "not stated"
+    calibration: JsonObject
+    texels: JsonObject | None = None
+    above_m: Array | None = None
+    meshes: tuple[JsonObject, ...] = ()
+    notes: tuple[str, ...] = ()
+    error_estimate: Annotated[Mapping[str, Number], Column(heading="estimated error,", unit="%", factor=100, digits=2)]
+    undetermined: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     assumed_electronics: tuple[str, ...]
     seconds: float
+    printed: ClassVar[Mapping[str, Column]] = {
+        "own_share": Column(
+            heading="",
+            unit="%",
+            factor=100,
+            parts=tuple(f"point force that the texel below measures, {each}" for each in ("least", "largest")),
+        ),
+        "sigma_by_thickness": Column(heading="sigma by thickness", unit="pitches per mm", factor=1e-3),
+        "sigma_by_poisson_ratio": Column(heading="sigma by Poisson ratio", unit="pitches per 0.01", factor=0.01),
+        "foundation_modulus": Column(heading="foundation modulus", unit="N/mm3", factor=1e-9),
+        "load_2_percent": Column(heading="fast model misplaces at most 2 % up to", unit="N"),
+        "load_5_percent": Column(heading="fast model misplaces at most 5 % up to", unit="N"),
+    }
+
+    @property
+    def own_share(self) -> tuple[float, float] | None:
+        """Least and largest share of a point force above a texel that the texel measures, over the active texels."""
+        if self.texels is None:
+            return None
+        shares = np.diag(self.texel_response)[np.asarray(self.texels["active"], dtype=bool)]
+        return float(shares.min()), float(shares.max())
+
+    @property
+    def sigma_by_thickness(self) -> float | None:
+        """Change of sigma by thickness [pitches/m]."""
+        return (self.sensitivity or {}).get("thickness")
+
+    @property
+    def sigma_by_poisson_ratio(self) -> float | None:
+        """Change of sigma by Poisson ratio [pitches]."""
+        return (self.sensitivity or {}).get("poisson_ratio")
+
+    @property
+    def foundation_modulus(self) -> float | None:
+        """Modulus of an elastic foundation that is fitted to the depth of a ball [N/m3]."""
+        return None if self.depth is None else float(self.depth["foundation"]["modulus"])
+
+    @property
+    def load_2_percent(self) -> float | None:
+        """Load of a ball up to which the fast model misplaces at most 2 % of it [N]."""
+        return None if isinstance(self.validity, str) else self.validity["load_2_percent"]
+
+    @property
+    def load_5_percent(self) -> float | None:
+        """Load of a ball up to which the fast model misplaces at most 5 % of it [N]."""
+        return None if isinstance(self.validity, str) else self.validity["load_5_percent"]

@@ -13,7 +13,7 @@ from validation.credibility.evidence import Evidence
 from validation.data_sets.results import RecordingScores
 from validation.errors import InputError
 from validation.results import JsonObject, Number, Result, result_model
-from validation.results.derivation import CurvedResponses, FlatResponses
+from validation.results.derivation import Responses
 
 #: Largest accepted size of a report [bytes].
 _MOST_BYTES = 2**28
@@ -43,7 +43,7 @@ class Report(Result):
     sensor: str
     cover_assumed: bool
     friction: str
-    derive: FlatResponses | CurvedResponses
+    derive: Responses
     verification: Mapping[str, Number]
     campaign: CampaignResult
     evidence: Evidence

@@ -37,7 +37,6 @@ _PARTS = np.array(
 
 
 if TYPE_CHECKING:
-    from fem_reference.curved_cover import CurvedIndentation
     from fem_reference.fields.cover_fields import CoverFields
     from fem_reference.indentation.result import Indentation
 
@@ -95,9 +94,9 @@ def show_indentation(found: Indentation, texels: TexelArray, *, title: str = "")
     if found.fields is None:
         return None
     fields = found.fields
-    weight = found.contact[:, 2]
-    middle = np.average(found.contact[:, :2], axis=0, weights=weight)
-    reach = float(np.abs(found.contact[weight > 0, :2] - middle).max(initial=0.0))
+    weight, places = -found.contact_forces[:, 2], found.contact_points[:, :2]
+    middle = np.average(places, axis=0, weights=weight)
+    reach = float(np.abs(places[weight > 0] - middle).max(initial=0.0))
     top = float(fields.position[:, 2].max())
     if fields.axisymmetric:
         fields = _revolve(fields)
@@ -120,36 +119,40 @@ def show_indentation(found: Indentation, texels: TexelArray, *, title: str = "")
     )
 
 
-def show_curved(found: CurvedIndentation, texels: TexelArray, *, direction: FloatArray, title: str = "") -> CoverScene:
+def show_curved(found: Indentation, texels: TexelArray, *, direction: FloatArray, title: str = "") -> CoverScene:
     """Prepare the picture of an indentation of a curved cover, coloured by the contact pressure.
 
     Args:
-        found: Result of `press_curved`.
+        found: Result of `press` on a solid.
         texels: Texels of the array.
         direction: Unit direction of the load, shape (3,).
         title: Text above the picture.
     """
+    from fem_reference.curved_cover.responses import find_top
     from meshes.solids.facets import area_vectors, split_facet
     from meshes.solids.solid_mesh import compute_volume, measure_area
 
-    mesh, top = found.mesh, found.top
+    mesh, moved = found.mesh, found.displacement
+    if mesh is None or moved is None:
+        raise ValueError("the result has no mesh")
+    top = find_top(mesh)
+    forces = -np.einsum("mc,mc->m", found.contact_forces, top.normals)
     place = split_facet(top.facets.shape[1], 2)[0]
     reference = 4.0 if mesh.is_hexahedral else 0.5
     areas = reference * np.linalg.norm(area_vectors(top.nodes, top.facets, place), axis=2).mean(axis=1)
-    pressure = 1e-3 * average_pressure(top.facets, found.contact_forces, areas)
+    pressure = 1e-3 * average_pressure(top.facets, forces, areas)
     count = len(mesh.nodes)
-    surface = np.zeros(max(count, len(found.displacement)))
+    surface = np.zeros(max(count, len(moved)))
     surface[top.index] = pressure
-    forces = found.contact_forces
     touched = np.average(top.nodes, axis=0, weights=forces) if forces.any() else top.nodes.mean(axis=0)
     return CoverScene(
         position=mesh.nodes,
-        displacement=found.displacement[:count],
+        displacement=moved[:count],
         cells=split_cells(mesh),
         thickness=compute_volume(mesh) / measure_area(mesh, "base"),
         surface=surface[:count],
         surface_label="contact pressure [kPa]",
-        inside=1e3 * np.linalg.norm(found.displacement[:count], axis=1),
+        inside=1e3 * np.linalg.norm(moved[:count], axis=1),
         inside_label="displacement [mm]",
         texels=texels,
         texel_forces=found.texel_forces,

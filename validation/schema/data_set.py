@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any, ClassVar
 
@@ -11,6 +12,8 @@ from validation.schema import Table
 from validation.schema.types import LIMITS, OneOrMore, Read, TableOr, choice, number
 from validation.text.quantity import Kind, read_quantity
 
+#: Tolerance of the limits of a selection by load [-].
+_SAME_LOAD = 1e-6
 #: Word of a data-set file for a pose that is found from the recordings.
 FITTED = "fitted"
 #: Words for the source of a load: the labels of each recording, or its force channel.
@@ -141,6 +144,13 @@ class SelectionTable(Table):
     files: _Texts = ()
     least: _Load | None = None
     most: _Load | None = None
+
+    def takes(self, series: str, file: str, load: float) -> bool:
+        """Return whether the selection takes the recording of a series with a file name and a load [N]."""
+        named = not self.files or any(fnmatch.fnmatchcase(file, each) for each in self.files)
+        above = self.least is None or load >= self.least * (1 - _SAME_LOAD)
+        below = self.most is None or load <= self.most * (1 + _SAME_LOAD)
+        return series == self.series and named and above and below
 
 
 _Selections = Annotated[

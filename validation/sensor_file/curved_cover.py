@@ -8,15 +8,22 @@ from pathlib import Path
 
 import numpy as np
 
-from meshes import Layer, SolidCover, TexelArray
+from meshes import SolidCover, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids import check_quality, read_mesh
-from meshes.solids.covers import make_shell_cover
-from meshes.solids.shell import Shell, join, list_border, point_normals, select_base, thicken
+from meshes.solids.covers import make_shell_cover, take_meshes
+from meshes.solids.shell import Shell, join, point_normals, select_base, thicken
 from meshes.solids.solid_mesh import LIMITS
 from meshes.solids.tetrahedra import classify_boundary, list_boundary
-from meshes.solids.triangles import check_closed, close_cracks, enclosed_volume, merge_corners, nearest_points
 from meshes.surfaces.files import orient_tetrahedra, read_tetrahedra, read_triangles
+from meshes.surfaces.triangles import (
+    check_closed,
+    close_cracks,
+    enclosed_volume,
+    list_border,
+    merge_corners,
+    nearest_points,
+)
 from validation.errors import InputError, at
 from validation.extras import require
 from validation.schema.sensor import CurvedCoverTable
@@ -145,13 +152,8 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> SolidCover:
         raise ValueError(
             "; ".join(quality.faults) + f': write surface = "{table.mesh}" instead of mesh, and its boundary is meshed'
         )
-    return SolidCover(
-        layers=(Layer(thickness=quality.thickness, material=table.material),),
-        source=f"{path.name}, {quality.elements} {quality.kind}",
-        make=lambda *_: (mesh,),
-        given_thickness=quality.thickness,
-        notes=tuple(notes),
-    )
+    source = f"{path.name}, {quality.elements} {quality.kind}"
+    return take_meshes((mesh,), table.material, source, tuple(notes))
 
 
 def _refuse_overlap(corners: FloatArray, boundary: FloatArray, name: str) -> None:

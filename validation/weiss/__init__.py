@@ -21,12 +21,19 @@ The package needs numpy and pyserial only.  Times of the host come from its mono
 come from the device's own clock; one tick is assumed to be a millisecond.
 """
 
-from validation.weiss.continuity import Gap
-from validation.weiss.link import LinkLostError, PortError
 from validation.weiss.protocol import Reading
-from validation.weiss.sensor import NoAnswerError, Sensor, SensorError
-from validation.weiss.serve import PseudoTerminal, SerialEnd, serve
-from validation.weiss.virtual import Misbehaviour, VirtualSensor, show_frames, show_pattern, show_recording
+from validation.weiss.sensor import LinkLostError, NoAnswerError, PortError, Sensor, SensorError
+from validation.weiss.stream import Gap
+from validation.weiss.virtual import (
+    Misbehaviour,
+    PseudoTerminal,
+    SerialEnd,
+    VirtualSensor,
+    serve,
+    show_frames,
+    show_pattern,
+    show_recording,
+)
 
 __all__ = [
     "Gap",

@@ -1,19 +1,36 @@
-"""Checks the assumptions about the protocol that no source confirms (see `unconfirmed`) on a connected sensor."""
+"""The assumptions about the protocol that no source confirms, and their check on a connected sensor.
+
+The constants that follow from these assumptions stand in `protocol`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import islice
+from types import MappingProxyType
 
 import numpy as np
 
-from validation.weiss.protocol import Command, Reading, compress
+from validation.weiss.protocol import TICK, Command, Reading, compress
 from validation.weiss.sensor import Sensor, SensorError
-from validation.weiss.unconfirmed import TICK
+
+#: Description of each assumption by topic, so that a user can check it on a real sensor.
+UNCONFIRMED: Mapping[str, str] = MappingProxyType(
+    {
+        "clock": "a tick of the frame's timestamp is 1 ms",
+        "run length": "units are 16 bit: 12 bit value, 4 bit count (as on the SDH generation); flag is bit 0",
+        "tare": "command 0x23 takes one byte, 1 to tare and 0 to undo, and the device subtracts by itself",
+        "threshold": "the answer to 0x35 is an unsigned 16 bit number; the device subtracts the threshold",
+        "gain": "the answer to 0x37 is an unsigned 8 bit number, 0..255",
+        "loop": "command 0x06 answers with the bytes it was sent",
+        "mask": "the answer to 0x33 has one bit per texel, lowest bit first, 1 for a texel that exists; "
+        "the payloads of 0x31 and 0x32 are unknown and passed on as bytes",
+        "texel order": "rows come one after the other, columns fastest; press one corner to see",
+    }
+)
 
 #: Number of frames over which the length of a tick of the device's clock is measured, about one second [-].
 _CLOCK_FRAMES = 300
-_SECONDS_PER_NANOSECOND = 1e-9
 
 
 def inquire(sensor: Sensor) -> Mapping[str, str]:
@@ -43,15 +60,13 @@ def inquire(sensor: Sensor) -> Mapping[str, str]:
         "run length": lambda: _check_run_length(sensor),
         "texel order": lambda: _find_largest_texel(sensor),
     }
-    return {topic: _ask(question) for topic, question in questions.items()}
-
-
-def _ask(question: Callable[[], str]) -> str:
-    """Return the result of a check, or the error if the sensor does not answer as assumed."""
-    try:
-        return question()
-    except (SensorError, ValueError) as error:
-        return f"not as assumed: {error}"
+    answers = {}
+    for topic, question in questions.items():
+        try:
+            answers[topic] = question()
+        except (SensorError, ValueError) as error:
+            answers[topic] = f"not as assumed: {error}"
+    return answers
 
 
 def _describe_mask(sensor: Sensor) -> str:
@@ -73,7 +88,7 @@ def _measure_clock(sensor: Sensor) -> str:
     readings = [event for event in islice(stream, _CLOCK_FRAMES) if isinstance(event, Reading)]
     stream.close()
     first, last = readings[0], readings[-1]
-    seconds = (last.host_time - first.host_time) * _SECONDS_PER_NANOSECOND
+    seconds = 1e-9 * (last.host_time - first.host_time)
     tick, rate = seconds / (last.ticks - first.ticks), (len(readings) - 1) / seconds
     return f"{tick * 1e3:.4f} ms per tick (assumed {TICK * 1e3:g} ms), {rate:.1f} frames/s free-running"
 

@@ -1,4 +1,4 @@
-"""Format of the messages of a Weiss WTS sensor: commands, answers and frames as bytes.
+"""Format of the messages of a Weiss WTS sensor: commands, answers and frames as bytes, and their parser.
 
 A message on the serial line is `AA AA AA`, identifier, payload size, payload, checksum.  The identifier is one byte;
 payload size and checksum are unsigned 16-bit numbers, little-endian.  An answer has the identifier of its command, and
@@ -16,24 +16,32 @@ from __future__ import annotations
 
 import struct
 from binascii import crc_hqx
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from types import MappingProxyType
+from typing import Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from validation.weiss.unconfirmed import (
-    GAIN_FORMAT,
-    MASK_BIT_ORDER,
-    RUN_LENGTH_FLAG,
-    RUN_LENGTH_VALUE_BITS,
-    THRESHOLD_FORMAT,
-    TICK,
-)
-
 CountArray = npt.NDArray[np.uint16]
+
+# Assumptions that no source confirms, see `inquiry.UNCONFIRMED`.  A change of one of these constants changes both the
+# driver and the virtual sensor.
+
+#: Assumed length of one tick of the device's clock [s].
+TICK = 1e-3
+#: Bit in the flags of requests and frames that marks run-length encoded counts.
+RUN_LENGTH_FLAG = 0x01
+#: Number of low bits of a 16-bit run-length unit that hold the count; the other bits hold the number of equal counts
+#: (1..15).
+RUN_LENGTH_VALUE_BITS = 12
+#: Payload of the command `tare` that makes the device subtract the present frame from later frames, and payload that
+#: ends the subtraction.
+TARE, UNTARE = 1, 0
+#: Order of the bits in the bytes of the answer to `get mask`, as numpy names it.
+MASK_BIT_ORDER: Literal["little", "big"] = "little"
+#: `struct` formats of the threshold and of the front-end gain in the payloads of requests and answers.
+_THRESHOLD, _GAIN = "<H", "<B"
 
 #: First bytes of every message.
 PREAMBLE = b"\xaa\xaa\xaa"
@@ -94,38 +102,54 @@ def encode_message(identifier: int, payload: bytes = b"") -> bytes:
 
 #: Layout of the status at the start of the payload of an answer: unsigned, 16 bits, little-endian.
 _STATUS = struct.Struct("<H")
+#: Bytes of the status `success`.
+_SUCCESS = b"\0\0"
 #: Units of the device per metre [1/m] and per kelvin [1/K]: the device gives lengths in 0.01 mm, temperatures in 0.1 K.
-_LENGTH_UNITS_PER_METRE, _TEMPERATURE_UNITS_PER_KELVIN = 100_000, 10
+_UNITS_PER_METRE, UNITS_PER_KELVIN = 100_000, 10
 
 #: Largest length of a text in a request or an answer, such as a sensor type or a tag [bytes].
 LONGEST_TEXT = 64
+#: Identifier of the frames that a device sends on its own.
+PERIODIC_FRAME = 0x00
 
-#: Values in the payload of a request or an answer, in the order of the command's `Layout`.
+#: Values in the payload of a request or an answer, in the order of its layout.
 Values = tuple[int | bytes, ...]
 
 
 class Command(IntEnum):
-    """Identifiers of the documented commands."""
+    """The documented commands: identifier, layout of the request, and layout of the answer after its status.
 
-    PERIODIC_FRAME = 0x00
-    LOOP = 0x06
-    READ_SINGLE_FRAME = 0x20
-    START_PERIODIC_FRAMES = 0x21
+    A layout is a `struct` format of the values; it is None for raw bytes, and empty where there are no values.
+    """
+
+    request: str | None
+    answer: str | None
+
+    def __new__(cls, identifier: int, request: str | None = "", answer: str | None = "") -> Self:
+        """Make a command that is its identifier and knows its layouts."""
+        made = int.__new__(cls, identifier)
+        made._value_ = identifier
+        made.request, made.answer = request, answer
+        return made
+
+    LOOP = 0x06, None, None
+    READ_SINGLE_FRAME = 0x20, "<B", None
+    START_PERIODIC_FRAMES = 0x21, "<BH"
     STOP_PERIODIC_FRAMES = 0x22
-    TARE = 0x23
-    MATRIX_INFO = 0x30
-    SET_MASK_WINDOW = 0x31
-    SET_ADVANCED_MASK = 0x32
-    GET_MASK = 0x33
-    SET_THRESHOLD = 0x34
-    GET_THRESHOLD = 0x35
-    SET_GAIN = 0x36
-    GET_GAIN = 0x37
-    SENSOR_TYPE = 0x38
-    TEMPERATURE = 0x46
-    SYSTEM_INFO = 0x50
-    SET_TAG = 0x51
-    GET_TAG = 0x52
+    TARE = 0x23, "<B"
+    MATRIX_INFO = 0x30, "", "<5H"
+    SET_MASK_WINDOW = 0x31, None
+    SET_ADVANCED_MASK = 0x32, None
+    GET_MASK = 0x33, "", None
+    SET_THRESHOLD = 0x34, _THRESHOLD
+    GET_THRESHOLD = 0x35, "", _THRESHOLD
+    SET_GAIN = 0x36, _GAIN
+    GET_GAIN = 0x37, "", _GAIN
+    SENSOR_TYPE = 0x38, "", None
+    TEMPERATURE = 0x46, "", "<h"
+    SYSTEM_INFO = 0x50, "", "<BBHI"
+    SET_TAG = 0x51, None
+    GET_TAG = 0x52, "", None
 
 
 class Status(IntEnum):
@@ -164,44 +188,6 @@ class Status(IntEnum):
     FILE_EXISTS = 30
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """Layouts of the payloads of a command's request and answer.
-
-    Attributes:
-        request: `struct` format of the payload of the request; None for raw bytes.
-        answer: `struct` format of the payload of the answer after the status; None for raw bytes.
-    """
-
-    request: str | None = ""
-    answer: str | None = ""
-
-
-#: Layout of every command that a host can send.
-LAYOUTS: Mapping[Command, Layout] = MappingProxyType(
-    {
-        Command.LOOP: Layout(None, None),
-        Command.READ_SINGLE_FRAME: Layout("<B", None),
-        Command.START_PERIODIC_FRAMES: Layout("<BH"),
-        Command.STOP_PERIODIC_FRAMES: Layout(),
-        Command.TARE: Layout("<B"),
-        Command.MATRIX_INFO: Layout("", "<5H"),
-        Command.SET_MASK_WINDOW: Layout(None),
-        Command.SET_ADVANCED_MASK: Layout(None),
-        Command.GET_MASK: Layout("", None),
-        Command.SET_THRESHOLD: Layout(THRESHOLD_FORMAT),
-        Command.GET_THRESHOLD: Layout("", THRESHOLD_FORMAT),
-        Command.SET_GAIN: Layout(GAIN_FORMAT),
-        Command.GET_GAIN: Layout("", GAIN_FORMAT),
-        Command.SENSOR_TYPE: Layout("", None),
-        Command.TEMPERATURE: Layout("", "<h"),
-        Command.SYSTEM_INFO: Layout("", "<BBHI"),
-        Command.SET_TAG: Layout(None),
-        Command.GET_TAG: Layout("", None),
-    }
-)
-
-
 @dataclass(frozen=True, kw_only=True)
 class MatrixInfo:
     """Description of the texel array, as reported by the device.
@@ -225,6 +211,19 @@ class MatrixInfo:
         """Number of texels of the array, rows times columns [-]."""
         return self.columns * self.rows
 
+    @property
+    def values(self) -> Values:
+        """The values of the answer to the command `matrix info`."""
+        width, height = (round(length * _UNITS_PER_METRE) for length in (self.cell_width, self.cell_height))
+        return (self.columns, self.rows, width, height, self.full_scale)
+
+    @classmethod
+    def from_values(cls, values: Values) -> MatrixInfo:
+        """Read the values of the answer to the command `matrix info`."""
+        columns, rows, width, height, full_scale = map(int, values)
+        width_m, height_m = width / _UNITS_PER_METRE, height / _UNITS_PER_METRE
+        return cls(columns=columns, rows=rows, cell_width=width_m, cell_height=height_m, full_scale=full_scale)
+
 
 @dataclass(frozen=True, kw_only=True)
 class SystemInfo:
@@ -242,6 +241,13 @@ class SystemInfo:
     firmware: str
     serial_number: int
 
+    @classmethod
+    def from_values(cls, values: Values) -> SystemInfo:
+        """Read the values of the answer to the command `system info`."""
+        kind, hardware, firmware, serial = map(int, values)
+        version = ".".join(str(firmware >> shift & 15) for shift in (12, 8, 4, 0))
+        return cls(kind=kind, hardware_revision=hardware, firmware=version, serial_number=serial)
+
 
 def encode_request(command: Command, *values: int | bytes) -> bytes:
     """Return the message that requests a command with the given values.
@@ -249,7 +255,7 @@ def encode_request(command: Command, *values: int | bytes) -> bytes:
     Raises:
         ValueError: If the values do not fit the command's layout.
     """
-    return encode_message(command, _pack(command, LAYOUTS[command].request, values))
+    return encode_message(command, _pack(command, command.request, values))
 
 
 def encode_answer(command: Command, status: Status, *values: int | bytes) -> bytes:
@@ -258,7 +264,7 @@ def encode_answer(command: Command, status: Status, *values: int | bytes) -> byt
     Raises:
         ValueError: If the values do not fit the command's layout.
     """
-    data = _pack(command, LAYOUTS[command].answer, values) if status == Status.SUCCESS else b""
+    data = _pack(command, command.answer, values) if status == Status.SUCCESS else b""
     return encode_message(command, _STATUS.pack(status) + data)
 
 
@@ -270,7 +276,7 @@ def decode_request(message: Message) -> tuple[Command, Values]:
         ValueError: If the payload does not fit the command's layout.
     """
     command = _find_command(message.identifier)
-    return command, _unpack(command, LAYOUTS[command].request, message.payload)
+    return command, _unpack(command, command.request, message.payload)
 
 
 def decode_answer(message: Message) -> tuple[int, Values]:
@@ -286,7 +292,7 @@ def decode_answer(message: Message) -> tuple[int, Values]:
     (status,) = _STATUS.unpack_from(message.payload)
     if status != Status.SUCCESS:
         return status, ()
-    return status, _unpack(command, LAYOUTS[command].answer, message.payload[_STATUS.size :])
+    return status, _unpack(command, command.answer, message.payload[_STATUS.size :])
 
 
 def describe_status(status: int) -> str:
@@ -302,63 +308,11 @@ def join_bytes(values: Values) -> bytes:
     return b"".join(value for value in values if isinstance(value, bytes))
 
 
-def encode_matrix_info(info: MatrixInfo) -> tuple[int, ...]:
-    """Convert the description of an array to the values of the answer to the command `matrix info`."""
-    width, height = (round(length * _LENGTH_UNITS_PER_METRE) for length in (info.cell_width, info.cell_height))
-    return (info.columns, info.rows, width, height, info.full_scale)
-
-
-def decode_matrix_info(values: Values) -> MatrixInfo:
-    """Convert the values of the answer to the command `matrix info` to the description of an array."""
-    columns, rows, width, height, full_scale = (int(value) for value in values)
-    return MatrixInfo(
-        columns=columns,
-        rows=rows,
-        cell_width=width / _LENGTH_UNITS_PER_METRE,
-        cell_height=height / _LENGTH_UNITS_PER_METRE,
-        full_scale=full_scale,
-    )
-
-
-def decode_system_info(values: Values) -> SystemInfo:
-    """Convert the values of the answer to the command `system info` to the description of a device."""
-    kind, hardware, firmware, serial = (int(value) for value in values)
-    digits = (firmware >> 12, firmware >> 8 & 15, firmware >> 4 & 15, firmware & 15)
-    version = ".".join(str(digit) for digit in digits)
-    return SystemInfo(kind=kind, hardware_revision=hardware, firmware=version, serial_number=serial)
-
-
-def encode_temperature(degrees: float) -> tuple[int]:
-    """Convert a temperature [degC] to the value of the answer to the command `temperature`."""
-    return (round(degrees * _TEMPERATURE_UNITS_PER_KELVIN),)
-
-
-def decode_temperature(values: Values) -> float:
-    """Convert the value of the answer to the command `temperature` to a temperature [degC]."""
-    return int(values[0]) / _TEMPERATURE_UNITS_PER_KELVIN
-
-
-def encode_mask(active: npt.NDArray[np.bool_]) -> bytes:
-    """Convert a mask of n texels, shape (n,), to the bytes of the answer to the command `get mask`."""
-    return np.packbits(active, bitorder=MASK_BIT_ORDER).tobytes()
-
-
-def decode_mask(data: bytes, texels: int) -> npt.NDArray[np.bool_]:
-    """Convert the bytes of the answer to the command `get mask` to a mask: whether each texel exists, shape (texels,).
-
-    Raises:
-        ValueError: If the bytes are not a mask of so many texels, or if no texel exists.
-    """
-    bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder=MASK_BIT_ORDER).astype(bool)
-    if len(data) != -(-texels // 8) or bits[texels:].any() or not bits.any():
-        raise ValueError(f"{len(data)} bytes {data[:LONGEST_TEXT].hex()} are no mask of {texels} texels")
-    return bits[:texels]
-
-
 def _find_command(identifier: int) -> Command:
-    if identifier not in LAYOUTS:
-        raise KeyError(f"no command has the identifier {identifier:#04x}")
-    return Command(identifier)
+    try:
+        return Command(identifier)
+    except ValueError:
+        raise KeyError(f"no command has the identifier {identifier:#04x}") from None
 
 
 def _pack(command: Command, layout: str | None, values: Values) -> bytes:
@@ -381,8 +335,6 @@ def _unpack(command: Command, layout: str | None, payload: bytes) -> Values:
 LARGEST_COUNT = 0x0FFF
 #: Layout of the start of a frame: time on the clock of the device (unsigned, 32 bits, little-endian), flags (8 bits).
 _FRAME_HEAD = struct.Struct("<IB")
-#: Number of bytes before the counts of a frame.
-FRAME_HEAD_SIZE = _FRAME_HEAD.size
 #: Largest number of equal counts that one run-length unit can hold, because the number has 4 bits [-].
 _LONGEST_RUN = 15
 
@@ -440,12 +392,12 @@ def decode_frame(payload: bytes, *, texels: int | None = None, host_time: int = 
     Raises:
         ValueError: If the payload is too short, has unknown flags, a count over 12 bits or the wrong number of texels.
     """
-    if len(payload) < FRAME_HEAD_SIZE:
-        raise ValueError(f"a frame has at least {FRAME_HEAD_SIZE} bytes, not {len(payload)}")
+    if len(payload) < _FRAME_HEAD.size:
+        raise ValueError(f"a frame has at least {_FRAME_HEAD.size} bytes, not {len(payload)}")
     ticks, flags = _FRAME_HEAD.unpack_from(payload)
-    if flags & ~RUN_LENGTH_FLAG or len(payload) % 2 != FRAME_HEAD_SIZE % 2:
+    if flags & ~RUN_LENGTH_FLAG or len(payload) % 2 != _FRAME_HEAD.size % 2:
         raise ValueError(f"not a frame: flags {flags:#04x}, {len(payload)} bytes")
-    units = np.frombuffer(payload, dtype="<u2", offset=FRAME_HEAD_SIZE)
+    units = np.frombuffer(payload, dtype="<u2", offset=_FRAME_HEAD.size)
     run_length = bool(flags & RUN_LENGTH_FLAG)
     counts = _expand(units) if run_length else units.astype(np.uint16)
     if counts.size and int(counts.max()) > LARGEST_COUNT:
@@ -475,3 +427,123 @@ def _expand(units: CountArray) -> CountArray:
     if not runs.all():
         raise ValueError("a run of length 0 in a run-length encoded frame")
     return np.repeat(units & LARGEST_COUNT, runs).astype(np.uint16)
+
+
+#: Largest number of texels that is accepted in a frame while the array is unknown: that of the largest array of the
+#: manufacturer [-].
+_MOST_TEXELS = 512
+
+
+class Parser:
+    """Finds messages in a byte stream that is received in pieces.
+
+    A message is accepted if its checksum is correct and, for frames, its content is valid.  If a message is refused,
+    the search continues at the byte after its first byte AA, so that only damaged messages are lost.  After the head of
+    a message, the parser waits for the stated number of bytes, unless the number exceeds the largest possible message;
+    `finish` ends the wait.  The parser stores at most one message of the largest size and the last piece.
+
+    Args:
+        texels: Number of texels of the array; if given, frames with another number are refused [-].
+    """
+
+    def __init__(self, *, texels: int | None = None) -> None:
+        self.texels = texels
+        #: Numbers of bytes received, of messages found, and of bytes that belong to no message.
+        self.bytes_seen = self.messages_found = self.bytes_skipped = 0
+        self._buffer = bytearray()
+        #: Number of bytes since the last message that belong to no message.
+        self._skipped = 0
+
+    @property
+    def pending(self) -> int:
+        """Number of stored bytes, which may be the start of a message [-]."""
+        return len(self._buffer)
+
+    @property
+    def largest_payload(self) -> int:
+        """Size of the largest payload of a message that is accepted [bytes]."""
+        texels = _MOST_TEXELS if self.texels is None else self.texels
+        return _STATUS.size + max(_FRAME_HEAD.size + 2 * texels, LONGEST_TEXT)
+
+    def feed(self, data: bytes) -> list[Message]:
+        """Add the next bytes of the stream and return the messages that they complete."""
+        self._buffer += data
+        self.bytes_seen += len(data)
+        return self._scan(final=False)
+
+    def finish(self) -> list[Message]:
+        """End the wait for the rest of a message, and return the messages in the stored bytes after its head."""
+        return self._scan(final=True)
+
+    def _scan(self, *, final: bool) -> list[Message]:
+        """Return the messages in the stored bytes; if `final`, an incomplete message counts as damaged."""
+        messages: list[Message] = []
+        buffer, position = self._buffer, 0
+        while True:
+            start = buffer.find(PREAMBLE, position)
+            if start < 0:
+                start = len(buffer) if final else _find_partial_preamble(buffer, position)
+                self._skip(start - position)
+                break
+            self._skip(start - position)
+            size = self._measure_message(start, final=final)
+            if size is None:
+                break
+            if size:
+                payload = bytes(buffer[start + HEAD_SIZE : start + size - CHECKSUM_SIZE])
+                messages.append(Message(buffer[start + 3], payload, self._skipped))
+                self._skipped = 0
+                self.messages_found += 1
+            else:
+                self._skip(1)
+            position = start + (size or 1)
+        del buffer[:start]
+        return messages
+
+    def _measure_message(self, start: int, *, final: bool) -> int | None:
+        """Return the size of the message that starts at the index `start` of the stored bytes.
+
+        Returns:
+            Size of the message [bytes]; 0 if the bytes are no valid message, None if more bytes are needed to decide.
+        """
+        buffer = self._buffer
+        available = len(buffer) - start
+        incomplete = 0 if final else None
+        if available < HEAD_SIZE:
+            return incomplete
+        identifier = buffer[start + 3]
+        payload_size = int.from_bytes(buffer[start + 4 : start + HEAD_SIZE], "little")
+        if identifier == PREAMBLE[0] or payload_size > self.largest_payload:
+            return 0
+        size = HEAD_SIZE + payload_size + CHECKSUM_SIZE
+        if available < size:
+            return incomplete
+        payload = bytes(buffer[start + HEAD_SIZE : start + size - CHECKSUM_SIZE])
+        if compute_checksum(bytes(buffer[start : start + size])) or not self._is_possible(identifier, payload):
+            return 0
+        return size
+
+    def _is_possible(self, identifier: int, payload: bytes) -> bool:
+        """Return whether the payload of a message is valid: a frame if the identifier is that of a frame message."""
+        if identifier == Command.READ_SINGLE_FRAME and payload.startswith(_SUCCESS):
+            payload = payload[_STATUS.size :]
+        elif identifier != PERIODIC_FRAME:
+            return True
+        try:
+            decode_frame(payload, texels=self.texels)
+        except ValueError:
+            return False
+        return True
+
+    def _skip(self, count: int) -> None:
+        """Count bytes that belong to no message."""
+        self.bytes_skipped += count
+        self._skipped += count
+
+
+def _find_partial_preamble(buffer: bytearray, position: int) -> int:
+    """Return the index at which an incomplete preamble at the end of the buffer starts, or the length of the buffer."""
+    start = len(buffer)
+    while start > max(position, len(buffer) - len(PREAMBLE) + 1) and buffer[start - 1] == PREAMBLE[0]:
+        start -= 1
+    return start

@@ -1,22 +1,209 @@
-"""Driver of a Weiss WTS sensor on a serial port: sends commands and yields the stream of frames."""
+"""Driver of a Weiss WTS sensor on a serial port: sends commands and yields the stream of frames.
+
+A background thread reads the port, so that no bytes are lost while the program does other work.
+"""
 
 from __future__ import annotations
 
+import errno
+import os
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import serial
+from serial.tools import list_ports
 
-from validation.weiss import protocol
-from validation.weiss.continuity import Continuity, Gap
-from validation.weiss.link import BUFFER_BYTES, Chunk, Link, LinkLostError, PortError
-from validation.weiss.parser import Counters, Parser
-from validation.weiss.protocol import Command, MatrixInfo, Message, Reading, SystemInfo, Values, decode_frame
-from validation.weiss.unconfirmed import RUN_LENGTH_FLAG, TARE, UNTARE
+from validation.weiss.protocol import (
+    LONGEST_TEXT,
+    MASK_BIT_ORDER,
+    PERIODIC_FRAME,
+    RUN_LENGTH_FLAG,
+    TARE,
+    UNITS_PER_KELVIN,
+    UNTARE,
+    Command,
+    MatrixInfo,
+    Message,
+    Parser,
+    Reading,
+    SystemInfo,
+    Values,
+    decode_answer,
+    decode_frame,
+    describe_status,
+    encode_request,
+    join_bytes,
+)
+from validation.weiss.stream import Continuity, Gap
+
+#: Largest number of received bytes that are kept until the program fetches them: five seconds of an array of 84 texels
+#: at 271 frames/s.
+BUFFER_BYTES = 256 * 1024
+#: Longest wait for a byte, after which the reading thread checks whether it should stop [s].
+_READ_TIMEOUT = 0.05
+#: Longest wait until the port accepts bytes to send [s].
+WRITE_TIMEOUT = 1.0
+#: Number of bytes that are requested at a time from a socket, and longest wait for them [s].  A socket, unlike a serial
+#: port, does not report the number of bytes that can be read.
+_SOCKET_BYTES, _SOCKET_TIMEOUT = 64, 0.005
+#: Description of the accepted names of ports, for error messages.
+_ACCEPTED = "accepted: a port such as /dev/ttyACM0, or a pyserial URL"
+
+
+class PortError(OSError):
+    """Reports that a port cannot be opened, was lost, or that no sensor answers on it; the message is one line."""
+
+
+class LinkLostError(PortError):
+    """Reports that a port was lost while it was in use."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Bytes that were received from a port at one time.
+
+    Attributes:
+        host_time: Time at which the bytes were read, on the monotonic clock of the host [ns].
+        data: The bytes.
+        lost: Number of bytes before `data` that were discarded because the buffer was full [-].
+    """
+
+    host_time: int
+    data: bytes
+    lost: int = 0
+
+
+class Link:
+    """An open serial port whose received bytes are buffered by a background thread.
+
+    Args:
+        port: Name of a port, or a pyserial URL such as `socket://host:port`.
+        baud_rate: Baud rate of a UART; virtual ports over USB ignore the value [1/s].
+        buffer_bytes: Largest number of received bytes that are kept; further bytes are discarded and counted.
+
+    Raises:
+        PortError: If the port cannot be opened.
+    """
+
+    def __init__(self, port: str, *, baud_rate: int = 115_200, buffer_bytes: int = BUFFER_BYTES) -> None:
+        self.port = port
+        self._is_url = "://" in port
+        try:
+            self._serial = serial.serial_for_url(
+                port,
+                baudrate=baud_rate,
+                timeout=_SOCKET_TIMEOUT if self._is_url else _READ_TIMEOUT,
+                write_timeout=WRITE_TIMEOUT,
+                # A serial port can be locked against a second client; a pyserial URL cannot.
+                **({} if self._is_url else {"exclusive": True}),
+            )
+            self._serial.reset_input_buffer()
+        except (OSError, serial.SerialException, ValueError) as error:
+            raise PortError(_explain(port, error)) from error
+        self._limit = buffer_bytes
+        self._chunks: deque[Chunk] = deque()
+        #: Number of bytes in the buffered chunks, and number of bytes discarded since the last chunk.
+        self._buffered = self._lost = 0
+        self._changed = threading.Condition()
+        self._failure: Exception | None = None
+        self._stopping = False
+        self._reader = threading.Thread(target=self._keep_reading, name=f"read {port}", daemon=True)
+        self._reader.start()
+
+    def write(self, data: bytes) -> None:
+        """Send bytes.
+
+        Raises:
+            LinkLostError: If the port was lost or does not accept the bytes.
+        """
+        try:
+            self._serial.write(data)
+        except (OSError, serial.SerialException) as error:
+            raise LinkLostError(f"{self.port}: the port went away or takes no bytes: {error}") from error
+
+    def read(self, timeout: float) -> list[Chunk]:
+        """Fetch the bytes received since the last call.
+
+        Args:
+            timeout: Longest wait for the first byte [s].
+
+        Raises:
+            LinkLostError: If the port was lost and all bytes received before were fetched.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._chunks or self._failure, timeout)
+            chunks = list(self._chunks)
+            self._chunks.clear()
+            self._buffered = 0
+        if not chunks and self._failure is not None:
+            raise LinkLostError(f"{self.port}: the port went away (unplugged?)") from self._failure
+        return chunks
+
+    def close(self) -> None:
+        """Stop the background thread that reads the port, and close the port."""
+        self._stopping = True
+        self._reader.join()
+        self._serial.close()
+
+    def _keep_reading(self) -> None:
+        """Read bytes into the buffer until the port is closed or lost; runs in the background thread."""
+        port = self._serial
+        try:
+            while not self._stopping:
+                data = port.read(_SOCKET_BYTES if self._is_url else max(1, port.in_waiting))
+                if data:
+                    self._buffer(bytes(data))
+        except (OSError, serial.SerialException, TypeError) as error:
+            # pyserial raises TypeError if the file descriptor of the port is closed during a read
+            with self._changed:
+                self._failure = error
+                self._changed.notify_all()
+
+    def _buffer(self, data: bytes) -> None:
+        """Append received bytes to the buffer, or discard them if the buffer is full."""
+        with self._changed:
+            if self._buffered + len(data) > self._limit:
+                self._lost += len(data)
+                return
+            self._chunks.append(Chunk(time.monotonic_ns(), data, self._lost))
+            self._buffered += len(data)
+            self._lost = 0
+            self._changed.notify_all()
+
+
+def _explain(port: str, error: Exception) -> str:
+    """Return one line with the reason why a port cannot be opened and what the user can do."""
+    number = getattr(error, "errno", None)
+    text = str(error)
+    if number == errno.ENOENT:
+        names = ", ".join(entry.device for entry in list_ports.comports()) or "none"
+        return f"{port}: no such port; ports on this machine: {names}"
+    if number == errno.EACCES:
+        return f"{port}: no permission to open it; {_find_remedy(port)}"
+    if "exclusively lock" in text or number == errno.EBUSY:
+        return f"{port}: another program has it open; only one client can use a sensor"
+    if "configure port" in text or number in (errno.ENOTTY, errno.EISDIR):
+        return f"{port}: not a serial port; {_ACCEPTED}"
+    return f"{port}: cannot be opened: {' '.join(text.split())}; {_ACCEPTED}"
+
+
+def _find_remedy(port: str) -> str:
+    """Return an instruction how the user gets permission to open a port."""
+    try:
+        import grp
+
+        group = grp.getgrgid(Path(port).stat().st_gid).gr_name
+    except (ImportError, KeyError, OSError):
+        return "ask the administrator"
+    user = os.environ.get("USER", "$USER")
+    return f"it belongs to group {group!r}: run `sudo usermod -aG {group} {user}` and log in again"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +228,6 @@ class _Patience:
 
 
 _PATIENCE = _Patience()
-
-_SECONDS_PER_NANOSECOND = 1e-9
 
 
 class SensorError(PortError):
@@ -78,7 +263,8 @@ class Sensor(AbstractContextManager["Sensor"]):
         self._settings: dict[Command, int] = {}
         self._events: deque[Reading | Gap] = deque()
         self._answers: list[Message] = []
-        self._parser = Parser()
+        #: Parser of the received bytes, which counts bytes and messages since the port was opened or opened again.
+        self.parser = Parser()
         self._continuity = Continuity()
         self._streaming = False
         self._last_ticks: int | None = None
@@ -93,26 +279,22 @@ class Sensor(AbstractContextManager["Sensor"]):
         """Stop the stream and close the port."""
         self.close()
 
-    @property
-    def counters(self) -> Counters:
-        """Numbers of bytes and messages received since the port was opened or opened again."""
-        return self._parser.counters
-
     def read_info(self) -> SystemInfo:
         """Read kind, hardware revision, firmware version and serial number of the device."""
-        return protocol.decode_system_info(self.ask(Command.SYSTEM_INFO))
+        return SystemInfo.from_values(self.ask(Command.SYSTEM_INFO))
 
     def read_matrix(self) -> MatrixInfo:
         """Read the numbers of rows and columns, the pitch and the full scale of the array."""
-        return protocol.decode_matrix_info(self.ask(Command.MATRIX_INFO))
+        return MatrixInfo.from_values(self.ask(Command.MATRIX_INFO))
 
     def read_mask(self) -> npt.NDArray[np.bool_]:
         """Read which texels of the array exist, shape (n,), if the device states this as `unconfirmed` assumes."""
-        data = protocol.join_bytes(self.ask(Command.GET_MASK))
-        try:
-            return protocol.decode_mask(data, self.read_matrix().texels)
-        except ValueError as error:
-            raise SensorError(f"{self.port}: the answer to `get mask` is not as assumed: {error}") from error
+        data, texels = join_bytes(self.ask(Command.GET_MASK)), self.read_matrix().texels
+        bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder=MASK_BIT_ORDER).astype(bool)
+        if len(data) != -(-texels // 8) or bits[texels:].any() or not bits.any():
+            fault = f"{len(data)} bytes {data[:LONGEST_TEXT].hex()} are no mask of {texels} texels"
+            raise SensorError(f"{self.port}: the answer to `get mask` is not as assumed: {fault}")
+        return bits[:texels]
 
     def read_type(self) -> str:
         """Read the name of the sensor's type."""
@@ -128,7 +310,7 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     def read_temperature(self) -> float:
         """Read the temperature of the device [degC]."""
-        return protocol.decode_temperature(self.ask(Command.TEMPERATURE))
+        return int(self.ask(Command.TEMPERATURE)[0]) / UNITS_PER_KELVIN
 
     def read_threshold(self) -> int:
         """Read the threshold below which a texel reads 0 [counts]."""
@@ -161,7 +343,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             run_length: Whether to request run-length encoding.
         """
         values = self.ask(Command.READ_SINGLE_FRAME, RUN_LENGTH_FLAG * run_length)
-        return decode_frame(protocol.join_bytes(values), host_time=time.monotonic_ns())
+        return decode_frame(join_bytes(values), host_time=time.monotonic_ns())
 
     def ask(self, command: Command, *values: int | bytes) -> Values:
         """Send any documented command and return the values of its answer.
@@ -178,16 +360,16 @@ class Sensor(AbstractContextManager["Sensor"]):
         name = command.name.lower().replace("_", " ")
         for _ in range(_PATIENCE.attempts):
             self._answers.clear()
-            self._link.write(protocol.encode_request(command, *values))
+            self._link.write(encode_request(command, *values))
             message = self._await_answer(command)
             if message is None:
                 continue
             try:
-                status, answered = protocol.decode_answer(message)
+                status, answered = decode_answer(message)
             except ValueError as error:
                 raise SensorError(f"{self.port}: the answer to `{name}` is not as assumed: {error}") from error
             if status:
-                raise SensorError(f"{self.port}: the sensor refused `{name}`: {protocol.describe_status(status)}")
+                raise SensorError(f"{self.port}: the sensor refused `{name}`: {describe_status(status)}")
             return answered
         raise NoAnswerError(
             f"{self.port}: no answer to `{name}` in {_PATIENCE.attempts * self.timeout:g} s; check the cable"
@@ -243,7 +425,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             self._ask_unless_refused(Command.STOP_PERIODIC_FRAMES)
             self.read_info()
         except NoAnswerError as error:
-            seen = self.counters.bytes_seen
+            seen = self.parser.bytes_seen
             reason = (
                 f"{seen} bytes came and none of them is an answer (another device, or a wrong baud rate)"
                 if seen
@@ -251,9 +433,9 @@ class Sensor(AbstractContextManager["Sensor"]):
             )
             raise NoAnswerError(f"{self.port}: no Weiss WTS sensor answers here: {reason}") from error
         try:
-            self._parser.texels = self.read_matrix().texels
+            self.parser.texels = self.read_matrix().texels
         except SensorError:
-            self._parser.texels = None
+            self.parser.texels = None
 
     def _ask_unless_refused(self, command: Command, *values: int | bytes) -> None:
         """Send a command and ignore a refusal: a device may refuse a command that would not change its state."""
@@ -267,21 +449,17 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     def _ask_text(self, command: Command) -> str:
         """Send a command and return the text in its answer."""
-        return protocol.join_bytes(self.ask(command)).decode("ascii", "replace")
+        return join_bytes(self.ask(command)).decode("ascii", "replace")
 
     def _await_answer(self, command: Command) -> Message | None:
         """Wait for the answer to a command and return it; None if it does not arrive in time."""
-        deadline = time.monotonic() + self.timeout
-        while (left := deadline - time.monotonic()) > 0:
-            self._receive(left)
-            if answer := self._find_answer(command):
+        deadline, left = time.monotonic() + self.timeout, self.timeout
+        while True:
+            self._receive(left) if left > 0 else self._end_wait()
+            answer = next((message for message in self._answers if message.identifier == command), None)
+            if answer is not None or left <= 0:
                 return answer
-        self._end_wait()
-        return self._find_answer(command)
-
-    def _find_answer(self, command: Command) -> Message | None:
-        """Return the first stored answer to a command; None if there is none."""
-        return next((message for message in self._answers if message.identifier == command), None)
+            left = deadline - time.monotonic()
 
     def _receive(self, timeout: float) -> None:
         """Receive bytes and sort the messages in them; wait for the first byte at most for `timeout` [s]."""
@@ -290,16 +468,16 @@ class Sensor(AbstractContextManager["Sensor"]):
                 self.tap(chunk)
             if chunk.lost:
                 self._events.append(Gap(kind="overflow", host_time=chunk.host_time, skipped=chunk.lost))
-            self._sort_messages(self._parser.feed(chunk.data), chunk.host_time)
+            self._sort_messages(self.parser.feed(chunk.data), chunk.host_time)
 
     def _end_wait(self) -> None:
         """Sort the messages that the parser has held back while it waited for the rest of a damaged message."""
-        self._sort_messages(self._parser.finish(), time.monotonic_ns())
+        self._sort_messages(self.parser.finish(), time.monotonic_ns())
 
     def _sort_messages(self, messages: list[Message], host_time: int) -> None:
         """Store answers for `_find_answer`, and store frames and the gaps between them as events of the stream."""
         for message in messages:
-            if message.identifier != Command.PERIODIC_FRAME:
+            if message.identifier != PERIODIC_FRAME:
                 self._answers.append(message)
                 del self._answers[: -_PATIENCE.attempts]
                 continue
@@ -338,7 +516,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             self._receive(left)
         if not self._events:
             self._end_wait()
-            self._link.write(protocol.encode_request(Command.START_PERIODIC_FRAMES, *values))
+            self._link.write(encode_request(Command.START_PERIODIC_FRAMES, *values))
             yield Gap(kind="silence", host_time=time.monotonic_ns(), seconds=silence)
         yield from self._take_events()
 
@@ -358,11 +536,11 @@ class Sensor(AbstractContextManager["Sensor"]):
         """
         lost, last_ticks = time.monotonic_ns(), self._last_ticks
         self._link.close()
-        while (time.monotonic_ns() - lost) * _SECONDS_PER_NANOSECOND < patience:
+        while time.monotonic_ns() - lost < 1e9 * patience:
             time.sleep(_PATIENCE.reopen_pause)
             try:
                 self._link = self._open_link()
-                self._parser = Parser(texels=self._parser.texels)
+                self.parser = Parser(texels=self.parser.texels)
                 self._check_sensor()
                 for command, value in self._settings.items():
                     self.ask(command, value)
@@ -371,6 +549,5 @@ class Sensor(AbstractContextManager["Sensor"]):
                 self._link.close()
                 continue
             now = time.monotonic_ns()
-            seconds = (now - lost) * _SECONDS_PER_NANOSECOND
-            return Gap(kind="link lost", host_time=now, after=last_ticks, seconds=seconds)
+            return Gap(kind="link lost", host_time=now, after=last_ticks, seconds=1e-9 * (now - lost))
         raise error

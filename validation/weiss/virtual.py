@@ -1,120 +1,96 @@
 """Virtual sensor that answers commands as a Weiss WTS does, and sends frames with given texel values.
 
 `VirtualSensor` converts received bytes and times to sent bytes and needs no port; `serve` runs a virtual sensor on a
-port.  Where no source states how a real device answers, the virtual sensor follows the assumptions in `unconfirmed`.
+port: a pseudo-terminal, or any port that pyserial opens.  Where no source states how a real device answers, the virtual
+sensor follows the assumptions in `inquiry`.
 
-A fault of the serial line is a function that takes the bytes of a message and a random number generator, and returns
-the bytes that the receiver gets.  Every fault accepts any bytes, also none, because the faults of a message may be
-combined in any order.
+A fault of the serial line accepts any bytes, also none, because the faults of a message may be combined in any order.
 """
 
 from __future__ import annotations
 
 import math
+import os
+import select
+import threading
+import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from pathlib import Path
 from random import Random
 from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
+import serial
 
-from validation.weiss import protocol
-from validation.weiss.parser import Parser
 from validation.weiss.protocol import (
     HEAD_SIZE,
     LARGEST_COUNT,
     LONGEST_TEXT,
+    MASK_BIT_ORDER,
+    PERIODIC_FRAME,
     PREAMBLE,
+    RUN_LENGTH_FLAG,
+    TARE,
+    TICK,
+    UNITS_PER_KELVIN,
     Command,
     MatrixInfo,
     Message,
+    Parser,
     Status,
     Values,
+    decode_request,
+    encode_answer,
     encode_frame,
-    encode_mask,
     encode_message,
+    join_bytes,
 )
-from validation.weiss.unconfirmed import DEFAULT_TAG, RUN_LENGTH_FLAG, TARE, TICK
+from validation.weiss.sensor import WRITE_TIMEOUT, PortError
 
-#: Function from a message and a random number generator to the bytes that the receiver gets.
-Fault = Callable[[bytes, Random], bytes]
-
-
-def flip_bit(message: bytes, random: Random) -> bytes:
-    """Change one random bit of the message."""
-    start = _choose_index(message, random)
-    changed = bytes(byte ^ (1 << random.randrange(8)) for byte in message[start : start + 1])
-    return message[:start] + changed + message[start + 1 :]
-
-
-def change_bytes(message: bytes, random: Random) -> bytes:
-    """Replace one to eight consecutive bytes of the message by random bytes."""
-    start = _choose_index(message, random)
-    length = min(random.randint(1, 8), len(message) - start)
-    return message[:start] + random.randbytes(length) + message[start + length :]
-
-
-def drop_bytes(message: bytes, random: Random) -> bytes:
-    """Remove one to sixteen consecutive bytes of the message."""
-    start = _choose_index(message, random)
-    return message[:start] + message[start + random.randint(1, 16) :]
-
-
-def repeat_bytes(message: bytes, random: Random) -> bytes:
-    """Send one to sixteen consecutive bytes of the message twice."""
-    start = _choose_index(message, random)
-    end = start + random.randint(1, 16)
-    return message[:end] + message[start:]
-
-
-def insert_noise(message: bytes, random: Random) -> bytes:
-    """Insert one to forty random bytes in or before the message."""
-    start = _choose_index(message, random)
-    return message[:start] + random.randbytes(random.randint(1, 40)) + message[start:]
-
-
-def cut(message: bytes, random: Random) -> bytes:
-    """Truncate the message after a random number of bytes, at least one."""
-    return message[: random.randint(1, max(1, len(message) - 1))]
-
-
-def false_head(message: bytes, random: Random) -> bytes:
-    """Send the head of another message, with a random payload size and without payload, before the message."""
-    return PREAMBLE + random.choice((b"\x00", b"\x20")) + bytes([random.randrange(256), 0]) + message
-
-
-def wrong_size(message: bytes, random: Random) -> bytes:
-    """Replace the payload size in the head of the message by a random number."""
-    return message[: HEAD_SIZE - 2] + random.randbytes(2) + message[HEAD_SIZE:]
-
-
-def _choose_index(message: bytes, random: Random) -> int:
-    """Return the index of a random byte of the message; 0 if it has none."""
-    return random.randrange(max(1, len(message)))
-
-
+#: Function from a message, the index of a random byte of it, and a random number generator to the bytes that the
+#: receiver gets.
+Fault = Callable[[bytes, int, Random], bytes]
 #: Every fault by the name that the command line takes.
 FAULTS: Mapping[str, Fault] = MappingProxyType(
     {
-        "flip-bit": flip_bit,
-        "change-bytes": change_bytes,
-        "drop-bytes": drop_bytes,
-        "repeat-bytes": repeat_bytes,
-        "insert-noise": insert_noise,
-        "cut": cut,
+        # one random bit changed
+        "flip-bit": lambda message, at, random: (
+            message[:at] + bytes(byte ^ (1 << random.randrange(8)) for byte in message[at : at + 1]) + message[at + 1 :]
+        ),
+        # one to eight consecutive bytes replaced by random ones
+        "change-bytes": lambda message, at, random: (
+            message[:at] + random.randbytes(size := len(message[at : at + random.randint(1, 8)])) + message[at + size :]
+        ),
+        # one to sixteen consecutive bytes left out, or sent twice
+        "drop-bytes": lambda message, at, random: message[:at] + message[at + random.randint(1, 16) :],
+        "repeat-bytes": lambda message, at, random: message[: at + random.randint(1, 16)] + message[at:],
+        # one to forty random bytes in or before the message
+        "insert-noise": lambda message, at, random: (
+            message[:at] + random.randbytes(random.randint(1, 40)) + message[at:]
+        ),
+        "cut": lambda message, at, _: message[: max(1, at)],
         # one to five bytes AA, the byte of the preamble, before the message
-        "extra-preamble": lambda message, random: PREAMBLE[:1] * random.randint(1, 5) + message,
-        "false-head": false_head,
-        "lose": lambda _message, _random: b"",
-        "repeat": lambda message, _: message + message,
+        "extra-preamble": lambda message, _, random: PREAMBLE[:1] * random.randint(1, 5) + message,
+        # the head of another message, with a random payload size and without payload, before the message
+        "false-head": lambda message, _, random: (
+            PREAMBLE + random.choice((b"\x00", b"\x20")) + bytes([random.randrange(256), 0]) + message
+        ),
+        "lose": lambda *_: b"",
+        "repeat": lambda message, *_: message + message,
         # the text of a booting device of the SDH generation before the message
-        "boot-text": lambda message, _: b"\x1b[5n\x1b[5n\x1b[5n" + message,
-        "wrong-size": wrong_size,
+        "boot-text": lambda message, *_: b"\x1b[5n\x1b[5n\x1b[5n" + message,
+        # a random payload size in the head of the message
+        "wrong-size": lambda message, _, random: message[: HEAD_SIZE - 2] + random.randbytes(2) + message[HEAD_SIZE:],
     }
 )
 
+#: Device tag of the virtual sensor if none is given.  It is not empty, because some public clients wait for a tag;
+#: whether a new device has one is unknown.
+DEFAULT_TAG = "softcover"
 #: Function from the time since the start [s] to the counts of the n texels, shape (n,) [-].
 Source = Callable[[float], npt.ArrayLike]
 
@@ -148,14 +124,6 @@ class _ShownValues:
 
 
 _SHOWN = _ShownValues()
-
-
-class HasCounts(Protocol):
-    """A frame of any type that has the counts of n texels."""
-
-    @property
-    def counts(self) -> npt.NDArray[np.integer]:
-        """Counts of the texels, shape (n,) [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,7 +194,7 @@ class VirtualSensor:
         self.frames_sent = 0
         self._source = source
         self._rate = rate
-        self.type = name_type(matrix) if sensor_type is None else sensor_type
+        self.type = sensor_type or name_type(matrix)
         self._misbehaviour = misbehaviour or Misbehaviour()
         self._random = Random(self._misbehaviour.seed)  # noqa: S311 -- reproducible faults, no secret
         self._parser = Parser(texels=matrix.texels)
@@ -262,7 +230,7 @@ class VirtualSensor:
         frames = []
         while self._period is not None and self._next_due <= now:
             if not any(start <= self._next_due < end for start, end in self._misbehaviour.pauses):
-                frame = encode_message(Command.PERIODIC_FRAME, self._make_frame(self._next_due, self._flags))
+                frame = encode_message(PERIODIC_FRAME, self._make_frame(self._next_due, self._flags))
                 frames.append(self._damage(frame))
                 self.frames_sent += 1
             self._next_due += self._period
@@ -272,53 +240,49 @@ class VirtualSensor:
         """Apply each fault to the bytes of a message with the probability of the fault."""
         for name, rate in self._misbehaviour.rates.items():
             if self._random.random() < rate and message:
-                message = FAULTS[name](message, self._random)
+                message = FAULTS[name](message, self._random.randrange(len(message)), self._random)
         return message
 
     def _answer(self, message: Message, now: float) -> bytes:
         """Execute the command in a message from the client and return the bytes of the answer."""
         try:
-            command, values = protocol.decode_request(message)
+            command, values = decode_request(message)
         except KeyError:
             return encode_message(message.identifier, int(Status.COMMAND_UNKNOWN).to_bytes(2, "little"))
         except ValueError:
             status = Status.NOT_ENOUGH_PARAMETERS if not message.payload else Status.COMMAND_FORMAT_ERROR
-            return protocol.encode_answer(Command(message.identifier), status)
+            return encode_answer(Command(message.identifier), status)
         if command in self._misbehaviour.refused:
-            return protocol.encode_answer(command, self._misbehaviour.refused[command])
+            return encode_answer(command, self._misbehaviour.refused[command])
         status, answered = self._execute(command, values, now)
-        return protocol.encode_answer(command, status, *answered)
+        return encode_answer(command, status, *answered)
 
     def _execute(self, command: Command, values: Values, now: float) -> tuple[Status, Values]:
         """Execute a command and return the status and the values of its answer."""
-        state = self._report_state(now).get(command)
-        if state is not None:
-            return Status.SUCCESS, state
         number = values[0] if values and isinstance(values[0], int) else 0
-        data = protocol.join_bytes(values)
+        data = join_bytes(values)
+        degrees = _SHOWN.warm - (_SHOWN.warm - _SHOWN.cold) * math.exp(-now / _SHOWN.warming_time)
+        questions: Mapping[Command, Callable[[], int | bytes]] = {
+            Command.LOOP: lambda: data,
+            Command.READ_SINGLE_FRAME: lambda: self._make_frame(now, number),
+            Command.GET_THRESHOLD: lambda: self._threshold,
+            Command.GET_GAIN: lambda: self._gain,
+            Command.SENSOR_TYPE: lambda: self.type.encode("ascii"),
+            Command.TEMPERATURE: lambda: round(degrees * UNITS_PER_KELVIN),
+            Command.GET_TAG: lambda: self._tag,
+            Command.GET_MASK: lambda: np.packbits(self._active, bitorder=MASK_BIT_ORDER).tobytes(),
+        }
+        if command in questions:
+            return Status.SUCCESS, (questions[command](),)
         match command:
-            case Command.LOOP:
-                return Status.SUCCESS, (data,)
-            case Command.READ_SINGLE_FRAME:
-                return Status.SUCCESS, (self._make_frame(now, number),)
+            case Command.MATRIX_INFO:
+                return Status.SUCCESS, self.matrix.values
+            case Command.SYSTEM_INFO:
+                return Status.SUCCESS, (1, 1, 0x1000, 1)
             case Command.START_PERIODIC_FRAMES:
                 return self._start_frames(number, int(values[1]), now), ()
             case _:
                 return self._change(command, number, data, now), ()
-
-    def _report_state(self, now: float) -> Mapping[Command, Values]:
-        """Return the values of the answers to all commands that only read a property of the device, by command."""
-        degrees = _SHOWN.warm - (_SHOWN.warm - _SHOWN.cold) * math.exp(-now / _SHOWN.warming_time)
-        return {
-            Command.MATRIX_INFO: protocol.encode_matrix_info(self.matrix),
-            Command.GET_THRESHOLD: (self._threshold,),
-            Command.GET_GAIN: (self._gain,),
-            Command.SENSOR_TYPE: (self.type.encode("ascii"),),
-            Command.TEMPERATURE: protocol.encode_temperature(degrees),
-            Command.SYSTEM_INFO: (1, 1, 0x1000, 1),
-            Command.GET_TAG: (self._tag,),
-            Command.GET_MASK: (encode_mask(self._active),),
-        }
 
     def _change(self, command: Command, number: int, data: bytes, now: float) -> Status:
         """Execute a command that changes a setting and whose answer has no values; return the status.
@@ -334,16 +298,14 @@ class VirtualSensor:
                 self._period = None
             case Command.TARE:
                 self._zero = self._show(now) if number == TARE else np.zeros_like(self._zero)
-            case Command.SET_THRESHOLD if number > LARGEST_COUNT:
-                return Status.RANGE_ERROR
-            case Command.SET_THRESHOLD:
+            case Command.SET_THRESHOLD if number <= LARGEST_COUNT:
                 self._threshold = number
             case Command.SET_GAIN:
                 self._gain = number
-            case Command.SET_TAG if len(data) > LONGEST_TEXT:
-                return Status.RANGE_ERROR
-            case Command.SET_TAG:
+            case Command.SET_TAG if len(data) <= LONGEST_TEXT:
                 self._tag = data
+            case Command.SET_THRESHOLD | Command.SET_TAG:
+                return Status.RANGE_ERROR
             case _:
                 return Status.FEATURE_NOT_SUPPORTED
         return Status.SUCCESS
@@ -432,11 +394,11 @@ def show_recording(times: npt.ArrayLike, counts: npt.ArrayLike, *, loop: bool = 
     return show
 
 
-def show_frames(frames: Iterable[HasCounts]) -> Source:
+def show_frames(frames: Iterable[npt.ArrayLike]) -> Source:
     """Make a source of counts that shows the next of the given frames at each call, and finally the last frame.
 
     Args:
-        frames: The frames, such as those of the fast model; their number may be infinite.
+        frames: Counts of each frame, shape (n,) [-], such as those of the fast model; their number may be infinite.
 
     Raises:
         ValueError: If there are no frames.
@@ -450,6 +412,173 @@ def show_frames(frames: Iterable[HasCounts]) -> Source:
     def show(time: float) -> npt.ArrayLike:  # noqa: ARG001 -- the order of the frames decides
         nonlocal shown
         shown = next(remaining, shown)
-        return shown.counts
+        return shown
 
     return show
+
+
+#: Largest number of bytes that are stored for a client that does not read.  If more are stored, new frames are left
+#: out as a whole, as a real device does.
+BACKLOG_BYTES = 4096
+#: Longest wait for bytes from a client, after which the server checks whether it should stop [s].
+_RECEIVE_TIMEOUT = 0.05
+#: Largest number of bytes that are read from a client at a time.
+_PIECE_BYTES = 4096
+#: Start of the names of pseudo-terminals on Linux and macOS.
+_TERMINALS = ("/dev/pts/", "/dev/ttys")
+
+
+class End(Protocol):
+    """The end of a connection to a client on the side of the virtual sensor."""
+
+    def send(self, data: bytes) -> int:
+        """Send as many bytes as possible without waiting, and return their number."""
+
+    def receive(self, wait: float) -> bytes:
+        """Return the bytes received; wait for the first byte at most for `wait` [s]."""
+
+
+class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
+    """A pseudo-terminal, which a client opens by its `name` like a serial port.  It needs Linux or macOS.
+
+    The client's side stays open in this program, so that clients may close and open the port any number of times.  It
+    is set to raw mode before a client opens it, because a new pseudo-terminal echoes bytes.
+
+    Args:
+        link: Path of a symbolic link to the port that is created and used as `name`; a link to a
+            pseudo-terminal, which an earlier run may have left, is replaced.
+
+    Raises:
+        PortError: If the system has no pseudo-terminals, or if the link cannot be created.
+    """
+
+    def __init__(self, link: str | Path | None = None) -> None:
+        try:
+            import pty
+            import tty
+        except ImportError as error:
+            raise PortError("pseudo-terminals need Linux or macOS; name a real port to serve on") from error
+        self._device, self._client = pty.openpty()
+        tty.setraw(self._client)
+        os.set_blocking(self._device, False)
+        self.port = os.ttyname(self._client)
+        self._closed = False
+        self._link: Path | None = None
+        if link is not None:
+            self._create_link(Path(link))
+        self.name = self.port if link is None else str(link)
+
+    def __exit__(self, *_: object) -> None:
+        """Close the pseudo-terminal."""
+        self.close()
+
+    def send(self, data: bytes) -> int:
+        """Send as many bytes as the buffer of the client accepts, and return their number."""
+        try:
+            return os.write(self._device, data)
+        except BlockingIOError:
+            return 0
+
+    def receive(self, wait: float) -> bytes:
+        """Return the bytes that a client sent; wait for the first one at most for `wait` [s]."""
+        readable, _, _ = select.select([self._device], [], [], wait)
+        return os.read(self._device, _PIECE_BYTES) if readable else b""
+
+    def close(self) -> None:
+        """Close the pseudo-terminal; for a client, the port is then lost.  A second call does nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        # A link that another pseudo-terminal has replaced since then is not removed.
+        if self._link is not None and self._link.is_symlink() and str(self._link.readlink()) == self.port:
+            self._link.unlink()
+        os.close(self._client)
+        os.close(self._device)
+
+    def _create_link(self, link: Path) -> None:
+        try:
+            if link.is_symlink() and str(link.readlink()).startswith(_TERMINALS):
+                link.unlink()
+            link.symlink_to(self.port)
+        except OSError as error:
+            self.close()
+            raise PortError(
+                f"{link}: cannot create a link to the port here: {error.strerror}; name a new file"
+            ) from error
+        self._link = link
+
+
+class SerialEnd:
+    """The device's end of a serial cable, or of a connection that a pyserial URL names.
+
+    Args:
+        port: Name of a port, or a pyserial URL.
+        baud_rate: Baud rate of a UART [1/s].
+
+    Raises:
+        PortError: If the port cannot be opened.
+    """
+
+    def __init__(self, port: str, *, baud_rate: int = 115_200) -> None:
+        self.name = port
+        try:
+            self._serial = serial.serial_for_url(port, baudrate=baud_rate, write_timeout=WRITE_TIMEOUT)
+        except (OSError, ValueError) as error:
+            raise PortError(f"{port}: cannot be opened: {error}") from error
+
+    def send(self, data: bytes) -> int:
+        """Send all bytes to the client and return their number."""
+        return int(self._serial.write(data) or 0)
+
+    def receive(self, wait: float) -> bytes:
+        """Return the bytes that a client sent; wait for the first one at most for `wait` [s]."""
+        self._serial.timeout = wait
+        return bytes(self._serial.read(max(1, self._serial.in_waiting)))
+
+    def close(self) -> None:
+        """Close the port."""
+        self._serial.close()
+
+
+def serve(
+    sensor: VirtualSensor,
+    end: End,
+    *,
+    stop: threading.Event | None = None,
+    seconds: float | None = None,
+    backlog_bytes: int = BACKLOG_BYTES,
+) -> int:
+    """Run a virtual sensor on a port in real time.
+
+    Args:
+        sensor: The virtual sensor.
+        end: The device's end of the connection.
+        stop: Event that ends the run when it is set.
+        seconds: Duration of the run; until `stop` is set if not given [s].
+        backlog_bytes: Largest number of bytes that are stored for a client that does not read; if more are stored, new
+            frames are left out.
+
+    Returns:
+        Number of frames that were left out because the client did not read [-].
+    """
+    start = time.monotonic()
+    backlog, left_out = b"", 0
+    while not (stop and stop.is_set()):
+        now = time.monotonic() - start
+        if seconds is not None and now >= seconds:
+            break
+        for frame in sensor.take_due_frames(now):
+            if len(backlog) < backlog_bytes:
+                backlog += frame
+            else:
+                left_out += 1
+            # Bytes are sent after each frame; otherwise several frames that are due at once would fill the backlog.
+            backlog = backlog[end.send(backlog) :]
+        due = sensor.next_due
+        wait = _RECEIVE_TIMEOUT if due is None else min(_RECEIVE_TIMEOUT, max(0.0, due - (time.monotonic() - start)))
+        received = end.receive(wait)
+        if received:
+            backlog += sensor.receive(received, time.monotonic() - start)
+        if backlog:
+            backlog = backlog[end.send(backlog) :]
+    return left_out

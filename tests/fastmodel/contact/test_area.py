@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull
 
 import fastmodel
 from fastmodel import AreaTexels, BoxTexels
-from fastmodel.contact.area import _measure_polygon
+from fastmodel.contact.boxes import _measure_polygon
 from fastmodel.pose import Mount
 from meshes import TexelArray
 

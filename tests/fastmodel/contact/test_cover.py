@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel.compiled import compile_kernel
-from fastmodel.pressure.gap_kernels import sample_body
 from tests.support.cover_data import parameters
 
 METHODS = ("cover", "foundation")
@@ -53,22 +51,6 @@ def test_an_unchanged_contact_is_solved_once(method):
     data.xfrc_applied[1, 2] = -2.001
     mujoco.mj_step(model, data, 30)
     assert reader.read(data).contact_forces is not first
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_the_first_contact_compiles_nothing(method):
-    sensor, data, model = build_pressed_ball(method)
-    reader = sensor._running._reader
-    solver, plate = reader._solver, reader._plate
-    owners = (vars(getattr(solver, "_solver", solver)) | vars(plate)).values()
-    wrapped = [getattr(each, "__wrapped__", None) for each in (*owners, compile_kernel(sample_body))]
-    kernels = [each for each in wrapped if hasattr(each, "nopython_signatures")]
-    assert len(kernels) >= 4
-    before = [len(kernel.nopython_signatures) for kernel in kernels]
-    assert min(before) > 0
-    mujoco.mj_step(model, data, 100)
-    assert reader.read(data).carried > 0
-    assert [len(kernel.nopython_signatures) for kernel in kernels] == before
 
 
 GUIDED = {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fastmodel.contact import force_kernels
+from fastmodel.contact import forces as kernels
 
 
 @pytest.mark.parametrize(
@@ -21,8 +21,8 @@ def test_pulled_boxes_read_zero_and_the_sum_is_kept(monkeypatch, pushed, expecte
     fronts = np.zeros((len(pushed), 3))
     fronts[:, 2] = -np.array(pushed)
     sums = (None, fronts, None, 0.25)
-    monkeypatch.setattr(force_kernels, "sum_contacts", lambda *_: sums)
-    forces, total, found = force_kernels.press_boxes(None, np.zeros((0, 9)), np.zeros((0, 3)), None)
+    monkeypatch.setattr(kernels, "sum_contacts", lambda *_: sums)
+    forces, total, found = kernels.press_boxes(None, np.zeros((0, 9)), np.zeros((0, 3)), None)
     np.testing.assert_allclose(forces, expected)
     assert total == pytest.approx(sum(pushed) + 0.25)
     assert found is sums

@@ -2,7 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from fastmodel.contact.joints import Joints
+from fastmodel.contact.bodies import Joints
 
 NORMAL = np.array([0.0, 0.0, 1.0])
 SLIDE, HINGE, BALL, FREE = (getattr(mujoco.mjtJoint, f"mjJNT_{n}") for n in ("SLIDE", "HINGE", "BALL", "FREE"))

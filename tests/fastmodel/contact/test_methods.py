@@ -6,6 +6,7 @@ import warnings
 import mujoco
 import numpy as np
 import pytest
+from tests.support.indentations_forces import sum_pushes
 
 import fastmodel
 from fastmodel import (
@@ -24,7 +25,6 @@ from fastmodel.pose import make_z_rotation, multiply, rotate
 from meshes import Box, Cylinder, LetterH, Nut, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
-from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import WTS, cells, parameters
 
 METHODS = ("boxes", "area", "foundation", "cover")
@@ -174,7 +174,7 @@ def test_costly_methods_are_sampled_as_seldom_as_frames_and_filter_allow():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", OptionWarning)
             sensor.bind(spec.compile())
-        assert sensor._running.every == every
+        assert sensor._running._every == every
 
 
 def test_the_default_is_the_best_method_that_the_parameters_allow():

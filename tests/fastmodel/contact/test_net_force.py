@@ -10,7 +10,7 @@ import pytest
 
 import fastmodel
 from fastmodel import Butterworth, Parameters
-from fastmodel.contact.net_force import BY_GEOM, SHARED
+from fastmodel.contact.forces import BY_GEOM, SHARED
 from meshes import TexelArray
 from tests.support.bent_array import bent_array
 

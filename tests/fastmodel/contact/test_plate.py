@@ -3,12 +3,11 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import FastModelError, Plate
-from fastmodel.contact.force_kernels import press_plate, read_contacts
-from fastmodel.contact.plate import PlateReader, _sort_touches, transform_poses
+from fastmodel import FastModelError, Foundation, Plate
+from fastmodel.contact.forces import press_plate, read_contacts
+from fastmodel.contact.reader import transform_poses
 from fastmodel.pose import Mount
 from tests.support.cover_data import WTS
-from tests.support.posed_bodies import GRID
 
 CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL}
 
@@ -27,8 +26,7 @@ def build_blocks(cone, condim=3):
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 200)
-    reader = PlateReader(Plate(), model, WTS, "pad", grid=GRID, edge=0.0)
-    return reader, model, data
+    return Foundation(modulus=1e9).bind(model, WTS, "pad"), model, data
 
 
 @pytest.mark.parametrize("condim", [1, 3, 6])
@@ -57,10 +55,10 @@ def test_loads_are_the_sums_of_mujocos_own_contact_forces(cone, condim):
 
 def test_kernels_give_the_same_compiled_and_in_plain_python():
     reader, model, data = build_blocks(CONES["elliptic"])
-    contacts = read_contacts(data, pyramidal=False)
+    contacts = read_contacts(model, data)
     body_of_geom = np.append(model.geom_bodyid, -1)
     bodies, sums, _, _, place, _ = press_plate(
-        contacts, data.geom_xmat, data.geom_xpos, reader.net_force.parts, body_of_geom
+        contacts, data.geom_xmat, data.geom_xpos, reader._net_force.parts, body_of_geom
     )
     np.testing.assert_allclose(place, [*np.eye(3), [0.1, 0.2, 0.3]], atol=1e-12)
     found, _ = reader.find_contact(data)
@@ -107,15 +105,3 @@ def test_contact_forces_that_are_not_finite_are_refused():
     data.efc_force[:] = np.nan
     with pytest.raises(FastModelError, match="not finite"):
         reader.find_contact(data)
-
-
-def test_contacts_go_to_bodies_that_press_to_points_and_to_pulls():
-    """Bodies 0, 1 and 3 of known shape, of which 1 pulls, and two contacts of unknown shape, one of which pulls."""
-    owner = np.array([3, 0, -1, 1, 0, -1])
-    touches = np.column_stack([np.arange(6.0), -np.arange(6.0), [5.0, 1.0, 2.0, -0.5, 3.0, -0.25]])
-    number, pressing, points, pulled = _sort_touches(owner, touches, [1])
-    assert number.tolist() == [1, 0, 0]
-    np.testing.assert_array_equal(pressing, touches[[0, 1, 4]])
-    np.testing.assert_array_equal(points, touches[[2]])
-    assert pulled == -0.75
-    assert pressing[:, 2].sum() + points[:, 2].sum() + pulled == touches[:, 2].sum()

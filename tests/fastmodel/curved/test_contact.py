@@ -12,10 +12,10 @@ import fastmodel
 import meshes
 from fastmodel import WTS_0614_34, Parameters, Tabulated
 from fastmodel.contact.mesh import MeshContact
-from fastmodel.contact.panels import Wrench
 from fastmodel.contact.points import pose_indenter, press_points, solve_pressure
 from fastmodel.errors import FastModelError, ParametersError
 from fastmodel.pose import rotate
+from fastmodel.pressure.solvers import Wrench
 from fastmodel.surface import CoverPoints
 from meshes import Sphere, TexelArray
 from meshes.pose import Pose
@@ -97,8 +97,11 @@ def test_a_press_along_a_direction_is_the_same_verb(parameters):
     np.testing.assert_allclose(found.force @ direction / np.linalg.norm(direction), LOAD, rtol=1e-6)
     assert found.contact_forces.sum() == pytest.approx(found.points.sum())
     assert found.depth > 0
-    with pytest.raises(FastModelError, match="along the normal"):
+    with pytest.raises(FastModelError, match="for flat covers, this one is curved"):
         fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, pose=pose, method="boxes")
+    flat = dataclasses.replace(parameters, surface=None)
+    with pytest.raises(FastModelError, match="along the normal"):
+        fastmodel.indent(flat, Sphere(radius=4e-3), load=LOAD, pose=pose, method="boxes")
 
 
 @pytest.mark.parametrize("joint", ["slide", "hinge"])

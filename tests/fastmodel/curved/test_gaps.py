@@ -6,9 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from fastmodel.contact.points import measure_gaps, pose_indenter
-from fastmodel.pressure.gap import CAPSULE, CYLINDER, Solid
-from fastmodel.pressure.gap_sampling import BodyShape, PosedBody
+from fastmodel.contact.points import pose_indenter
+from fastmodel.pressure.gap import CAPSULE, CYLINDER, BodyShape, PosedBody, Solid
 from meshes import Box, Cone, Sphere
 from meshes.pose import Pose
 
@@ -16,7 +15,7 @@ from meshes.pose import Pose
 def round_body(kind, radius, half):
     size = np.array([radius, half, 0.0])
     solid = Solid(kind=kind, size=size, planes=np.zeros((0, 4)), centre=np.zeros(3), half=np.full(3, radius + half))
-    return PosedBody(shape=BodyShape(solids=(solid,)), rotation=np.eye(3)[None], position=np.zeros((1, 3)))
+    return PosedBody(shape=BodyShape.of([solid]), rotation=np.eye(3)[None], position=np.zeros((1, 3)))
 
 
 def lines(*pairs):
@@ -26,20 +25,20 @@ def lines(*pairs):
 
 def test_ball_along_and_beside_its_diameter():
     ball = pose_indenter(Sphere(radius=2.0), Pose.from_rotation(np.array([0, 0, 1.0]), np.eye(3)))
-    found = measure_gaps(ball, *lines(([0, 0, 0], [0, 0, 1]), ([1, 0, 0], [0, 0, 1]), ([3, 0, 0], [0, 0, 1])))
+    found = ball.measure_gaps(*lines(([0, 0, 0], [0, 0, 1]), ([1, 0, 0], [0, 0, 1]), ([3, 0, 0], [0, 0, 1])))
     np.testing.assert_allclose(found, [1.0, 3 - np.sqrt(3), np.inf], rtol=1e-12)
 
 
 def test_body_behind_a_point_is_not_met_and_one_around_it_is_negative():
     ball = pose_indenter(Sphere(radius=2.0), Pose.from_rotation(np.array([0, 0, 1.0]), np.eye(3)))
-    found = measure_gaps(ball, *lines(([0, 0, 6], [0, 0, 1]), ([0, 0, 1.5], [0, 0, 1])))
+    found = ball.measure_gaps(*lines(([0, 0, 6], [0, 0, 1]), ([0, 0, 1.5], [0, 0, 1])))
     np.testing.assert_allclose(found, [np.inf, -0.5], rtol=1e-12)
 
 
 def test_turned_box():
     turn = np.array([[0, 0, 1.0], [0, 1, 0], [-1, 0, 0]])
     box = pose_indenter(Box(size=(2.0, 4.0, 6.0)), Pose.from_rotation(np.array([1.0, 0, 0]), turn))
-    found = measure_gaps(box, *lines(([0, 0, 0], [1, 0, 0]), ([0, 1.9, 0], [1, 0, 0]), ([0, 0, 1.1], [1, 0, 0])))
+    found = box.measure_gaps(*lines(([0, 0, 0], [1, 0, 0]), ([0, 1.9, 0], [1, 0, 0]), ([0, 0, 1.1], [1, 0, 0])))
     np.testing.assert_allclose(found, [1.0, 1.0, np.inf], rtol=1e-12)
 
 
@@ -51,7 +50,7 @@ def test_ends_of_cylinder_and_capsule(kind, top, slanted):
     )
     side = 4.0 if kind == CYLINDER else 5 - np.sqrt(0.75)
     expected = [5 - top, 5 - slanted, 4.0, np.inf if kind == CYLINDER else side]
-    np.testing.assert_allclose(measure_gaps(body, points, along), expected, rtol=1e-12)
+    np.testing.assert_allclose(body.measure_gaps(points, along), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", [CYLINDER, CAPSULE])
@@ -66,11 +65,11 @@ def test_oblique_lines_meet_round_bodies_where_mujocos_rays_do(kind):
         [mujoco.mju_rayGeom(np.zeros(3), turn, size, *line, name) for line in zip(points, along, strict=True)]
     )
     assert 50 < (expected < 0).sum() < 250
-    found = measure_gaps(round_body(kind, 1.0, 2.0), points, along)
+    found = round_body(kind, 1.0, 2.0).measure_gaps(points, along)
     np.testing.assert_allclose(found, np.where(expected < 0, np.inf, expected), rtol=1e-9)
 
 
 def test_hull_of_a_cone_is_met_at_its_tip():
     cone = pose_indenter(Cone(angle=np.pi / 2, radius=1e-3), Pose.from_rotation(np.zeros(3), np.eye(3)))
-    found = measure_gaps(cone, *lines(([0, 0, -1e-3], [0, 0, 1]), ([0.5e-3, 0, -1e-3], [0, 0, 1])))
+    found = cone.measure_gaps(*lines(([0, 0, -1e-3], [0, 0, 1]), ([0.5e-3, 0, -1e-3], [0, 0, 1])))
     np.testing.assert_allclose(found, [1e-3, 1.5e-3], rtol=2e-2)

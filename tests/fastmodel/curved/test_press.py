@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import meshes
-from fastmodel.contact.mesh import misses_load
-from fastmodel.contact.panels import Wrench
+from fastmodel.contact.mesh import _misses_load
 from fastmodel.contact.points import find_first_contact, pose_indenter, press_points, solve_pressure
 from fastmodel.errors import FastModelError, MissedArrayError
+from fastmodel.pressure.solvers import Wrench
 from fastmodel.surface import CoverPoints
 from meshes import Box, Sphere
 from meshes.pose import Pose
@@ -97,8 +97,8 @@ def test_bodies_that_exchange_their_loads_are_noticed():
     ]
     loads = [load_of(0.2, (0, 0, -1)), load_of(0.4, (0, 0, -1))]
     found = solve_pressure(cover, bodies, loads)
-    assert not misses_load(cover, found, loads)
-    assert misses_load(cover, found, loads[::-1])  # the sum of both is the same
+    assert not _misses_load(cover, found, loads)
+    assert _misses_load(cover, found, loads[::-1])  # the sum of both is the same
 
 
 def test_restart_from_the_solution_changes_nothing():

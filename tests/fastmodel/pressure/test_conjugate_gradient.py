@@ -5,11 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fastmodel.pressure import conjugate_gradient_kernels
-from fastmodel.pressure.conjugate_gradient import CoverSolver, Load
-from fastmodel.pressure.conjugate_gradient_kernels import minimise_energy
-from fastmodel.pressure.gap_sampling import sample_gap
-from fastmodel.pressure.preparation_kernels import find_start, place_cells
+from fastmodel.pressure import pressure_kernels
+from fastmodel.pressure.gap import sample_gap
+from fastmodel.pressure.pressure_kernels import find_start, minimise_energy, place_cells
+from fastmodel.pressure.solvers import CoverSolver, Load
 from meshes import Box, Cylinder, LetterH, Nut, Sphere
 from tests.support.cover_data import cells
 from tests.support.posed_bodies import GRID, pose_body
@@ -73,7 +72,7 @@ def test_compiled_kernels_and_plain_python_agree():
     _, shape, *shares = place_cells(data, GRID.arrays, solver._near[0], solver._square)
     nothing = (np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0))
     start = find_start(nothing, (*data[:3], samples.body), np.array([2.0]), np.zeros((GRID.rows, GRID.columns)))
-    columns, target = load.build_constraints(samples, slice(None))
+    columns, target = load.build_constraints(samples.place, samples.normal)
     cover = (*shares, *CELLS.convolution.matrices(*shape))
     forces, window, *_ = minimise_energy(cover, samples.gap, columns, target, start, (2e-8, 0.0, 50))
     found = solver.solve(samples, [load])
@@ -105,7 +104,7 @@ def test_forces_add_up_to_the_load_under_a_centre_of_pressure_at_the_rim():
     """No pressure on three cells in a row has its centre just outside them: the moment misses, the sum does not."""
     place = np.array([-1.0, 0.0, 1.0]) - 1.00001
     forces, columns = np.full(3, 0.7), np.column_stack([np.ones(3), place])
-    error, _ = conjugate_gradient_kernels._balance(forces, columns, np.array([2.0, 0.0]), np.zeros((2, 2)), np.zeros(2))
+    error, _ = pressure_kernels._balance(forces, columns, np.array([2.0, 0.0]), np.zeros((2, 2)), np.zeros(2))
     assert error > 1e-6
     assert (forces >= 0).all()
     assert forces.sum() == pytest.approx(2.0, rel=1e-14)
@@ -191,6 +190,7 @@ def test_translation_by_whole_cells_translates_the_pressure(*, rows, columns, x,
         column=samples.column + columns,
         x=samples.x + columns * GRID.edge[0],
         y=samples.y + rows * GRID.edge[1],
+        place=samples.place + np.array([columns, rows]) * GRID.edge,
     )
     here = CoverSolver(CELLS, GRID).solve(samples, [press_guided(1.0)])
     there = CoverSolver(CELLS, GRID).solve(moved, [press_guided(1.0)])

@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from fastmodel import FastModelError
-from fastmodel.pressure.gap import POLYTOPE, describe_solid
-from fastmodel.pressure.gap_kernels import _cross_faces, _cross_round, _transform_faces
+from fastmodel.pressure.gap import BodyShape, PosedBody, describe_solid
+from fastmodel.pressure.gap_kernels import _cross_solid, _transform_faces
 
 KINDS = {
     "sphere": (mujoco.mjtGeom.mjGEOM_SPHERE, [4e-3, 0, 0]),
@@ -30,14 +30,17 @@ def build_model(kind, quaternion, rng):
     return model, data
 
 
-def find_height(solid, rotation, position, x, y):
-    """Height of the solid's lower surface at one place, inf where there is none."""
-    bottom, top = np.empty(1), np.empty(1)
-    if solid.kind == POLYTOPE:
-        _cross_faces(_transform_faces(solid.planes, rotation, position), np.array([x]), y, 0, 1, bottom, top)
-    else:
-        _cross_round(solid.kind, solid.size, 0.0, rotation, position, np.array([x]), y, 0, 1, bottom, top)
-    return bottom[0] if -np.inf < bottom[0] <= top[0] else np.inf
+def find_heights(solid, rotation, position, x, y):
+    """Heights of the solid's lower surface at places, inf where there is none: along rows, and along single lines."""
+    shape = BodyShape.of([solid])
+    bottom, top = np.empty(len(x)), np.empty(len(x))
+    faces = _transform_faces(solid.planes, rotation, position)
+    for k in range(len(x)):
+        body = (shape.arrays, 0.0, rotation[None], position[None])
+        _cross_solid(body, 0, faces, (x, y[k], k, k + 1), bottom, top)
+    points, up = np.column_stack([x, y, np.full(len(x), -1.0)]), np.tile([0.0, 0, 1], (len(x), 1))
+    alone = PosedBody(shape=shape, rotation=rotation[None], position=position[None]).measure_gaps(points, up) - 1
+    return np.where((-np.inf < bottom) & (bottom <= top), bottom, np.inf), alone
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -47,7 +50,8 @@ def test_lower_surfaces_lie_where_rays_from_below_hit(kind):
         model, data = build_model(kind, turn, rng)
         x, y = rng.uniform(-9e-3, 9e-3, (2, 150))
         solid, rotation = describe_solid(model, 0), data.geom_xmat[0].reshape(3, 3)
-        found = np.array([find_height(solid, rotation, data.geom_xpos[0], *at) for at in zip(x, y, strict=True)])
+        found, alone = find_heights(solid, rotation, data.geom_xpos[0], x, y)
+        np.testing.assert_allclose(alone, found, atol=1e-12)
         hit = np.zeros(1, dtype=np.int32)
         rays = np.array(
             [

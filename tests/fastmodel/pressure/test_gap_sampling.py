@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fastmodel.pressure.gap_kernels import _find_windows, _sample_centres, sample_body
-from fastmodel.pressure.gap_sampling import BodyShape, sample_gap
+from fastmodel.pressure.gap import BodyShape, sample_gap
+from fastmodel.pressure.gap_kernels import sample_body
 from meshes import Box, Cylinder, LetterH, Nut, Sphere
 from tests.support.posed_bodies import GRID, pose_body
 
@@ -33,7 +33,7 @@ def test_covered_area_is_that_of_the_face(name):
 
 def test_compiled_kernel_and_plain_python_agree():
     body = pose_body(Cylinder(radius=2e-3), yaw=0.7, edge=1e-4)
-    plain = sample_body(body.shape.arrays, body.shape.edge, body.rotation, body.position, GRID.arrays, 1e-3, -np.inf)
+    plain = sample_body((body.shape.arrays, body.shape.edge, body.rotation, body.position), GRID.arrays, 1e-3, -np.inf)
     found = sample_gap(GRID, [body], [1e-3])
     for field, expected in zip(FIELDS, plain, strict=True):
         np.testing.assert_allclose(getattr(found, field), expected, atol=1e-12)
@@ -81,7 +81,14 @@ def test_parts_far_above_the_contact_do_not_lift_the_cells_at_its_edge():
     foot, roof = pose_body(Box(size=(7e-3, 5e-3, 5e-3)), yaw=0.5), pose_body(Box(size=(16e-3, 16e-3, 5e-3)))
     both = replace(
         foot,
-        shape=BodyShape(solids=(*foot.shape.solids, *roof.shape.solids)),
+        shape=BodyShape(
+            kinds=np.append(foot.shape.kinds, roof.shape.kinds),
+            sizes=np.vstack([foot.shape.sizes, roof.shape.sizes]),
+            planes=np.vstack([foot.shape.planes, roof.shape.planes]),
+            starts=np.append(foot.shape.starts, foot.shape.starts[-1] + roof.shape.starts[1:]),
+            centres=np.vstack([foot.shape.centres, roof.shape.centres]),
+            halves=np.vstack([foot.shape.halves, roof.shape.halves]),
+        ),
         rotation=np.concatenate([foot.rotation, roof.rotation]),
         position=np.concatenate([foot.position, roof.position + np.array([0, 0, 20e-3])]),
     )
@@ -122,19 +129,3 @@ def test_mirrored_bodies_have_mirrored_samples(x, y, yaw):
     mirrored[left.row, GRID.columns - 1 - left.column] = left.coverage
     assert np.count_nonzero(np.abs(area - mirrored) > 1e-12) <= 2  # points within rounding of an outline
     assert np.abs(area - mirrored).max() <= 1 / 16 + 1e-12
-
-
-def test_centres_are_sampled_in_the_window_and_one_more_cell_on_each_side():
-    at, size = (1.3e-3, -4.4e-3), np.array([7e-3, 4e-3])
-    body = pose_body(Box(size=(*size, 5e-3)), at=at)
-    shape = body.shape.arrays
-    windows, around = _find_windows(body.rotation, body.position, shape[4], shape[5], *GRID.arrays)
-    columns, rows = around[2] - around[0], around[3] - around[1]
-    assert [columns, rows] == pytest.approx(size / GRID.edge, abs=2)
-    body_and_view = (shape, body.shape.edge, body.rotation, body.position), (windows, around, *GRID.arrays[1:])
-    gaps, near, top = _sample_centres(*body_and_view, 1e-3, -np.inf, np.inf)
-    assert gaps.shape == (1, rows + 2, columns + 2)
-    assert near.tolist() == [True]
-    assert top >= 1e-3
-    inner = gaps[0, 2:-2, 2:-2]
-    np.testing.assert_allclose(inner, inner[0, 0], atol=1e-12)  # a level face

@@ -3,9 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fastmodel.pressure.conjugate_gradient import Load
-from fastmodel.pressure.gap_sampling import sample_gap
-from fastmodel.pressure.winkler import FoundationSolver
+from fastmodel.pressure.gap import sample_gap
+from fastmodel.pressure.solvers import FoundationSolver, Load
 from meshes import Box, Sphere
 from tests.support.posed_bodies import GRID, pose_body
 

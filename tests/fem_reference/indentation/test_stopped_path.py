@@ -10,7 +10,7 @@ from fem_reference import IncompletePathError, press_path
 from fem_reference.errors import ConvergenceError, TooShallowError
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.finite_strain.newton import PathConvergenceError
-from fem_reference.indentation.stopped_path import solve_as_far
+from fem_reference.indentation.layered import _solve_as_far
 from meshes import Cylinder, Sphere
 from tests.support.rubber import make_cover
 
@@ -45,7 +45,7 @@ def test_less_is_tried_until_all_grids_converge(control, last):
         raise PathConvergenceError("stopped", cause="too far", load=4.0 if first else 2.0, depth=3.0 if first else 1.0)
 
     with pytest.raises(IncompletePathError, match="too far; press less"):
-        solve_as_far(path, solve)
+        _solve_as_far(path, solve)
     assert tried[0] == (0.1, 9.0)
     for part, value in zip(tried[1:], last, strict=True):
         assert part == pytest.approx((0.1, value))
@@ -64,10 +64,10 @@ def test_finer_grids_are_tried_where_a_path_stops_shortly_before_its_target(reac
 
     path = LoadingPath(cover=make_cover(0.45), indenter=Sphere(radius=5e-3), targets=(1e-3,), control="depth")
     if tried:
-        assert solve_as_far(path, stop, finer) == ["all of it"]
+        assert _solve_as_far(path, stop, finer) == ["all of it"]
     else:
         with pytest.raises(IncompletePathError):
-            solve_as_far(path, stop, finer)
+            _solve_as_far(path, stop, finer)
     assert len(asked) == tried
 
 
@@ -89,5 +89,5 @@ def test_where_less_load_is_no_remedy_it_is_neither_tried_nor_advised(model, err
         raise error
 
     with pytest.raises(IncompletePathError, match=f"reached no load of the 0.2 N asked for: {error}$"):
-        solve_as_far(path, solve)
+        _solve_as_far(path, solve)
     assert tried == [(0.1, 0.2)]

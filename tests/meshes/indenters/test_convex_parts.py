@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from meshes.indenters.polygons import compute_signed_distance, make_hexagon, split_into_convex_parts
-from meshes.indenters.punches import match_hexagon
+from meshes.indenters.shapes import match_hexagon
 from tests.support.polygon_area import compute_area
 
 H = tuple((x * 1e-3, y * 1e-3) for x, y in [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)])

@@ -7,7 +7,7 @@ import pytest
 
 from meshes import Box, LetterH, Nut, Prism
 from meshes.indenters.polygons import make_hexagon
-from meshes.indenters.punches import match_hexagon
+from meshes.indenters.shapes import match_hexagon
 
 H = tuple((x * 1e-3, y * 1e-3) for x, y in [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)])
 H += tuple((-x, -y) for x, y in H)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from meshes.solids.shell import thicken
-from meshes.solids.triangles import (
+from meshes.surfaces.triangles import (
     check_closed,
     close_cracks,
-    count_crossings,
     enclosed_volume,
+    find_crossings,
     merge_corners,
 )
 
@@ -95,5 +95,5 @@ def test_crossings_are_found_in_either_order():
     """A needle through the middle of a large triangle, whose own edges it does not meet."""
     large = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]])
     needle = np.array([[-0.01, 0, -1.0], [0.01, 0, -1], [0, 0, 1]])
-    assert count_crossings(np.stack([large, needle])) == count_crossings(np.stack([needle, large])) == 1
-    assert count_crossings(np.stack([large, needle + 5.0])) == 0
+    assert len(find_crossings(np.stack([large, needle]))) == len(find_crossings(np.stack([needle, large]))) == 1
+    assert len(find_crossings(np.stack([large, needle + 5.0]))) == 0

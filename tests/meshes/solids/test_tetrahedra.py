@@ -13,7 +13,7 @@ from meshes.solids.tetrahedra import (
     fill_with_tetrahedra,
     measure_base_deviation,
 )
-from meshes.solids.triangles import check_closed, count_crossings, enclosed_volume, nearest_points
+from meshes.surfaces.triangles import check_closed, enclosed_volume, find_crossings, nearest_points
 
 SIZE = (6e-3, 4e-3, 2e-3)
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0, 1)]) * SIZE
@@ -51,9 +51,9 @@ def test_bad_surfaces_are_refused_in_one_line(triangles, message):
 
 
 def test_touching_and_nested_boxes_do_not_cross():
-    assert count_crossings(BOX) == 0
-    assert count_crossings(np.concatenate([BOX, 0.5 * BOX + [0, 0, 5e-4]])) == 0
-    assert count_crossings(np.concatenate([BOX, BOX + 1e-3])) > 3
+    assert len(find_crossings(BOX)) == 0
+    assert len(find_crossings(np.concatenate([BOX, 0.5 * BOX + [0, 0, 5e-4]]))) == 0
+    assert len(find_crossings(np.concatenate([BOX, BOX + 1e-3]))) > 3
 
 
 #: Points around a triangle with sides 3, 4 and 5 and the height above it, and their nearest points in its plane.

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from meshes import read_stl
-from meshes.surfaces import underside
+from meshes.indenters import triangle_mesh
 
 
 def limit(monkeypatch, **changes):
-    monkeypatch.setattr(underside, "HULLS", dataclasses.replace(underside.HULLS, **changes))
+    monkeypatch.setattr(triangle_mesh, "HULLS", dataclasses.replace(triangle_mesh.HULLS, **changes))
 
 
 def test_two_balls_are_made_of_a_few_hulls_that_are_computed_once(write_stl):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from meshes import read_stl
-from meshes.surfaces.underside import TriangleGap, select_facing_down
+from meshes.indenters.triangle_mesh import TriangleGap, select_facing_down
 
 
 @st.composite

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshes.solids.triangles import enclosed_volume
 from meshes.surfaces.files import orient_tetrahedra, read_tetrahedra, read_triangles
+from meshes.surfaces.triangles import enclosed_volume
 
 CUBE = trimesh.creation.box((10, 20, 30))
 

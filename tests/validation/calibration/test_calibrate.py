@@ -10,7 +10,7 @@ from meshes import Box, Sphere, TexelArray
 from tests.support.laboratory import draw_gains, make_curve, observe_presses, uniform_method
 from validation.calibration.calibrate import Calibration, calibrate, fit_characteristic, score_hold_out, write_sensor
 from validation.calibration.forward_fit import Options, lay_out
-from validation.calibration.observations import Observations, Placement, Pose, join_observations
+from validation.calibration.model import Observations, Placement, Pose, join_observations
 from validation.errors import InputError
 from validation.json_values import json_text
 from validation.sensor_file import load as load_sensor
@@ -181,7 +181,7 @@ BLOCK = Placement(name="block", indenter=Box(size=(6e-3, 4e-3, 5e-3)), tilt=None
 BALL = Placement(name="ball", indenter=Sphere(radius=4e-3), at=(1e-3, 0.0))
 
 
-def lay(**options):
+def lay(curve=None, **options):
     """Two images: slopes of 110 and 95 counts/N with the thresholds added; one texel was not measured, one is dark."""
     counts = np.array([[10.0, 20, 30, 40, 0, 999], [30, 40, 50, 60, 0, 999]])
     seen = Observations(
@@ -189,7 +189,7 @@ def lay(**options):
         temperatures=np.array([20.0, 24.0]), ages=np.array([np.nan, 30.0]), thresholds=np.array([2.5, 2.5]),
     )  # fmt: skip
     guesses = {BLOCK: Pose(1e-3, 2e-3, 0.4, 0.01, 0.0), BALL: Pose(1e-3, 0.0)}
-    return lay_out(seen, Options(temperature=False, **options), ARRAY, guesses)
+    return lay_out(seen, Options(temperature=False, **options), ARRAY, guesses, curve)
 
 
 def test_poses_stay_near_the_array_turns_are_expected_small_and_gains_near_one():
@@ -205,7 +205,7 @@ def test_poses_stay_near_the_array_turns_are_expected_small_and_gains_near_one()
         "ln_sensitivity": pytest.approx((np.log(102.5), 0.3, none, 0, none)),
         "dead_force": pytest.approx((0, 0.3 * 1.5 / 5, none, 0, none)),
     }
-    assert (layout.lower == -layout.upper).all()
+    assert (layout.list("lower") == -layout.list("upper")).all()
     assert {name: row for name, row in rows.items() if name.startswith("gain")} == {
         f"gain{texel}": (0, 1.0, none, 0, 0.5) for texel in range(4)
     }
@@ -223,7 +223,7 @@ def test_the_first_curve_is_a_line_through_the_sums_without_saturation():
 
 
 def test_only_the_level_is_fitted_where_indenters_are_placed():
-    (level,) = (each for each in lay(placing=True).unknowns if not each.placement)
+    (level,) = (each for each in lay(lay().fixed).unknowns if not each.placement)
     assert level.name == "ln_sensitivity"
     assert level.start == level.mean == pytest.approx(np.log(102.5))
     assert level.spread == 0.5

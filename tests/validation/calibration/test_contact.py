@@ -6,8 +6,7 @@ import pytest
 import fastmodel
 from fastmodel import Gaussian
 from meshes import Box, Sphere, TexelArray
-from validation.calibration.contact import ContactMethod, make_fast_method
-from validation.calibration.observations import Pose
+from validation.calibration.model import ContactMethod, Pose, make_fast_method
 
 ARRAY = TexelArray.grid(1, 2, 3e-3)
 BALL, FACE = Sphere(radius=4e-3), Box(size=(3e-3, 3e-3, 2e-3))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from validation.calibration.observations import Observations, Placement
+from validation.calibration.model import Observations, Placement
 from validation.calibration.point_load import calibrate_point_load
 from validation.sensor_file import load
 from validation.text.indenter import read_indenter

@@ -8,10 +8,9 @@ import pytest
 from meshes import Sphere
 from tests.support.laboratory import ARRAY, make_curve, press, uniform_method, write
 from tests.support.recordings import RECORDINGS
-from validation.calibration.observations import Pose
-from validation.data_sets.data_set import build_data_set
+from validation.calibration.model import Pose
+from validation.data_sets.data_set import build_data_set, describe_unused_recordings, find_data_set
 from validation.data_sets.images import read_images
-from validation.data_sets.locate import describe_unused_recordings, find_data_set
 from validation.errors import InputError
 from validation.recordings import RecordingError
 from validation.schema import read as read_file
@@ -70,8 +69,8 @@ score = "ball"
     assert (a.threshold, a.window, a.temperature_channel, a.uses) == (100.0, (4.0, 9.0), 2, ("fit",))
     assert ball.temperature == 31.5
     fit, score = found.splits[0].fit[0], found.splits[0].score[0]
-    assert [fit.takes(file, file.load) for file in found.files] == [False, False, True, False]
-    assert [score.takes(file, file.load) for file in found.files] == [False, False, False, True]
+    assert [fit.takes(file.series, file.path.name, file.load) for file in found.files] == [False, False, True, False]
+    assert [score.takes(file.series, file.path.name, file.load) for file in found.files] == [False, False, False, True]
 
 
 @pytest.mark.parametrize(

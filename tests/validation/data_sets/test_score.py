@@ -8,7 +8,7 @@ import pytest
 import fastmodel
 from tests.support.laboratory import ARRAY, STAMP_TEXT, draw_gains, make_curve, press, uniform_method, write
 from validation.calibration.forward_fit import Options, fit_forward
-from validation.calibration.observations import Pose
+from validation.calibration.model import Pose
 from validation.calibration.uncertainty import describe_fit
 from validation.data_sets import score
 from validation.data_sets.data_set import build_data_set

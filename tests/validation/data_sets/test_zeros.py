@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from tests.support.laboratory import ARRAY, draw_gains, make_curve, press, uniform_method, write
-from validation.calibration.loading import find_rest
-from validation.calibration.observations import Pose
-from validation.data_sets.from_files import Keys, describe_files
-from validation.data_sets.images import read_image
+from validation.calibration.model import Pose
+from validation.data_sets.data_set import Keys, describe_files
+from validation.data_sets.images import find_rest, read_image
 from validation.recordings.recording import RecordingError
 
 METHOD = uniform_method()

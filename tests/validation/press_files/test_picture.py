@@ -10,8 +10,8 @@ import pytest
 
 import fastmodel
 from fem_reference.fields.cover_fields import CoverFields
-from fem_reference.indentation.result import Indentation
 from meshes import Sphere
+from tests.support.indentations import make_indentation
 from validation.campaign.case import Case
 from validation.campaign.comparison import Comparison
 from validation.press_files.picture import find_profile, list_images, write_picture
@@ -40,11 +40,9 @@ def make_fields(*, axisymmetric):
 @pytest.fixture
 def comparison():
     forces = np.arange(84) / 840
-    fem = Indentation(
-        texel_forces=forces, outside=0.0, total_force=forces.sum(), balance=0.0, depth=0.3e-3, contact_area=8e-6,
-        contact=np.zeros((0, 3)), shear=None, energy=1e-4, fields=make_fields(axisymmetric=True),
-        error_estimate={"total_force": 0.0, "peak_texel": 0.02}, assumptions={}, warnings=(), seconds=1.0,
-    )  # fmt: skip
+    fem = make_indentation(
+        forces, fields=make_fields(axisymmetric=True), error_estimate={"total_force": 0.0, "peak_texel": 0.02}
+    )
     fast = fastmodel.FastIndentation(
         texel_forces=forces[::-1].copy(), contact_forces=forces, outside=0.0, total_force=float(forces.sum()),
         chatter=0.0, method="cover", depth=0.3e-3, fewest_cells=None, warnings=(), seconds=0.1,

@@ -20,10 +20,9 @@ pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
 from tests.support.virtual_port import VirtualPort, is_ramp
 from validation.recordings import capture, mcap_reader
 from validation.recordings.recording import Setup
-from validation.weiss.clock import Residual
-from validation.weiss.parser import Parser
-from validation.weiss.protocol import Reading
+from validation.weiss.protocol import Parser, Reading
 from validation.weiss.sensor import NoAnswerError, Sensor
+from validation.weiss.stream import Residual
 from validation.weiss.virtual import Misbehaviour, show_pattern
 
 #: Recorders that are killed at the same time in the long test.
@@ -117,7 +116,7 @@ def test_the_raw_bytes_in_the_file_hold_the_same_frames(recorded):
         pieces = [bytes(reader.deserialize(data, c.msgtype).data) for c, _, data in reader.messages(raw)]
     messages = [message for piece in pieces for message in parser.feed(piece) if message.identifier == 0]
     assert len(messages) >= len(readings)
-    assert parser.counters.skipped == 0
+    assert parser.bytes_skipped == 0
     first = messages[0].payload
     assert first[5:] == readings[0].counts.astype("<u2").tobytes()
 
@@ -359,7 +358,7 @@ def test_header_stamps_follow_the_device_while_the_host_is_late(tmp_path, monkey
 
     If the first bytes are the latest ones, the stamps stand still for 150 ms, 3 % of this recording.
     """
-    from validation.weiss.link import Chunk, Link
+    from validation.weiss.sensor import Chunk, Link
 
     random, receive = Random(1), Link.read  # noqa: S311 -- reproducible, no secret
 

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from tests.support.recordings import LINES, compare_arrays, recorded_arrays, setups
 from validation.recordings import RecordingError, Setup
-from validation.recordings.labels import Labels, decode_labels, encode_labels
+from validation.recordings.labels import decode_labels, encode_labels
 from validation.recordings.recording import make_array
 
 PATH = Path("a.mcap")
-TEXT = encode_labels(Labels(setup=Setup(load=1.5), arrays=(make_array(2, 3),), serial="7", start=5, monotonic=6))
+TEXT = encode_labels(Setup(load=1.5), (make_array(2, 3),), serial="7", start=5, monotonic=6)
 _JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
     lambda children: st.lists(children, max_size=3) | st.dictionaries(st.text(max_size=5), children, max_size=3),
@@ -24,10 +24,10 @@ _JSON = st.recursive(
 
 @given(setups(), st.lists(recorded_arrays(), max_size=3), LINES, st.integers(0, 2**63 - 1), st.integers(0, 2**63 - 1))
 def test_labels_come_back(setup, arrays, serial, start, monotonic):
-    labels = Labels(setup=setup, arrays=tuple(arrays), serial=serial, start=start, monotonic=monotonic)
-    back = decode_labels(encode_labels(labels), PATH)
-    assert (back.setup, back.serial, back.start, back.monotonic) == (setup, serial, start, monotonic)
-    assert all(all(compare_arrays(*pair).values()) for pair in zip(back.arrays, arrays, strict=True))
+    text = encode_labels(setup, tuple(arrays), serial=serial, start=start, monotonic=monotonic)
+    back, described = decode_labels(text, PATH)
+    assert (back.setup, back.serial, back.clock.start_ns, back.clock.monotonic_ns) == (setup, serial, start, monotonic)
+    assert all(all(compare_arrays(*pair).values()) for pair in zip(described, arrays, strict=True))
 
 
 @given(_JSON)

@@ -27,7 +27,7 @@ PARAMETERS = fastmodel.Parameters(
 def test_simulated_frames_arrive_unchanged_over_a_port(plug_in):
     simulated = list(islice(simulate_frames(PARAMETERS, Sphere(radius=8e-3), load=6.0), 20, 60))
     assert max(frame.counts.max() for frame in simulated) > 500
-    with Sensor(plug_in(show_frames(simulated)).name) as sensor:
+    with Sensor(plug_in(show_frames(frame.counts for frame in simulated)).name) as sensor:
         received = list(islice(stream_frames(sensor), 35))
     assert {type(frame) for frame in received} == {type(frame) for frame in simulated} == {fastmodel.Frame}
     for mine, theirs in zip(received, simulated[1:], strict=False):

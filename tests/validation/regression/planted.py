@@ -9,20 +9,19 @@ import textwrap
 from dataclasses import replace
 
 import numpy as np
-from fastmodel.running import RunningSensor
 
 import fastmodel.bench
-import fastmodel.contact.area
+import fastmodel.contact.boxes
 import fastmodel.pressure.cell_grid
 import fastmodel.signal.electronics
 import fastmodel.signal.point_spread
 import validation.campaign.results
 import validation.metrics
 from fastmodel import Butterworth, ChainFunctions, CoverCells, Electronics, Gaussian
-from fastmodel.contact.area import AreaReader
-from fastmodel.contact.boxes import BoxReader
-from fastmodel.contact.cover import _PressureReader
+from fastmodel.contact.boxes import AreaReader, BoxReader
+from fastmodel.contact.plate import CellReader
 from fastmodel.pressure.cell_grid import CellGrid
+from fastmodel.sensor import RunningSensor
 from fem_reference.indentation import press
 from validation.regression import experiments as fixed_images
 from validation.text import indenter
@@ -138,13 +137,13 @@ def shift_shares(monkeypatch, parameters):
 
 def shares_by_power(monkeypatch, parameters):
     """Share forces by area to the power of 1.05."""
-    healthy = fastmodel.contact.area._measure_polygon
+    healthy = fastmodel.contact.boxes._measure_polygon
 
     def measure(points):
         area, x, y = healthy(points)
         return (area / 1e-5) ** 1.05 * 1e-5, x, y
 
-    monkeypatch.setattr(fastmodel.contact.area, "_measure_polygon", measure)
+    monkeypatch.setattr(fastmodel.contact.boxes, "_measure_polygon", measure)
     return parameters
 
 
@@ -162,13 +161,13 @@ def dead_texel(monkeypatch, parameters):
 
 
 def cover_depth(monkeypatch, parameters):
-    healthy = _PressureReader._sum
+    healthy = CellReader._sum
 
     def total(self, *args):
         reading = healthy(self, *args)
         return reading if reading.approach is None else reading._replace(approach=1.05 * reading.approach)
 
-    monkeypatch.setattr(_PressureReader, "_sum", total)
+    monkeypatch.setattr(CellReader, "_sum", total)
     return parameters
 
 
@@ -208,7 +207,7 @@ REQUIRED = {
     "noise doubled": (edit(Electronics, "counts", "self.noise * drawn", "2 * self.noise * drawn"), "noise: standard deviation"),
     "frame one step late": (lag, "frames: delay of the force"),
     "frame one step late, in its time": (
-        edit(RunningSensor, "_count_due", "(time - self._start)", "(time - self._start - self._timestep)"),
+        edit(RunningSensor, "step", "(self._sampled_at - self._start)", "(self._sampled_at - self._start - self._timestep)"),
         "frames: time of the first frames",
     ),
     "area shares 5 %": (shift_shares, "H: area, force of each texel"),

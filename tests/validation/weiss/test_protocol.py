@@ -1,35 +1,38 @@
-"""Messages, commands and frames: published examples, and what is sent comes back."""
+"""Messages, commands and frames as bytes, and the parser on intact, damaged and endless streams."""
+
+from dataclasses import replace
+from itertools import pairwise
+from random import Random
 
 import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from validation.weiss.parser import Parser
+from tests.support.virtual_port import hit
+from validation.weiss import protocol, stream
 from validation.weiss.protocol import (
-    LAYOUTS,
+    PERIODIC_FRAME,
     PREAMBLE,
     Command,
-    Layout,
     MatrixInfo,
     Message,
+    Parser,
     Status,
+    SystemInfo,
     compress,
     compute_checksum,
     decode_answer,
     decode_frame,
-    decode_matrix_info,
     decode_request,
-    decode_system_info,
-    decode_temperature,
     describe_status,
     encode_answer,
     encode_frame,
-    encode_matrix_info,
     encode_message,
     encode_request,
-    encode_temperature,
 )
+from validation.weiss.stream import Continuity
+from validation.weiss.virtual import FAULTS
 
 PUBLISHED = {
     "AA AA AA 01 02 00 12 34 6D 66": encode_message(0x01, b"\x12\x34"),
@@ -57,6 +60,32 @@ def _find_messages(data):
     return parser.feed(data) + parser.finish()
 
 
+@pytest.mark.parametrize("command", Command)
+def test_requests_and_answers_of_every_command_come_back(command):
+    # the parser accepts only a possible frame as the answer to `read single frame`
+    frame = (encode_frame(5, [1, 2, 3]),)
+    asked, answered = _VALUES[command.request], _VALUES[command.answer]
+    answered = frame if command == Command.READ_SINGLE_FRAME else answered
+    assert decode_request(Message(command, encode_request(command, *asked)[6:-2])) == (command, asked)
+    assert decode_answer(*_find_messages(encode_answer(command, Status.SUCCESS, *answered))) == (0, answered)
+    assert decode_answer(*_find_messages(encode_answer(command, Status.ACCESS_DENIED))) == (16, ())
+
+
+@given(*[st.integers(1, 65535)] * 5)
+def test_any_description_of_an_array_comes_back(columns, rows, full_scale, width, height):
+    info = MatrixInfo(
+        columns=columns, rows=rows, cell_width=width / 100_000, cell_height=height / 100_000, full_scale=full_scale
+    )
+    assert info.values == (columns, rows, width, height, full_scale)
+    assert MatrixInfo.from_values(info.values) == info
+    assert info.texels == rows * columns
+
+
+def test_the_version_of_the_firmware_has_four_digits():
+    found = SystemInfo.from_values((1, 3, 0x1203, 77))
+    assert (found.kind, found.hardware_revision, found.firmware, found.serial_number) == (1, 3, "1.2.0.3", 77)
+
+
 @pytest.mark.parametrize(("expected", "made"), PUBLISHED.items())
 def test_messages_equal_the_published_examples(expected, made):
     assert made == bytes.fromhex(expected)
@@ -66,11 +95,6 @@ def test_messages_equal_the_published_examples(expected, made):
 def test_checksums_equal_the_published_values():
     assert compute_checksum(PREAMBLE) == 0x50F5
     assert compute_checksum(b"123456789") == 0x6EB4
-
-
-@given(st.binary(max_size=60), st.integers(0, 60))
-def test_a_checksum_can_be_continued_from_the_bytes_before(data, cut):
-    assert compute_checksum(data[cut:], compute_checksum(data[:cut])) == compute_checksum(data)
 
 
 @given(st.binary(max_size=200), IDENTIFIERS)
@@ -119,38 +143,6 @@ _VALUES = {
 }
 
 
-def _choose_values(command, layout):
-    """Values that fit a layout; the parser accepts only a possible frame as the answer to `read single frame`."""
-    if command == Command.READ_SINGLE_FRAME and layout is None:
-        return (encode_frame(5, [1, 2, 3]),)
-    return _VALUES[layout]
-
-
-@pytest.mark.parametrize("command", LAYOUTS)
-def test_requests_and_answers_of_every_command_come_back(command):
-    layout: Layout = LAYOUTS[command]
-    asked, answered = (_choose_values(command, part) for part in (layout.request, layout.answer))
-    assert decode_request(Message(command, encode_request(command, *asked)[6:-2])) == (command, asked)
-    assert decode_answer(*_find_messages(encode_answer(command, Status.SUCCESS, *answered))) == (0, answered)
-    assert decode_answer(*_find_messages(encode_answer(command, Status.ACCESS_DENIED))) == (16, ())
-
-
-def test_values_are_read_in_si_units():
-    assert decode_system_info((1, 3, 0x1203, 77)).firmware == "1.2.0.3"
-    assert decode_matrix_info((6, 14, 340, 340, 4095)).cell_width == pytest.approx(3.4e-3)
-    assert decode_temperature((-125,)) == -12.5
-    assert encode_temperature(-12.5) == (-125,)
-
-
-@given(*[st.integers(1, 65535)] * 3, *[st.integers(1, 65535)] * 2)
-def test_any_description_of_an_array_comes_back(columns, rows, full_scale, width, height):
-    info = MatrixInfo(
-        columns=columns, rows=rows, cell_width=width / 100_000, cell_height=height / 100_000, full_scale=full_scale
-    )
-    assert decode_matrix_info(encode_matrix_info(info)) == info
-    assert info.texels == rows * columns
-
-
 def test_a_status_is_described_in_words():
     assert describe_status(12) == "no parameter expected (12)"
     assert describe_status(99) == "unknown status (99)"
@@ -162,7 +154,7 @@ def test_misuse_is_refused_with_its_reason():
     with pytest.raises(KeyError, match="0x7f"):
         decode_answer(*_find_messages(encode_message(0x7F, b"\0\0")))
     with pytest.raises(KeyError, match="0x00"):
-        decode_request(Message(Command.PERIODIC_FRAME, b""))
+        decode_request(Message(PERIODIC_FRAME, b""))
     with pytest.raises(ValueError, match="status"):
         decode_answer(*_find_messages(encode_message(0x30, b"\0")))
     with pytest.raises(ValueError, match="layout"):
@@ -243,3 +235,165 @@ def test_a_frame_of_another_array_is_refused():
 def test_counts_beyond_12_bits_are_not_sent(count):
     with pytest.raises(ValueError, match="4095"):
         encode_frame(0, [count])
+
+
+TEXELS = 24
+FRAMES = 14
+
+
+def _make_stream(random):
+    """Messages of a stream at 271 frames/s, by the clock of their frames [ms]."""
+    start = random.choice((0, 1000, 2**32 - 20))
+    frames = {}
+    for number in range(FRAMES):
+        ticks = (start + round(number * 1000 / 271)) % 2**32
+        counts = [random.randrange(4096) for _ in range(TEXELS)] if random.random() < 0.5 else [0] * TEXELS
+        frames[ticks] = encode_message(0x00, encode_frame(ticks, counts, run_length=random.random() < 0.5))
+    return frames
+
+
+_STREAMS = [_make_stream(Random(seed)) for seed in range(200)]  # noqa: S311 -- reproducible, no secret
+
+
+def _cut_into_pieces(stream, random):
+    position = 0
+    while position < len(stream):
+        size = random.choice((1, 7, 64, 300, 5000))
+        yield stream[position : position + size]
+        position += size
+
+
+def _parse(stream, random):
+    parser = Parser(texels=TEXELS)
+    messages = []
+    for piece in _cut_into_pieces(stream, random):
+        messages += parser.feed(piece)
+    return messages + parser.finish(), parser
+
+
+def _fuzz(number, tally):
+    """Damage one to three inner messages of a stream, parse it, and return a fault of the parser, or None."""
+    random = Random(number)  # noqa: S311 -- reproducible, no secret
+    sent = random.choice(_STREAMS)
+    order = list(sent)
+    damaged = {}
+    for place in random.sample(range(3, FRAMES - 3), random.randint(1, 3)):
+        name = random.choice(list(FAULTS))
+        damaged[order[place]] = hit(name, sent[order[place]], random)
+        tally[name] = tally.get(name, 0) + 1
+    messages, parser = _parse(b"".join(damaged.get(ticks, sent[ticks]) for ticks in order), random)
+    assert parser.pending == 0
+
+    continuity, marked, seen = Continuity(), set(), []
+    for message in messages:
+        if message.identifier != 0x00:
+            return f"a message {message.identifier:#x} that was not sent"
+        frame = decode_frame(message.payload)
+        if sent.get(frame.ticks) != encode_message(0x00, message.payload):
+            return "a frame that was not sent"
+        seen.append(frame.ticks)
+        marked |= {gap.after for gap in continuity.add(frame.ticks, skipped=message.skipped, host_time=0)}
+    marked |= {gap.after for gap in continuity.finish()}
+    for before, after in pairwise(seen):
+        if order.index(after) - order.index(before) != 1 and before not in marked:
+            return f"a gap after {before} that was not marked"
+    lost = [ticks for ticks in order if ticks not in damaged and ticks not in seen]
+    if len(lost) > 2 * len(damaged):
+        return f"{len(lost)} intact frames lost"
+    tally["intact lost"] = tally.get("intact lost", 0) + len(lost)
+    return None
+
+
+def _fuzz_streams(streams):
+    tally, wrong = {}, {}
+    for number in streams:
+        fault = _fuzz(number, tally)
+        if fault:
+            wrong[number] = fault
+    return tally, wrong
+
+
+@pytest.mark.parametrize("count", [1000, pytest.param(100_000, marks=pytest.mark.slow)])
+def test_damage_never_gives_false_frames_nor_hidden_gaps(count):
+    tally, wrong = _fuzz_streams(range(count))
+    assert not wrong
+    assert min(tally[name] for name in FAULTS) > 100
+    assert tally["intact lost"] == 0
+
+
+def test_the_fuzzer_notices_a_parser_that_trusts_heads(monkeypatch):
+    monkeypatch.setattr(
+        protocol, "compute_checksum", lambda data, *state: compute_checksum(data, *state) if state else 0
+    )
+    _, wrong = _fuzz_streams(range(150))
+    assert wrong
+
+
+def test_the_fuzzer_notices_unmarked_gaps(monkeypatch):
+    monkeypatch.setattr(stream, "_RULES", replace(stream._RULES, long_step=100))
+    _, wrong = _fuzz_streams(range(150))
+    assert any("not marked" in fault for fault in wrong.values())
+
+
+@given(st.randoms(use_true_random=False))
+def test_messages_do_not_depend_on_how_the_stream_is_cut(random):
+    stream = b"".join(random.choice(_STREAMS).values())
+    at_once = Parser(texels=TEXELS).feed(stream)
+    assert _parse(stream, random)[0] == at_once
+    assert len(at_once) == FRAMES
+
+
+@given(st.binary(max_size=600))
+def test_messages_found_in_noise_stand_in_it_byte_for_byte(noise):
+    parser = Parser()
+    for message in parser.feed(noise) + parser.finish():
+        assert encode_message(message.identifier, message.payload) in noise
+    assert parser.bytes_seen == len(noise)
+    assert parser.bytes_skipped <= len(noise)
+
+
+@given(st.randoms(use_true_random=False), st.sampled_from(sorted(FAULTS)), st.integers(1, FRAMES - 1))
+def test_after_a_fault_every_intact_frame_is_found(random, fault, place):
+    sent = list(random.choice(_STREAMS).values())
+    arrived = [hit(fault, message, random) if number == place else message for number, message in enumerate(sent)]
+    found = [encode_message(message.identifier, message.payload) for message in _parse(b"".join(arrived), random)[0]]
+    intact = [message for number, message in enumerate(sent) if number != place]
+    assert [message for message in found if message != sent[place]] == intact
+
+
+def test_more_than_three_aa_in_a_row_are_skipped():
+    identifiers = [0x22, 0x30, 0x46, 0x50]
+    messages = Parser().feed(b"".join(b"\xaa" * n + encode_message(name) for n, name in enumerate(identifiers)))
+    assert [message.identifier for message in messages] == identifiers
+    assert [message.skipped for message in messages] == [0, 1, 2, 3]
+
+
+def test_a_preamble_inside_a_frame_is_not_a_head():
+    ten_times_2730 = encode_frame(0x00AAAAAA, [2730] * 20, run_length=True)
+    assert PREAMBLE in ten_times_2730
+    stream = encode_message(0x00, ten_times_2730) * 3
+    assert len(Parser(texels=20).feed(stream)) == 3
+    assert len(Parser(texels=20).feed(stream[5:])) == 2
+
+
+def test_finish_ends_the_wait_for_a_payload_that_never_comes():
+    parser = Parser(texels=TEXELS)
+    message = encode_message(0x22, b"\0\0")
+    assert parser.feed(PREAMBLE + b"\x00\x3c\x00" + message) == []
+    assert [message.identifier for message in parser.finish()] == [0x22]
+    assert parser.bytes_skipped == 6
+
+
+@pytest.mark.parametrize("kind", ["noise", "preambles", "heads"])
+def test_memory_is_bounded_under_endless_garbage(kind):
+    random = Random(1)  # noqa: S311 -- reproducible, no secret
+    parser = Parser()
+    pieces = {
+        "noise": lambda: random.randbytes(4096),
+        "preambles": lambda: b"\xaa" * 4096,
+        "heads": lambda: (PREAMBLE + b"\x00\x20\x03") * 40,
+    }
+    for _ in range(50):
+        parser.feed(pieces[kind]())
+        assert parser.pending <= parser.largest_payload + 8
+    assert parser.messages_found == 0

@@ -11,10 +11,11 @@ import pytest
 import serial
 
 from tests.support.virtual_port import answer_always, is_ramp, take, wait_until
-from validation.weiss.continuity import Gap
-from validation.weiss.link import LinkLostError
+from validation.weiss import inquiry
+from validation.weiss.inquiry import inquire
 from validation.weiss.protocol import Command, Reading, Status, encode_message, encode_request
-from validation.weiss.sensor import NoAnswerError, Sensor, SensorError
+from validation.weiss.sensor import Link, LinkLostError, NoAnswerError, PortError, Sensor, SensorError
+from validation.weiss.stream import Gap
 from validation.weiss.virtual import WTS_0614_34, Misbehaviour, show_pattern
 
 #: Time for an answer on a machine that is busy with other tests [s].
@@ -58,15 +59,8 @@ def test_a_stream_is_complete_and_has_the_rate_of_the_device(plug_in, run_length
     span = readings[-1].time - readings[0].time
     assert 59 / span == pytest.approx(271, rel=0.02)
     assert readings[-1].host_time > readings[0].host_time
-    assert sensor.counters.skipped == 0
+    assert sensor.parser.bytes_skipped == 0
     assert port.sensor.next_due is None
-
-
-def test_an_interval_slows_the_stream_down(plug_in):
-    with Sensor(plug_in().name, timeout=_LONG) as sensor:
-        readings, gaps = take(sensor, 11, interval_ms=10)
-    assert gaps == []
-    assert readings[-1].ticks - readings[0].ticks == pytest.approx(100, abs=1)
 
 
 def test_commands_between_frames_lose_nothing(plug_in):
@@ -181,6 +175,23 @@ def test_an_unexpected_layout_of_an_answer_fails_that_question_alone(plug_in, mo
         assert sensor.read_threshold() == 0
 
 
+def test_an_answer_that_is_no_mask_is_refused(plug_in, monkeypatch):
+    port = plug_in()
+    answer = port.sensor._answer
+    with Sensor(port.name) as sensor:
+        for data in (b"", b"\1\0", bytes(11), b"\xff" * 11, b"\1" * 12):
+            made = encode_message(Command.GET_MASK, b"\0\0" + data)
+            monkeypatch.setitem(
+                port.sensor.__dict__,
+                "_answer",
+                lambda message, now, made=made: (
+                    made if message.identifier == Command.GET_MASK else answer(message, now)
+                ),
+            )
+            with pytest.raises(SensorError, match="no mask of 84 texels"):
+                sensor.read_mask()
+
+
 def test_control_c_stops_the_device(plug_in):
     port = plug_in()
     code = (
@@ -197,3 +208,91 @@ def test_control_c_stops_the_device(plug_in):
     _, errors = run.communicate(timeout=_LONG)
     assert errors.rstrip().endswith("KeyboardInterrupt")
     assert port.sensor.next_due is None
+
+
+def test_a_slow_consumer_loses_frames_and_sees_the_gap(plug_in):
+    with Sensor(plug_in().name, buffer_bytes=4000) as sensor:
+        stream = sensor.stream()
+        next(stream)
+        wait_until(lambda: sensor._link._lost > 2000)
+        events = [next(stream) for _ in range(160)]  # gaps are known once the period of the device is
+        stream.close()
+    assert {"overflow", "frames missing"} <= {event.kind for event in events if isinstance(event, Gap)}
+    assert all(is_ramp(event.counts) for event in events if isinstance(event, Reading))
+
+
+def test_bytes_received_before_the_port_went_away_are_fetched_first(plug_in):
+    port = plug_in()
+    link = Link(port.name)
+    link.write(bytes.fromhex("AAAAAA210300000000F55C"))
+    wait_until(lambda: link._buffered > 1000)
+    port.unplug()
+    wait_until(lambda: link._failure is not None)
+    assert sum(len(chunk.data) for chunk in link.read(0.0)) > 1000
+    with pytest.raises(LinkLostError, match="unplugged"):
+        link.read(0.0)
+    link.close()
+
+
+def test_a_name_that_is_no_port_is_refused_in_one_line(tmp_path):
+    with pytest.raises(PortError, match="no such port; ports on this machine"):
+        Sensor("/dev/ttyNONE9")
+    plain = tmp_path / "file"
+    plain.write_text("hello")
+    with pytest.raises(PortError, match="not a serial port"):
+        Sensor(str(plain))
+    with pytest.raises(PortError, match="cannot be opened"):
+        Sensor("nonsense://x")
+    for name in (str(plain), "/dev/ttyNONE9", "nonsense://x"):
+        with pytest.raises(PortError) as caught:
+            Sensor(name)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="changes the user, which needs root")
+def test_permission_denied_names_the_group(plug_in):
+    grp = pytest.importorskip("grp")
+    port = plug_in().name
+    os.chmod(port, 0o600)  # noqa: PTH101 -- a device
+    group = grp.getgrgid(os.stat(port).st_gid).gr_name  # noqa: PTH116 -- a device
+    os.seteuid(65534)
+    try:
+        with pytest.raises(PortError, match=f"no permission to open it.*usermod -aG {group}"):
+            Sensor(port)
+    finally:
+        os.seteuid(0)
+
+
+def test_open_questions_are_answered(plug_in, monkeypatch):
+    monkeypatch.setattr("validation.weiss.inquiry._CLOCK_FRAMES", 60)
+    with Sensor(plug_in(show_pattern("corner")).name) as sensor:
+        answers = inquire(sensor)
+    assert answers["loop (0x06)"] == "answers with the bytes it was sent"
+    assert "(assumed 1 ms)" in answers["clock"]
+    assert "at most 0 counts" in answers["run length"]
+    assert "texel 0, read as row 0, column 0" in answers["texel order"]
+
+
+def test_a_question_that_is_refused_does_not_end_the_others(plug_in, monkeypatch):
+    monkeypatch.setattr("validation.weiss.inquiry._CLOCK_FRAMES", 5)
+    wrong = Misbehaviour(refused={Command.GET_GAIN: Status.COMMAND_UNKNOWN})
+    with Sensor(plug_in(misbehaviour=wrong).name) as sensor:
+        answers = inquire(sensor)
+    assert "not as assumed" in answers["gain (0x37)"]
+    assert "bytes it was sent" in answers["loop (0x06)"]
+
+
+@pytest.mark.parametrize("tick", [1e-3, 0.5e-3])
+def test_the_tick_of_the_clock_is_measured(tick):
+    """A stream with exact times of arrival, which no real port has."""
+
+    class ExactStream:
+        def stream(self):
+            for number in range(1000):
+                seconds = number / 250
+                counts = np.zeros(84, dtype=np.uint16)
+                ticks, host_time = round(seconds / tick), round(seconds * 1e9)
+                yield Reading(counts=counts, ticks=ticks, host_time=host_time, run_length=False)
+
+    answer = inquiry._measure_clock(ExactStream())
+    assert answer == f"{tick * 1e3:.4f} ms per tick (assumed 1 ms), 250.0 frames/s free-running"

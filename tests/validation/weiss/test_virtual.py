@@ -1,29 +1,34 @@
-"""The virtual sensor without a port: its clock, its answers and the values that it shows."""
+"""The virtual sensor: its clock, its answers and the values that it shows, and its service on a port."""
 
 import dataclasses
+import socket
+import threading
 
 import numpy as np
 import pytest
+import serial
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.weiss.parser import Parser
+from tests.support.virtual_port import hit, is_ramp, take, wait_until
 from validation.weiss.protocol import (
     Command,
     MatrixInfo,
-    Reading,
+    Parser,
     decode_answer,
     decode_frame,
-    decode_mask,
-    decode_temperature,
     encode_message,
     encode_request,
 )
+from validation.weiss.sensor import PortError, Sensor
 from validation.weiss.virtual import (
+    BACKLOG_BYTES,
     FAULTS,
     WTS_0614_34,
     Misbehaviour,
+    PseudoTerminal,
     VirtualSensor,
+    serve,
     show_frames,
     show_pattern,
     show_recording,
@@ -66,7 +71,7 @@ def test_the_pad_warms_up():
     def read_temperature(now):
         sensor = VirtualSensor(show_pattern("zero"))
         (message,) = _parse(sensor.receive(encode_request(Command.TEMPERATURE), now))
-        return decode_temperature(decode_answer(message)[1])
+        return decode_answer(message)[1][0] / 10
 
     assert [read_temperature(now) for now in (0, 1200 * np.log(2), 1e6)] == [25, 30, 35]
 
@@ -87,7 +92,7 @@ def test_any_request_gets_one_answer_of_its_own_identifier(identifier, payload):
 
 def test_frames_are_shown_one_by_one_and_the_last_one_stays():
     counts = np.arange(3 * 84).reshape(3, 84)
-    show = show_frames(Reading(counts=row, ticks=0, host_time=0, run_length=False) for row in counts)
+    show = show_frames(counts)
     assert [int(show(0.0)[0]) for _ in range(4)] == [84, 168, 168, 168]
 
 
@@ -100,19 +105,6 @@ def test_bad_input_is_refused_with_what_is_known():
         show_frames([])
     with pytest.raises(ValueError, match="rate"):
         VirtualSensor(show_pattern("zero"), rate=0)
-
-
-@pytest.mark.parametrize("second", FAULTS)
-def test_faults_work_in_pairs_and_all_together(second):
-    for rates in ({first: 1.0, second: 1.0} for first in FAULTS):
-        sensor = VirtualSensor(show_pattern("zero"), misbehaviour=Misbehaviour(rates=rates))
-        sensor.receive(START, 0.0)
-        assert len(sensor.take_due_frames(0.1)) == 28
-    for seed in range(20):
-        rates = dict.fromkeys([second, *FAULTS], 0.5)
-        sensor = VirtualSensor(show_pattern("zero"), misbehaviour=Misbehaviour(rates=rates, seed=seed))
-        sensor.receive(encode_request(Command.START_PERIODIC_FRAMES, 1, 0), 0.0)
-        sensor.take_due_frames(0.1)
 
 
 def _ask(sensor, command):
@@ -143,15 +135,10 @@ def test_masked_texels_read_zero_and_the_mask_is_told():
     assert np.array_equal(decode_frame(message.payload[2:]).counts, np.where(active, 700, 0))
     (data,) = _ask(sensor, Command.GET_MASK)
     assert data[0] == 0b01111011
-    assert np.array_equal(decode_mask(data, 84), active)
+    bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder="little")
+    assert np.array_equal(bits, np.append(active, [0] * 4))
     with pytest.raises(ValueError, match="84 texels, not 3"):
         VirtualSensor(show_pattern("zero"), active=[True] * 3)
-
-
-@pytest.mark.parametrize("data", [b"", b"\1\0", bytes(11), b"\xff" * 11, b"\1" * 12])
-def test_an_answer_that_is_no_mask_is_refused(data):
-    with pytest.raises(ValueError, match="no mask of 84 texels"):
-        decode_mask(data, 84)
 
 
 def test_a_sensor_has_a_tag_that_clients_can_change():
@@ -203,7 +190,7 @@ def test_a_playback_shows_each_frame_until_the_next_and_starts_again_after_the_l
 @given(payload=st.binary(max_size=100), random=st.randoms(use_true_random=False))
 def test_a_fault_changes_the_message_within_its_bounds(name, payload, random):
     message = encode_message(0x01, payload)
-    damaged = FAULTS[name](message, random)
+    damaged = hit(name, message, random)
     assert abs(len(damaged) - len(message)) <= max(40, len(message))
     if name not in {"change-bytes", "drop-bytes", "repeat-bytes", "wrong-size"}:  # these may leave it as it was
         assert damaged != message
@@ -219,5 +206,75 @@ def test_a_fault_changes_the_message_within_its_bounds(name, payload, random):
 def test_faults_follow_one_another_on_any_bytes(names, message, random):
     """A fault may leave one byte or none; the next fault must accept them."""
     for name in names:
-        message = FAULTS[name](message, random)
+        message = hit(name, message, random)
     assert isinstance(message, bytes)
+
+
+def test_complete_frames_are_left_out_for_a_client_that_does_not_read(plug_in):
+    port = plug_in(backlog_bytes=BACKLOG_BYTES, rate=5000.0)
+    with serial.Serial(port.name) as client:
+        client.write(encode_request(Command.START_PERIODIC_FRAMES, 0, 0))
+        wait_until(lambda: port.sensor.frames_sent > 1000)
+        port.unplug()
+    assert port.left_out > 10
+
+
+class _TcpEnd:
+    """The device's end of a TCP connection, as a serial server in the network has it."""
+
+    def __init__(self):
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener.settimeout(5)
+        self.url = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
+        self._peer = None
+
+    def send(self, data):
+        return self._peer.send(data)
+
+    def receive(self, wait):
+        if self._peer is None:
+            self._peer, _ = self._listener.accept()
+        self._peer.settimeout(max(wait, 1e-4))
+        try:
+            return self._peer.recv(4096)
+        except TimeoutError:
+            return b""
+
+    def close(self):
+        for each in (self._peer, self._listener):
+            if each is not None:
+                each.close()
+
+
+def test_a_sensor_behind_a_network_port():
+    end, stop = _TcpEnd(), threading.Event()
+    thread = threading.Thread(target=serve, args=(VirtualSensor(show_pattern("ramp")), end), kwargs={"stop": stop})
+    thread.start()
+    try:
+        with Sensor(end.url) as sensor:
+            readings, gaps = take(sensor, 40)
+    finally:
+        stop.set()
+        thread.join()
+        end.close()
+    assert gaps == []
+    assert all(is_ramp(reading.counts) for reading in readings)
+
+
+def test_a_link_that_another_port_replaced_is_left_alone(tmp_path):
+    link = tmp_path / "sensor"
+    first = PseudoTerminal(link)
+    with PseudoTerminal(link) as second:
+        first.close()
+        assert str(link.readlink()) == second.port
+    assert not link.is_symlink()
+
+
+def test_a_link_that_cannot_be_created_is_refused(tmp_path):
+    with pytest.raises(PortError, match="cannot create a link to the port here: No such file"):
+        PseudoTerminal(tmp_path / "nowhere" / "sensor")
+
+
+def test_the_run_ends_after_its_time():
+    with PseudoTerminal() as end:
+        assert serve(VirtualSensor(show_pattern("zero")), end, seconds=0.0) == 0

@@ -79,9 +79,8 @@ def _find_distributions(extra: str) -> list[str]:
 
 
 def _ask_sensor(port: str, *, json: bool) -> int:
-    from validation.weiss.inquiry import inquire
+    from validation.weiss.inquiry import UNCONFIRMED, inquire
     from validation.weiss.sensor import Sensor
-    from validation.weiss.unconfirmed import UNCONFIRMED
 
     with Sensor(port) as sensor:
         answers = inquire(sensor)

@@ -72,8 +72,7 @@ def emulate(
     from validation.extras import require
 
     require("serial", useful=("skfem",) if show.endswith(".toml") else ())
-    from validation.weiss.serve import PseudoTerminal, SerialEnd, serve
-    from validation.weiss.virtual import VirtualSensor
+    from validation.weiss.virtual import PseudoTerminal, SerialEnd, VirtualSensor, serve
 
     check_range("--seconds", seconds)
     misbehaviour = _read_misbehaviour(fault or [], pause or [], seed)
@@ -176,7 +175,9 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
             parameters = find_parameters(found, progress)
         matrix = _make_matrix(show, parameters.array, parameters.electronics.output_max)
         frames = simulate_frames(parameters, shape, load=weight)
-        return _Shown(source=show_frames(frames), matrix=matrix, active=parameters.array.active)
+        return _Shown(
+            source=show_frames(frame.counts for frame in frames), matrix=matrix, active=parameters.array.active
+        )
     from validation.recordings.importing import open_recording
 
     recording = open_recording(path)

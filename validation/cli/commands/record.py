@@ -15,8 +15,8 @@ from validation.errors import InputError
 
 if TYPE_CHECKING:
     from validation.recordings.capture import Captured
-    from validation.weiss.continuity import Gap
     from validation.weiss.protocol import Reading
+    from validation.weiss.stream import Gap
 
 #: Largest values of the sensor's settings that have 16 bits (interval, threshold) and 8 bits (gain).
 _MOST_16_BIT, _MOST_8_BIT = 0xFFFF, 0xFF

@@ -60,7 +60,7 @@ def demo(
         softcover demo --out my-report
         softcover demo --recordings ~/recordings
     """
-    from validation.data_sets.locate import find_data_set
+    from validation.data_sets.data_set import find_data_set
     from validation.sensor_file import BUILT_IN
 
     data_set = find_data_set(recordings)
@@ -99,7 +99,7 @@ def validate(
     """
     from meshes import SolidCover
     from validation.cli.options import read_description
-    from validation.data_sets.locate import describe_unused_recordings, find_data_set
+    from validation.data_sets.data_set import describe_unused_recordings, find_data_set
 
     if measured is not None:
         if quick or any(given is not None for given in (campaign, recordings, data_set, material, thickness, layer)):

@@ -182,7 +182,7 @@ def _compute(
 def _print_press(press: CurvedPress) -> None:
     """Print the result of one indentation as tables and sentences."""
     found, array = press.fem, press.sensor.array
-    print_rows(_list_press(press), title=f"{press.shape} on {press.sensor.name}, {found.load:.4g} N")
+    print_rows(_list_press(press), title=f"{press.shape} on {press.sensor.name}, {found.total_force:.4g} N")
     _print_texels(array, found.texel_forces, press.fast.texel_forces if press.fast else None)
     print_meaning(_explain_press(press))
 
@@ -206,7 +206,8 @@ def _list_press(press: CurvedPress) -> Iterator[tuple[str, str]]:
     for line in press.sensor.cover.notes:
         yield "note", line
     yield "touched at", describe_pose(press.touch)
-    yield "force on the cover", f"({format_vector(found.force, 4)}) N, {found.load:.4f} N of it along the direction"
+    along = f"{found.total_force:.4f} N of it along the direction"
+    yield "force on the cover", f"({format_vector(found.force, 4)}) N, {along}"
     yield "force on the base", f"({format_vector(found.base_force, 4)}) N"
     yield "not measured", f"({format_vector(found.unmeasured, 4)}) N: beside the texels and shear along them"
     yield "depth", f"{1e3 * found.depth:.4f} mm; contact area {1e6 * found.contact_area:.3f} mm²"
@@ -217,8 +218,9 @@ def _list_press(press: CurvedPress) -> Iterator[tuple[str, str]]:
             f"misplaces {100 * press.fast.misplaced:.2f} % of the load; {1e3 * press.fast.seconds:.0f} ms",
         )
     yield "assumes", "; ".join(f"{name}: {value}" for name, value in found.assumptions.items())
-    quality = f"{len(found.mesh.cells)} {'hexahedra' if found.mesh.is_hexahedral else 'tetrahedra'}"
-    yield "finest mesh", f"{quality}, {found.mesh.digest[:12]}; {press.seconds:.1f} s"
+    if found.mesh is not None:
+        quality = f"{len(found.mesh.cells)} {'hexahedra' if found.mesh.is_hexahedral else 'tetrahedra'}"
+        yield "finest mesh", f"{quality}, {found.mesh.digest[:12]}; {press.seconds:.1f} s"
 
 
 def _explain_press(press: CurvedPress) -> Iterator[str]:
@@ -227,4 +229,4 @@ def _explain_press(press: CurvedPress) -> Iterator[str]:
         "The force on a texel is the resultant on it along its own normal, so forces on a curved base do not sum to "
         "the load; the balance is that of the two vectors above."
     )
-    yield judge_error(found.error_estimate.get("texel_forces", float("nan")), "the forces on the texels")
+    yield judge_error(found.error_estimate.get("peak_texel", float("nan")), "the forces on the texels")

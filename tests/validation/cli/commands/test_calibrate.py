@@ -8,8 +8,7 @@ import pytest
 
 from meshes import Box
 from tests.support.laboratory import draw_gains, make_curve, press, write
-from validation.calibration.contact import make_reference_method
-from validation.calibration.observations import Pose
+from validation.calibration.model import Pose, make_reference_method
 from validation.sensor_file import load
 
 WTS = load("wts-0614-34")

@@ -10,7 +10,7 @@ import pytest
 @pytest.fixture
 def ends(monkeypatch):
     """The ends that were opened, by kind and port, and closed; nothing is served."""
-    serve = importlib.import_module("validation.weiss.serve")
+    serve = importlib.import_module("validation.weiss.virtual")
     found = []
 
     def open_as(kind):

@@ -36,7 +36,7 @@ def test_out_writes_contact_and_fields_that_others_can_read(softcover, tmp_path,
     total = json.loads(out)["models"]["fem"]["total_force"]
     assert status == 0
     rows = list(csv.DictReader((folder / "contact.csv").open()))
-    assert sum(float(row["normal_N"]) for row in rows) == pytest.approx(total)
+    assert -sum(float(row["force_z_N"]) for row in rows) == pytest.approx(total)
     assert json.loads((folder / "press.json").read_text())["models"]["fem"]["total_force"] == total
     grid, arrays = pyvista.read(folder / "fields.vtu"), np.load(folder / "fields.npz")
     assert np.asarray(grid.points) == pytest.approx(arrays["position"])
@@ -136,7 +136,7 @@ def test_a_press_that_stops_early_says_so_in_its_json(monkeypatch):
 
 @pytest.mark.slow
 def test_a_curve_follows_the_accuracy_and_keeps_warnings(monkeypatch, tmp_path):
-    monkeypatch.setattr("fem_reference.indentation.press._count_refinements", lambda *_: 0)  # only the usual grids
+    monkeypatch.setattr("fem_reference.indentation.layered._count_refinements", lambda *_: 0)  # only the usual grids
     curve = trace_curve(make_cover(0.45, "linear-elastic"), ARRAY, BALL, points=2, load=0.2, accuracy=1e-9)
     rows = curve.as_json()["curve"]
     assert all("wanted, but the feasible grids reach" in row["warnings"][-1] for row in rows)

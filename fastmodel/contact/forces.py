@@ -1,0 +1,391 @@
+"""Net force and torque on an array, and the tangential force on every texel, from MuJoCo's contacts.
+
+The net force is the sum over all contacts of all boxes or plates of the array, at sides and back too.  With one box per
+texel, the tangential force on a texel is that of its own contacts.  With plates, MuJoCo's contact points say nothing
+about single texels: the net shear on the front is shared among texels in proportion to their pressure, and the part of
+the pressure that acts on the margin takes its share with it.
+
+Compiled kernels that sum MuJoCo's contact forces along the normals of boxes and of plates.
+
+The force f of a contact acts on the second geom of the contact, and -f acts on the first.  MuJoCo gives f in the frame
+of the contact, whose rows are the contact normal and two tangents.  With elliptic friction cones MuJoCo stores f
+itself.  With pyramidal cones MuJoCo stores edge forces e: the normal force is their sum, and the i-th tangential force
+is mu_i (e_2i - e_2i+1), with friction coefficient mu_i.  Components from the fourth on are the torques of torsional and
+rolling friction about the axes of the contact.
+Source: MuJoCo documentation, Computation, section "Contact".
+
+All kernels stand in one file, because numba's cache checks only the file of the called kernel for changes, not the
+files of the functions that this kernel calls.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from fastmodel.compiled import called_by_kernels, compile_kernel
+from fastmodel.contact.interface import Reading
+from fastmodel.pose import rotate
+from fastmodel.signal.point_spread import find_tangents
+from meshes import TexelArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
+
+#: Values of `Reading.tangential_source` and `Frame.tangential_source`.
+BY_GEOM = "contacts of each texel"
+SHARED = "net shear, shared in proportion to pressure"
+
+
+class NetForceReader:
+    """Reader of net force, net torque and tangential forces of one array of n texels.
+
+    Attributes:
+        parts: The boxes or plates, as kernels take them.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        array: TexelArray,
+        geoms: IntArray,
+        *,
+        axes: FloatArray,
+        middle: FloatArray,
+        neighbours: BoolArray | None = None,
+    ) -> None:
+        """Tabulate the geoms of the array.
+
+        Args:
+            model: The compiled model.
+            array: The array.
+            geoms: Ids of its m geoms, boxes or plates, shape (m,).
+            axes: Axes of the first geom in the frame of the array, as columns, shape (3, 3) [-].
+            middle: Centre of the first geom in the frame of the array, shape (3,) [m].
+            neighbours: For one box per texel, see `Parts`, shape (n, 4); None for plates.
+        """
+        self._model, self._array, self._by_geom = model, array, neighbours is not None
+        # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes, so that it belongs to no part.
+        part_of = np.full(model.ngeom + 1, -1)
+        part_of[geoms] = np.arange(len(geoms))
+        sides = np.zeros((len(geoms), 4), dtype=bool) if neighbours is None else neighbours
+        self.parts: Parts = (part_of, sides, int(geoms[0]), np.ascontiguousarray(axes), middle)
+        # axes of the geoms, from the frame of their body to that of the first geom, to that of the array
+        first, *_ = turns = np.array([rotate(turn, np.eye(3)) for turn in model.geom_quat[geoms]])
+        self._axes = np.ascontiguousarray(np.swapaxes(turns @ first.T @ axes.T, 1, 2))
+        # masked texels measure nothing
+        self._masked = None if array.active.all() else ~array.active
+        self._tangents = np.stack(find_tangents(array), axis=1) * array.active[:, None, None]
+        self._sum_contacts, self._share_shear = compile_kernel(sum_contacts), compile_kernel(share_shear)
+
+    def sum_contacts(self, contacts: Contacts, data: mujoco.MjData) -> Sums:
+        """Sum the contact forces of a state on the array, see `force_kernels.sum_contacts`."""
+        found: Sums = self._sum_contacts(contacts, data.geom_xmat, data.geom_xpos, self.parts)
+        return found
+
+    def add(self, reading: Reading, sums: Sums | None) -> Reading:
+        """Return a reading with net force, net torque and tangential forces from the sums of its contact forces.
+
+        Without sums the net force is that of the reading's contact forces, and there is no shear.
+        """
+        source = BY_GEOM if self._by_geom else SHARED
+        if sums is None:
+            forces = -reading.contact_forces[:, None] * self._array.normals
+            torque = np.cross(self._array.centres, forces).sum(axis=0)
+            wrench, tangential = np.append(forces.sum(axis=0), torque), np.zeros((self._array.count, 2))
+        elif self._by_geom:
+            _, fronts, wrench, _ = sums
+            tangential = fronts[:, :2]  # the axes of a box are the tangents of its texel
+            if self._masked is not None:
+                tangential[self._masked] = 0.0
+        else:
+            _, fronts, wrench, _ = sums
+            tangential = self._share_shear(fronts, self._axes, reading.contact_forces, self._tangents)
+        return reading._replace(wrench=wrench, tangential=tangential, tangential_source=source)
+
+
+#: Smallest cosine of the angle between a contact's normal, away from the array, and the array's normal with which the
+#: contact counts as one with the array's front; other contacts are with sides or the back of a plate or box [-].
+FRONT = 0.1
+
+#: The option `cone` of a model with pyramidal friction cones, as a number: comparing with the name takes longer.
+_PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
+#: Ids and numbers as MuJoCo stores them.
+_Ids = npt.NDArray[np.int32]
+#: The k contacts of a simulation state.  For each contact: ids of the two geoms, shape (k, 2); index of the contact's
+#: first entry in the constraint forces, -1 for none, shape (k,); number of force components, shape (k,); axes of the
+#: contact frame as rows, normal first, shape (k, 9) [-]; friction coefficients, shape (k, 5) [-]; position in the
+#: world, shape (k, 3) [m]; distance of the surfaces, negative for penetration, shape (k,) [m].  For all contacts:
+#: constraint forces, shape (rows,) [N]; and whether friction cones are pyramidal.
+Contacts = tuple[_Ids, _Ids, _Ids, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, bool]
+
+
+def read_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Contacts:
+    """Read the contacts of a simulation state; the option `cone` of the model may change during a simulation."""
+    found, pyramidal = data.contact, model.opt.cone == _PYRAMIDAL
+    places = (found.frame, found.friction, found.pos, found.dist)
+    return (found.geom, found.efc_address, found.dim, *places, data.efc_force, pyramidal)
+
+
+@called_by_kernels
+def _decode_force(contacts: Contacts, k: int, force: FloatArray) -> None:
+    """Compute normal and two tangential components of contact k's force, and its torques.
+
+    They are written to `force`, shape (6,) [N, N m].
+    """
+    _, address, dim, _, friction, _, _, efc_force, pyramidal = contacts
+    force[:] = 0.0
+    first = address[k]
+    if pyramidal and dim[k] > 1:
+        for edge in range(2 * (dim[k] - 1)):
+            force[0] += efc_force[first + edge]
+        for axis in range(1, dim[k]):
+            edge = first + 2 * (axis - 1)
+            force[axis] = friction[k, axis - 1] * (efc_force[edge] - efc_force[edge + 1])
+    else:
+        for axis in range(dim[k]):
+            force[axis] = efc_force[first + axis]
+
+
+#: An array of m boxes or plates.  Index of the box or plate of every geom, -1 for geoms that are not of the array,
+#: shape (geoms + 1,); whether each box has a neighbour at its sides -x, +x, -y, +y, shape (m, 4); id of the first box
+#: or plate; its axes in the frame of the array, as columns, shape (3, 3) [-]; and its centre there, shape (3,) [m].
+Parts = tuple[IntArray, BoolArray, int, FloatArray, FloatArray]
+#: What `sum_contacts` returns.
+Sums = tuple[FloatArray, FloatArray, FloatArray, float]
+
+
+@called_by_kernels
+def sum_contacts(contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts) -> Sums:
+    """Kernel: sum the forces and torques that all contacts exert on an array of m boxes or plates.
+
+    A contact with a side of a box that has a neighbour there counts as one with its front: MuJoCo finds such contacts
+    where a body stands on both boxes.
+
+    Args:
+        contacts: The k contacts.
+        geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
+        geom_xpos: Position of every geom in the world, shape (geoms, 3) [m].
+        parts: The boxes or plates of the array.
+
+    Returns:
+        Force against the outward normal of both geoms of each contact, zero at backs and free sides and for geoms that
+        are not of the array, shape (k, 2) [N]; the force on the front of each box or plate along its axes, shape (m, 3)
+        [N]; force on the array, and torque about its origin, in its frame, shape (6,) [N, N m]; and the sum of the
+        forces against the normals at backs and free sides [N].
+    """
+    geom, address, dim, frame, _, pos, _, _, _ = contacts
+    part_of, neighbours, first, turn, middle = parts
+    pressed, fronts, beside = np.zeros((len(geom), 2)), np.zeros((len(neighbours), 3)), 0.0
+    # force and torque in the frame of a contact; force in the world, torque about the centre of the first box or plate
+    local, net, moment = np.zeros(6), np.zeros(3), np.zeros(3)
+    for k in range(len(geom)):
+        if address[k] < 0 or (part_of[geom[k, 0]] < 0 and part_of[geom[k, 1]] < 0):
+            continue
+        _decode_force(contacts, k, local)
+        rx = pos[k, 0] - geom_xpos[first, 0]
+        ry = pos[k, 1] - geom_xpos[first, 1]
+        rz = pos[k, 2] - geom_xpos[first, 2]
+        for side in range(2):
+            own, part, sign = geom[k, side], part_of[geom[k, side]], 2.0 * side - 1.0
+            if part < 0:
+                continue
+            fx = sign * (local[0] * frame[k, 0] + local[1] * frame[k, 3] + local[2] * frame[k, 6])
+            fy = sign * (local[0] * frame[k, 1] + local[1] * frame[k, 4] + local[2] * frame[k, 7])
+            fz = sign * (local[0] * frame[k, 2] + local[1] * frame[k, 5] + local[2] * frame[k, 8])
+            net[0] += fx
+            net[1] += fy
+            net[2] += fz
+            moment[0] += ry * fz - rz * fy
+            moment[1] += rz * fx - rx * fz
+            moment[2] += rx * fy - ry * fx
+            for axis in range(dim[k] - 3):
+                for i in range(3):
+                    moment[i] += sign * local[3 + axis] * frame[k, 3 * axis + i]
+            x, y, z = 0.0, 0.0, 0.0  # the normal away from the box, along the axes of the box
+            for i in range(3):
+                x -= sign * frame[k, i] * geom_xmat[own, 3 * i]
+                y -= sign * frame[k, i] * geom_xmat[own, 3 * i + 1]
+                z -= sign * frame[k, i] * geom_xmat[own, 3 * i + 2]
+            along = fx * geom_xmat[own, 2] + fy * geom_xmat[own, 5] + fz * geom_xmat[own, 8]
+            if _is_front(x, y, z, neighbours, part):
+                pressed[k, side] = -along
+                fronts[part, 0] += fx * geom_xmat[own, 0] + fy * geom_xmat[own, 3] + fz * geom_xmat[own, 6]
+                fronts[part, 1] += fx * geom_xmat[own, 1] + fy * geom_xmat[own, 4] + fz * geom_xmat[own, 7]
+                fronts[part, 2] += along
+            else:
+                beside -= along
+    return pressed, fronts, _move_wrench(net, moment, geom_xmat[first], turn, middle), beside
+
+
+@called_by_kernels
+def _move_wrench(
+    net: FloatArray, moment: FloatArray, box: FloatArray, turn: FloatArray, middle: FloatArray
+) -> FloatArray:
+    """Return a force and the torque about the centre of a box in the frame of the array, about its origin, shape (6,).
+
+    Args:
+        net: The force, in the world, shape (3,) [N].
+        moment: The torque, in the world, shape (3,) [N m].
+        box: Axes of the box in the world, as columns, shape (9,) [-].
+        turn: Axes of the box in the frame of the array, as columns, shape (3, 3) [-].
+        middle: Centre of the box in the frame of the array, shape (3,) [m].
+    """
+    wrench = np.zeros(6)
+    for i in range(3):
+        for j in range(3):
+            for axis in range(3):
+                wrench[j] += net[i] * box[3 * i + axis] * turn[j, axis]
+                wrench[3 + j] += moment[i] * box[3 * i + axis] * turn[j, axis]
+    wrench[3] += middle[1] * wrench[2] - middle[2] * wrench[1]
+    wrench[4] += middle[2] * wrench[0] - middle[0] * wrench[2]
+    wrench[5] += middle[0] * wrench[1] - middle[1] * wrench[0]
+    return wrench
+
+
+@called_by_kernels
+def _is_front(x: float, y: float, z: float, neighbours: BoolArray, part: int) -> bool:
+    """Return whether a contact is with the front of a box, or with a side at which the box has a neighbour.
+
+    Args:
+        x: Component along the x axis of the box of the contact's normal away from the box [-].
+        y: Component along the y axis [-].
+        z: Component along the outward normal [-].
+        neighbours: Whether every box has a neighbour at its sides -x, +x, -y, +y, shape (m, 4).
+        part: Index of the box.
+    """
+    if z >= FRONT:
+        return True
+    if abs(x) > abs(y):
+        return z > -abs(x) and neighbours[part, 1 if x > 0 else 0]
+    return z > -abs(y) and neighbours[part, 3 if y > 0 else 2]
+
+
+def press_boxes(
+    contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts
+) -> tuple[FloatArray, float, Sums]:
+    """Kernel: compute the force that presses on each of n box texels.
+
+    If a box is pulled, its force is set to zero, and the other forces are scaled to keep their sum, or to zero if the
+    sum is negative.
+
+    Args:
+        contacts: The contacts.
+        geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
+        geom_xpos: Position of every geom in the world, shape (geoms, 3) [m].
+        parts: The boxes.
+
+    Returns:
+        Force on each texel, shape (n,) [N]; the sum of the forces against the normals, at all sides of the boxes [N];
+        and what `sum_contacts` returns.
+    """
+    found = sum_contacts(contacts, geom_xmat, geom_xpos, parts)
+    fronts, forces, total, positive = found[1], np.zeros(len(found[1])), 0.0, 0.0
+    for texel in range(len(forces)):
+        forces[texel] = -fronts[texel, 2]
+        total += forces[texel]
+        positive += max(forces[texel], 0.0)
+    if positive != total:
+        for texel in range(len(forces)):
+            forces[texel] = max(forces[texel], 0.0) * (max(total, 0.0) / positive) if positive > 0 else 0.0
+    return forces, total + found[3], found
+
+
+def share_shear(fronts: FloatArray, axes: FloatArray, contact_forces: FloatArray, tangents: FloatArray) -> FloatArray:
+    """Kernel: share the net shear on m plates among n texels in proportion to pressure.
+
+    The shear is the part of the forces along the plates.  Pressure on the margin takes its share of the shear with it.
+
+    Args:
+        fronts: Force on the front of each plate along its axes, shape (m, 3) [N].
+        axes: Axes of each plate in the frame of the array, as columns, shape (m, 3, 3) [-].
+        contact_forces: Force that presses on each texel, shape (n,) [N].
+        tangents: Two tangents of each texel in the frame of the array, shape (n, 2, 3) [-].
+
+    Returns:
+        Force on each texel along its tangents, shape (n, 2) [N].
+    """
+    shear, pressing, pressed, shared = np.zeros(3), 0.0, 0.0, np.zeros(tangents.shape[:2])
+    for part in range(len(fronts)):
+        pressing -= fronts[part, 2]
+        for i in range(3):
+            shear[i] += fronts[part, 0] * axes[part, i, 0] + fronts[part, 1] * axes[part, i, 1]
+    for texel in range(len(contact_forces)):
+        pressed += contact_forces[texel]
+    for texel in range(len(contact_forces)):
+        if contact_forces[texel] > 0:
+            share = contact_forces[texel] / max(pressing, pressed)
+            for axis in range(2):
+                for i in range(3):
+                    shared[texel, axis] += share * tangents[texel, axis, i] * shear[i]
+    return shared
+
+
+def press_plate(
+    contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts, body_of_geom: IntArray
+) -> tuple[IntArray, FloatArray, IntArray, FloatArray, FloatArray, Sums]:
+    """Kernel: sum, for each body, the contact forces against a plate's normal, and the moments of these forces.
+
+    Args:
+        contacts: The contacts.
+        geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
+        geom_xpos: Position of every geom in the world, shape (geoms, 3) [m].
+        parts: The plate.
+        body_of_geom: Id of the body that each geom moves with; -1 for a geom whose shape is not known, whose forces
+            count as points; the last entry is for flexes, shape (geoms + 1,).
+
+    Returns:
+        Ids of the bodies of known shape that exert force on the plate's front, shape (bodies,); for each of these
+        bodies the sums over its contacts of force [N], force times x, and force times y [N m], its deepest penetration
+        [m], and the number of its contacts, shape (bodies, 5); for each of the m contacts with the plate's front the
+        index of its body, -1 for an unknown shape, shape (m,), and x, y [m] and force [N], shape (m, 3); axes of the
+        array in the world, as columns, and its origin, shape (4, 3) [-, m]; and what `sum_contacts` returns.
+    """
+    geom, _, _, _, _, pos, dist, _, _ = contacts
+    _, _, plate, turn, middle = parts
+    found = sum_contacts(contacts, geom_xmat, geom_xpos, parts)
+    pressed, place = found[0], _find_place(geom_xmat, geom_xpos, plate, turn, middle)
+    bodies, sums = np.empty(len(geom), dtype=np.int64), np.zeros((len(geom), 5))
+    owner, points = np.empty(len(geom), dtype=np.int64), np.zeros((len(geom), 3))
+    count, touching = 0, 0
+    for k in range(len(geom)):
+        force = pressed[k, 0] + pressed[k, 1]
+        if force == 0:
+            continue
+        for i in range(3):
+            points[touching, 0] += (pos[k, i] - place[3, i]) * place[i, 0]
+            points[touching, 1] += (pos[k, i] - place[3, i]) * place[i, 1]
+        points[touching, 2] = force
+        body = body_of_geom[geom[k, 0] if geom[k, 1] == plate else geom[k, 1]]
+        owner[touching] = -1
+        if body >= 0:
+            slot = 0
+            while slot < count and bodies[slot] != body:
+                slot += 1
+            if slot == count:
+                bodies[slot] = body
+                count += 1
+            owner[touching] = slot
+            sums[slot, 0] += force
+            sums[slot, 1] += force * points[touching, 0]
+            sums[slot, 2] += force * points[touching, 1]
+            sums[slot, 3] = max(sums[slot, 3], -dist[k])
+            sums[slot, 4] += 1
+        touching += 1
+    return bodies[:count], sums[:count], owner[:touching], points[:touching], place, found
+
+
+@called_by_kernels
+def _find_place(
+    geom_xmat: FloatArray, geom_xpos: FloatArray, plate: int, turn: FloatArray, middle: FloatArray
+) -> FloatArray:
+    """Compute axes and origin of an array in the world from the pose of its plate; see `press_plate` and `Parts`."""
+    place = np.zeros((4, 3))
+    for i in range(3):
+        for j in range(3):
+            for axis in range(3):
+                place[i, j] += geom_xmat[plate, 3 * i + axis] * turn[j, axis]
+    for i in range(3):
+        place[3, i] = geom_xpos[plate, i]
+        for j in range(3):
+            place[3, i] -= place[i, j] * middle[j]
+    return place

@@ -1,0 +1,370 @@
+"""Division of an array of any layout into flat panels, each with its own cells, placed on one common grid of cells.
+
+A panel is a flat part of the array, represented in MuJoCo by one rigid plate.  The common grid represents the cover
+unrolled into a plane:
+
+- Texels that lie about one pitch from their neighbours in the image, as on a bent sheet, are placed as in the image.
+  Cells of adjacent panels then interact as at their distance along the surface, whatever the angle between the panels.
+- Texels of any other layout in one plane form a single panel, whose cells are the common grid.
+- Of any other layout, each texel is a panel of its own.  The panels are placed so far apart on the common grid that
+  their cells do not interact.  A force on a cell still acts on other texels at the base, depending on their offset in
+  the plane of the loaded panel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from fastmodel.pressure.cell_grid import BaseForces, CellGrid
+from fastmodel.pressure.gap import PosedBody
+from fastmodel.signal.point_spread import find_tangents
+from fastmodel.surface import CoverCells
+from meshes import TexelArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
+
+#: Largest distance of texels of one panel from a plane or from a flat, regular grid, over the pitch [-].
+_FLAT = 1e-3
+#: Largest difference between the pitch and the distance of neighbouring texels on a bent sheet, over the pitch [-].
+#: The distance is a chord of the bent surface and therefore shorter than the pitch.
+_BENT = 0.2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Panel:
+    """A flat part of an array.
+
+    Attributes:
+        origin: Centre of the panel in the array's frame, shape (3,) [m].
+        axes: x axis, y axis and outward normal of the panel in the array's frame, as columns, shape (3, 3) [-].
+        half: Half edge lengths of the panel's plate along its x and y axes [m].
+        first: Row and column in the tactile image of the panel's first texel if the array is a bent sheet; else None.
+    """
+
+    origin: FloatArray
+    axes: FloatArray
+    half: tuple[float, float]
+    first: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PanelCells:
+    """The cells of a panel.
+
+    Attributes:
+        panel: The panel.
+        grid: The cells of the panel, in the frame of the panel.
+        row: Row on the common grid of the panel's first cell.
+        column: Column on the common grid of the panel's first cell.
+        rim: Number of cells along each edge of `grid` that lie beyond the panel.  The gap is not sampled on these
+            cells, but a share of the force on a partly covered cell at the panel's edge acts on them [-].
+    """
+
+    panel: Panel
+    grid: CellGrid
+    row: int
+    column: int
+    rim: int = 0
+
+    def holds(self, row: IntArray, column: IntArray) -> BoolArray:
+        """Return whether cells of `grid` lie on the panel and not on the rim, same shape as `row`."""
+        inside = (row >= self.rim) & (row < self.grid.rows - self.rim)
+        return np.asarray(inside & (column >= self.rim) & (column < self.grid.columns - self.rim))
+
+    @property
+    def radius(self) -> float:
+        """Distance from the panel's centre to the farthest corner of the panel's cells [m]."""
+        return float(np.hypot(*np.abs(self.grid.low)))
+
+    def is_near(self, pose: PosedBody, reach: float) -> bool:
+        """Return whether the bounding sphere of any solid of a body lies within `reach` [m] of the panel's cells."""
+        distance = np.linalg.norm(pose.centres - self.panel.origin, axis=1) - np.linalg.norm(pose.shape.halves, axis=1)
+        return bool((distance <= self.radius + reach).any())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScatteredGrid(CellGrid):
+    """A common grid whose cells belong to texels in any arrangement.
+
+    Attributes:
+        shares: Share of each cell's area that belongs to each of n texels, sparse, shape (n, rows * columns) [-].
+    """
+
+    shares: sp.csr_array
+
+    @property
+    def texels(self) -> int:
+        """Number of texels [-]."""
+        return int(self.shares.shape[0])
+
+    def sum_on_texels(self, row: IntArray, column: IntArray, forces: FloatArray) -> FloatArray:
+        """Sum forces on cells over the texels that the cells belong to; see `CellGrid.sum_on_texels`."""
+        whole = np.bincount(row * self.columns + column, forces, self.rows * self.columns)
+        return np.asarray(self.shares @ whole)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PanelLayout:
+    """The cells of an array.
+
+    Attributes:
+        panels: The flat panels of the array with their cells; none if the array is flat and regular.
+        grid: The contact grid, or the common grid on which the cells of all panels are placed.
+    """
+
+    panels: tuple[PanelCells, ...]
+    grid: CellGrid
+
+    def build_base_forces(self, cells: CoverCells, array: TexelArray) -> BaseForces:
+        """Build the operator from forces on cells to forces on texels at the base of the cover."""
+        if isinstance(self.grid, ScatteredGrid):
+            return ScatteredBaseForces(cells, self.panels, self.grid, array)
+        return BaseForces(cells, self.grid, array)
+
+
+def divide_into_panels(array: TexelArray, margin: int) -> tuple[Panel, ...]:
+    """Divide an array into flat panels.
+
+    Args:
+        array: The texels.
+        margin: Number of pitches by which the plate of a flat array extends beyond the outermost texels.  Curved arrays
+            have no margin, because the plates of adjacent panels would overlap [-].
+    """
+    axes = np.stack([*find_tangents(array), array.normals], axis=-1)
+    if _is_bent_sheet(array, axes) and not array.planar:
+        return tuple(_build_panel(array, axes, block) for block in _find_blocks(array, axes))
+    local = (array.centres - array.centres[0]) @ axes[0]
+    pitch = np.array(array.pitch)
+    if _is_flat(local[:, 2], array) and np.abs(axes - axes[0]).max() < _FLAT:
+        low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
+        half = (high - low) / 2 + (0.5 + margin) * pitch
+        middle = array.centres[0] + axes[0] @ np.append((low + high) / 2, 0.0)
+        return (Panel(origin=middle, axes=axes[0], half=(float(half[0]), float(half[1]))),)
+    half = (array.pitch[0] / 2, array.pitch[1] / 2)
+    return tuple(Panel(origin=centre, axes=turn, half=half) for centre, turn in zip(array.centres, axes, strict=True))
+
+
+def lay_out(array: TexelArray, margin: int, per_texel: int, apart: int = 1) -> PanelLayout:
+    """Divide an array, or every panel of it, into cells, and place the cells of all panels on a common grid.
+
+    Args:
+        array: The texels.
+        margin: Number of pitches by which the plate of a flat array extends beyond the outermost texels [-].
+        per_texel: Number of cells along each texel pitch [-].
+        apart: Number of cells between panels that do not interact [-].
+    """
+    if array.regular:
+        return PanelLayout(panels=(), grid=CellGrid.over(array, per_texel, margin))
+    panels = divide_into_panels(array, margin)
+    edge = (array.pitch[0] / per_texel, array.pitch[1] / per_texel)
+    if panels[0].first is not None:
+        corners = [np.multiply(panel.first or (0, 0), per_texel).tolist() for panel in panels]
+        placed = [
+            PanelCells(panel=panel, grid=_divide_panel(panel, edge, 0), row=row, column=column)
+            for panel, (row, column) in zip(panels, corners, strict=True)
+        ]
+        image = TexelArray.grid(array.rows, array.columns, array.pitch)
+        return PanelLayout(panels=tuple(placed), grid=CellGrid.over(image, per_texel, 0))
+    grids = [_divide_panel(panel, edge, 1) for panel in panels]
+    wide = int(np.ceil(np.sqrt(len(panels))))
+    rows, columns = (max(getattr(grid, name) for grid in grids) + apart for name in ("rows", "columns"))
+    placed = [
+        PanelCells(panel=panel, grid=grid, row=k // wide * rows, column=k % wide * columns, rim=1)
+        for k, (panel, grid) in enumerate(zip(panels, grids, strict=True))
+    ]
+    whole = CellGrid(
+        per_texel=per_texel,
+        rows=placed[-1].row + rows,
+        columns=wide * columns,
+        margin=0,
+        edge=edge,
+        low=np.zeros(2),
+        texel_columns=array.columns,
+    )
+    shares = _share_cells(array, placed, whole)
+    return PanelLayout(panels=tuple(placed), grid=ScatteredGrid(**{**vars(whole), "shares": shares}))
+
+
+class ScatteredBaseForces(BaseForces):
+    """The operator from forces on cells to forces at the base on texels in any layout; compare `BaseForces`."""
+
+    def __init__(
+        self, cells: CoverCells, panels: tuple[PanelCells, ...], grid: ScatteredGrid, array: TexelArray
+    ) -> None:
+        """Tabulate the influence of every cell on every texel, that is, force on the texel per force on the cell.
+
+        Args:
+            cells: Compliance and influence of the cover.
+            panels: The panels and their cells.
+            grid: The common grid of all cells.
+            array: The texels.
+        """
+        self._grid = grid
+        matrix = _tabulate_influence(cells, panels, grid, array)
+        self._matrix = sp.csr_array(sp.diags_array(array.active.astype(np.float64)) @ matrix)
+        whole = np.asarray(grid.shares.sum(axis=1))
+        self._uniform = sp.csr_array(sp.diags_array(1 / np.maximum(whole, 1e-12)) @ grid.shares).T
+
+    def from_window(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
+        """Compute the texel forces under forces on a window of cells; see `BaseForces.from_window`."""
+        row, column = (np.arange(size) + start for size, start in zip(forces.shape, origin, strict=True))
+        inside = np.outer((row >= 0) & (row < self._grid.rows), (column >= 0) & (column < self._grid.columns))
+        whole = np.zeros(self._grid.rows * self._grid.columns)
+        whole[np.add.outer(row * self._grid.columns, column)[inside]] = forces[inside]
+        return np.asarray(self._matrix @ whole)
+
+    def from_texels(self, contact_forces: FloatArray) -> FloatArray:
+        """Compute the forces on n texels at the base under contact forces on the texels, shape (n,) [N].
+
+        Args:
+            contact_forces: Forces, each distributed uniformly over the cells of a texel, shape (n,) [N].
+        """
+        return np.asarray(self._matrix @ (self._uniform @ contact_forces))
+
+
+def _is_flat(heights: FloatArray, array: TexelArray) -> bool:
+    """Return whether texels of given heights [m] lie in one plane, up to the tolerance `_FLAT`."""
+    return bool(np.abs(heights).max() < _FLAT * min(array.pitch))
+
+
+def _is_bent_sheet(array: TexelArray, axes: FloatArray) -> bool:
+    """Return whether neighbouring texels of the image lie about one pitch apart, along the mean of their axes."""
+    turns = axes.reshape(array.rows, array.columns, 3, 3)
+    places = array.centres.reshape(array.rows, array.columns, 3)
+    for along, (here, there) in (
+        (0, (np.s_[:, :-1], np.s_[:, 1:])),
+        (1, (np.s_[:-1], np.s_[1:])),
+    ):
+        mean = turns[here] + turns[there]
+        length = np.linalg.norm(mean, axis=-2)
+        if (length < 1).any():
+            return False
+        apart = np.einsum("...i,...ij->...j", places[there] - places[here], mean / length[..., None, :])
+        apart[..., along] -= array.pitch[along]
+        if np.abs(apart / [*array.pitch, min(array.pitch)]).max(initial=0.0) > _BENT:
+            return False
+    return True
+
+
+def _find_blocks(array: TexelArray, axes: FloatArray) -> list[tuple[int, int, int, int]]:
+    """Divide the image into rectangular blocks of coplanar texels.
+
+    Returns:
+        First row, first column, one past the last row, and one past the last column of each block.
+    """
+    left = np.ones((array.rows, array.columns), dtype=bool)
+    found = []
+    for row, column in np.ndindex(array.rows, array.columns):
+        if not left[row, column]:
+            continue
+        bottom, right = row + 1, column + 1
+        while right < array.columns and left[row, right] and _is_regular(array, axes, (row, column, bottom, right + 1)):
+            right += 1
+        while bottom < array.rows and _is_regular(array, axes, (row, column, bottom + 1, right)):
+            bottom += 1
+        left[row:bottom, column:right] = False
+        found.append((row, column, bottom, right))
+    return found
+
+
+def _is_regular(array: TexelArray, axes: FloatArray, block: tuple[int, int, int, int]) -> bool:
+    """Return whether a block of texels (see `_find_blocks`) is a flat, regular grid."""
+    texels = _list_texels(array, block)
+    grid = TexelArray.grid(block[2] - block[0], block[3] - block[1], array.pitch).centres
+    local = (array.centres[texels] - array.centres[texels[0]]) @ axes[texels[0]]
+    straight = np.abs(axes[texels] - axes[texels[0]]).max() < _FLAT * min(array.pitch) / max(np.ptp(grid), 1e-9)
+    return bool(straight and np.abs(local - (grid - grid[0])).max() < _FLAT * min(array.pitch))
+
+
+def _list_texels(array: TexelArray, block: tuple[int, int, int, int]) -> IntArray:
+    """List the indices of the n texels of a block (see `_find_blocks`), shape (n,)."""
+    row, column = np.mgrid[block[0] : block[2], block[1] : block[3]]
+    return np.asarray((row * array.columns + column).ravel())
+
+
+def _build_panel(array: TexelArray, axes: FloatArray, block: tuple[int, int, int, int]) -> Panel:
+    """Build the panel of a block of coplanar texels (see `_find_blocks`)."""
+    texels = _list_texels(array, block)
+    rows, columns = block[2] - block[0], block[3] - block[1]
+    half = (columns * array.pitch[0] / 2, rows * array.pitch[1] / 2)
+    return Panel(origin=array.centres[texels].mean(axis=0), axes=axes[texels[0]], half=half, first=(block[0], block[1]))
+
+
+def _divide_panel(panel: Panel, edge: tuple[float, float], rim: int) -> CellGrid:
+    """Divide a panel into cells in the frame of the panel, with a rim of `rim` cells around the panel."""
+    columns, rows = (np.ceil(2 * np.array(panel.half) / edge - 1e-6).astype(int) + 2 * rim).tolist()
+    low = -np.array(panel.half) - rim * np.array(edge)
+    return CellGrid(per_texel=1, rows=rows, columns=columns, margin=0, edge=edge, low=low, texel_columns=columns)
+
+
+def _find_centres(part: PanelCells) -> FloatArray:
+    """Compute the centres of a panel's cells in the array's frame, shape (rows, columns, 3) [m]."""
+    grid, axes = part.grid, part.panel.axes
+    along, up = np.arange(grid.columns) + 0.5, np.arange(grid.rows) + 0.5
+    x, y = np.meshgrid(grid.low[0] + along * grid.edge[0], grid.low[1] + up * grid.edge[1])
+    return np.asarray(part.panel.origin + x[..., None] * axes[:, 0] + y[..., None] * axes[:, 1])
+
+
+def _number_cells(part: PanelCells, whole: CellGrid) -> IntArray:
+    """Number a panel's cells by their index on the common grid, counted row by row, shape (rows, columns)."""
+    row, column = np.arange(part.grid.rows) + part.row, np.arange(part.grid.columns) + part.column
+    return np.add.outer(row * whole.columns, column)
+
+
+def _share_cells(array: TexelArray, parts: list[PanelCells], whole: CellGrid) -> sp.csr_array:
+    """Compute the share of each cell's area that belongs to each of n texels, shape (n, rows * columns) [-].
+
+    A point belongs to the nearest texel, if this texel's centre is at most half a pitch away along x and along y.
+    """
+    from scipy.spatial import cKDTree
+
+    offset = (np.arange(4) + 0.5) / 4 - 0.5  # 4 x 4 points of a cell, in cells
+    texels: list[IntArray] = []
+    cells: list[IntArray] = []
+    for k, part in enumerate(parts):
+        own = np.arange(array.count) if len(parts) == 1 else np.array([k])
+        local = (array.centres[own] - part.panel.origin) @ part.panel.axes
+        tree = cKDTree(local[:, :2] / array.pitch)
+        centres = (_find_centres(part) - part.panel.origin) @ part.panel.axes
+        number = _number_cells(part, whole)
+        for dx, dy in np.ndindex(4, 4):
+            place = centres[..., :2] + np.array([offset[dx], offset[dy]]) * whole.edge
+            distance, nearest = tree.query(place / array.pitch, p=np.inf)
+            inside = distance <= 0.5 + 1e-9
+            texels.append(own[np.asarray(nearest)[inside]])
+            cells.append(number[inside])
+    texel, cell = np.concatenate(texels), np.concatenate(cells)
+    share = np.full(len(texel), 1 / 4**2)
+    return sp.csr_array(sp.coo_array((share, (texel, cell)), shape=(array.count, whole.rows * whole.columns)))
+
+
+def _tabulate_influence(
+    cells: CoverCells, panels: tuple[PanelCells, ...], grid: ScatteredGrid, array: TexelArray
+) -> sp.csr_array:
+    """Tabulate the force on each of n texels per unit force on each cell, shape (n, rows * columns) [-].
+
+    The influence of the cover is interpolated by cubic splines at the offset between cell and texel in the plane of the
+    cell's panel.
+    """
+    from scipy.interpolate import RectBivariateSpline
+    from scipy.spatial import cKDTree
+
+    index = np.arange(len(cells.influence)) - cells.reach + 0.5 - cells.per_texel / 2
+    y, x = index * cells.cell[1], index * cells.cell[0]
+    order = min(3, len(index) - 1)
+    table = RectBivariateSpline(y, x, cells.influence, kx=order, ky=order)
+    tree = cKDTree(array.centres)
+    found: list[tuple[IntArray, IntArray, FloatArray]] = []
+    for part in panels:
+        axes, number, centres = part.panel.axes, _number_cells(part, grid), _find_centres(part)
+        texels = tree.query_ball_point(part.panel.origin, part.radius + np.hypot(x[-1], y[-1]))
+        for texel in (t for t in texels if array.normals[t] @ axes[:, 2] > 0):
+            apart = (centres - array.centres[texel]) @ axes[:, :2]
+            inside = (np.abs(apart[..., 0]) <= x[-1] + 1e-12) & (np.abs(apart[..., 1]) <= y[-1] + 1e-12)
+            if inside.any():
+                force = table.ev(apart[inside][:, 1], apart[inside][:, 0])
+                found.append((np.full(inside.sum(), texel), number[inside], force))
+    texel, cell, force = (np.concatenate(each) for each in zip(*found, strict=True))
+    return sp.csr_array(sp.coo_array((force, (texel, cell)), shape=(array.count, grid.rows * grid.columns)))

@@ -1,0 +1,333 @@
+"""Reader of the contact methods that find the pressure of bodies on a surface: bodies, gaps, pressures, texel forces.
+
+The surface is cells of plates or points of a mesh.  This file holds what both share: the contact of a state, and when
+the last solution stands.  `fastmodel.contact.plate` and `fastmodel.contact.mesh` find loads and pressures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from fastmodel.compiled import compile_kernel
+from fastmodel.contact.bodies import Bodies, Joints, find_geoms
+from fastmodel.contact.forces import Sums
+from fastmodel.contact.interface import Reading
+from fastmodel.errors import FastModelError
+from fastmodel.pressure.gap import BodyShape, PosedBody
+from fastmodel.pressure.solvers import Load, Wrench
+from fastmodel.state import State, pack, unpack
+from meshes import TexelArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
+
+#: Relative change of loads, change of positions over a length of the cover, and change of rotations, up to which a
+#: contact counts as unchanged, so that the last reading is returned [-].  Bodies at rest in MuJoCo vary by about 1e-6.
+UNCHANGED = 1e-5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArrayContact:
+    """The bodies that press on an array, with their loads and poses, and the contacts that are no body's pressure.
+
+    A contact is a row of d coordinates of its position and of its force: x, y on the contact grid [m] and the force
+    along the normal [N] for plates, positions and force vectors in the array's frame for a mesh.
+
+    Attributes:
+        bodies: Id of each body of known shape that presses on the front of the array.
+        loads: Force and moments of each body.
+        poses: Shape of each body and its pose in the array's frame.
+        owner: Index in `bodies` of the body of each of m contacts, shape (m,).
+        touches: These contacts, shape (m, 3 or 6).
+        points: The k contacts whose bodies have no known shape; they act as point forces, shape (k, 3 or 6).
+        beside: Force at the sides and on the back of a plate, with its sign [N].
+    """
+
+    bodies: tuple[int, ...]
+    loads: tuple[Load, ...]
+    poses: tuple[PosedBody, ...]
+    owner: IntArray
+    touches: FloatArray
+    points: FloatArray
+    beside: float
+
+    def equals(self, other: ArrayContact, tolerance: float, length: float) -> bool:
+        """Return whether bodies, loads and poses of another contact are equal up to a tolerance.
+
+        Args:
+            other: The other contact.
+            tolerance: Largest accepted difference of forces over the force, of positions over `length`, and of entries
+                of rotations [-].
+            length: Length by which differences of positions and of lever arms are divided [m].
+        """
+        if self.bodies != other.bodies or len(self.points) != len(other.points):
+            return False
+        if not all(a.equals(b, tolerance, length) for a, b in zip(self.poses, other.poses, strict=True)):
+            return False
+        if not all(a.equals(b, tolerance, length) for a, b in zip(self.loads, other.loads, strict=True)):
+            return False
+        if abs(self.beside - other.beside) > tolerance * abs(self.beside):
+            return False
+        if not len(self.points):
+            return True
+        places = (self.points.shape[1] + 1) // 2
+        apart, size = np.abs(self.points - other.points), np.abs(self.points[:, places:]).sum()
+        limits = np.where(np.arange(apart.shape[1]) < places, tolerance * length, tolerance * size)
+        return bool((apart <= limits).all())
+
+    def select(self, kept: Sequence[int]) -> ArrayContact:
+        """Return the contact with the contacts of the other bodies as point forces.
+
+        Args:
+            kept: Indices in `bodies` of the bodies that keep their shapes.
+        """
+        number = np.full(len(self.bodies), -1)
+        number[list(kept)] = np.arange(len(kept))
+        owner = number[self.owner]
+        return replace(
+            self,
+            bodies=tuple(self.bodies[k] for k in kept),
+            loads=tuple(self.loads[k] for k in kept),
+            poses=tuple(self.poses[k] for k in kept),
+            owner=owner[owner >= 0],
+            touches=self.touches[owner >= 0],
+            points=np.concatenate([self.points, self.touches[owner < 0]]),
+        )
+
+
+class Touches(NamedTuple):
+    """The k contacts of a state with an array, in the frame of the array.
+
+    Attributes:
+        part: Index of the geom of the array, shape (k,).
+        body: Id of the body; -1 without a convex shape, shape (k,).
+        outward: Normal away from the array, shape (k, 3) [-].
+        pressure: Normal force with its sign reversed, shape (k, 3) [N].
+        friction: Tangential force with its sign reversed, shape (k, 3) [N].
+        place: Position, shape (k, 3) [m].
+        depth: Penetration, shape (k,) [m].
+    """
+
+    part: IntArray
+    body: IntArray
+    outward: FloatArray
+    pressure: FloatArray
+    friction: FloatArray
+    place: FloatArray
+    depth: FloatArray
+
+
+class PressureReader:
+    """Base class of the readers that compute texel forces from the bodies that press on a surface."""
+
+    #: Length by which differences of positions are divided, see `ArrayContact.equals` [m].
+    _length: float
+    #: Height of the array's geoms, behind which nothing presses [m].
+    _height: float = np.inf
+    #: The reading without contacts.
+    _nothing: Reading
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        array: TexelArray,
+        name: str,
+        *,
+        geoms: Sequence[str],
+        frame: tuple[FloatArray, FloatArray],
+        edge: float = 0.0,
+    ) -> None:
+        """Find the geoms of the array in the compiled model, and describe the bodies that can touch them.
+
+        Args:
+            model: The compiled model.
+            array: The array that was attached.
+            name: Name of the sensor.
+            geoms: Names of the array's geoms.
+            frame: Axes, as columns, shape (3, 3) [-], and middle [m] of the first geom in the frame of the array.
+            edge: Distance by which solids with sharp edges are enlarged [m].
+
+        Raises:
+            LifeCycleError: If the model was not compiled from the spec that the array was attached to.
+        """
+        self._geoms = find_geoms(model, geoms, name)
+        self._geom, self._name = int(self._geoms[0]), geoms[0]
+        self._model, self._array, self._turn, self._middle = model, array, frame[0].T, frame[1]
+        # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes, so that it belongs to no part.
+        self._part_of = np.full(model.ngeom + 1, -1)
+        self._part_of[self._geoms] = np.arange(len(self._geoms))
+        self._bodies = Bodies(model, self._geoms, name, edge)
+        self._bodies.find_shapes()
+        self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
+        self._transform_poses = compile_kernel(transform_poses)
+        self._solved: tuple[ArrayContact, Reading] | None = None
+
+    def at_rest(self, contact_forces: FloatArray) -> Reading:
+        """Make the reading for given contact forces, and discard previous solutions; see `ContactReader.at_rest`."""
+        self._solved = None
+        self._bodies.follow_meshes()
+        return self._complete(Reading(contact_forces, self._spread(contact_forces), float(contact_forces.sum())), None)
+
+    def get_state(self) -> State:
+        """Return the last solution; see `ContactReader.get_state`."""
+        return pack("solved", self._solved)
+
+    def set_state(self, state: State) -> None:
+        """Restore what `get_state` returned; see `ContactReader.set_state`."""
+        self._solved = unpack(state, "solved", (ArrayContact, Load, Wrench, PosedBody, BodyShape, Reading))
+
+    def read(self, data: mujoco.MjData) -> Reading:
+        """Compute the contact forces of a step, or return the last ones if no load or pose has changed."""
+        found = self.find_contact(data)
+        if found is None:
+            return self._nothing
+        contact, sums = found
+        if self._solved is None or not contact.equals(self._solved[0], UNCHANGED, self._length):
+            self._solved = (contact, self._solve(contact))
+        return self._complete(self._solved[1], sums)
+
+    def find_contact(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums | None] | None:
+        """Find the bodies that press on the array in a simulation state, and sum all contact forces on it.
+
+        Returns:
+            The bodies, and what `sum_contacts` returns for plates; None if nothing touches the array.
+
+        Raises:
+            LifeCycleError: If the size of the array's geoms has changed.
+            FastModelError: If a contact force is not finite.
+        """
+        if not data.nefc:
+            return None
+        self._bodies.follow_changes()
+        return self._find_loads(data)
+
+    def _find_loads(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums | None] | None:
+        """Find the bodies that press and their loads; see `find_contact`."""
+        raise NotImplementedError
+
+    def _solve(self, contact: ArrayContact) -> Reading:
+        """Find the pressures of the bodies, and sum them over texels."""
+        raise NotImplementedError
+
+    def _spread(self, contact_forces: FloatArray) -> FloatArray | None:
+        """Compute texel forces under contact forces on the texels, if the method computes them, shape (n,) [N]."""
+        raise NotImplementedError
+
+    def _complete(self, reading: Reading, sums: Sums | None) -> Reading:  # noqa: ARG002
+        """Add net force and tangential forces to a reading, if the method computes them."""
+        return reading
+
+    def _find_frame(self, data: mujoco.MjData) -> FloatArray:
+        """Find axes of the array in the world, as columns, and its origin, shape (4, 3) [-, m]."""
+        # dot instead of @, because @ takes twice as long for arrays this small
+        axes = data.geom_xmat[self._geom].reshape(3, 3).dot(self._turn)
+        return np.vstack([axes, data.geom_xpos[self._geom] - axes.dot(self._middle)])
+
+    def _list_touches(self, data: mujoco.MjData, frame: FloatArray) -> Touches:
+        """List the contacts with the array; `frame` as `_find_frame` returns it."""
+        contact = data.contact
+        part = self._part_of[contact.geom]
+        k, side = ((part >= 0) & (contact.efc_address >= 0)[:, None]).nonzero()
+        local = np.zeros((len(k), 6))  # force and torque
+        for number, force in zip(k.tolist(), local, strict=True):
+            mujoco.mj_contactForce(self._model, data, number, force)
+        if not np.isfinite(local).all():
+            self._refuse(data)
+        axes = contact.frame[k].reshape(-1, 3, 3) @ frame[:3]
+        axes[side == 1] *= -1
+        return Touches(
+            part=part[k, side],
+            body=self._bodies.of_geom[contact.geom[k, 1 - side]],
+            outward=axes[:, 0],
+            pressure=local[:, :1] * axes[:, 0],
+            friction=np.einsum("ki,kij->kj", local[:, 1:3], axes[:, 1:]),
+            place=(contact.pos[k] - frame[3]) @ frame[:3],
+            depth=-contact.dist[k],
+        )
+
+    def _build_contact(
+        self,
+        data: mujoco.MjData,
+        frame: FloatArray,
+        touches: Touches,
+        *,
+        forces: FloatArray,
+        normals: FloatArray,
+        table: FloatArray,
+        front: BoolArray,
+        points: BoolArray,
+    ) -> ArrayContact:
+        """Sum the contact forces of every body as a vector with its moment.
+
+        Args:
+            data: The state.
+            frame: The frame of the array.
+            touches: The k contacts.
+            forces: Force of each contact that is pressure, shape (k, 3) [N].
+            normals: Normals of the surface; a body whose force points against all of them presses on nothing.
+            table: The contacts as `ArrayContact` has them, shape (k, 3 or 6).
+            front: Whether a contact is with the front, shape (k,).
+            points: Whether a contact without a known shape acts as a point force, shape (k,).
+        """
+        loads: dict[int, Wrench] = {}
+        for body in np.unique(touches.body[front & (touches.body >= 0)]).tolist():
+            mine = front & (touches.body == body)
+            vector, moment = forces[mine].sum(axis=0), np.cross(touches.place[mine], forces[mine]).sum(axis=0)
+            if (normals @ vector).max() > 0:
+                slides = self._joints.find_slides(data, body) @ frame[:3]
+                rotates = self._joints.let_tilt(data, body, self._get_upright(frame))
+                loads[body] = Wrench.along_free_directions(vector, moment, slides, rotates=rotates)
+        known = front & np.isin(touches.body, list(loads))
+        return ArrayContact(
+            bodies=tuple(loads),
+            loads=tuple(loads.values()),
+            poses=tuple(
+                self._find_pose(data, body, frame, float(touches.depth[touches.body == body].max())) for body in loads
+            ),
+            owner=np.searchsorted(np.array(list(loads), dtype=np.int64), touches.body[known]),
+            touches=table[known],
+            points=table[points],
+            beside=0.0,
+        )
+
+    def _get_upright(self, frame: FloatArray) -> FloatArray:
+        """Return the axis in the world about which a body may turn without tilting, zero for none, shape (3,) [-]."""
+        return np.asarray(frame[:3, 2])
+
+    def _find_pose(self, data: mujoco.MjData, body: int, frame: FloatArray, depth: float) -> PosedBody:
+        """Compute the poses of a body's solids in the array's frame, for its deepest penetration into the array [m]."""
+        geoms, shape = self._bodies.find_shape(body)
+        rotation, position = self._transform_poses(geoms, data.geom_xmat, data.geom_xpos, frame)
+        return PosedBody(shape=shape, rotation=rotation, position=position, back=-self._height - depth)
+
+    def _refuse(self, data: mujoco.MjData) -> None:
+        """Refuse contact forces that are not finite."""
+        raise FastModelError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
+
+
+def transform_poses(
+    geoms: IntArray, xmat: FloatArray, xpos: FloatArray, frame: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Kernel: transform the poses of p geoms from the world to the array's frame.
+
+    Args:
+        geoms: Ids of the p geoms, shape (p,).
+        xmat: Axes of all geoms in the world, shape (geoms, 9) [-].
+        xpos: Origins of all geoms in the world, shape (geoms, 3) [m].
+        frame: Axes of the array in the world, as columns, and its origin, shape (4, 3) [-, m].
+
+    Returns:
+        Axes of the p geoms in the array's frame, as columns, shape (p, 3, 3) [-], and their origins, shape (p, 3) [m].
+    """
+    rotation, position = np.zeros((len(geoms), 3, 3)), np.zeros((len(geoms), 3))
+    for p in range(len(geoms)):
+        g = geoms[p]
+        for i in range(3):
+            for j in range(3):
+                position[p, i] += frame[j, i] * (xpos[g, j] - frame[3, j])
+                for k in range(3):
+                    rotation[p, i, k] += frame[j, i] * xmat[g, 3 * j + k]
+    return rotation, position

@@ -1,0 +1,440 @@
+# ruff: noqa: PLR0917, PLR2004, C901 -- kernels take arrays by position, and their tolerances stand where they act
+"""Compiled kernels that compute the pressure on cells; `fastmodel.pressure.solvers` describes the methods.
+
+All kernels stand in one file, because numba's cache checks only the file of the called kernel for changes, not the
+files of the functions that this kernel calls.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fastmodel.compiled import called_by_kernels
+from meshes.array_types import FloatArray, IntArray
+
+#: The compliance of the cover between the m cells under bodies.  The force on each cell is divided among four whole
+#: cells.  The entries are: row and column in the window of the first of the four whole cells, shape (2, m); shares of
+#: the four whole cells, shape (4, m) [-]; additional self compliance of each cell, shape (m,) [m/N]; and the two
+#: matrices of `SymmetricConvolution.matrices` [m/N].
+Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+@called_by_kernels
+def _spread_on_window(corner: IntArray, weight: FloatArray, forces: FloatArray, window: FloatArray) -> None:
+    """Divide forces on m partly covered cells among whole cells; write these to `window` (rows, columns) [N]."""
+    for i in range(window.shape[0]):
+        for j in range(window.shape[1]):
+            window[i, j] = 0.0
+    for i in range(len(forces)):
+        if forces[i] != 0.0:
+            row, col = corner[0, i], corner[1, i]
+            window[row, col] += weight[0, i] * forces[i]
+            window[row, col + 1] += weight[1, i] * forces[i]
+            window[row + 1, col] += weight[2, i] * forces[i]
+            window[row + 1, col + 1] += weight[3, i] * forces[i]
+
+
+@called_by_kernels
+def _displace(
+    cover: Cover, forces: FloatArray, room: tuple[FloatArray, FloatArray, FloatArray], moved: FloatArray
+) -> None:
+    """Compute the displacements `moved` of m cells under forces on them, (m,) [m]; `room` is working memory."""
+    corner, weight, own, first, second = cover
+    window, half, beside = room
+    rows, cols = window.shape
+    _spread_on_window(corner, weight, forces, window)
+    np.dot(first, window, half)
+    for t in range(half.shape[0]):
+        for j in range(cols):
+            beside[t % rows, t // rows * cols + j] = half[t, j]
+    np.dot(beside, second, window)
+    for i in range(len(forces)):
+        row, col = corner[0, i], corner[1, i]
+        moved[i] = own[i] * forces[i] + weight[0, i] * window[row, col] + weight[1, i] * window[row, col + 1]
+        moved[i] += weight[2, i] * window[row + 1, col] + weight[3, i] * window[row + 1, col + 1]
+
+
+@called_by_kernels
+def _solve_weighted(columns: FloatArray, weight: FloatArray, matrix: FloatArray, found: FloatArray) -> None:
+    """Solve (C^T W C) x = b by Gaussian elimination; the matrix is positive definite, so no pivoting is needed.
+
+    Args:
+        columns: Matrix C, shape (m, k).
+        weight: Diagonal of the matrix W, shape (m,).
+        matrix: Working memory, shape (k, k).
+        found: Right-hand side b; overwritten with the solution x, shape (k,).
+    """
+    k, trace = len(found), 1e-288
+    for a in range(k):
+        for b in range(a + 1):
+            total = 0.0
+            for i in range(len(weight)):
+                total += weight[i] * columns[i, a] * columns[i, b]
+            matrix[a, b] = matrix[b, a] = total
+        trace += matrix[a, a]
+    for a in range(k):
+        matrix[a, a] += 1e-12 * trace  # so that it can be inverted
+    for a in range(k):
+        for b in range(a + 1, k):
+            factor = matrix[b, a] / matrix[a, a]
+            for n in range(a, k):
+                matrix[b, n] -= factor * matrix[a, n]
+            found[b] -= factor * found[a]
+    for a in range(k - 1, -1, -1):
+        for n in range(a + 1, k):
+            found[a] -= matrix[a, n] * found[n]
+        found[a] /= matrix[a, a]
+
+
+@called_by_kernels
+def _fit_motion(
+    active: FloatArray, values: FloatArray, columns: FloatArray, matrix: FloatArray, motion: FloatArray
+) -> None:
+    """Fit columns @ motion (m,) to values (m,) on the active cells by least squares; write to `motion`, shape (k,).
+
+    `active` is 1 for cells under pressure, else 0, shape (m,); `matrix` is working memory, shape (k, k).
+    """
+    for a in range(len(motion)):
+        motion[a] = 0.0
+        for i in range(len(values)):
+            motion[a] += active[i] * values[i] * columns[i, a]
+    _solve_weighted(columns, active, matrix, motion)
+
+
+@called_by_kernels
+def _scale_sums(forces: FloatArray, columns: FloatArray, target: FloatArray) -> None:
+    """Scale the cell forces so that they add up exactly to the load of each body.
+
+    The columns of the constraints on sums of forces consist of ones and zeros.  If the centre of pressure lies at the
+    rim of the cells under a body, the corrections leave a small error of the balance.  After scaling, only the moments
+    have this error.
+    """
+    for a in range(len(target)):
+        is_sum, total = True, 0.0
+        for i in range(len(forces)):
+            is_sum = is_sum and (columns[i, a] == 0.0 or columns[i, a] == 1.0)
+            total += forces[i] * columns[i, a]
+        if is_sum and total > 0:
+            for i in range(len(forces)):
+                forces[i] *= 1.0 + columns[i, a] * (target[a] / total - 1.0)
+
+
+@called_by_kernels
+def _balance(
+    forces: FloatArray, columns: FloatArray, target: FloatArray, matrix: FloatArray, found: FloatArray
+) -> tuple[float, bool]:
+    """Correct the cell forces until columns.T @ forces = target, the balance of force and moments.
+
+    Each correction multiplies the forces by factors that are linear in the columns.
+
+    Returns:
+        The remaining error of the balance over the largest target [-], and whether a correction was more than slight.
+    """
+    k, changed, error, scale = len(target), False, np.inf, 0.0
+    for a in range(k):
+        scale = max(scale, abs(target[a]))
+    for _ in range(40):
+        error = 0.0
+        for a in range(k):
+            found[a] = target[a]
+            for i in range(len(forces)):
+                found[a] -= forces[i] * columns[i, a]
+            error = max(error, abs(found[a]) / scale)
+        if error <= 1e-9:
+            return error, changed
+        changed = changed or error > 1e-6  # below, the displacements stay valid
+        _solve_weighted(columns, forces, matrix, found)
+        for i in range(len(forces)):
+            factor = 1.0
+            for a in range(k):
+                factor += columns[i, a] * found[a]
+            forces[i] *= max(factor, 0.2)  # a positive factor keeps forces positive
+    _scale_sums(forces, columns, target)
+    return error, changed
+
+
+@called_by_kernels
+def _compute_residual(
+    active: FloatArray,
+    overlap: FloatArray,
+    columns: FloatArray,
+    matrix: FloatArray,
+    motion: FloatArray,
+    residual: FloatArray,
+) -> tuple[float, float, float, bool]:
+    """Fit rigid motions of the bodies to the overlap, and subtract them from the overlap.
+
+    The overlap of a cell is its displacement plus its gap.  The motions are written to `motion`, shape (k,) [m], and
+    the difference to `residual`, shape (m,) [m].
+
+    Returns:
+        Sums of squares of residual and of overlap over the active cells [m2], the sum of the absolute residual over
+        active cells and over inactive cells, that is, cells without pressure, on which the surfaces overlap [m]; and
+        whether there are such inactive cells.
+    """
+    _fit_motion(active, overlap, columns, matrix, motion)
+    energy, size, total, grows = 0.0, 0.0, 0.0, False
+    for i in range(len(active)):
+        residual[i] = overlap[i]
+        for a in range(len(motion)):
+            residual[i] -= columns[i, a] * motion[a]
+        energy += active[i] * residual[i] * residual[i]
+        size += active[i] * overlap[i] * overlap[i]
+        if active[i] != 0.0 or residual[i] < 0:
+            total += abs(residual[i])
+            grows = grows or active[i] == 0.0
+    return energy, size, total, grows
+
+
+@called_by_kernels
+def _measure_curvature(
+    active: FloatArray,
+    columns: FloatArray,
+    vectors: tuple[FloatArray, FloatArray, FloatArray],
+    matrix: FloatArray,
+    shifts: FloatArray,
+) -> tuple[float, float]:
+    """Compute the second and first derivatives of the energy with respect to the length of the search step.
+
+    Rigid motions of the bodies are subtracted from the direction before the second derivative is computed.
+
+    Args:
+        active: 1 for cells under pressure, else 0, shape (m,).
+        columns: Columns of the k constraints, shape (m, k).
+        vectors: Residual, search direction, and displacements under forces equal to the direction, each of shape (m,).
+        matrix: Working memory, shape (k, k).
+        shifts: Working memory, shape (k,).
+    """
+    residual, direction, image = vectors
+    _fit_motion(active, direction, columns, matrix, shifts)
+    curvature, slope = 0.0, 0.0
+    for i in range(len(active)):
+        free = direction[i]
+        for a in range(len(shifts)):
+            free -= active[i] * columns[i, a] * shifts[a]
+        curvature += image[i] * free
+        slope += residual[i] * direction[i]
+    return curvature, slope
+
+
+@called_by_kernels
+def _advance(
+    length: float, active: FloatArray, residual: FloatArray, direction: FloatArray, forces: FloatArray
+) -> bool:
+    """Change the cell forces by one step of given length, and return whether the set of active cells changed.
+
+    Active cells are those under pressure.  Forces that would become negative are set to zero, and inactive cells on
+    which the surfaces overlap receive a force.
+    """
+    other = False
+    for i in range(len(forces)):
+        if active[i] == 0.0:
+            forces[i] = max(-length * residual[i], 0.0)
+            other = other or forces[i] > 0
+        else:
+            forces[i] -= length * direction[i]
+            if forces[i] < 0:
+                forces[i], other = 0.0, True
+    return other
+
+
+@called_by_kernels
+def _compare(forces: FloatArray, before: FloatArray, active: FloatArray) -> float:
+    """Return the summed absolute change of the cell forces since the last step [N]; update `before` and `active`."""
+    change = 0.0
+    for i in range(len(forces)):
+        change += abs(forces[i] - before[i])
+        before[i], active[i] = forces[i], 1.0 if forces[i] > 0 else 0.0
+    return change
+
+
+def minimise_energy(
+    cover: Cover,
+    gap: FloatArray,
+    columns: FloatArray,
+    target: FloatArray,
+    start: FloatArray,
+    limits: tuple[float, float, int],
+) -> tuple[FloatArray, FloatArray, FloatArray, int, bool]:
+    """Kernel: compute the forces on m cells that minimise the energy under k constraints, by conjugate gradients.
+
+    Args:
+        cover: Compliance of the cover between the cells.
+        gap: Gap between the undeformed surfaces, shape (m,) [m].
+        columns: Columns of the constraints columns.T @ forces = target, shape (m, k).
+        target: Prescribed values of the constraints, shape (k,) [N].
+        start: Forces from which the iteration starts, shape (m,) [N].
+        limits: Sum of the changes of forces in one step below which the iteration stops [N]; summed residual below
+            which it stops too [m]; and largest number of steps.
+
+    Returns:
+        Cell forces, those in `start` if the constraints cannot be satisfied, shape (m,) [N]; these forces on the whole
+        cells of the window, shape (rows, columns) [N]; Lagrange multipliers of the constraints, shape (k,) [m]; number
+        of steps; and whether the iteration converged.
+    """
+    count, k = columns.shape
+    rows, cols, tall = cover[3].shape[1], cover[4].shape[1], cover[3].shape[0]
+    room = (np.empty((rows, cols)), np.empty((tall, cols)), np.empty((rows, tall // rows * cols)))
+    forces, before, active = start.copy(), np.zeros(count), np.zeros(count)
+    overlap, residual, direction, image = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    matrix, shifts, motion = np.zeros((k, k)), np.zeros(k), np.zeros(k)
+    previous, conjugate, other, step, converged = 1.0, 0.0, True, 0, False
+    while not converged:
+        error, corrected = _balance(forces, columns, target, matrix, shifts)
+        converged = _compare(forces, before, active) < limits[0] and step > 0
+        if converged or step == limits[2]:
+            break
+        if not error <= 1e-3:  # also true if the error is nan
+            forces[:] = start
+            break
+        # the overlap is computed anew only after cells joined or left the active set or after a large correction
+        if other or corrected:
+            _displace(cover, forces, room, overlap)
+            for i in range(count):
+                overlap[i] += gap[i]
+        energy, size, total, grows = _compute_residual(active, overlap, columns, matrix, motion, residual)
+        # the residual is small enough, or only rounding error
+        if total <= limits[1] or (energy <= 1e-20 * size and not grows):
+            converged = True
+            break
+        # the conjugate search direction, restarted from the residual after cells were added to the active set
+        for i in range(count):
+            direction[i] = active[i] * (residual[i] + conjugate * energy / previous * direction[i])
+        _displace(cover, direction, room, image)
+        curvature, slope = _measure_curvature(active, columns, (residual, direction, image), matrix, shifts)
+        converged = not curvature > 0
+        if not converged:
+            other = _advance(slope / curvature, active, residual, direction, forces)
+            previous, conjugate, step = energy, 0.0 if grows else 1.0, step + 1
+            if not other:
+                for i in range(count):
+                    overlap[i] += -slope / curvature * image[i]
+    _spread_on_window(cover[0], cover[1], forces, room[0])
+    return forces, room[0], motion, step, converged
+
+
+def place_cells(
+    samples: tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray],
+    grid: tuple[IntArray, FloatArray, FloatArray],
+    near: FloatArray,
+    square: float,
+) -> tuple[tuple[int, int], tuple[int, int], IntArray, FloatArray, FloatArray]:
+    """Kernel: divide each cell under a body among the four whole cells around the centroid of the covered part.
+
+    Args:
+        samples: Row, column, coverage, x and y of the cells, see `GapSamples`.
+        grid: Arrays that describe the contact grid, see `CellGrid.arrays`.
+        near: Compliance between cells that lie 0 or 1 rows and columns apart, shape (2, 2) [m/N].
+        square: Displacement at the centre of a whole cell under unit force on this cell of a half space [m/N].
+
+    Returns:
+        Row and column in the contact grid of the first cell of a window that contains all these whole cells; rows and
+        columns of the window; and the first three entries of
+        `Cover`.
+    """
+    row, column, coverage, x, y = samples
+    _, low, edge = grid
+    top, left, rows, cols = row[0], column[0], 0, 0
+    for k in range(len(x)):
+        top, left = min(top, row[k]), min(left, column[k])
+        rows, cols = max(rows, row[k] + 1), max(cols, column[k] + 1)
+    # extend the window by one cell on each side
+    top, left, rows, cols = top - 1, left - 1, rows - top + 2, cols - left + 2
+    corner, weight = np.empty((2, len(x)), dtype=np.int64), np.empty((4, len(x)))
+    own = np.empty(len(x))
+    for k in range(len(x)):
+        # rounded to 1e-9 cells, so that rounding errors do not divide a fully covered cell among four cells
+        u = math.floor(1e9 * ((x[k] - low[0]) / edge[0] - 0.5 - left) + 0.5) * 1e-9
+        v = math.floor(1e9 * ((y[k] - low[1]) / edge[1] - 0.5 - top) + 0.5) * 1e-9
+        corner[0, k], corner[1, k] = math.floor(v), math.floor(u)
+        a, b = u - math.floor(u), v - math.floor(v)
+        p, q, r, s = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
+        weight[0, k], weight[1, k], weight[2, k], weight[3, k] = p, q, r, s
+        # self compliance of the divided cell by the convolution; for a whole cell it is near[0, 0]
+        interpolated = near[0, 0] * (p * p + q * q + r * r + s * s) + 2 * near[0, 1] * (p * q + r * s)
+        interpolated += 2 * near[1, 0] * (p * r + q * s) + 2 * near[1, 1] * (p * s + q * r)
+        own[k] = near[0, 0] - interpolated + square * (1 / math.sqrt(coverage[k]) - 1)
+    shape = ((rows + 3) // 4 * 4, (cols + 3) // 4 * 4)  # multiples of 4, so that few matrices are needed
+    return (top, left), shape, corner, weight, own
+
+
+def find_start(
+    last: tuple[IntArray, IntArray, FloatArray],
+    samples: tuple[IntArray, IntArray, FloatArray, IntArray],
+    wanted: FloatArray,
+    scratch: FloatArray,
+) -> FloatArray:
+    """Kernel: compute the cell forces from which the iteration starts, shape (m,) [N].
+
+    They are the last pressures on the m cells, scaled to the load of each body, or uniform pressure if the last
+    pressures on the cells under a body give less than half its load.
+
+    Args:
+        last: Row, column, and pressure times the area of a whole cell [N], of each cell of the last solution.
+        samples: Row, column, coverage and body of the m cells, see `GapSamples`.
+        wanted: Load of each body, shape (bodies,) [N].
+        scratch: Working memory of zeros, with the shape of the contact grid; zeros again afterwards.
+    """
+    row, column, coverage, body = samples
+    forces, sums, areas = np.zeros(len(row)), np.zeros(len(wanted)), np.zeros(len(wanted))
+    for k in range(len(last[0])):
+        scratch[last[0][k], last[1][k]] = last[2][k]
+    for k in range(len(row)):
+        forces[k] = scratch[row[k], column[k]] * coverage[k]
+        sums[body[k]] += forces[k]
+        areas[body[k]] += coverage[k]
+    for k in range(len(last[0])):
+        scratch[last[0][k], last[1][k]] = 0.0
+    for k in range(len(row)):
+        b = body[k]
+        if sums[b] > 0.5 * wanted[b]:
+            forces[k] *= wanted[b] / sums[b]
+        else:
+            forces[k] = wanted[b] * coverage[k] / areas[b]
+    return forces
+
+
+def are_close(one: FloatArray, other: FloatArray, tolerance: float) -> bool:
+    """Kernel: return whether no entries of two arrays of equal length, shape (n,), differ by more than a tolerance."""
+    return bool(np.abs(one - other).max() <= tolerance)
+
+
+def match_springs(
+    columns: FloatArray, gap: FloatArray, stiffness: FloatArray, target: FloatArray
+) -> tuple[FloatArray, FloatArray, bool]:
+    """Kernel: find the motion of one body at which the springs of m cells carry the body's force and moments.
+
+    Args:
+        columns: Columns of the k constraints, see `Load.build_constraints`, shape (m, k).
+        gap: Gap between body and cover at each cell, shape (m,) [m].
+        stiffness: Force per displacement of each cell, shape (m,) [N/m].
+        target: Prescribed values of the constraints, shape (k,) [N].
+
+    Returns:
+        Force on each cell, shape (m,) [N]; gap below which each cell is in contact, shape (m,) [m]; whether the
+        constraints are satisfied.
+    """
+    motion = np.zeros(len(target))
+    motion[0] = gap.min() + target[0] / stiffness.sum()
+    height = np.dot(columns, motion)
+    forces = stiffness * np.maximum(height - gap, 0.0)
+    value = 0.5 * np.dot(forces, height - gap) - np.dot(motion, target)
+    for _ in range(60):
+        miss = target - np.dot(forces, columns)
+        if np.abs(miss).max() <= 1e-9 * target[0]:
+            return forces * (target[0] / np.dot(forces, columns)[0]), height, True
+        weighted = columns * (stiffness * (forces > 0)).reshape(len(gap), 1)
+        # the small diagonal makes the matrix invertible even if few cells touch
+        tangent = np.dot(np.ascontiguousarray(weighted.T), columns) + 1e-9 * stiffness.sum() * np.eye(len(target))
+        step, share, before = np.linalg.solve(tangent, miss), 1.0, value
+        while True:
+            height = np.dot(columns, motion + share * step)
+            forces = stiffness * np.maximum(height - gap, 0.0)
+            value = 0.5 * np.dot(forces, height - gap) - np.dot(motion + share * step, target)
+            if value <= before or share <= 1e-6:
+                break
+            share /= 2
+        motion = motion + share * step
+    return forces, height, False

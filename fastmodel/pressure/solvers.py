@@ -1,0 +1,456 @@
+"""Pressure between rigid bodies and cells of the cover, by the compliance of the cover or by an elastic foundation.
+
+`CoverSolver` minimises f A f / 2 + g f over the cell forces f >= 0, where A is the compliance of the cover between
+cells and g the gap of the undeformed surfaces, by conjugate gradients (Polonsky and Keer, Wear 231, 1999).  The force
+of every body is prescribed; for a body that is free to tilt, two moments are prescribed too.  In the solution, pressure
+acts only where the surfaces touch, and the surfaces overlap nowhere.  The Lagrange multipliers of the prescribed forces
+and moments are the approach and the two tilts of each body.  The residual and the search direction are projected on the
+subspace that satisfies these constraints.
+
+A acts as a convolution on a window (rectangle of cells of the contact grid) around the contact.  The force on a partly
+covered cell acts at the centroid of the covered part: the force is divided bilinearly among the four nearest whole
+cells, and the displacement is interpolated with the same weights, so that A stays symmetric.  A force on a smaller area
+also displaces that area more; this additional self compliance is added to the diagonal of A.
+
+In `FoundationSolver`, an elastic (Winkler) foundation, pressure displaces its own cell only.  The force on a cell is
+k max(0, d + s x + t y - g), with stiffness k, gap g and, for each body, an approach d and, where the body is free to
+tilt, two slopes s and t.  The values of d, s and t are those at which the sums of the cell forces equal the prescribed
+force and moments of the body.  They minimise a convex, piecewise quadratic function of d, s and t, by Newton's method
+with step halving.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fastmodel.compiled import compile_kernel
+from fastmodel.pressure.cell_grid import BaseForces, CellGrid
+from fastmodel.pressure.gap import GapSamples
+from fastmodel.pressure.pressure_kernels import are_close, find_start, match_springs, minimise_energy, place_cells
+from fastmodel.state import State, take_array
+from fastmodel.surface import CoverCells
+from meshes.array_types import FloatArray, IntArray
+
+#: Length by which the lever arms of moments are divided, so that the constraints on force and moments are of similar
+#: magnitude: the size of a typical contact [m].
+_LEVER = 1e-2
+#: Cosine of the angle between a body's force and a panel's normal, up to which the body exerts no pressure on the
+#: panel.  Also the smallest share of a body's force along the directions in which its joints leave the body free; below
+#: this share the direction of the force is used instead [-].
+STEEP = 0.2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Load:
+    """The force and moments with which one body presses on a plate.
+
+    Attributes:
+        force: Force of the body against the array's normal [N].
+        moment: Sums over the contact points of force times x and of force times y, in the array's frame, shape (2,)
+            [N m].
+        tilts: Whether the body is free to tilt.  If so, the moments determine where the body presses.  Otherwise a
+            guide of the body takes up moments, and they are not prescribed.
+    """
+
+    force: float
+    moment: FloatArray
+    tilts: bool
+
+    @property
+    def outward(self) -> FloatArray:
+        """Direction against which the body presses, in the array's frame, shape (3,) [-]."""
+        return np.array([0.0, 0.0, 1.0])
+
+    @property
+    def pressing(self) -> FloatArray:
+        """Force of the body with its sign reversed, in the array's frame, shape (3,) [N]."""
+        return self.force * self.outward
+
+    def equals(self, other: Load, tolerance: float, length: float) -> bool:
+        """Return whether another load is equal up to a tolerance.
+
+        Args:
+            other: The other load.
+            tolerance: Largest accepted difference of the forces over the force, and of the moments over force times
+                `length` [-].
+            length: Lever arm by which differences of moments are divided [m].
+        """
+        if abs(self.force - other.force) > tolerance * self.force:
+            return False
+        return compile_kernel(are_close)(self.moment, other.moment, length * tolerance * self.force)
+
+    def without_moments(self) -> Load:
+        """Return the same load with only the force prescribed, not the moments."""
+        return dataclasses.replace(self, tilts=False)
+
+    def build_constraints(self, place: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
+        """Build the k linear constraints columns.T @ forces = target on the forces on the m cells under the body.
+
+        The first constraint prescribes the force of the body, so its Lagrange multiplier is the approach of the body.
+
+        Args:
+            place: Positions of the cells in the array's frame, shape (m, 2 or 3) [m].
+            normal: Their outward normals, shape (m, 3) [-].
+
+        Returns:
+            Columns, shape (m, k), and target, shape (k,) [N].
+        """
+        if not self.tilts or len(place) < 3:  # noqa: PLR2004 -- three points define a plane
+            return np.ones((len(place), 1)), np.array([self.force])
+        # moments about the centre of pressure, divided by a typical length: the unknowns are then of similar magnitude
+        centre = (self.moment / (self.force * _LEVER)).tolist()
+        columns = np.ones((len(place), 3))
+        columns[:, 1] = place[:, 0] / _LEVER - centre[0]
+        columns[:, 2] = place[:, 1] / _LEVER - centre[1]
+        return columns, np.array([self.force, 0.0, 0.0])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Wrench(Load):
+    """The force vector and moment with which one body presses on several panels or on a curved surface.
+
+    Attributes:
+        force: Component of the body's force along the first of `directions` [N].
+        moment: Moment of the body's contact forces about the array's origin, shape (3,) [N m].
+        tilts: Whether the body is free to move in any way other than along the first direction.
+        vector: Force of the body, with its sign such that a pressing force has a positive component along the surface's
+            normal, shape (3,) [N].
+        directions: k unit vectors along which the body is free to move, the first along the component of the force in
+            these directions, shape (k, 3) [-].
+        rotates: Whether the body is also free to rotate.
+    """
+
+    vector: FloatArray
+    directions: FloatArray
+    rotates: bool
+
+    @classmethod
+    def along_free_directions(
+        cls, vector: FloatArray, moment: FloatArray, slides: FloatArray, *, rotates: bool
+    ) -> Wrench:
+        """Make a wrench from force and moment, and find the directions in which the body is free to move.
+
+        Args:
+            vector: Force of the body, shape (3,) [N].
+            moment: Moment of the contact forces about the array's origin, shape (3,) [N m].
+            slides: Axes of the k slide joints between body and array, shape (k, 3) [-].
+            rotates: Whether the body is free to rotate; the body then counts as free to move in all directions.
+        """
+        if rotates:
+            span = np.eye(3)
+        elif len(slides):
+            span = np.linalg.svd(slides.T, full_matrices=False)[0]
+        else:
+            span = vector[:, None]
+        along = span @ (span.T @ vector) if rotates or len(slides) else vector
+        if np.linalg.norm(along) < STEEP * np.linalg.norm(vector):
+            span, along = vector[:, None], vector
+        first = along / np.linalg.norm(along)
+        rest = span - np.outer(first, first @ span)
+        left, sizes, _ = np.linalg.svd(rest, full_matrices=False)
+        # the singular value is 0 for a direction along the first direction and 1 for one across it
+        others = left[:, sizes > 0.5].T  # noqa: PLR2004
+        return cls(
+            force=float(vector @ first),
+            moment=moment,
+            tilts=rotates or len(others) > 0,
+            vector=vector,
+            directions=np.vstack([first, others]),
+            rotates=rotates,
+        )
+
+    @property
+    def outward(self) -> FloatArray:
+        """Direction against which the body presses, in the array's frame, shape (3,) [-]."""
+        return np.asarray(self.directions[0])
+
+    @property
+    def pressing(self) -> FloatArray:
+        """Force of the body with its sign reversed, in the array's frame, shape (3,) [N]."""
+        return self.vector
+
+    def equals(self, other: Load, tolerance: float, length: float) -> bool:
+        """Return whether another wrench is equal up to a tolerance; see `Load.equals`."""
+        if not isinstance(other, Wrench) or not super().equals(other, tolerance, length):
+            return False
+        return bool(np.abs(self.vector - other.vector).max() <= tolerance * self.force)
+
+    def without_moments(self) -> Wrench:
+        """Return the same wrench with only the force along the first direction prescribed."""
+        return dataclasses.replace(self, tilts=False, rotates=False, directions=self.directions[:1])
+
+    def build_constraints(self, place: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Build the constraints on the force along every direction and, if the body rotates, on two moments.
+
+        The moments are those about the axes perpendicular to the first direction.  Linearly dependent columns are
+        omitted, such as those of lateral forces on a flat array.  See `Load.build_constraints`.
+        """
+        columns = [normal @ direction for direction in self.directions]
+        wanted = [float(self.vector @ direction) for direction in self.directions]
+        if self.rotates:
+            centre = np.cross(self.vector, self.moment) / (self.vector @ self.vector)
+            lever = np.cross(place - centre, normal)
+            size = max(float(np.abs(lever).max()), 1e-9)
+            columns += [lever @ direction / size for direction in self.directions[1:]]
+            wanted += [0.0] * (len(self.directions) - 1)
+        first, rest = columns[0], np.array(columns[1:]).reshape(-1, len(place))
+        share = rest @ first / (first @ first)
+        rest = rest - np.outer(share, first)
+        aims = np.array(wanted[1:]) - share * wanted[0]
+        values, vectors = np.linalg.eigh(rest @ rest.T / len(place))
+        # a column whose root mean square beside the first column is smaller depends on the others
+        kept = values > 0.02**2
+        mixed = vectors[:, kept] * (1 / np.sqrt(values[kept]))
+        return np.ascontiguousarray(np.column_stack([first, rest.T @ mixed])), np.append(wanted[0], aims @ mixed)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PressureSolution:
+    """Forces on the cells of the contact grid, and the approach of each body.
+
+    Attributes:
+        forces: Force on each of the m cells under bodies, shape (m,) [N].
+        height: For each body, the height above its smallest gap up to which the body's surface lies below the
+            undeformed top of the cover, shape (bodies,) [m].
+        approach: Approach of each body since its first touch of the undeformed cover, shape (bodies,) [m]; None if not
+            computed.
+        window: The forces as forces on a window (rectangle) of whole cells, shape (rows, columns) [N]; None if not
+            computed.
+        origin: Row and column in the contact grid of the first cell of the window.
+        steps: Number of steps of the iteration [-].
+        converged: Whether the iteration met its tolerance.
+    """
+
+    forces: FloatArray
+    height: FloatArray
+    approach: FloatArray | None = None
+    window: FloatArray | None = None
+    origin: tuple[int, int] = (0, 0)
+    steps: int = 0
+    converged: bool = True
+
+
+class CoverSolver:
+    """Solver for the pressure on a cover; the iteration of each contact starts from the previous solution.
+
+    A cover whose stiff top stretches under load has tables for some loads, which were fitted to a ball.  They apply to
+    a body that sinks as deep as the ball under the same load.  A body with a large face sinks less and stretches the
+    cover less; the smaller load at which the ball is equally deep is then used.
+
+    Attributes:
+        bases: Operators to texel forces at the base, without load and at each of the loads of the cover.
+    """
+
+    def __init__(
+        self,
+        cells: CoverCells,
+        grid: CellGrid,
+        *,
+        tolerance: float = 2e-4,
+        steps: int = 200,
+        bases: Sequence[BaseForces] = (),
+    ) -> None:
+        """Prepare the compliance of the cover between cells.
+
+        Args:
+            cells: The cover.
+            grid: The contact grid of the array.
+            tolerance: Tolerance of the iteration: sum of the changes of cell forces in one step, over the load, below
+                which the iteration stops [-].
+            steps: Largest number of steps of the iteration [-].
+            bases: See the attribute.
+        """
+        self._grid, self._tolerance, self._steps, self._cells, self.bases = grid, tolerance, steps, cells, bases
+        # displacement at the centre of a square on an elastic half space under uniform pressure of unit force
+        self._square = 4 * float(np.arcsinh(1.0)) * cells.top_compliance / float(np.sqrt(cells.cell[0] * cells.cell[1]))
+        kernels = [each.compliance / (cells.cell[0] * cells.cell[1]) for each in cells.under_loads]
+        #: Compliance between cells that lie 0 or 1 rows and columns apart, shape (2, 2) [m/N].
+        self._near = [np.pad(each, ((0, 1), (0, 1)))[:2, :2].copy() for each in kernels]
+        self._stiffest = [_find_largest_stiffness(each) for each in kernels]
+        self._place, self._start = compile_kernel(place_cells), compile_kernel(find_start)
+        self._minimise = compile_kernel(minimise_energy)
+        self._scratch = np.zeros((grid.rows, grid.columns))
+        self.reset()
+
+    def reset(self) -> None:
+        """Discard the last solution; the next iteration starts from uniform pressure."""
+        self._last = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+        self._load, self._share = 0.0, math.nan
+
+    def get_state(self) -> State:
+        """Return the last solution: row, column and pressure times area [N] of m cells, shape (3, m); and its load."""
+        return {"stretching": np.array([self._load, self._share]), "last": np.array(self._last, dtype=np.float64)}
+
+    def set_state(self, state: State) -> None:
+        """Restore what `get_state` returned."""
+        self._load, self._share = take_array(state, "stretching").tolist()
+        row, column, pressure = take_array(state, "last")
+        self._last = (row.astype(np.int64), column.astype(np.int64), pressure.copy())
+
+    def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
+        """Compute the forces on the cells under all bodies.
+
+        If the iteration with the prescribed moments does not converge, for example because no pressure on the cells has
+        these moments, only the forces of the bodies are prescribed, and the bodies keep their tilt.  The body with the
+        largest force determines the tables of a cover that depends on the load.
+
+        Args:
+            samples: Cells under each body, with their gaps.
+            loads: Force and moments of each body.
+        """
+        heaviest = int(np.argmax([load.force for load in loads]))
+        force, position = loads[heaviest].force, self._cells.position_among_loads
+        known = not math.isnan(self._share)
+        share = self._share if known else 1.0
+        for _ in range(2 if known else 6):  # solutions for later readings, and for the first one of a contact
+            self._load = share * force
+            solution = self._solve_at(samples, loads, round(position(self._load)))
+            if solution.approach is None:
+                break
+            # the share allows for the error of depths, which depends on the position of a contact on the cells
+            equal = min(force, self._cells.load_at_depth(float(solution.approach[heaviest]) / 0.85))
+            share = math.sqrt(share * equal / force)
+            if abs(position(equal) - position(self._load)) < 0.25:  # noqa: PLR2004 -- steps between tabulated loads
+                break
+        self._share = share
+        return solution
+
+    def _solve_at(self, samples: GapSamples, loads: Sequence[Load], nearest: int) -> PressureSolution:
+        """Compute the forces on the cells with the tables of one of the cover's loads; see `solve`."""
+        cells = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
+        origin, shape, corner, weight, own = self._place(cells, self._grid.arrays, self._near[nearest], self._square)
+        cover = (corner, weight, own, *self._cells.under_loads[nearest].convolution.matrices(*shape))
+        wanted = np.array([load.force for load in loads])
+        start = self._start(
+            self._last, (samples.row, samples.column, samples.coverage, samples.body), wanted, self._scratch
+        )
+        tolerance = self._tolerance * float(wanted.sum())
+        # The residual times the largest stiffness bounds the change of the forces that is still missing.  A quarter of
+        # the tolerance, because errors of starts that are accepted one after the other add up.
+        limits = (tolerance, 0.25 * tolerance / self._stiffest[nearest], self._steps)
+        columns, target, approach = join_constraints(loads, samples.body, samples.place, samples.normal)
+        found = self._minimise(cover, samples.gap, columns, target, start, limits)
+        if not found[-1] and any(load.tilts for load in loads):
+            columns, target, approach = join_constraints(
+                [load.without_moments() for load in loads], samples.body, samples.place, samples.normal
+            )
+            found = self._minimise(cover, samples.gap, columns, target, start, limits)
+        forces, window, motion, steps, converged = found
+        self._last = (samples.row, samples.column, forces / samples.coverage)
+        return PressureSolution(
+            forces=forces,
+            height=samples.find_largest(columns.dot(motion)) - samples.lowest,
+            approach=motion[approach] - samples.lowest,
+            window=window,
+            origin=origin,
+            steps=steps,
+            converged=converged,
+        )
+
+    def find_base_forces(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
+        """Compute the texel forces under forces on a window of cells; see `BaseForces.from_window`.
+
+        The forces are interpolated between the tabulated loads, at the load of the last solution.
+        """
+        index, share = divmod(self._cells.position_among_loads(self._load), 1.0)
+        found = self.bases[int(index)].from_window(forces, origin)
+        if not share:
+            return found
+        return (1 - share) * found + share * self.bases[int(index) + 1].from_window(forces, origin)
+
+
+def _find_largest_stiffness(kernel: FloatArray) -> float:
+    """Return the force over displacement of cells that are pushed and pulled in turn, like a chessboard [N/m].
+
+    The compliance of a cover decreases with the wave number, so that this is the stiffest of all patterns.
+    """
+    signs = np.where(np.arange(max(kernel.shape)) % 2, -2.0, 2.0)
+    signs[0] = 1.0
+    return float(1 / (signs[: len(kernel)] @ kernel @ signs[: kernel.shape[1]]))
+
+
+def join_constraints(
+    loads: Sequence[Load], owner: IntArray, place: FloatArray, normal: FloatArray
+) -> tuple[FloatArray, FloatArray, list[int]]:
+    """Join the constraints of several bodies on the forces on m cells or points, see `Load.build_constraints`.
+
+    Args:
+        loads: Load of each body.
+        owner: Index of the body that presses on each cell, -1 for none, shape (m,).
+        place: Positions of the cells, shape (m, 2 or 3) [m].
+        normal: Their normals, shape (m, 3) [-].
+
+    Returns:
+        Columns of k constraints on the m forces, shape (m, k); target, shape (k,) [N]; and for each body the index of
+        the column that prescribes its force.
+    """
+    if len(loads) == 1 and not owner.any():
+        return *loads[0].build_constraints(place, normal), [0]
+    columns: list[FloatArray] = []
+    targets: list[FloatArray] = []
+    first: list[int] = []
+    for body, load in enumerate(loads):
+        own = (owner == body).nonzero()[0]
+        part, target = load.build_constraints(place[own], normal[own])
+        column = np.zeros((len(owner), len(target)))
+        column[own] = part
+        first.append(sum(len(each) for each in targets))
+        columns.append(column)
+        targets.append(target)
+    return np.concatenate(columns, axis=1), np.concatenate(targets), first
+
+
+class FoundationSolver:
+    """Solver for the pressure on an elastic foundation; no solution depends on previous ones.
+
+    Attributes:
+        bases: Empty: a foundation does not compute forces at the base.
+    """
+
+    bases: tuple[BaseForces, ...] = ()
+
+    def __init__(self, grid: CellGrid, modulus: float) -> None:
+        """Compute the stiffness of a whole cell.
+
+        Args:
+            grid: The contact grid of the array.
+            modulus: Modulus of the foundation, pressure per displacement [Pa/m].
+        """
+        self._stiffness = modulus * grid.edge[0] * grid.edge[1]
+        self._match = compile_kernel(match_springs)
+
+    def reset(self) -> None:
+        """Do nothing, as there is no previous solution."""
+
+    def get_state(self) -> State:
+        """Return no arrays, for the same reason."""
+        return {}
+
+    def set_state(self, state: State) -> None:
+        """Do nothing, for the same reason."""
+
+    def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
+        """Compute the forces on the cells under all bodies.
+
+        Args:
+            samples: Cells under each body, with their gaps.
+            loads: Force and moments of each body.
+        """
+        forces, surface = np.zeros(samples.count), np.zeros(samples.count)
+        for body, load in enumerate(loads):
+            own = (samples.body == body).nonzero()[0]
+            if not len(own):
+                continue
+            for tried in (load, load.without_moments()):
+                columns, target = tried.build_constraints(samples.place[own], samples.normal[own])
+                forces[own], surface[own], found = self._match(
+                    columns, samples.gap[own], self._stiffness * samples.coverage[own], target
+                )
+                if found:
+                    break
+        return PressureSolution(forces=forces, height=samples.find_largest(surface) - samples.lowest)

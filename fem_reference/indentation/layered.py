@@ -1,0 +1,544 @@
+"""Press a rigid indenter into layers: the solver of `Cover`.
+
+Without friction, a cover of `linear-elastic` layers is solved at small strain and any other cover at finite strain;
+`Indentation.assumptions` states the kind of strain.  Every indentation is solved on three grids, and the differences
+between the grids give the error estimates.  On a laterally wide cover the contact is the same at every position and
+orientation of the indenter, so one stored solution is used for all poses.  On a cover of limited size every pose is
+solved; the indenter may extend beyond its side edges, and contact is considered on the top only.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from fem_reference.errors import (
+    ConvergenceError,
+    IncompletePathError,
+    PiercedError,
+    TooShallowError,
+    UnsupportedError,
+)
+from fem_reference.fields.cover_fields import CoverFields
+from fem_reference.finite_strain.loading_path import Control, LoadingPath
+from fem_reference.finite_strain.newton import PathConvergenceError
+from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_friction, small_strain
+from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy, estimate_spread
+from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
+from fem_reference.indentation.press import PressProblem
+from fem_reference.indentation.result import Indentation, warn_of_errors
+from fem_reference.linear_response.surface_compliance import decay_length
+from fem_reference.materials import describe_instability, warn_of_instability
+from meshes import Cover, Pose, tilt_indenter
+from meshes.array_types import FloatArray
+from meshes.pose import Place
+
+#: Function that is called with a line of text before each step, or None.
+Progress = Callable[[str], None] | None
+
+#: Depth over thickness that is stated as the largest where a load would pierce the cover [-].
+_LARGEST_DEPTH = 0.98
+#: Distance between a contact and the sides of the cover, over the decay length of the cover's response, above which the
+#: sides are neglected at finite strain and with friction, by the base; and the error of the force that this leaves [-].
+_FAR_SIDES, _SIDES_ERROR = {"bonded": 4.0, "sliding": 15.0}, 1e-3
+#: Depth over cover thickness above which a small-strain result is marked as outside its range.  At this depth the force
+#: on a sphere agrees with the finite-strain force within 0.3 % [-].
+_SMALL_STRAIN_DEPTH = 0.3
+#: Relative error of a force per relative error of the depth.  The penetration that remains in the contact is an error
+#: of the depth, and contact forces increase at most with the square of the depth [-].
+_FORCE_PER_OVERLAP = 2.0
+#: Smallest estimated error of a contact area: that of the measured area of a face [-].
+_LEAST_AREA_ERROR = 2e-5
+#: Difference between the forces on the base and the load, over the load, above which a result has a warning [-].
+_LARGE_IMBALANCE = 1e-3
+#: Load or depth that is solved again on all grids, over the largest one that the failed solution reached, in successive
+#: attempts: finer grids may stop earlier.  The load rises steeply at last, so less of it costs little of the depth, and
+#: the finer grids then start from the solutions of the coarser ones.  One attempt in three dimensions [-].
+_WITHIN: dict[Control, tuple[float, ...]] = {"load": (0.9, 0.75, 0.5), "depth": (0.97, 0.9, 0.75, 0.5)}
+#: Load or depth that a failed solution reached, over the last target, from which finer grids are tried: near the end of
+#: a path single coarse grids stop where finer ones do not [-].
+_NEARLY: dict[Control, float] = {"load": 0.7, "depth": 0.9}
+#: Load or depth over that of the next target above which a target is left out of the part that is solved again [-].
+_LEAST_SPACING = 0.97
+#: Part of the first target that is tried if the failed solution reached nothing [-].
+_PART = 0.2
+
+
+def press_layers(cover: Cover, problem: PressProblem) -> list[Indentation]:
+    """Press an indenter into layers at every target of a problem.
+
+    Raises:
+        ValueError: If the axis of the indenter is beside the cover.
+        UnsupportedError: If the motion is not along -z, or another strain is asked for than that of the materials.
+        PiercedError: If the indenter would pierce the cover.
+        IncompletePathError: If the solver stops before the last target; the error has the results of what it reached.
+    """
+    if problem.strain is not None and (problem.strain == "small") != cover.small_strain_only:
+        raise UnsupportedError(
+            f"layers follow their materials, which are solved at {'small' if cover.small_strain_only else 'finite'} "
+            "strain; leave it out, or change the material",
+            "strain",
+        )
+    if problem.control == "depth":
+        for depth in problem.targets:
+            _check_depth(cover, depth)
+    pose = problem.pose
+    if not pose.is_planar:
+        raise UnsupportedError(
+            f"a flat cover is pressed along -z, not along {pose.direction}; tilt turns the indenter", "direction"
+        )
+    place = Place(array=problem.array, pose=replace(pose, tilt=(0.0, 0.0)))
+    _check_axis(cover, place.pose)
+    path = LoadingPath(
+        cover=cover,
+        indenter=tilt_indenter(problem.indenter, pose.tilt),
+        targets=problem.targets,
+        control=problem.control,
+        friction=problem.friction,
+        fields=problem.fields,
+    )
+    return _refine(path, place, problem.accuracy, problem.progress)
+
+
+def _refine(path: LoadingPath, place: Place, accuracy: float | None, progress: Progress) -> list[Indentation]:
+    """Solve a loading path, on finer and finer grids until the estimated errors are below a wanted accuracy.
+
+    Args:
+        path: Cover, indenter, targets and friction.
+        place: Array, and pose of the indenter.
+        accuracy: Wanted relative error; None for the first grids [-].
+        progress: Called with a line of text before each step.
+    """
+    finest = _count_refinements(path, place) if accuracy is not None else 0
+    best: list[Indentation] = []
+    least = np.inf
+    for refinement in range(finest + 1):
+        try:
+            solve = partial(_press_on_grids, place=place, progress=progress, refinement=refinement)
+            finer = partial(_press_on_finer_grids, place=place, progress=progress, refinement=refinement)
+            results = _solve_as_far(path, solve, finer)
+        except IncompletePathError:
+            if not best:
+                raise
+            break  # the results of the coarser grids are complete
+        reached = max(max(each.error_estimate.values()) for each in results)
+        if accuracy is None or reached <= accuracy:
+            return results
+        if reached < least:  # the estimate need not fall from grid to grid
+            best, least = results, reached
+        if progress is not None and refinement < finest:
+            progress(f"estimated error {100 * reached:.3g} %, {100 * accuracy:.3g} % wanted: a finer grid is added")
+    return [_state_missed_accuracy(each, accuracy or 0.0) for each in best]
+
+
+def _press_on_grids(path: LoadingPath, place: Place, progress: Progress, refinement: int) -> list[Indentation]:
+    """Solve a loading path on three grids; `refinement` grids are skipped at the coarse end."""
+    started = time.perf_counter()
+    study = _study_path(path, place, progress, refinement)
+    for grids, target in zip(study.solutions, path.targets, strict=True):
+        if grids[-1].depth >= path.cover.thickness:
+            _refuse_load(path, place, target, grids[-1].depth)
+    seconds = (time.perf_counter() - started) / len(path.targets)
+    if path.fields and progress is not None:
+        progress("displacement and stress in the cover")
+    return [_combine_grids(study, number, path, place, seconds=seconds) for number in range(len(path.targets))]
+
+
+def _press_on_finer_grids(path: LoadingPath, place: Place, progress: Progress, refinement: int) -> list[Indentation]:
+    """Solve a loading path on the grids of one refinement more; raise a `ConvergenceError` if there are none."""
+    if refinement >= _count_refinements(path, place):
+        raise ConvergenceError("there are no finer grids")
+    return _press_on_grids(path, place, progress, refinement + 1)
+
+
+def _study_path(path: LoadingPath, place: Place, progress: Progress, refinement: int) -> GridStudy:
+    """Solve a loading path on three grids by the solver for its strain, friction and cover."""
+    small = path.cover.small_strain_only
+    if small and not path.friction:
+        return small_strain.study_path(path, place, progress, refinement)
+    if _is_far_from_sides(path, place, progress):
+        study = _study_path(replace(path, cover=replace(path.cover, size=None)), place, progress, refinement)
+        return replace(
+            study,
+            least_error=max(study.least_error, _SIDES_ERROR),
+            assumptions=study.assumptions | {"sides": "too far from the contact to matter"},
+        )
+    in_plane = path.cover.size is None and path.indenter.axisymmetric
+    rubbing = None
+    # Not in three dimensions at finite strain, where the effect of rounded edges on the correction would be larger.
+    if np.isinf(path.friction) and path.indenter.is_flat and (small or in_plane):
+        rubbing = no_slip.study_path(path, place, progress)
+    if rubbing is None and path.friction and in_plane:
+        rubbing = small_friction.study_path(path, progress, refinement)
+    if rubbing is not None and small:
+        return rubbing
+    if rubbing is not None and max(each.depth for each in rubbing.solutions[-1]) >= path.cover.thickness:
+        rubbing = None  # rubber bears loads at which the small-strain solution pierces the cover
+    if path.cover.size is None:
+        return finite_strain.study_path(path, progress, refinement, rubbing)
+    return finite_cover.study_path(path, place, progress)
+
+
+def _is_far_from_sides(path: LoadingPath, place: Place, progress: Progress) -> bool:
+    """Return whether a contact with friction or at finite strain, simpler on a wide cover, is not changed by sides.
+
+    Fields are asked for up to the sides, so a path with fields is solved with these.
+    """
+    cover = path.cover
+    if cover.size is None or path.fields:
+        return False
+    wide = replace(cover, size=None)
+    radius = np.hypot(*small_strain.estimate_contact(replace(path, cover=wide), None, progress).T).max()
+    nearest = min(edge / 2 - abs(at) for edge, at in zip(cover.size, place.pose.at, strict=True))
+    return bool(nearest - radius > _FAR_SIDES[cover.base] * decay_length(wide))
+
+
+def _count_refinements(path: LoadingPath, place: Place) -> int:
+    """Return how often the grids of a loading path can be refined."""
+    if path.cover.small_strain_only and not path.friction:
+        return small_strain.count_refinements()
+    if _is_far_from_sides(path, place, None):
+        path = replace(path, cover=replace(path.cover, size=None))
+    if path.cover.small_strain_only and np.isinf(path.friction) and path.indenter.is_flat:
+        return 0  # the grids of a face without slip are fixed
+    if path.cover.small_strain_only and path.cover.size is None and path.indenter.axisymmetric:
+        return small_friction.count_refinements()
+    return finite_strain.count_refinements(path) if path.cover.size is None else 0
+
+
+def _state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:
+    """Add a warning to a result whose estimated errors exceed the wanted accuracy on the finest grids."""
+    missed = [
+        f"{name.replace('_', ' ')} {100 * value:.3g} %"
+        for name, value in result.error_estimate.items()
+        if value > accuracy
+    ]
+    if not missed:
+        return result
+    sentence = f"{100 * accuracy:.3g} % wanted, but the feasible grids reach {', '.join(missed)}"
+    return replace(result, warnings=(*result.warnings, sentence))
+
+
+def _check_depth(cover: Cover, depth: float) -> None:
+    """Raise a PiercedError if a depth exceeds the thickness of the cover."""
+    if depth >= cover.thickness:
+        raise PiercedError(
+            f"at a depth of {depth * 1e3:.4g} mm the indenter would pierce the cover; use less than its thickness, "
+            f"{cover.thickness * 1e3:.4g} mm",
+            "depth",
+        )
+
+
+def _refuse_load(path: LoadingPath, place: Place, load: float, depth: float) -> None:
+    """Raise a PiercedError that states the load which the cover bears: without friction, at almost its thickness.
+
+    Args:
+        path: Cover and indenter.
+        place: Array, and pose of the indenter.
+        load: Load that pierces the cover [N].
+        depth: Depth at this load [m].
+    """
+    most = _LARGEST_DEPTH * path.cover.thickness
+    bare = replace(path, targets=(most,), control="depth", friction=0.0, fields=False)
+    largest = small_strain.solve_path(bare, place, None)[0][-1].total_force
+    raise PiercedError(
+        f"{load:.4g} N would pierce the cover ({depth * 1e3:.3g} mm deep, the cover has "
+        f"{path.cover.thickness * 1e3:.4g} mm); use at most {largest:.3g} N, a wider indenter or a stiffer cover",
+        "load",
+    )
+
+
+def _check_axis(cover: Cover, pose: Pose) -> None:
+    """Raise a ValueError if the indenter's axis is not over the cover."""
+    if cover.size is None or all(abs(a) <= edge / 2 for a, edge in zip(pose.at, cover.size, strict=True)):
+        return
+    x, y, width, height = (1e3 * value for value in (*pose.at, *cover.size))
+    raise ValueError(
+        f"the indenter's axis at ({x:.4g}, {y:.4g}) mm stands beside the cover, which measures {width:.4g} x "
+        f"{height:.4g} mm around the array's middle"
+    )
+
+
+def _solve_as_far(
+    path: LoadingPath,
+    solve: Callable[[LoadingPath], list[Indentation]],
+    finer: Callable[[LoadingPath], list[Indentation]] | None = None,
+) -> list[Indentation]:
+    """Solve a loading path; if it stops early, solve the part that was reached and report both.
+
+    Args:
+        path: Loading path.
+        solve: Function that solves a loading path on all grids and returns one result per target.
+        finer: The same on finer grids, tried where the path stops shortly before its last target; None if there are
+            none.
+
+    Raises:
+        IncompletePathError: If the path stops before its last target.  It has the results of the part that was
+            reached, which was solved again on all grids.  A contact without friction at small strain has no path: its
+            failure at one target is reported at once.
+    """
+    try:
+        return solve(path)
+    except (ConvergenceError, np.linalg.LinAlgError) as error:
+        failure: Exception = error
+    if isinstance(failure, TooShallowError) or _is_linear(path):
+        raise IncompletePathError(_explain(path, failure, []), []) from failure
+    if finer is not None and _is_nearly_solved(path, failure):
+        try:
+            return finer(path)
+        except (ConvergenceError, np.linalg.LinAlgError):
+            pass  # what the coarser grids reached is reported
+    first, part = failure, path
+    shares = _WITHIN[path.control]
+    for within in shares if path.indenter.axisymmetric else shares[:1]:
+        part = _shorten(part, failure, within)
+        # The first attempt is meshed for what was reached; later ones keep this mesh, because smaller elements stop
+        # earlier under a sharp tip.
+        part = replace(part, meshed_for=part.targets[-1] if part.meshed_for is None else part.meshed_for)
+        try:
+            reached = solve(part)
+        except (ConvergenceError, np.linalg.LinAlgError) as error:
+            failure = error
+            continue
+        raise IncompletePathError(_explain(path, first, reached), reached) from first
+    raise IncompletePathError(_explain(path, first, []), []) from first
+
+
+def _shorten(path: LoadingPath, error: Exception, within: float) -> LoadingPath:
+    """Return the part of a path up to a share `within` of the load or depth that a failed solution reached [-].
+
+    If the error does not say what was reached, only a part of the first target is left.
+    """
+    value = 0.0
+    if isinstance(error, PathConvergenceError):
+        value = within * (error.load if path.control == "load" else error.depth)
+    if not 0 < value < path.targets[-1]:
+        return replace(path, targets=(_PART * path.targets[0],))
+    kept = tuple(target for target in path.targets if target < _LEAST_SPACING * value)
+    return replace(path, targets=(*kept, value))
+
+
+def _is_nearly_solved(path: LoadingPath, error: Exception) -> bool:
+    """Return whether a failed solution without friction came near its last target."""
+    if path.friction or not isinstance(error, PathConvergenceError):
+        return False
+    return bool(getattr(error, path.control) > _NEARLY[path.control] * path.targets[-1])
+
+
+def _is_linear(path: LoadingPath) -> bool:
+    """Return whether every target of a path is solved by itself, at small strain without friction."""
+    return path.cover.small_strain_only and not path.friction
+
+
+def _explain(path: LoadingPath, error: Exception, reached: list[Indentation]) -> str:
+    """Say in one line how far a path came, why it stopped, and what to do."""
+    thickness = path.cover.thickness
+    if reached:
+        far = reached[-1]
+        share = far.depth / thickness
+        message = f"reached {far.total_force:.3g} N, {far.depth * 1e3:.3g} mm deep ({share:.0%} of the thickness)"
+    else:
+        message = "reached no load"
+    last = path.targets[-1]
+    wanted = f"{last:.3g} N" if path.control == "load" else f"{last * 1e3:.3g} mm"
+    cause = error.cause if isinstance(error, PathConvergenceError) else " ".join(str(error).split())
+    unstable = [describe_instability(layer.material) for layer in path.cover.layers]
+    found = "".join(f"; {sentence}" for sentence in dict.fromkeys(unstable) if sentence)
+    if isinstance(error, TooShallowError) or _is_linear(path):
+        return f"{message} of the {wanted} asked for: {cause}"
+    return f"{message} of the {wanted} asked for: {cause}{found}; press less, or with a wider or rounder indenter"
+
+
+def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Place, *, seconds: float) -> Indentation:
+    """Combine the solutions of one target on three grids to the result for one pose.
+
+    Args:
+        study: Solutions of every target, and properties of the three grids.
+        number: Index of the target.
+        path: Cover, indenter and friction.
+        place: Array, and pose of the indenter.
+        seconds: Time that the solutions took [s].
+    """
+    started = time.perf_counter()
+    grids = _fix_place(study.solutions[number], place)
+    finest = grids[-1]
+
+    def base_forces(solution: GridSolution) -> FloatArray:
+        return solution.base_forces(place.array, place.pose)
+
+    base = study.combine(grids, base_forces)
+    texel_forces, outside = base[:-1], float(base[-1])
+    peak = int(np.argmax(np.abs(texel_forces)))
+    # A prescribed load is the one that was asked for, so that `balance` shows if a solver misses it.
+    by_load = path.control == "load"
+    total = path.targets[number] if by_load else float(study.combine(grids, lambda each: each.total_force))
+    balance = float(base.sum()) / total - 1
+    imbalanced = abs(balance) > _LARGE_IMBALANCE
+    errors = _estimate_errors(study, number, grids, place, peak) | {
+        "contact_area": _estimate_area_error(study, grids, path)
+    }
+    errors["peak_texel"] += abs(balance)
+    errors["total_force" if by_load else "depth"] = 0.0
+    x, y, pressed = finest.contact.T
+    scale = total / pressed.sum()
+    depth = float(study.combine(grids, lambda each: each.depth))
+    # Points of the contact lie on the indenter; those beside a flat face, middles of cut cells, count to the face.
+    height = path.indenter.gap(x, y)
+    points = np.column_stack(
+        [*place.pose.to_array(x, y), path.cover.thickness - depth + np.where(np.isfinite(height), height, 0.0)]
+    )
+    turn = replace(place.pose, point=(0.0, 0.0, 0.0))
+    across = np.zeros((2, len(x))) if finest.shear is None else np.array(turn.to_array(*finest.shear.T)) * scale
+    forces = np.column_stack([*across, -pressed * scale])
+    missing = state_missing_fields(path, place.pose) if path.fields else ""
+    shear = forces[:, :2].sum(axis=0)
+    return Indentation(
+        texel_forces=texel_forces,
+        outside=outside,
+        total_force=total,
+        force=np.array([*shear, -total]),
+        moment=np.cross(points, forces).sum(axis=0),
+        base_force=np.array([*shear, -float(texel_forces.sum()) - outside]),
+        unmeasured=np.array([*shear, -outside]),
+        balance=balance,
+        depth=depth,
+        contact_area=finest.area,
+        contact_points=points,
+        contact_forces=forces,
+        energy=float(study.combine(grids, lambda each: each.energy)),
+        fields=_find_fields(finest, path, place, scale) if path.fields and not missing else None,
+        error_estimate=errors,
+        assumptions=_state_assumptions(path, finest.depth) | study.assumptions,
+        warnings=(
+            *warn_of_errors(errors),
+            *([f"the forces on the base differ from the load by {balance:+.2%}"] if imbalanced else []),
+            *_warn_of_instability(path, finest.depth),
+            *study.warnings,
+            *([missing] if missing else []),
+        ),
+        seconds=seconds + time.perf_counter() - started,
+        grid_values=_list_grid_values(grids, place, peak),
+    )
+
+
+def _list_grid_values(grids: Sequence[GridSolution], place: Place, peak: int) -> dict[str, tuple[float, ...]]:
+    """List force, depth, the force on the texel of index `peak`, contact area and element size of each grid."""
+    quantities: dict[str, Callable[[GridSolution], float]] = {
+        "size": lambda each: each.size,
+        "total_force": lambda each: each.total_force,
+        "depth": lambda each: each.depth,
+        "peak_texel": lambda each: float(each.base_forces(place.array, place.pose)[peak]),
+        "contact_area": lambda each: each.area,
+    }
+    return {name: tuple(float(quantity(each)) for each in grids) for name, quantity in quantities.items()}
+
+
+def _estimate_errors(
+    study: GridStudy, number: int, grids: Sequence[GridSolution], place: Place, peak: int
+) -> dict[str, float]:
+    """Estimate the relative errors of force, depth and the force on the texel of index `peak` [-].
+
+    A solution that corrects another one has the errors of both.
+
+    Args:
+        study: Solutions of every target, and properties of the three grids.
+        number: Index of the target.
+        grids: Solutions of the target, with the base forces of the place.
+        place: Array, and pose of the indenter.
+        peak: Index of the texel with the largest force.
+    """
+    overlap = max(grids[-1].overlap, study.least_overlap)
+    errors = {
+        "total_force": _FORCE_PER_OVERLAP * overlap,
+        "depth": overlap,
+        "peak_texel": _FORCE_PER_OVERLAP * overlap,
+    }
+    quantities: dict[str, Callable[[GridSolution], float]] = {
+        "total_force": lambda each: each.total_force,
+        "depth": lambda each: each.depth,
+        "peak_texel": lambda each: float(each.base_forces(place.array, place.pose)[peak]),
+    }
+    parts = [(study, grids)]
+    corrected = study.accurate
+    while corrected is not None:
+        parts.append((corrected, _fix_place(corrected.solutions[number], place)))
+        corrected = corrected.accurate
+    for part, solutions in parts:
+        for name, quantity in quantities.items():
+            errors[name] += part.estimate_error(solutions, quantity)
+        finest = solutions[-1]
+        if finest.base_error is not None:
+            share = quantities["peak_texel"](finest) / finest.total_force
+            errors["peak_texel"] += finest.base_error(place, peak, share)
+    return errors
+
+
+def _estimate_area_error(study: GridStudy, grids: Sequence[GridSolution], path: LoadingPath) -> float:
+    """Estimate the relative error of the contact area [-].
+
+    The area of a face that touches with all of itself is geometry, and the same on all grids.  All other contacts end
+    where the pressure does, which the compliance of the cover decides.
+    """
+    spread = estimate_spread([each.area for each in grids])
+    if path.indenter.is_flat and spread < _LEAST_AREA_ERROR:
+        return _LEAST_AREA_ERROR
+    return max(spread, study.least_error, study.least_area_error, _LEAST_AREA_ERROR)
+
+
+def _fix_place(grids: Sequence[GridSolution], place: Place) -> list[GridSolution]:
+    """Compute the base forces of solutions once for a place; they are needed for the result and for its error."""
+    return [replace(each, base_forces=_keep(each.base_forces(place.array, place.pose))) for each in grids]
+
+
+def _keep(values: FloatArray) -> BaseForces:
+    """Return a function that returns the same forces for the one array and pose that they were computed for."""
+    return lambda _array, _pose: values
+
+
+def _warn_of_instability(path: LoadingPath, depth: float) -> tuple[str, ...]:
+    """State in words which materials are pressed beyond their stability."""
+    remaining = 1 - depth / path.cover.thickness
+    if path.load_scale < 1 or path.cover.small_strain_only:
+        return ()
+    said = [warn_of_instability(layer.material, remaining) for layer in path.cover.layers]
+    return tuple(dict.fromkeys(sentence for sentence in said if sentence))
+
+
+def _find_fields(finest: GridSolution, path: LoadingPath, place: Place, scale: float) -> CoverFields:
+    """Return displacement and stress in the cover in the frame of the array, solved from the contact forces if absent.
+
+    Args:
+        finest: Solution on the finest grid.
+        path: Cover and indenter.
+        place: Array, and pose of the indenter.
+        scale: Total force of the result over that of the contact forces [-].
+    """
+    if finest.fields is None and not path.cover.small_strain_only:
+        raise RuntimeError("the solution at finite strain has no fields")
+    if finest.fields is None:
+        return solve_linear_fields(path, finest.contact * [1, 1, scale], place, depth=finest.depth)
+    return finest.fields if path.cover.size is not None else finest.fields.to_array(place.pose)
+
+
+def _state_assumptions(path: LoadingPath, depth: float) -> dict[str, str]:
+    """State the assumptions about strain, friction, base and sides of the cover, and whether the depth is in range."""
+    cover, friction = path.cover, path.friction
+    law = "no slip" if np.isinf(friction) else f"Coulomb, coefficient {friction:g}" if friction else "frictionless"
+    out = {"strain": "small" if cover.small_strain_only else "finite", "friction": law, "base": cover.base}
+    if cover.size is not None:
+        x, y = (1e3 * edge for edge in cover.size)
+        out["sides"] = f"free, {x:.4g} x {y:.4g} mm, touched on top only"
+    facets = path.indenter.measure_facets(depth)
+    if facets:
+        out["facets"] = (
+            f"pressed as they are, up to {facets * 1e3:.2g} mm ({facets / depth:.1%} of the depth) from the smooth "
+            "surface that they stand for, which no error estimate contains"
+        )
+    share = depth / cover.thickness
+    if cover.small_strain_only and share > _SMALL_STRAIN_DEPTH:
+        out["range"] = f"indented to {share:.0%} of the thickness: more than small strain is meant for"
+    return out

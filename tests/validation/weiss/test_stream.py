@@ -1,0 +1,195 @@
+"""Gaps and stamps that are found from the clock of the device."""
+
+from itertools import pairwise
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from validation.weiss.protocol import Command, Parser, decode_frame, encode_request
+from validation.weiss.stream import Continuity, DeviceClock
+from validation.weiss.virtual import Misbehaviour, VirtualSensor, show_pattern
+
+
+def test_missing_frames_are_counted_from_the_start_and_across_the_wrap_of_the_clock():
+    clock = [(2**32 - 10 + round(n * 3.69)) % 2**32 for n in range(30) if n not in (2, 20, 21)]
+    assert [(gap.kind, gap.frames) for gap in _follow(clock)] == [("frames missing", 1), ("frames missing", 2)]
+
+
+@pytest.mark.parametrize("lost", [0.05, 0.2])
+def test_many_frames_lost_from_the_start_are_not_taken_for_a_slow_stream(lost):
+    unmarked = false = missing = 0
+    for seed in range(300):
+        random = Random(seed)  # noqa: S311 -- reproducible, no secret
+        sent = {int(number * 1000 / 271): number for number in range(60)}
+        came = [ticks for ticks in sent if random.random() >= lost]
+        marked = {gap.after for gap in _follow(came)}
+        neighbours = {before for before, after in pairwise(came) if sent[after] - sent[before] == 1}
+        missing += len(came) - 1 - len(neighbours)
+        unmarked += len(set(came[:-1]) - neighbours - marked)
+        false += len(neighbours & marked)
+    assert missing > 500
+    assert (unmarked, false) == (0, 0)
+
+
+def test_a_slow_stream_with_jitter_has_no_gaps():
+    assert _follow([n * 100 + n % 3 for n in range(40)]) == []
+
+
+def _follow(clock, skipped=None):
+    """Gaps of a stream of frames with these clocks, and bytes skipped before each."""
+    continuity = Continuity()
+    skipped = skipped or [0] * len(clock)
+    pairs = zip(clock, skipped, strict=True)
+    gaps = [gap for ticks, count in pairs for gap in continuity.add(ticks, skipped=count, host_time=0)]
+    return gaps + continuity.finish()
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 100_000), st.lists(st.booleans(), max_size=100))
+def test_lost_frames_are_counted_exactly_at_any_rate(start, period, arrives):
+    """Nine frames let the step be learnt; then frames are lost in any pattern, the last one arrives."""
+    arrives = [True] * 9 + arrives + [True]
+    clock = [(start + number * period) % 2**32 for number, came in enumerate(arrives) if came]
+    gaps = _follow(clock)
+    assert sum(gap.frames for gap in gaps) == arrives.count(False)
+    assert {gap.kind for gap in gaps} <= {"frames missing"}
+
+
+@given(st.lists(st.tuples(st.integers(0, 2**32 - 1), st.integers(0, 50)), min_size=1, max_size=80))
+def test_all_skipped_bytes_are_reported_for_any_clock(frames):
+    clock, skipped = zip(*frames, strict=True)
+    assert sum(gap.skipped for gap in _follow(clock, skipped)) == sum(skipped)
+
+
+def test_repeated_frames_and_a_restarted_clock_are_named():
+    clock = [1000 + 4 * number for number in range(20)]
+    assert [gap.kind for gap in _follow([*clock, clock[-1]])] == ["frame repeated"]
+    assert [gap.kind for gap in _follow([*clock, 3])] == ["clock set back"]
+
+
+def test_a_gap_is_described_in_one_line():
+    (gap,) = _follow([*range(0, 60, 4), 100], [0] * 15 + [7])
+    assert str(gap) == "frames missing, after tick 56, 10 frames, 7 bytes"
+
+
+@pytest.mark.parametrize("rate", [271.0, 30.0, 271.3, 500.0])
+@pytest.mark.parametrize("lost", [0.0, 0.25])
+def test_long_gaps_are_told_within_one_percent(rate, lost):
+    """Pauses of any length, the first one after ten frames; the truth is the number of frames that were not sent."""
+    random = Random(round(rate))  # noqa: S311 -- reproducible, no secret
+    pauses = [(10, 813), (1000, 813), (2100, 100), (3000, 8000), (11_500, 1000)]
+    numbers = [
+        number
+        for number in range(13_000)
+        if not any(start <= number < start + length for start, length in pauses)
+        and not (lost and random.random() < lost)
+    ]
+    clock = {int(123.4 + number * 1000 / rate): number for number in numbers}
+    gaps = {gap.after: gap.frames for gap in _follow(list(clock)) if gap.kind == "frames missing"}
+    long = 0
+    for (before, number), (_, following) in pairwise(clock.items()):
+        missing = following - number - 1
+        assert gaps.get(before, 0) == pytest.approx(missing, abs=max(0.01 * missing, 0.1)), (before, missing)
+        long += missing >= 100
+    assert long == len(pauses)
+
+
+def test_a_pause_at_271_frames_is_told_exactly_by_the_emulated_device():
+    """Steps of 3 and 4 ticks have the mean 3.69; with their median a pause of 813 frames was told as 750."""
+    sensor = VirtualSensor(show_pattern("zero"), misbehaviour=Misbehaviour(pauses=((1.0, 4.0),)))
+    parser = Parser(texels=84)
+    sensor.receive(encode_request(Command.START_PERIODIC_FRAMES, 0, 0), 0.0)
+    frames = [parser.feed(data)[0] for data in sensor.take_due_frames(6.0)]
+    (gap,) = _follow([decode_frame(frame.payload).ticks for frame in frames])
+    assert gap.frames == pytest.approx(813, abs=1)
+
+
+_RATE = 271.0
+_BASE = 5_000_000_000_000
+
+
+def _arrive(rng, seconds, *, drift, start=0, pauses=()):
+    """Times at which frames are taken [s], their ticks, and their arrival [ns].
+
+    Delays are exponential with mean 2 ms, with stops of the host of up to 0.3 s in which frames wait.
+    """
+    taken = np.arange(0, seconds, 1 / _RATE)
+    for first, last in pauses:
+        taken = taken[(taken < first) | (taken >= last)]
+    ticks = (start + np.floor(taken * (1 + drift) * 1000).astype(np.int64)) % 2**32
+    arrival = taken + 3e-4 + rng.exponential(2e-3, taken.size)
+    for stop in np.arange(2.5, seconds, 7.0):
+        late = (arrival > stop) & (arrival < stop + rng.uniform(0.05, 0.3))
+        if late.any():
+            arrival[late] = arrival[late].max()
+    return taken, ticks, _BASE + np.round(np.maximum.accumulate(arrival) * 1e9).astype(np.int64)
+
+
+def _find_errors(clock, taken, ticks, arrival):
+    """Errors of the stamps [s], without the constant part of the delay, which no fit can find."""
+    stamps = np.array([clock.stamp(*each) for each in zip(ticks.tolist(), arrival.tolist(), strict=True)])
+    assert (np.diff(stamps) > 0).all()
+    errors = (stamps - _BASE) * 1e-9 - taken
+    return errors - np.median(errors)
+
+
+@pytest.mark.parametrize("drift", [0.0, 1e-4, -1e-4, 3e-3, -3e-3])
+def test_stamps_follow_the_device_within_two_milliseconds(drift):
+    rng = np.random.default_rng(1)
+    clock = DeviceClock()
+    taken, ticks, arrival = _arrive(rng, 60, drift=drift, start=2**32 - 20_000, pauses=[(20, 23)])
+    errors = _find_errors(clock, taken, ticks, arrival)
+    assert np.quantile(np.abs(errors), 0.95) < 2e-3
+    late = (arrival - _BASE) * 1e-9 - taken
+    assert np.quantile(np.abs(late - np.median(late)), 0.95) > 5e-3  # the arrivals alone are far worse
+    residual = clock.residual
+    assert residual.unfitted == residual.restarts == 0
+    assert residual.p95 == pytest.approx(np.quantile(late, 0.95), abs=1.5e-3)
+    assert residual.largest == pytest.approx(late.max(), abs=5e-3)
+    assert residual.tick == pytest.approx(1e-3 / (1 + drift), rel=5e-5)
+    assert "which follow the device's clock" in str(residual)
+
+
+def test_a_wrong_device_time_changes_one_stamp_only():
+    rng = np.random.default_rng(2)
+    taken, ticks, arrival = _arrive(rng, 10, drift=0)
+    ticks[[900, 1800, 1801]] = [7, 2**31, 4_000_000]
+    clock = DeviceClock()
+    errors = _find_errors(clock, taken, ticks, arrival)
+    assert np.quantile(np.abs(errors), 0.95) < 2e-3
+    assert (clock.residual.unfitted, clock.residual.restarts) == (3, 0)
+    assert "3 frames did not fit" in str(clock.residual)
+
+
+def test_a_device_that_starts_again_is_followed_again():
+    rng = np.random.default_rng(3)
+    taken, ticks, arrival = _arrive(rng, 20, drift=1e-4)
+    half = len(ticks) // 2
+    ticks[half:] -= ticks[half]
+    clock = DeviceClock()
+    errors = _find_errors(clock, taken, ticks, arrival)
+    assert np.quantile(np.abs(errors), 0.95) < 2e-3
+    assert clock.residual.restarts == 1
+    assert "set anew 1 times" in str(clock.residual)
+
+
+def test_a_clock_with_another_tick_is_told():
+    """The unit of the clock is assumed: 1 ms.  Stamps must stay near the arrivals if it is another one."""
+    arrival = _BASE + np.arange(2000) * 3_690_000
+    for factor in (0.1, 10.0):
+        clock = DeviceClock()
+        stamps = [clock.stamp(int(n * 3.69 * factor), each) for n, each in enumerate(arrival.tolist())]
+        assert np.abs(np.array(stamps) - arrival).max() < 2.1e9
+        assert f"a tick of the device lasts {1 / factor:.3g} ms, not 1 ms" in str(clock.residual)
+
+
+def test_frames_with_a_clock_that_stands_are_stamped():
+    clock = DeviceClock()
+    stamps = [clock.stamp(5, _BASE + n * 1_000_000_000) for n in range(20)]
+    assert (np.diff(stamps) > 0).all()
+
+
+def test_no_frames_have_no_residual():
+    assert np.isnan(DeviceClock().residual.p95)

@@ -1,0 +1,321 @@
+"""The bench of a solid cover: the fast model and simpler models against finite elements, press by press."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from fem_reference.curved_cover.responses import find_top
+from fem_reference.result_store import NotStoredError, stored_only
+from meshes import SolidCover
+from meshes.array_types import FloatArray
+from validation.campaign.bench import Bench, Plan, plan_cases, prepare_bench
+from validation.campaign.campaign_file import Inputs, find_places
+from validation.campaign.case import Case
+from validation.campaign.results import CaseResult, Reference, predict
+from validation.credibility.uncertainty import InputUncertainty
+from validation.credibility.verification import Check, check_finer_mesh, check_shell
+from validation.curved.fast import press_fast
+from validation.curved.places import CurvedPlaces
+from validation.curved.press import make_meshes, press_case
+from validation.derivation.solid import SolidDerivation
+from validation.errors import InputError
+
+if TYPE_CHECKING:
+    from fastmodel import Parameters
+    from fastmodel.surface import CoverPoints
+    from meshes import Pose
+    from meshes.solids import SolidMesh
+    from validation.schema.campaign import LoadsForTable
+    from validation.sensor_file import SensorDescription
+
+#: Names of the scored models of a curved cover, with a description of each for tables.
+CURVED_MODELS: Mapping[str, str] = {
+    "fast": "the fast model: contact by the compliance of the surface, an operator from its points to the texels",
+    "gaussian": "the contact of the fast model, spread by one fitted Gaussian in surface coordinates",
+    "rigid": "the 2015 report's form: the points that rigid bodies touch first, the same Gaussian",
+    "no-spread": "null: the same points, their forces on the nearest texels without spread",
+    "zeros": "null: an empty image",
+}
+#: Distance over the thickness up to which points of the cover count as touched first by a rigid indenter [-].
+_FIRST = 0.01
+#: Angle from the normal above which a direction counts as oblique [rad], depth over the thickness that divides two
+#: groups of cases [-].
+_OBLIQUE, _DEEP = math.radians(10), 0.08
+#: Time of a press that is not stored, and of one that is, and of everything else without and with stored responses [s].
+_PRESS, _STORED_PRESS, _REST, _STORED_REST = 8.0, 0.5, 150.0, 60.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SolidBench(Bench):
+    """A solid cover.
+
+    Attributes:
+        derivation: Responses of the texels, and the Gaussian that is fitted to them.
+        fast: Parameters of the fast model; those of the derivation if None.
+    """
+
+    models = CURVED_MODELS
+    notes: ClassVar[Mapping[str, str]] = {
+        "campaign": (
+            "What the scores compare. Fast model and reference share their assumptions of contact (along the normals "
+            "of the undeformed cover, frictionless, small strain), and the mesh of the fast model is one of the "
+            "reference's. The reference states contact on average over pressures between nodes, the fast model at "
+            "single points. So the scores show what the fast model loses by its mesh and its points, not the error of "
+            "the common assumptions; the error of the reference is estimated beside each score and checked in the "
+            "verification. Texel forces on a curved base do not sum to the load; misplaced force is half the sum of "
+            "the differences over the load. Distances (centre of pressure, Wasserstein) are straight lines in space."
+        ),
+        "cases": (
+            "Forces are along the normal of each texel. The maps unroll the surface about the middle texel; y points "
+            "up. Pictures: the reference, from left to right contact pressure on the deformed cover, a section, forces "
+            "on the texels."
+        ),
+        "verification": (
+            "The first row is independent of this cover and of any contact: a known pressure on a shell whose solution "
+            "is a series. The rows of cases compare each mesh of the reference with a finer one, which shares its "
+            "statement of contact; the limit of their result is the error that the reference states for itself."
+        ),
+        "responses": (
+            "The Gaussian in surface coordinates is the report's form of the response: two numbers for the whole "
+            "cover. The fast model has an operator of its own for every point of the surface."
+        ),
+        "calibration": (
+            "The fast model: compliance and influence of points of the top by finite elements, before any case was "
+            "pressed; nothing is fitted. The Gaussian: least squares to uniform loads over all texels."
+        ),
+        "limits": (
+            "The cover has free sides and is bonded to a rigid base. The indenter is guided along its direction and "
+            "does not turn."
+        ),
+    }
+    left_out = (
+        (
+            "Uncertain thickness and Poisson ratio are not propagated: each needs a new mesh and new responses of all "
+            "texels, minutes for each change; modulus, position and yaw are propagated through the fast model."
+        ),
+        (
+            "The error is not divided into stages: the pressures of the reference would have to be solved again on the "
+            "mesh of the fast model, as long as the campaign; the row “gaussian” of the table of models shows the "
+            "spread to the texels."
+        ),
+        "Published models are not scored: they are stated for planar arrays.",
+        "Recordings are not scored: none of a curved array under known loads is public.",
+        "Nothing is compared with the solution of a laterally wide layer: this cover is none.",
+    )
+    derivation: SolidDerivation
+    fast: Parameters | None = None
+
+    @property
+    def meshes(self) -> tuple[SolidMesh, ...]:
+        """Meshes of the cover, coarsest first."""
+        return tuple(grid.mesh for grid in self.derivation.responses.grids)
+
+    @property
+    def parameters(self) -> Parameters:
+        """Parameters of the fast model."""
+        return self.fast or self.derivation.parameters
+
+    def require_fast_model(self) -> CoverPoints:
+        """Return the arrays of the fast model.
+
+        Raises:
+            InputError: If the meshes are too fine for the fast model.
+        """
+        from fastmodel.surface import CoverPoints
+
+        surface = self.parameters.surface
+        if not isinstance(surface, CoverPoints):
+            raise InputError(
+                f"{self.derivation.sensor.source}: the meshes of this cover are too fine for the fast model, so there "
+                "is nothing to validate; state a larger cover.element_size"
+            )
+        return surface
+
+    def plan(self, cases: Sequence[Case]) -> Plan:
+        """Find out which presses are missing from the store, and how long the cases take."""
+        return plan_presses(self.derivation.sensor, cases)
+
+    def solve(self, case: Case) -> CaseResult:
+        """Compute one case by finite elements and by all models, and score the models.
+
+        Raises:
+            ValueError: If a model cannot compute the case.
+            ConvergenceError: If the finite elements did not converge.
+        """
+        reference = Reference.of(press_case(self.derivation.sensor, case))
+        forces = self._compute_models(case)
+        predictions = predict(
+            reference, {name: (each, 0.0) for name, each in forces.items()}, case.load, self.parameters
+        )
+        return CaseResult(case=case, reference=reference, predictions=predictions, warnings=())
+
+    def verify(self, results: Sequence[CaseResult]) -> Iterator[tuple[str, Callable[[], Sequence[Check]]]]:
+        """Yield the checks of the elements: a shell with a closed form, and a finer mesh of the cover."""
+        sensor = self.derivation.sensor
+        material, thickness = sensor.cover.layers[0].material, sensor.cover.thickness
+        yield "verification of the elements on a shell", lambda: [check_shell(material, thickness)]
+        yield "verification on a finer mesh", partial(check_finer_mesh, sensor, self.meshes, results)
+
+    def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
+        """Propagate modulus, position and yaw through the fast model, by plus and minus one standard uncertainty each.
+
+        A linear cover of modulus c E under the load F has c times the forces of one of modulus E under F / c.
+        """
+        cover, pose, load = self.require_fast_model(), case.pose, case.load
+
+        def press(where: Pose, factor: float = 1.0) -> FloatArray:
+            return factor * press_fast(cover, case.indenter, where, load / factor).texel_forces
+
+        def move(direction: FloatArray) -> Callable[[float], FloatArray]:
+            return lambda by: press(replace(pose, point=tuple((pose.position + by * direction).tolist())))
+
+        across = pose.rotation[:, :2].T
+        changes: dict[str, tuple[float, Callable[[float], FloatArray]]] = {
+            "modulus [relative]": (inputs.modulus, lambda by: press(pose, float(np.exp(by)))),
+            "position x [m]": (inputs.position, move(across[0])),
+            "position y [m]": (inputs.position, move(across[1])),
+            "yaw [rad]": (inputs.yaw, lambda by: press(replace(pose, yaw=pose.yaw + by))),
+        }
+        return InputUncertainty(
+            load=load,
+            uncertainties={name: each for name, (each, _) in changes.items() if each},
+            image=press(pose),
+            effects={name: (image(each) - image(-each)) / 2 for name, (each, image) in changes.items() if each},
+            note="thickness, Poisson ratio and friction are not propagated on solid covers",
+        )
+
+    def classify(self, result: CaseResult) -> Mapping[str, str]:
+        """Return shape, direction and depth of a case as words."""
+        deep = result.reference.depth > _DEEP * self.derivation.sensor.cover.thickness
+        return {
+            "shape": result.case.shape.split(":")[0],
+            "direction": "oblique" if measure_obliquity(result) > _OBLIQUE else "along the normal",
+            "depth": f"{'above' if deep else 'up to'} {100 * _DEEP:g} % of the thickness",
+        }
+
+    def measure(self, result: CaseResult) -> Mapping[str, float]:
+        """Return load, depth, contact area and the angle between the motion and the normal of the cover."""
+        return {
+            "load_N": result.case.load,
+            "depth_over_thickness": result.reference.depth / self.derivation.sensor.cover.thickness,
+            "contact_area_m2": result.reference.contact_area,
+            "obliquity_rad": measure_obliquity(result),
+        }
+
+    def _compute_models(self, case: Case) -> dict[str, FloatArray]:
+        """Compute the texel forces of each model, shape (n,) [N]."""
+        from fastmodel.contact.points import find_first_contact
+
+        cover, array, gaussian = self.require_fast_model(), self.derivation.sensor.array, self.derivation.gaussian
+        fast = press_fast(cover, case.indenter, case.pose, case.load)
+        pressed = np.flatnonzero(fast.forces)
+        spread = gaussian.spread(array, cover.points[pressed], cover.normals[pressed])
+        first = find_first_contact(cover, case.indenter, case.pose, case.pose.towards, within=_FIRST * cover.thickness)
+        points, normals = cover.points[first], cover.normals[first]
+        # Equal forces along the normals whose components against the motion sum to the load.
+        share = case.load / float(-(normals @ case.pose.towards).sum())
+        apart = np.linalg.norm(points[:, None] - array.centres[None], axis=2)
+        nearest = np.bincount(apart.argmin(axis=1), minlength=array.count)
+        return {
+            "fast": fast.texel_forces,
+            "gaussian": fast.forces[pressed] @ spread,
+            "rigid": share * gaussian.spread(array, points, normals).sum(axis=0),
+            "no-spread": share * nearest * array.active,
+            "zeros": np.zeros(array.count),
+        }
+
+
+def measure_obliquity(result: CaseResult) -> float:
+    """Return the angle between the motion of the indenter and the normal of the cover where it is placed [rad]."""
+    pose, top = result.case.pose, find_top(result.reference.found.mesh)
+    normal = top.normals[int(np.argmin(np.linalg.norm(top.nodes - pose.position, axis=1)))]
+    return float(np.arccos(np.clip(-normal @ pose.towards, -1.0, 1.0)))
+
+
+@plan_cases.register(SolidCover)
+def _(
+    cover: SolidCover, sensor: SensorDescription, cases: Sequence[Case], progress: Callable[[str], None] | None = None
+) -> Plan:
+    del cover, progress
+    return plan_presses(sensor, cases)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SolidPlaces:
+    """Places on a solid cover, for campaign files.
+
+    Attributes:
+        cover: The cover, for whose stiffness loads are scaled.
+        places: The places on its finest mesh.
+    """
+
+    cover: SolidCover
+    places: CurvedPlaces
+    default: str = "curved.toml"
+
+    def read(self, given: Mapping[str, Any], place: str) -> Pose:
+        """Read `at`, `direction`, `yaw` and `tilt` of a case; see `Places`."""
+        faults = []
+        if "path" in given:
+            faults.append(f"{place}.path: a curved cover has no friction, so earlier loads do not matter; write loads")
+        texts = {key: given[key] for key in ("at", "direction", "yaw", "tilt") if isinstance(given.get(key), str)}
+        pose = self.places.read(texts, place, faults)
+        if faults or pose is None:
+            raise InputError(*faults)
+        return pose
+
+    def scale_loads(self, table: LoadsForTable, source: str) -> float:
+        """Return modulus times thickness squared of the cover, over those of the table; see `Places`."""
+        del source
+        stiffness = self.cover.material.youngs_modulus * self.cover.thickness**2
+        return stiffness / (table.modulus * table.thickness**2)
+
+
+@find_places.register(SolidCover)
+def _(cover: SolidCover, sensor: SensorDescription, progress: Callable[[str], None] | None = None) -> SolidPlaces:
+    return SolidPlaces(cover=cover, places=CurvedPlaces(mesh=make_meshes(sensor, progress)[-1], texels=sensor.array))
+
+
+def plan_presses(sensor: SensorDescription, cases: Sequence[Case]) -> Plan:
+    """Find out which presses are missing from the store, and how long the cases take.
+
+    Args:
+        sensor: A sensor with a curved cover.
+        cases: The indentations.
+    """
+    missing = []
+    for case in cases:
+        try:
+            with stored_only():
+                press_case(sensor, case)
+            missing.append(False)
+        except NotStoredError:
+            missing.append(True)
+    return Plan(
+        cases=len(cases),
+        missing=tuple(missing),
+        seconds=tuple(_PRESS if absent else _STORED_PRESS for absent in missing),
+        rest=_REST if any(missing) else _STORED_REST,
+    )
+
+
+@prepare_bench.register(SolidDerivation)
+def _(
+    derivation: SolidDerivation,
+    cases: Sequence[Case],
+    progress: Callable[[str], None] | None = None,
+    *,
+    parameters: Parameters | None = None,
+) -> Bench:
+    del cases  # nothing is fitted to other presses
+    if progress:
+        progress("fast model, compliance of the surface")
+    bench = SolidBench(derivation=derivation, fast=parameters)
+    bench.require_fast_model()
+    return bench

@@ -1,0 +1,386 @@
+"""Derivation for a cover of planar layers: forces on the texels by finite elements, and fits of the fast model.
+
+Finite elements give the forces on the texels under loads on the cover.  The Gaussian spread kernel of the fast model is
+fitted to these forces.  The result also holds figures that show the quality of the fit: the value of every estimator,
+the residual, the force beyond the kernel, the error estimate of the finite elements, resolution and sensitivities.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fastmodel.fitting.gaussian import Fit
+from fastmodel.signal.point_spread import Tabulated
+from meshes import Cover, TexelArray
+from meshes.array_types import FloatArray
+from validation.derivation.base import Progress, ResponseMap, derive_cover, describe_provenance
+from validation.derivation.contact_range import (
+    DepthFits,
+    TipShare,
+    compute_tip_share,
+    fit_depth,
+    list_undetermined,
+    press_ball_on_array,
+    state_range,
+)
+from validation.derivation.kernel import (
+    Influence,
+    cells_with_sides,
+    cover_cells,
+    fit_kernel,
+    gauss_points,
+    radial_profile,
+    sigma_sensitivities,
+    texel_separation,
+    two_point_separation,
+)
+from validation.errors import InputError
+from validation.results.derivation import Kernel, PointResponse, Responses
+from validation.sensor_file import SensorDescription
+
+if TYPE_CHECKING:
+    from fastmodel.parameters import Parameters
+    from fastmodel.surface import CoverCells
+    from fem_reference.linear_response.point_spread import PointSpread
+
+
+#: Share of a load that a kernel puts on wrong texels below which a Gaussian describes the spread well [-].
+_GOOD_RESIDUAL = 0.05
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class LayeredDerivation:
+    """The finite-element response of planar layers, and the parameters of the sensor's fast model.
+
+    Attributes:
+        sensor: Description of the sensor.
+        influence: Finite-element response of the texels to loads on the cover.
+        texel_response: Forces on the texels under a unit point load over the centre of the middle texel, shape
+            (rows, columns) [-].
+        texel_response_uniform: Forces on the texels under unit force as uniform pressure over the middle texel, shape
+            (rows, columns) [-].
+        outside: Forces that no texel measures under these two loads [-].
+        fit: The fitted spread kernel and its residual.
+        parameters: Parameters of the fast model.
+        error_estimate: Estimated relative errors of the finite elements (`total_force`, `peak_texel`, `sigma`) [-].
+        depth: Contact stiffnesses fitted to the depth of a sphere; None for a cover with free side edges.
+        undetermined: Quantities that the derivation cannot determine, one line of text each.
+        tip: Share of the calibration tip's force that the texel under the tip measures; None if the characteristic was
+            calibrated against the texel force, or if the finite elements failed.
+        seconds: Wall time of the derivation, without the properties that are computed on first use [s].
+    """
+
+    sensor: SensorDescription
+    influence: Influence
+    texel_response: FloatArray
+    texel_response_uniform: FloatArray
+    outside: tuple[float, float]
+    fit: Fit
+    parameters: Parameters
+    error_estimate: Mapping[str, float]
+    depth: DepthFits | None
+    undetermined: tuple[str, ...]
+    tip: TipShare | None
+    seconds: float
+
+    @property
+    def point_spread(self) -> PointSpread | None:
+        """Response of a wide cover as a radial profile; None with free side edges, where it depends on the position."""
+        return radial_profile(self.influence)
+
+    @cached_property
+    def resolution(self) -> float | None:
+        """Smallest distance of two equal point loads with a dip of pressure at the cover's base between them [m].
+
+        NaN if no distance shows a dip; None for a cover with free side edges.
+        """
+        return None if (spread := self.point_spread) is None else two_point_separation(spread)
+
+    @cached_property
+    def resolution_on_array(self) -> float | None:
+        """Smallest distance of two equal point loads with a dip of texel values between two peaks [m].
+
+        The dip must appear at every position of the loads relative to the texels.  NaN if no distance shows the dip;
+        None for a cover with free side edges.
+        """
+        return None if (spread := self.point_spread) is None else texel_separation(spread, self.sensor.array)
+
+    @cached_property
+    def sensitivity(self) -> Mapping[str, float]:
+        """Derivatives of sigma_x as computed by `sigma_sensitivities`; empty for a cover with free side edges."""
+        spread = self.point_spread
+        return {} if spread is None else sigma_sensitivities(self.sensor.layered_cover, self.sensor.array, spread)
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the fitted Gaussian along x [m]."""
+        return self.fit.gaussian.sigma_x * self.sensor.array.pitch[0]
+
+    @property
+    def own_share(self) -> Mapping[str, float]:
+        """Share of a load over the middle texel that this texel measures, by the load [-]."""
+        row, column = divmod(self.sensor.array.middle, self.sensor.array.columns)
+        point, uniform = (np.atleast_2d(each) for each in (self.texel_response, self.texel_response_uniform))
+        return {"point": float(point[row, column]), "uniform": float(uniform[row, column])}
+
+    @property
+    def maps(self) -> tuple[ResponseMap, ...]:
+        """Forces under a point load and a uniform load on the middle texel, and those of the fitted kernel."""
+        array, uniform = self.sensor.array, self.texel_response_uniform.ravel()
+        kernel = self.fit.gaussian.operator(array)[:, array.middle]
+        return (
+            ResponseMap("point load", self.texel_response.ravel()),
+            ResponseMap("uniform load", uniform),
+            ResponseMap("fitted kernel", kernel),
+            ResponseMap("kernel \u2212 uniform", kernel - uniform, is_difference=True),
+        )
+
+    @property
+    def verification(self) -> Mapping[str, float]:
+        """Differences of the response to a unit point load from the closed-form layer solution.
+
+        `radial_profile` is the largest difference of base pressure over the peak pressure, and `texel_response` the
+        difference of the force on the loaded texel over the load [-].  Empty with free side edges.
+        """
+        from fem_reference.closed_form import point_response
+
+        spread, array = self.point_spread, self.sensor.array
+        if spread is None:
+            return {}
+        radius = np.linspace(0, 6 * self.sensor.cover.thickness, 200)
+        exact = point_response(self.sensor.layered_cover, radius)
+        profile = np.abs(spread.pressure(radius) - exact).max() / exact.max()
+        points, weights = gauss_points(array.texel_size, 12)
+        force = weights @ point_response(self.sensor.layered_cover, np.hypot(*points.T)) * np.prod(array.texel_size)
+        middle = self.texel_response[array.rows // 2, array.columns // 2]
+        return {"radial_profile": float(profile), "texel_response": float(abs(middle - force))}
+
+    @property
+    def result(self) -> Responses:
+        """What is written of the derivation."""
+        sensor, fit, spread = self.sensor, self.fit, self.point_spread
+        estimates = {name: pair for name, pair in fit.estimates.items() if np.isfinite(pair).all()}
+        return Responses(
+            sensor=sensor.name,
+            cover=sensor.describe_cover(),
+            psf=Kernel(
+                **dataclasses.asdict(fit.gaussian),
+                estimator=fit.estimator,
+                estimates=estimates,
+                residual=fit.residual,
+                outside_kernel=fit.outside_kernel,
+            ),
+            texel_response=self.texel_response,
+            texel_response_outside=self.outside[0],
+            texel_response_uniform=self.texel_response_uniform,
+            texel_response_uniform_outside=self.outside[1],
+            point_response=None
+            if spread is None
+            else PointResponse(radius_m=spread.radius, pressure_per_force=spread.pressure_per_force),
+            error_estimate=self.error_estimate,
+            resolution=self.resolution,
+            resolution_on_array=self.resolution_on_array,
+            sensitivity=self.sensitivity,
+            depth=None if self.depth is None else dataclasses.asdict(self.depth),
+            validity="not stated" if self.parameters.validity is None else dataclasses.asdict(self.parameters.validity),
+            undetermined=self.undetermined,
+            assumed_electronics=sensor.assumed_electronics,
+            calibration={
+                "calibrated": sensor.electronics.calibrated,
+                "tip": None if self.tip is None else dataclasses.asdict(self.tip),
+            },
+            seconds=self.seconds,
+        )
+
+    def explain(self) -> Iterator[str]:
+        """Yield sentences about the kernel and the range of the fast model, and what is not determined."""
+        residual, validity = self.fit.residual, self.parameters.validity
+        yield (
+            f"The Gaussian kernel puts {100 * residual:.1f} % of a load on wrong texels (good: below "
+            f"{100 * _GOOD_RESIDUAL:.0f} %)."
+        )
+        if residual > _GOOD_RESIDUAL:
+            yield (
+                "The real spread has a narrow core and a long, weak tail, which no Gaussian follows; simulators that "
+                "know kernels only (Gazebo) have this error."
+            )
+        if self.fit.outside_kernel < 0:
+            yield "The force beyond the kernel is negative: near incompressibility the base is pulled at some distance."
+        if self.point_spread is None:
+            yield "Side edges are free: the spread differs from place to place; sigma is that of the middle texel."
+        if validity is None:
+            yield "The range of the fast model is not known here; compare your own touches by `softcover press`."
+        elif validity.load_5_percent > 0:
+            good = validity.load_2_percent > 0
+            load = validity.load_2_percent if good else validity.load_5_percent
+            yield (
+                "The fast model does not use the kernel but the spread itself. Under a ball of "
+                f"{1e3 * validity.ball_radius:.3g} mm radius it puts {'at most 2 %' if good else '2 to 5 % (usable)'} "
+                f"of the force on wrong texels up to {load:.3g} N, at {validity.strain} strain; compare your own "
+                "touches by `softcover press`."
+            )
+        else:
+            yield (
+                "The fast model puts more than 5 % of the force on wrong texels under a ball at every load compared: "
+                "take the finite elements (`softcover press --model fem`)."
+            )
+        if self.tip is not None:
+            yield (
+                f"The texel under a calibration tip measures {self.tip.lightest:.4f} of a point load and "
+                f"{self.tip.heaviest:.4f} of {self.tip.largest_load:.3g} N; the share is fitted up to this load."
+            )
+        for line in self.undetermined:
+            yield f"Not determined: {line}."
+
+
+@derive_cover.register(Cover)
+def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None) -> LayeredDerivation:
+    """Compute the response of planar layers by finite elements, and fit the fast model's parameters to the response.
+
+    Raises:
+        InputError: If the array is curved.
+        ConvergenceError: If the finite-element solver did not converge.
+    """
+    from fastmodel.parameters import Parameters
+    from fem_reference.linear_response.finite_cover import solid_influence
+    from fem_reference.linear_response.point_spread import point_spread
+
+    started = time.perf_counter()
+    tell = progress or (lambda _: None)
+    array = sensor.array
+    if not array.planar:
+        raise InputError(
+            f"{sensor.source}: array: is curved, and the reference takes planar covers only; derive a flat array of "
+            f"its pitch, then exchange the array: dataclasses.replace(fastmodel.load(folder), array=..., tables={{}})"
+        )
+    wide = cover.size is None
+    tell("point spread function by finite elements")
+    influence = point_spread(cover) if wide else solid_influence(cover, array, progress=progress)
+    point, uniform = (np.asarray(influence.texel_response(array, load=load)) for load in ("point", "uniform"))
+    tell("kernel fit")
+    fit = fit_kernel(influence, array)
+    tell("cover kernels")
+    cells = None if sensor.spread else _tabulate_cells(sensor, influence)
+    depth = fit_depth(cover) if wide else None
+    tip = _press_tip(sensor, influence, tell)
+    undetermined = list_undetermined(cover, fit, depth, friction=sensor.friction)
+    parameters = Parameters(
+        array=array,
+        spread=sensor.spread or (fit.gaussian if wide else _tabulate_spread(influence, array)),
+        filter=sensor.filter,
+        electronics=dataclasses.replace(sensor.electronics, tip_share=None if tip is None else tip.share),
+        provenance=_describe_provenance(sensor, fit, depth, undetermined, tip),
+        surface=cells,
+        tables=_tabulate_response(influence),
+    )
+    return LayeredDerivation(
+        sensor=sensor,
+        influence=influence,
+        texel_response=np.asarray(array.image(point), dtype=np.float64),
+        texel_response_uniform=np.asarray(array.image(uniform), dtype=np.float64),
+        outside=_force_outside(influence, array),
+        fit=fit,
+        parameters=_state_range(parameters, sensor, influence, tell),
+        error_estimate=influence.error_estimate,
+        depth=depth,
+        undetermined=undetermined,
+        tip=tip,
+        seconds=time.perf_counter() - started,
+    )
+
+
+def _press_tip(sensor: SensorDescription, influence: Influence, tell: Progress) -> TipShare | None:
+    """Compute the share of the calibration tip's force on the texel; None if it is not needed or not computable."""
+    from fem_reference.errors import ConvergenceError
+
+    if sensor.electronics.tip_radius is None:
+        return None
+    tell("calibration tip over a texel")
+    try:
+        return compute_tip_share(sensor.layered_cover, sensor.array, influence, sensor.electronics)
+    except (ConvergenceError, ValueError) as error:
+        tell(f"the share of the calibration tip's force on a texel is not known: {error}")
+        return None
+
+
+def _state_range(parameters: Parameters, sensor: SensorDescription, influence: Influence, tell: Progress) -> Parameters:
+    """Add tables under load, where they are useful, and the range in which the fast model holds, where it is known.
+
+    The range is not stated for covers with free side edges, and where the finite elements or the fast model fail.
+    """
+    from fem_reference.errors import ConvergenceError
+
+    spread = radial_profile(influence)
+    if spread is None or parameters.surface is None:
+        return parameters
+    tell("range of the fast model, by a ball of one pitch radius")
+    try:
+        presses = press_ball_on_array(sensor.layered_cover, sensor.array, tell)
+        return state_range(parameters, sensor.layered_cover, spread, presses)
+    except (ConvergenceError, ValueError) as error:
+        tell(f"the range of the fast model is not stated: {error}")
+        return parameters
+
+
+def _tabulate_cells(sensor: SensorDescription, influence: Influence) -> CoverCells | None:
+    """Tabulate the displacements of cells of the contact grid and the texel forces under a unit load on one cell.
+
+    Returns:
+        Both tables; None for a cover with free side edges over texels that do not form a regular grid.
+    """
+    if (spread := radial_profile(influence)) is not None:
+        return cover_cells(sensor.layered_cover, sensor.array, spread)
+    return cells_with_sides(sensor.layered_cover, sensor.array, influence) if sensor.array.regular else None
+
+
+def _tabulate_response(influence: Influence) -> dict[str, FloatArray]:
+    """Return radius [m] and pressure per force [1/m2] of the point response; nothing for free side edges."""
+    if (spread := radial_profile(influence)) is None:
+        return {}
+    return {
+        "point_response_radius": np.asarray(spread.radius),
+        "point_response_pressure": np.asarray(spread.pressure_per_force),
+    }
+
+
+def _tabulate_spread(influence: Influence, array: TexelArray) -> Tabulated:
+    """Tabulate the force on every texel per unit force spread uniformly over each texel, for free side edges."""
+    columns = [influence.texel_response(array, load="uniform", texel=texel) for texel in range(array.count)]
+    return Tabulated(matrix=np.array(columns).T, source="finite elements with free side edges")
+
+
+def _force_outside(influence: Influence, array: TexelArray) -> tuple[float, float]:
+    """Compute the force that no texel measures, under a unit load on the middle texel [-].
+
+    For a wide cover this force is integrated over the radius, independently of the texel forces: that the two add up to
+    the load is a check.
+
+    Returns:
+        The force under a point load at the texel's centre, and under uniform pressure over the texel [-].
+    """
+    centre = array.centres[array.middle, :2]
+    points, weights = gauss_points(array.texel_size, 12)
+    return float(influence.outside(array, centre)[0]), float(weights @ influence.outside(array, centre + points))
+
+
+def _describe_provenance(
+    sensor: SensorDescription,
+    fit: Fit,
+    depth: DepthFits | None,
+    undetermined: tuple[str, ...],
+    tip: TipShare | None,
+) -> dict[str, Any]:
+    return describe_provenance(sensor) | {
+        "estimator": "given in the sensor file" if sensor.spread else fit.estimator,
+        "residual": fit.residual,
+        "outside_kernel": fit.outside_kernel,
+        "undetermined": undetermined,
+        "depth": None if depth is None else dataclasses.asdict(depth),
+        "calibration_tip": None if tip is None else dataclasses.asdict(tip),
+    }
