@@ -20,7 +20,7 @@ from campaign import LOADS, SHAPES, cover
 
 from meshes import Pose, TexelArray
 from validation.campaign.bench import LayeredBench
-from validation.campaign.campaign_file import default_cases
+from validation.campaign.campaign_file import FlatPlaces, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.results import MODELS, CampaignResult, Pooled
 from validation.campaign.run import run_campaign
@@ -52,7 +52,7 @@ def score(cases: tuple[Case, ...] | None) -> CampaignResult:
     """Derive the sensor's fast model, fit the published models, and score all in the cases."""
     sensor = dataclasses.replace(BUILT_IN["wts-0614-34"], name="campaign", cover=cover("neo-hookean"))
     array: TexelArray = sensor.array
-    chosen = default_cases(array) if cases is None else cases
+    chosen = read_campaign(None, FlatPlaces(array=array)).cases if cases is None else cases
     parameters = derive(sensor).parameters
     started = time.process_time()
     comparison = prepare_models(sensor.cover, parameters, chosen)

@@ -107,6 +107,8 @@ class NetForceReader:
 #: contact counts as one with the array's front; other contacts are with sides or the back of a plate or box [-].
 FRONT = 0.1
 
+#: The option `cone` of a model with pyramidal friction cones, as a number: comparing with the name takes longer.
+_PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 #: Ids and numbers as MuJoCo stores them.
 _Ids = npt.NDArray[np.int32]
 #: The k contacts of a simulation state.  For each contact: ids of the two geoms, shape (k, 2); index of the contact's
@@ -119,9 +121,9 @@ Contacts = tuple[_Ids, _Ids, _Ids, FloatArray, FloatArray, FloatArray, FloatArra
 
 def read_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Contacts:
     """Read the contacts of a simulation state; the option `cone` of the model may change during a simulation."""
-    found, pyramidal = data.contact, model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL
+    found, pyramidal = data.contact, model.opt.cone == _PYRAMIDAL
     places = (found.frame, found.friction, found.pos, found.dist)
-    return (found.geom, found.efc_address, found.dim, *places, data.efc_force, bool(pyramidal))
+    return (found.geom, found.efc_address, found.dim, *places, data.efc_force, pyramidal)
 
 
 @called_by_kernels

@@ -71,6 +71,8 @@ class ArrayContact:
             return False
         if abs(self.beside - other.beside) > tolerance * abs(self.beside):
             return False
+        if not len(self.points):
+            return True
         places = (self.points.shape[1] + 1) // 2
         apart, size = np.abs(self.points - other.points), np.abs(self.points[:, places:]).sum()
         limits = np.where(np.arange(apart.shape[1]) < places, tolerance * length, tolerance * size)

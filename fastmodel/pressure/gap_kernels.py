@@ -238,19 +238,29 @@ def _cross_solid(body: Body, p: int, faces: FloatArray, line: Line, bottom: Floa
         _cross_faces(faces, line, bottom, top)
         return
     turn, place = rotation[p], position[p]
-    up, apart = (turn[2, 0], turn[2, 1], turn[2, 2]), np.array([0.0, y - place[1], -place[2]])
+    # written out and with numbers, because passing arrays for every line doubles the time
+    kind, size = shape[0][p], (shape[1][p, 0], shape[1][p, 1], shape[1][p, 2])
+    up, dy, dz = (turn[2, 0], turn[2, 1], turn[2, 2]), y - place[1], -place[2]
     for j in range(first, last):
-        apart[0] = x[j] - place[0]
-        bottom[j], top[j] = _cross_round(shape[0][p], shape[1][p], edge, _turn_back(turn, apart), up)
+        dx = x[j] - place[0]
+        ox = turn[0, 0] * dx + turn[1, 0] * dy + turn[2, 0] * dz
+        oy = turn[0, 1] * dx + turn[1, 1] * dy + turn[2, 1] * dz
+        oz = turn[0, 2] * dx + turn[1, 2] * dy + turn[2, 2] * dz
+        if kind == ELLIPSOID:  # not by the function for all kinds, which is too large to be inlined
+            scaled = (ox / size[0], oy / size[1], oz / size[2]), (up[0] / size[0], up[1] / size[1], up[2] / size[2])
+            bottom[j], top[j] = _cross_ball(scaled[0], scaled[1], 1.0)
+        else:
+            bottom[j], top[j] = _cross_round(kind, size, edge, (ox, oy, oz), up)
 
 
 @called_by_kernels
-def _turn_back(turn: FloatArray, vector: FloatArray) -> Vector:
-    """Return the components of a vector, shape (3,), along axes that are the columns of a matrix, shape (3, 3)."""
-    x = turn[0, 0] * vector[0] + turn[1, 0] * vector[1] + turn[2, 0] * vector[2]
-    y = turn[0, 1] * vector[0] + turn[1, 1] * vector[1] + turn[2, 1] * vector[2]
-    z = turn[0, 2] * vector[0] + turn[1, 2] * vector[1] + turn[2, 2] * vector[2]
-    return x, y, z
+def _turn_back(turn: FloatArray, x: float, y: float, z: float) -> Vector:
+    """Return the components of a vector along axes that are the columns of a matrix, shape (3, 3)."""
+    return (
+        turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z,
+        turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z,
+        turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z,
+    )
 
 
 @called_by_kernels
@@ -275,7 +285,7 @@ def _cross_faces(faces: FloatArray, line: Line, bottom: FloatArray, top: FloatAr
 
 
 @called_by_kernels
-def _cross_round(kind: int, size: FloatArray, edge: float, o: Vector, u: Vector) -> tuple[float, float]:
+def _cross_round(kind: int, size: Vector, edge: float, o: Vector, u: Vector) -> tuple[float, float]:
     """Find the interval of s in which the line o + s u lies in an ellipsoid, cylinder or capsule in its own frame."""
     if kind == ELLIPSOID:
         a, b, c = size
@@ -341,10 +351,13 @@ def cross_lines(
     enter, leave = np.full((len(position), len(points)), np.inf), np.full((len(position), len(points)), -np.inf)
     for p in range(len(position)):
         for k in range(len(points)):
-            o, u = _turn_back(rotation[p], points[k] - position[p]), _turn_back(rotation[p], along[k])
+            x, y, z = points[k, 0] - position[p, 0], points[k, 1] - position[p, 1], points[k, 2] - position[p, 2]
+            o = _turn_back(rotation[p], x, y, z)
+            u = _turn_back(rotation[p], along[k, 0], along[k, 1], along[k, 2])
             low, high = -np.inf, np.inf
             if shape[0][p] != POLYTOPE:
-                low, high = _cross_round(shape[0][p], shape[1][p], 0.0, o, u)
+                size = (shape[1][p, 0], shape[1][p, 1], shape[1][p, 2])
+                low, high = _cross_round(shape[0][p], size, 0.0, o, u)
             else:
                 for f in range(shape[3][p], shape[3][p + 1]):
                     plane = shape[2][f]

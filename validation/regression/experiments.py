@@ -10,7 +10,7 @@ each with another filter or other electronics.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -36,8 +36,9 @@ from fastmodel import (
     recommend_options,
 )
 from fastmodel.signal.frame import Frame
-from meshes import Box, Indenter, LetterH, Sphere, TexelArray
+from meshes import Box, Indenter, LetterH, Pose, Sphere, TexelArray
 from meshes.array_types import FloatArray
+from meshes.solids.texels import tangent_axes
 from validation.campaign.results import CampaignResult, pool, skill
 from validation.derivation.derive import Derivation
 from validation.metrics import score, score_images
@@ -233,8 +234,14 @@ def _make_bump(array: TexelArray, middle: tuple[float, float], width: float) -> 
     return np.asarray((_LOAD - _OUTSIDE[0]) * weights / weights.sum())
 
 
-#: Contact methods for flat covers.
-FLAT_METHODS = ("boxes", "area", "foundation", "cover")
+#: Contact methods by that of the surface in the parameters; None for parameters without a surface.
+METHODS_OF: Mapping[str | None, tuple[str, ...]] = {
+    None: ("boxes", "area"),
+    "cover": ("boxes", "area", "foundation", "cover"),
+    "curved": ("curved",),
+}
+#: Contact methods that compute the area under a ball.
+AREA_METHODS = ("foundation", "cover", "curved")
 #: Mean pressure below the H: that of 500 g on an H of 12 x 16 mm with bars of 4 mm [Pa].
 LETTER_PRESSURE = 34e3
 #: Largest width and height of the H [pitches], and the same over columns and rows; width of its bars over the smaller
@@ -265,6 +272,32 @@ def lay_letter_h(array: TexelArray) -> tuple[LetterH, float, tuple[float, float]
     return letter, LETTER_PRESSURE * area, at, _YAW
 
 
+def list_methods(parameters: Parameters) -> tuple[str, ...]:
+    """Return the contact methods that parameters allow."""
+    return METHODS_OF[None if parameters.surface is None else parameters.surface.method]
+
+
+def lay_flat(parameters: Parameters) -> Parameters:
+    """Return parameters that press on boxes, for experiments on the signal alone.
+
+    A cover whose contact takes no boxes is left out, and its array is laid flat.
+    """
+    array = parameters.array
+    if "boxes" in list_methods(parameters):
+        return parameters
+    flat = TexelArray.grid(array.rows, array.columns, array.pitch, active=array.image(array.active), name=array.name)
+    return replace(parameters, array=flat, surface=None)
+
+
+def place(array: TexelArray, at: tuple[float, float], yaw: float = 0.0) -> Pose:
+    """Place an indenter along the normal: in the frame of a planar array, else beside the middle texel's centre."""
+    if array.planar:
+        return Pose.planar(at=at, yaw=yaw)
+    normal = array.normals[array.middle]
+    point = array.centres[array.middle] + np.array(at) @ tangent_axes(array.normals)[array.middle]
+    return Pose.facing(point, -normal, spin=yaw)
+
+
 def press_letter(subject: Subject) -> Values:
     """Press the H on the sensor, by every contact method that its parameters allow."""
     letter, load, at, yaw = lay_letter_h(subject.parameters.array)
@@ -274,11 +307,10 @@ def press_letter(subject: Subject) -> Values:
 def press_ball(subject: Subject) -> Values:
     """Press a ball on the sensor, beside a texel's centre, by the methods that compute the area under a ball."""
     array = subject.parameters.array
-    x, y = array.centres[array.middle, :2].tolist()
+    x, y = array.centres[array.middle, :2].tolist() if array.planar else (0.0, 0.0)
     at = (x + _BESIDE[0] * array.pitch[0], y + _BESIDE[1] * array.pitch[1])
     load = LETTER_PRESSURE * float(np.prod(array.pitch))
-    ball = Sphere(radius=_BALL * min(array.pitch))
-    return _press(subject.parameters, ball, load=load, at=at, methods=("foundation", "cover"))
+    return _press(subject.parameters, Sphere(radius=_BALL * min(array.pitch)), load=load, at=at, among=AREA_METHODS)
 
 
 def press_oblong(subject: Subject) -> Values:  # noqa: ARG001 -- every experiment takes the sensor
@@ -345,16 +377,15 @@ def _press(
     load: float,
     at: tuple[float, float],
     yaw: float = 0.0,
-    methods: Iterable[str] = FLAT_METHODS,
+    among: Container[str] = (*METHODS_OF["cover"], *METHODS_OF["curved"]),
 ) -> dict[str, Value]:
     """Press an indenter by several contact methods, and take forces and depth."""
     values: dict[str, Value] = {}
-    for method in methods:
-        if parameters.surface is None and method in {"foundation", "cover"}:
-            continue
-        pressed = indent(parameters, indenter, load=load, at=at, yaw=yaw, method=method)
+    pose = place(parameters.array, at, yaw)
+    for method in (each for each in list_methods(parameters) if each in among):
+        pressed = indent(parameters, indenter, load=load, pose=pose, method=method)
         # before spread, which has quantities of its own; `cover` computes the forces after spread by itself
-        forces = pressed.texel_forces if method == "cover" else pressed.contact_forces
+        forces = pressed.texel_forces if method in {"cover", "curved"} else pressed.contact_forces
         values[f"{method}, force of each texel"] = list_texels(parameters.array, forces)
         values[f"{method}, largest force after spread"] = float(pressed.texel_forces.max())
         values[f"{method}, load carried"] = pressed.total_force
@@ -405,20 +436,19 @@ class _Recorded:
 
 def measure_load_step(subject: Subject) -> Values:
     """Measure rise time and overshoot of the total force after a load step, with the own filter and with fixed ones."""
-    own = subject.parameters.filter
+    parameters = lay_flat(subject.parameters)
+    own = parameters.filter
     period = 0.0 if own is None else 1.0 / own.cutoff_hz
     timestep = min(_TIMESTEP, period / _PER_PERIOD or _TIMESTEP)
     rest, steps = round(_REST / timestep), round(max(_STEP, _PERIODS * period) / timestep)
     filters = {"own filter": own}
     filters |= {f"order {order}": Butterworth(cutoff_hz=_CUTOFF, order=order) for order in _ORDERS}
     electronics = replace(_WIDE, rate_hz=1 / timestep)
-    sensors = {
-        name: replace(subject.parameters, filter=each, electronics=electronics) for name, each in filters.items()
-    }
+    sensors = {name: replace(parameters, filter=each, electronics=electronics) for name, each in filters.items()}
     loads = np.repeat([0.0, _WEIGHT], [rest, steps])
     responses = {
         name: recorded.totals[rest:] / _WEIGHT - 1.0
-        for name, recorded in _simulate(subject.parameters, sensors, loads, timestep).items()
+        for name, recorded in _simulate(parameters, sensors, loads, timestep).items()
     }
     return {
         "rise time": {name: timestep * _count_rise(response) for name, response in responses.items()},
@@ -429,11 +459,12 @@ def measure_load_step(subject: Subject) -> Values:
 
 def measure_frames(subject: Subject) -> Values:
     """Measure times of frames, and by how much the forces in them lag behind a load that rises at a constant rate."""
-    rate = subject.parameters.electronics.rate_hz
+    parameters = lay_flat(subject.parameters)
+    rate = parameters.electronics.rate_hz
     rest, ramp = round(_REST / _TIMESTEP), max(round(_FRAMES / rate / _TIMESTEP), _FRAMES) + 1
     loads = np.append(np.zeros(rest), np.arange(1, ramp + 1) * _WEIGHT / ramp)
-    sensors = {"own": replace(subject.parameters, filter=None)}
-    own = _simulate(subject.parameters, sensors, loads, _TIMESTEP)["own"]
+    sensors = {"own": replace(parameters, filter=None)}
+    own = _simulate(parameters, sensors, loads, _TIMESTEP)["own"]
     made = np.flatnonzero(own.new)
     times = np.array([own.frames[step].time for step in made.tolist()])
     late = made[made >= rest + 1]
@@ -449,15 +480,16 @@ def measure_frames(subject: Subject) -> Values:
 
 def measure_noise(subject: Subject) -> Values:
     """Measure the noise of running sensors: its size, and whether it depends on seed, sensor, texel and frame."""
-    array = subject.parameters.array
+    parameters = lay_flat(subject.parameters)
+    array = parameters.array
     steps = -(-_SAMPLES // array.count)
-    quiet = replace(subject.parameters, filter=None, electronics=_WIDE)
+    quiet = replace(parameters, filter=None, electronics=_WIDE)
     noisy = replace(quiet, electronics=replace(_WIDE, noise=_NOISE))
     sensors = {"quiet": quiet, "noisy": noisy, "same seed": noisy, "other seed": noisy}
     seed = subject.seed
     seeds = {"noisy": seed, "same seed": seed, "other seed": seed + 1}
     loads = np.zeros(steps)
-    runs = _simulate(subject.parameters, sensors, loads, _TIMESTEP, seeds=seeds)
+    runs = _simulate(parameters, sensors, loads, _TIMESTEP, seeds=seeds)
     counts = {name: np.array([frame.counts for frame in run.frames]) for name, run in runs.items()}
     active = array.active
     first, same, other = ((counts[name] - counts["quiet"])[:, active] / _WIDE.sensitivity for name in seeds)
@@ -475,13 +507,14 @@ def measure_noise(subject: Subject) -> Values:
 
 def measure_reset(subject: Subject) -> Values:
     """Measure counts after resets of a sensor with hysteresis and filter; the first and the last are at equal load."""
+    parameters = lay_flat(subject.parameters)
     electronics = replace(_WIDE, hysteresis_share=0.5, hysteresis_width=_PLAY)
-    parameters = replace(subject.parameters, filter=Butterworth(cutoff_hz=_CUTOFF), electronics=electronics)
-    _, (sensor,) = _build(subject.parameters, [parameters], _TIMESTEP)
+    reset = replace(parameters, filter=Butterworth(cutoff_hz=_CUTOFF), electronics=electronics)
+    _, (sensor,) = _build(parameters, [reset], _TIMESTEP)
     means = []
     for load in _RESET_LOADS:
         sensor.reset(load)
-        means.append(float(sensor.frame().counts[subject.parameters.array.active].mean()))
+        means.append(float(sensor.frame().counts[parameters.array.active].mean()))
     return {"counts after a reset": means[0], "trace of the load before": means[2] - means[0]}
 
 
@@ -489,6 +522,8 @@ def measure_letter(subject: Subject) -> Values:
     """Press an off-centre, turned H on the sensor by the default method, and take its image and net force."""
     parameters = subject.parameters
     indenter, load, at, yaw = lay_letter_h(parameters.array)
+    if not parameters.array.planar:
+        at = (parameters.array.centres[parameters.array.middle, :2] + at).tolist()
     below = LETTER_PRESSURE * float(np.prod(parameters.array.pitch))
     electronics = Electronics(rate_hz=100.0, sensitivity=_LETTER_GREY / below, output_max=255, bits=8)
     spec = _make_spec(_TIMESTEP)

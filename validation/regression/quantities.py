@@ -21,7 +21,8 @@ from fastmodel import Parameters
 from validation.campaign.results import CaseResult
 from validation.metrics import METRICS
 from validation.regression.experiments import (
-    FLAT_METHODS,
+    AREA_METHODS,
+    METHODS_OF,
     STAGES,
     Subject,
     Value,
@@ -245,7 +246,11 @@ _TABLE: tuple[tuple[str, str, str, float | str], ...] = (
     ("spread", "foundation modulus", "N/mm3", "0.5 % of each"),
     *(
         (group, f"{method}, {name}", unit, tolerance)
-        for group, methods in (("H", FLAT_METHODS), ("ball", ("foundation", "cover")), ("oblong texels", FLAT_METHODS))
+        for group, methods in (
+            ("H", (*METHODS_OF["cover"], *METHODS_OF["curved"])),
+            ("ball", AREA_METHODS),
+            ("oblong texels", METHODS_OF["cover"]),
+        )
         for method in methods
         for name, unit, tolerance in (
             ("force of each texel", "mN", "1 % of largest"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import defaultdict
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
@@ -52,9 +53,11 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         "verdict": evaluation.verdict,
         "plan": evaluation.plan,
         "evidence": evidence,
+        # A section without a note, or without a table, shows none.
+        "notes": defaultdict(str, evidence.notes),
+        "tables": defaultdict(lambda: None, tables.list_tables(evaluation)),
         "calibration": describe_calibration(derivation.parameters.electronics),
         "metrics": TABULATED,
-        "tables": tables.list_tables(evaluation),
         "comparison": tables.describe_comparison(campaign),
         "tiles": list(_list_tiles(evaluation)),
         "maps": _draw_maps(derivation),

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from meshes.bounded_file import parse_toml
-from validation.campaign.campaign_file import Inputs, default_cases, parse_campaign, read_campaign
+from validation.campaign.campaign_file import FlatPlaces, Inputs, parse_campaign, read_campaign
 from validation.campaign.case import Case, name_positions
 from validation.errors import InputError
 from validation.schema.campaign import METRICS, CampaignTables, CaseTable, RequiredTable
@@ -22,7 +22,7 @@ load = "100 g"
 
 
 def read(text, array):
-    return parse_campaign(parse_toml(text), array, source="mine.toml")
+    return parse_campaign(parse_toml(text), FlatPlaces(array=array), source="mine.toml")
 
 
 def test_a_full_file_is_read_in_si_units(wts):
@@ -74,7 +74,7 @@ def test_a_full_file_is_read_in_si_units(wts):
 
 
 def test_what_is_left_out_is_that_of_the_default_campaign(wts):
-    default = read_campaign(None, wts)
+    default = read_campaign(None, FlatPlaces(array=wts))
     campaign = read(GOOD, wts)
     assert (campaign.criterion, campaign.inputs) == (default.criterion, default.inputs)
     assert len(campaign.cases) == 1
@@ -91,7 +91,7 @@ def test_loads_and_paths_make_one_case_each(wts):
 
 
 def test_quick_takes_the_marked_cases_or_the_first_six(wts):
-    assert [case.name for case in read_campaign(None, wts).shorten().cases] == [
+    assert [case.name for case in read_campaign(None, FlatPlaces(array=wts)).shorten().cases] == [
         "sphere, texel",
         "sphere, edge",
         "cylinder, off grid",
@@ -170,15 +170,15 @@ def test_the_largest_file_and_the_most_cases_are_read_and_one_more_is_refused(wt
     for size in (2**20, 2**20 + 1):
         path.write_text(GOOD + "#" * (size - len(GOOD)))
         if size == 2**20:
-            assert len(read_campaign(path, wts).cases) == 1
+            assert len(read_campaign(path, FlatPlaces(array=wts)).cases) == 1
     with pytest.raises(InputError, match="has more than the 1 MiB accepted"):
-        read_campaign(path, wts)
+        read_campaign(path, FlatPlaces(array=wts))
     tables = parse_toml(GOOD)
-    campaign = parse_campaign({"case": tables["case"] + 999 * [{}]}, wts, source="mine.toml")
+    campaign = parse_campaign({"case": tables["case"] + 999 * [{}]}, FlatPlaces(array=wts), source="mine.toml")
     assert len(campaign.cases) == 1
     assert campaign.left_out[-1].startswith("mine.toml: case[999].")
     with pytest.raises(InputError, match="1001 tables; at most 1000 are accepted"):
-        parse_campaign({"case": tables["case"] + 1000 * [{}]}, wts, source="mine.toml")
+        parse_campaign({"case": tables["case"] + 1000 * [{}]}, FlatPlaces(array=wts), source="mine.toml")
 
 
 def test_the_most_loads_and_the_longest_name_are_read_and_one_more_is_left_out(wts):
@@ -189,7 +189,7 @@ def test_the_most_loads_and_the_longest_name_are_read_and_one_more_is_left_out(w
         table | {"name": "a" * 81, "loads": ["200 g"]},
         table | {"loads": [f"{n} g" for n in range(201, 302)]},
     ]
-    campaign = parse_campaign({"case": others}, wts, source="mine.toml")
+    campaign = parse_campaign({"case": others}, FlatPlaces(array=wts), source="mine.toml")
     assert len(campaign.cases) == 100
     names, loads = campaign.left_out
     assert names.startswith("mine.toml: case[1].name: must be a text of 1 to 80 characters")
@@ -198,16 +198,16 @@ def test_the_most_loads_and_the_longest_name_are_read_and_one_more_is_left_out(w
 
 def test_a_missing_file_and_no_toml_are_named(wts, tmp_path):
     with pytest.raises(InputError, match="no such file"):
-        read_campaign(tmp_path / "none.toml", wts)
+        read_campaign(tmp_path / "none.toml", FlatPlaces(array=wts))
     broken = tmp_path / "broken.toml"
     broken.write_text("[[case]\n")
     with pytest.raises(InputError, match=r"broken\.toml: not a TOML file that is accepted: not readable as TOML"):
-        read_campaign(broken, wts)
+        read_campaign(broken, FlatPlaces(array=wts))
 
 
 def test_named_positions_are_those_of_the_array(wts):
     named = name_positions(wts)
-    cases = default_cases(wts)
+    cases = read_campaign(None, FlatPlaces(array=wts)).cases
     assert {case.pose.at for case in cases} == set(named.values())
     assert all(isinstance(case, Case) for case in cases)
 

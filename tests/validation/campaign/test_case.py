@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from meshes.catalogue import ARRAYS
-from validation.campaign.campaign_file import default_cases
+from validation.campaign.campaign_file import FlatPlaces, read_campaign
 
 
 @pytest.mark.parametrize("name", ["wts-0614-34", "sdh2-distal"])
 def test_default_campaign_covers_what_it_says(name):
     array = ARRAYS[name]
-    cases = default_cases(array)
+    cases = read_campaign(None, FlatPlaces(array=array)).cases
     assert len(cases) >= 12
     assert len({case.name for case in cases}) == len(cases)
     assert {case.shape.split(":")[0] for case in cases} == {"sphere", "cylinder", "box", "tip"}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from validation.campaign.bench import LayeredBench
-from validation.campaign.campaign_file import Criterion, read_campaign
+from validation.campaign.campaign_file import Criterion, FlatPlaces, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.results import SkippedCase, judge, score_forces
 from validation.campaign.run import run_campaign, summarise
@@ -25,7 +25,7 @@ def result(wts_derivation):
 
 @pytest.fixture(scope="module")
 def plan(wts):
-    return dataclasses.replace(read_campaign(None, wts), cases=CASES)
+    return dataclasses.replace(read_campaign(None, FlatPlaces(array=wts)), cases=CASES)
 
 
 def move_to_right(image, share):

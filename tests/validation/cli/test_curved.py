@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 import pytest
-from validation.curved.derive import derive_curved
 
 from validation.cli.entry import main
 from validation.curved.places import read_pose
+from validation.derivation.derive import derive
 from validation.errors import InputError
 
 
@@ -23,7 +23,6 @@ def run(*words):
         ("validate", "fingertip", "--recordings", "none"),
         ("export", "phalanx", "--format", "sdf", "--out", "x"),
         ("datasheet", "flat-pad"),
-        ("regress", "fingertip", "--baseline", "none.json"),
         ("view", "fingertip", "--indenter", "sphere:radius=4mm", "--load", "1N"),
     ],
     ids=lambda words: words[0],
@@ -82,14 +81,13 @@ def test_options_that_do_not_fit_are_named(words, said, capsys):
 def derived(small_pad, tmp_path_factory):
     """A folder with the parameters of a curved cover."""
     folder = tmp_path_factory.mktemp("derived")
-    derive_curved(small_pad).parameters.save(folder)
+    derive(small_pad).parameters.save(folder)
     return str(folder)
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("regress", "DERIVED", "--update"), "softcover validate"),
         (("export", "DERIVED", "--format", "sdf", "--out", "x"), "a model of boxes cannot hold"),
         (("export", "DERIVED", "--format", "urdf", "--out", "x"), "a model of boxes cannot hold"),
         (("export", "DERIVED", "--format", "gazebo", "--out", "x"), "the array must be flat|spread must be a Gaussian"),
@@ -120,17 +118,14 @@ def test_a_press_of_parameters_does_not_call_force_outside_the_array(derived, ca
 
 def test_derive_prints_the_responses_and_what_they_mean(small_pad, softcover, monkeypatch):
     """Each figure against the derivation itself."""
-    derivation = derive_curved(small_pad)
-    monkeypatch.setattr("validation.curved.derive.derive_curved", lambda *_args, **_options: derivation)
+    derivation = derive(small_pad)
+    monkeypatch.setattr("validation.derivation.derive.derive_cover", lambda *_args, **_options: derivation)
     status, out, _ = softcover("derive", "flat-pad")
     assert status == 0
     text = " ".join(out.translate(str.maketrans("│┌┐└┘├┤┬┴┼─", " " * 11)).split())
-    assert text.startswith("Texel responses of flat-pad cover ")
-    active = derivation.sensor.array.active
-    own = derivation.own_shares[active]
-    others = derivation.responses.matrix.sum(axis=1)[active] - own
-    for name, shares in (("texel", own), ("all others", others)):
-        least, median, largest = (f"{100 * pick(shares):.1f}" for pick in (np.min, np.median, np.max))
-        assert f"force on {'a texel' if name == 'texel' else name} {least} / {median} / {largest} % of" in text
-    assert f"hash {derivation.mesh.digest[:12]} force on" in text
+    own = np.diag(derivation.responses.matrix)[derivation.sensor.array.active]
+    for name, share in (("least", own.min()), ("largest", own.max())):
+        assert f"point force that the texel below measures, {name} [%] {100 * share:.1f}" in text
+    assert f"hash {derivation.mesh.digest[:12]}: " in text
     assert "of all texels need not sum to the load." in text
+    assert "No error of the finite elements is known: there is one mesh only." in text

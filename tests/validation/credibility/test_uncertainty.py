@@ -8,7 +8,7 @@ import pytest
 
 from fem_reference import ConvergenceError, result_store
 from validation.campaign.bench import LayeredBench
-from validation.campaign.campaign_file import Inputs, read_campaign
+from validation.campaign.campaign_file import FlatPlaces, Inputs, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.run import summarise
 from validation.credibility import evidence
@@ -268,7 +268,9 @@ def test_a_case_whose_inputs_cannot_be_propagated_costs_its_comparison_and_a_lin
     monkeypatch.setattr("validation.credibility.verification.verify_code", lambda *_: ())
     sensor = wts_derivation.sensor
     bench = LayeredBench(cover=sensor.cover, fast=wts_derivation.parameters)
-    gathered = evidence.gather_evidence(bench, read_campaign(None, sensor.array), summarise(results, (), None))
+    gathered = evidence.gather_evidence(
+        bench, read_campaign(None, FlatPlaces(array=sensor.array)), summarise(results, (), None)
+    )
     assert set(gathered.inputs) == {each.case.name for each in results[1:]}
     assert {each.case for each in gathered.errors} == set(gathered.inputs)
     assert gathered.failed == (f"input uncertainty of {results[0].case.name}: too coarse",)

@@ -4,8 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from validation.curved.bench import CURVED_MODELS, SolidBench, plan_presses
-from validation.curved.derive import derive_curved
 
 from fem_reference.curved_cover.press import press_small
 from fem_reference.indentation.press import PressProblem
@@ -13,14 +11,16 @@ from fem_reference.result_store import NotStoredError, stored_only
 from meshes import Material
 from meshes.bounded_file import parse_toml
 from validation.campaign.bench import Plan
-from validation.campaign.campaign_file import Criterion, Inputs, parse_campaign
-from validation.campaign.evaluation import evaluate, judge
+from validation.campaign.campaign_file import Criterion, Inputs, find_places, parse_campaign
+from validation.campaign.evaluation import evaluate
+from validation.campaign.results import judge
 from validation.campaign.run import run_campaign
+from validation.campaign.solid_bench import CURVED_MODELS, SolidBench, plan_presses
 from validation.credibility import verification as evidence
 from validation.credibility.evidence import gather_evidence
 from validation.credibility.verification import check_shell
-from validation.curved.places import CurvedPlaces
 from validation.curved.press import press_case
+from validation.derivation.derive import derive
 
 TEXT = """
 [[case]]
@@ -40,13 +40,12 @@ tilt = "0deg,45deg"
 
 @pytest.fixture(scope="module")
 def plan(small_pad):
-    places = CurvedPlaces(mesh=small_pad.cover.meshes()[-1], texels=small_pad.array)
-    return parse_campaign(parse_toml(TEXT), small_pad.array, source="mine.toml", cover=small_pad.cover, curved=places)
+    return parse_campaign(parse_toml(TEXT), find_places(small_pad.cover, small_pad), source="mine.toml")
 
 
 @pytest.fixture(scope="module")
 def bench(small_pad):
-    return SolidBench(derivation=derive_curved(small_pad))
+    return SolidBench(derivation=derive(small_pad))
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +66,7 @@ def test_the_cost_is_announced_before_the_long_computations(small_pad, plan, tmp
         told.append("derived")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("validation.curved.derive.derive_curved", derive)
+    monkeypatch.setattr("validation.derivation.derive.derive_cover", derive)
     with pytest.raises(KeyboardInterrupt):
         evaluate(small_pad, campaign=plan, announce=told.append)
     assert len(told) == 2

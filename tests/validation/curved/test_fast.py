@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from validation.curved.derive import derive_curved
 
 from meshes import Sphere
 from meshes.solids import SolidMesh, flat_pad
@@ -12,6 +11,7 @@ from validation.cli.curved.press import PressText, press_by_fast_model
 from validation.curved import fast
 from validation.curved.fast import choose_mesh
 from validation.curved.press import press_sensor
+from validation.derivation.derive import derive
 from validation.errors import InputError
 from validation.json_values import json_text
 
@@ -31,7 +31,7 @@ def test_a_press_by_both_models_states_what_the_fast_one_misplaces(small_pad):
 
 
 def test_derived_parameters_hold_the_cover(small_pad):
-    derivation = derive_curved(small_pad)
+    derivation = derive(small_pad)
     parameters = derivation.parameters
     assert derivation.gaussian.sigma[0] == pytest.approx(derivation.gaussian.sigma[1], rel=1e-3)
     assert derivation.gaussian.residual < 0.2
@@ -71,9 +71,9 @@ def test_nodes_between_the_corners_of_tetrahedra_count(monkeypatch):
 
 def test_derive_says_where_the_fast_model_is_missing(small_pad, monkeypatch, softcover, tmp_path):
     monkeypatch.setattr(fast, "_MOST_NODES", 9)
-    monkeypatch.setattr("validation.curved.files.write_scene", lambda *_: ("cover.png",))
-    derivation = derive_curved(small_pad)
-    monkeypatch.setattr("validation.curved.derive.derive_curved", lambda *_args, **_options: derivation)
+    monkeypatch.setattr("validation.scene.draw.write_scene", lambda *_: ("cover.png",))
+    derivation = derive(small_pad)
+    monkeypatch.setattr("validation.derivation.derive.derive_cover", lambda *_args, **_options: derivation)
     status, _, err = softcover("derive", "flat-pad", "--out", str(tmp_path / "derived"))
     assert status == 0
-    assert "too fine for the fast model's contact" in err
+    assert "no contact of the cover" in err

@@ -7,13 +7,17 @@ import re
 import numpy as np
 import pytest
 
-from meshes import Cover
 from meshes.bounded_file import parse_toml
 from meshes.solids import fingertip
-from validation.campaign.campaign_file import parse_campaign, read_campaign
+from validation.campaign.campaign_file import FlatPlaces, find_places, parse_campaign, read_campaign
 from validation.campaign.case import describe_pose
 from validation.curved.places import CurvedPlaces
 from validation.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def solid_places(small_pad):
+    return find_places(small_pad.cover, small_pad)
 
 
 @pytest.fixture(scope="module")
@@ -92,12 +96,14 @@ def test_places_on_a_planar_array_may_lack_the_height(pad_places):
         assert re.search("is not 3 values", faults[0])
 
 
-def test_the_default_campaign_presses_three_directions_and_scales_its_loads(small_pad, pad_places):
-    campaign = read_campaign(None, small_pad.array, cover=small_pad.cover, curved=pad_places)
+def test_the_default_campaign_presses_three_directions_and_scales_its_loads(small_pad, solid_places):
+    campaign = read_campaign(None, solid_places)
     assert (len(campaign.cases), len(campaign.quick), campaign.left_out) == (16, 6, ())
-    layer = small_pad.cover.layers[0]
-    thick = Cover(layers=(dataclasses.replace(layer, thickness=2 * layer.thickness),))
-    scaled = read_campaign(None, small_pad.array, cover=thick, curved=pad_places)
+    stiff = dataclasses.replace(small_pad.cover.material, parameters={"youngs_modulus": 4e6})
+    cover = dataclasses.replace(
+        small_pad.cover, layers=(dataclasses.replace(small_pad.cover.layers[0], material=stiff),)
+    )
+    scaled = read_campaign(None, dataclasses.replace(solid_places, cover=cover))
     for first, second in zip(campaign.cases, scaled.cases, strict=True):
         assert second.load == pytest.approx(4 * first.load, rel=0.02)
 
@@ -120,12 +126,9 @@ load = "0.3 N"
         ("loads_for = { modulus = '1 mm', thickness = '2 mm' }\n" + CASE, "loads_for.modulus"),
     ],
 )
-def test_faults_of_a_campaign_on_a_curved_cover(small_pad, pad_places, text, said):
+def test_faults_of_a_campaign_on_a_curved_cover(solid_places, text, said):
     try:
-        campaign = parse_campaign(
-            parse_toml(text), small_pad.array, source="mine.toml", cover=small_pad.cover, curved=pad_places
-        )
-        lines = campaign.left_out
+        lines = parse_campaign(parse_toml(text), solid_places, source="mine.toml").left_out
     except InputError as error:
         lines = error.faults
     assert any(said in line and line.startswith("mine.toml: ") for line in lines)
@@ -137,11 +140,8 @@ def test_keys_of_curved_covers_are_refused_on_flat_ones(small_pad):
         (CASE + "direction = 'normal'\n", "direction: is for curved covers"),
     ):
         with pytest.raises(InputError, match=said):
-            parse_campaign(parse_toml(text), small_pad.array, source="mine.toml")
+            parse_campaign(parse_toml(text), FlatPlaces(array=small_pad.array), source="mine.toml")
 
 
-def test_loads_of_a_file_are_taken_as_they_are(small_pad, pad_places):
-    campaign = parse_campaign(
-        parse_toml(CASE), small_pad.array, source="mine.toml", cover=small_pad.cover, curved=pad_places
-    )
-    assert campaign.cases[0].load == 0.3
+def test_loads_of_a_file_are_taken_as_they_are(solid_places):
+    assert parse_campaign(parse_toml(CASE), solid_places, source="mine.toml").cases[0].load == 0.3

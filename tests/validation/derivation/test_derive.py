@@ -9,7 +9,6 @@ import pytest
 import fastmodel
 from fem_reference.closed_form import point_response
 from meshes import Cylinder
-from validation.cli.commands.derive import _list_estimates
 from validation.derivation.derive import derive
 from validation.errors import InputError
 from validation.json_values import json_text
@@ -108,11 +107,3 @@ def test_texels_in_no_grid_are_fitted_and_felt(derivation, tmp_path):
     exact = comb.influence.texel_response(comb.sensor.array, load="point", texel=17)
     assert np.abs(pressed.texel_forces / 1e-3 - exact).sum() / 2 < 0.06  # a cell is not a point
     assert np.abs(comb.texel_response.ravel() - exact).sum() / 2 > 0.5
-
-
-def test_the_estimate_that_is_used_is_listed_first_and_marked(wts_derivation):
-    fit = wts_derivation.fit
-    (first, *values), *others = _list_estimates(fit)
-    assert first == f"{fit.estimator} (used)"
-    assert [float(value) for value in values] == pytest.approx(fit.estimates[fit.estimator], abs=5e-5)
-    assert {name for name, *_ in others} == set(fit.estimates) - {fit.estimator}

@@ -21,7 +21,7 @@ from validation.derivation.contact_range import (
     press_ball_on_array,
     state_range,
 )
-from validation.derivation.derive import _state_range
+from validation.derivation.layers import _state_range
 
 FOIL = Material(name="foil", model="linear-elastic", parameters={"youngs_modulus": 3e9}, poisson_ratio=0.38)
 COVER = Cover(

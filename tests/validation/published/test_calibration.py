@@ -9,7 +9,7 @@ import pytest
 import fastmodel
 from meshes import Pose
 from validation.campaign.bench import LayeredBench
-from validation.campaign.campaign_file import default_cases
+from validation.campaign.campaign_file import FlatPlaces, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.run import run_campaign
 from validation.metrics import TABULATED
@@ -104,9 +104,9 @@ def test_fit_finds_the_parameter_that_made_the_forces(cover, presses):
 
 @pytest.mark.slow
 def test_an_indenter_that_is_scored_is_not_fitted(wts, cover, parameters, prepared):
-    fitted = choose_calibration(wts, default_cases(wts))
+    fitted = choose_calibration(wts, read_campaign(None, FlatPlaces(array=wts)).cases)
     assert len(fitted) == 3
-    check_disjoint(fitted, default_cases(wts))
+    check_disjoint(fitted, read_campaign(None, FlatPlaces(array=wts)).cases)
     elsewhere = dataclasses.replace(fitted[0], load=1.0, pose=Pose(), name="elsewhere")
     with pytest.raises(ValueError, match="must not be scored"):
         check_disjoint(fitted, [elsewhere])

@@ -9,7 +9,7 @@ import fastmodel
 from fastmodel import Butterworth
 from fem_reference import point_spread
 from tests.validation.regression.planted import NEIGHBOURS, REFERENCE, REQUIRED
-from validation.campaign import campaign_file
+from validation.campaign import evaluation
 from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
 from validation.derivation import kernel as kernel_fit
@@ -68,7 +68,8 @@ def test_unchanged_is_green(group):
 
 
 def test_every_quantity_of_the_table_is_measured():
-    titles = {quantity.title for quantity in QUANTITIES if quantity.group in FAST}
+    of_curved = ("H: curved", "ball: curved")  # `test_solid` measures these
+    titles = {each.title for each in QUANTITIES if each.group in FAST and not each.title.startswith(of_curved)}
     assert titles - {title for group in FAST for title in healthy(group).readings} == {
         # these methods do not know how deep a body sinks
         *(
@@ -117,7 +118,8 @@ def test_shipped_parameters_that_are_not_those_derived_are_named(wts_derivation,
 
 def test_accuracy_is_that_of_the_derived_parameters_on_the_cover_of_the_sensor(wts_derivation, monkeypatch):
     cover, parameters = wts_derivation.sensor.cover, wts_derivation.parameters
-    monkeypatch.setattr(campaign_file, "default_cases", lambda _: (BALL,))
+    default = evaluation.read_plan(None, wts_derivation.sensor)
+    monkeypatch.setattr(evaluation, "read_plan", lambda *_: replace(default, cases=(BALL,)))
     heard = []
     subject = Subject(parameters=parameters, derivation=wts_derivation, progress=lambda *words: heard.append(words))
     groups = {group: EXPERIMENTS[group] for group in ("reference", "accuracy")}

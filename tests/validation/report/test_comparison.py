@@ -5,10 +5,10 @@ import re
 from html.parser import HTMLParser
 
 import pytest
-from validation.report.comparison import comparison_contents
 
 from validation.campaign.results import MODELS
 from validation.metrics import METRICS
+from validation.report.tables import describe_comparison
 
 #: Metrics in the order of the table's columns, which begin after two columns of text.
 SHOWN = ("misplaced_force", "image_changed_percent", "image_changed_line_percent", "centre_of_pressure_m")
@@ -71,14 +71,13 @@ def test_fitted_rows_name_their_presses_and_unread_papers_say_so(folder, evaluat
     for press in ("sphere:radius=6mm, 3 N", "cylinder:radius=3.5mm, 2 N", "sphere:radius=10mm, 1 N"):
         assert press in page
     assert "stiffness, on 3 presses" in page
-    found = comparison_contents(evaluation.campaign)
-    for row in found["rows"]:
-        unread = any(name in row["title"] for name in ("Tegin", "Pezzementi", "Shimojo", "RobWorkSim 2010"))
-        assert ("not read" in row["certainty"]) == unread
+    for row in evaluation.campaign.published:
+        unread = any(name in row.title for name in ("Tegin", "Pezzementi", "Shimojo", "RobWorkSim 2010"))
+        assert ("not read" in row.certainty) == unread
 
 
 def test_models_that_are_as_good_are_named(evaluation):
-    found = dict(comparison_contents(evaluation.campaign)["as_good"])
+    found = describe_comparison(evaluation.campaign)["as_good"]
     for metric, name in (("misplaced_force", "misplaced force"), ("image_changed_percent", "image changed")):
         for scores in evaluation.campaign.published:
             named = f"{scores.title} {scores.variant} (" in " ".join(found[name])

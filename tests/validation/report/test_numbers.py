@@ -8,7 +8,7 @@ import pytest
 from meshes.catalogue import ARRAYS
 from tests.support.indentations import make_indentation
 from tests.support.report_page import Page, is_printed
-from validation.campaign.campaign_file import read_campaign
+from validation.campaign.campaign_file import FlatPlaces, read_campaign
 from validation.campaign.results import MODELS, CampaignResult, CaseResult, Pooled, Prediction, judge
 from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores
 from validation.metrics import TABULATED, Score
@@ -103,9 +103,9 @@ def evaluation(evaluation, recordings):
     return dataclasses.replace(
         evaluation,
         verification={"radial_profile": 0.00123, "texel_response": 0.00234},
-        plan=read_campaign(None, array),
+        plan=read_campaign(None, FlatPlaces(array=array)),
         campaign=campaign,
-        verdict=judge(read_campaign(None, array), campaign),
+        verdict=judge(read_campaign(None, FlatPlaces(array=array)), campaign),
         recordings=recordings,
         recorded=load("sdh2-distal"),
         seconds={"campaign": 1.0},
@@ -188,7 +188,7 @@ def test_the_section_on_verification_prints_each_estimate_in_percent(page, evalu
     errors = [*evaluation.derivation.error_estimate.items(), *evaluation.campaign.noise_floor.items()]
     errors = [(name.replace("_", " "), value) for name, value in errors]
     errors += [("radial profile", evaluation.verification["radial_profile"])]
-    errors += [("texel by", evaluation.verification["texel_response"])]
+    errors += [("texel response", evaluation.verification["texel_response"])]
     assert len(errors) == len(page.spans)
     for name, value in errors:
         before, printed = next((before, printed) for before, number, printed in page.spans if number == value)
@@ -209,7 +209,7 @@ def test_tiles_print_the_quantities_that_they_name(page, evaluation, recordings)
         "of the load misplaced": (100 * fast["misplaced_force"].mean, f"{100 * fast['misplaced_force'].low:.3g}"),
         "image changed": (fast["image_changed_percent"].mean, f"an empty image has {empty.mean:.3g} %"),
         "better than no spread": (100 * skill.mean, f"{100 * skill.high:.2g}"),
-        "sigma [pitches]": (gaussian.sigma_x, f"{3.4 * gaussian.sigma_x:.2f} mm"),
+        "sigma [mm]": (3.4 * gaussian.sigma_x, "uniform texel load"),
         "reference error": (100 * campaign.noise_floor["peak_texel"], "peak texel"),
         "image changed, recordings": (heavier.mean, f"({null.model}) has {best:.3g} %"),
     }

@@ -1,5 +1,6 @@
 """What the plots of a derivation show, against the results that they stand for."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,7 @@ from matplotlib.colors import to_hex
 
 from fem_reference.closed_form import point_response
 from validation.report.figures import campaign_figure, point_spread_figure, texel_profile_figure
-from validation.report.files import write_derivation
+from validation.report.files import draw_derivation, write_derivation
 
 
 def test_the_plots_of_a_derivation_show_its_spread_and_its_kernel(wts_derivation, monkeypatch, tmp_path):
@@ -70,11 +71,8 @@ def test_with_free_sides_the_rows_under_the_middle_and_the_last_texel_are_drawn(
         asked.append((array is wts_derivation.sensor.array, load, texel))
         return np.arange(texels) / 1000 + texel
 
-    sides = SimpleNamespace(
-        **{name: getattr(wts_derivation, name) for name in ("parameters", "sensor", "texel_response_uniform")},
-        result={}, point_spread=None, influence=SimpleNamespace(texel_response=texel_response),
-    )  # fmt: skip
-    write_derivation(sides, tmp_path)
+    sides = dataclasses.replace(wts_derivation, influence=SimpleNamespace(texel_response=texel_response))
+    draw_derivation(sides, tmp_path, "png")
     rows, image, _ = saved["psf.png"].axes
     assert asked == [(True, "uniform", 45), (True, "uniform", 47)]
     place = 3.4 * (np.arange(6) - 2.5)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from validation.report.recordings import draw_example
 
 from meshes.catalogue import ARRAYS
 from validation.cli.heat_map import draw_force_images
 from validation.data_sets.results import RecordingExample
 from validation.render.image import Scale, choose_ink, colour_bar, measure_luminance, tactile_image
+from validation.report.page import _draw_example as draw_example
 
 
 def test_row_0_is_at_the_bottom():

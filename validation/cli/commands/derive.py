@@ -70,7 +70,7 @@ def derive(
         show_wrapped(f"{description.name}, cover {describe_cover(description.cover)}", further="  ")
         render(tabulate_facts("responses", "Responses of the texels", result))
         show("Uniform load on one texel: share of it on each texel, %")
-        make_console().print(draw_share_image(np.asarray(description.array.image(uniform.values), dtype=np.float64)))
+        make_console().print(draw_share_image(np.asarray(found.sensor.array.image(uniform.values), dtype=np.float64)))
         remedy = "take it as their uncertainty, and check a touch of yours by `softcover press`"
         print_meaning([*result.notes, *found.explain(), explain_error(result.error_estimate.values(), remedy)])
     for sentence in result.warnings:
@@ -82,6 +82,6 @@ def derive(
             "softcover: note: the parameters hold the spread of forces alone, and no contact of the cover; meshes may "
             "be too fine (cover.element_size), or texels form no regular grid"
         )
-    files = {each.name for each in out.iterdir()}
+    files = {each.name for each in out.iterdir() if not each.name.startswith(".")}
     say(f"wrote {', '.join(sorted(files))} to {out}")
     return OUTSIDE_FAILED if {"cover.vtu"} == files & {"cover.vtu", "cover.png"} else DONE
