@@ -314,6 +314,8 @@ def build_solid(mesh: SolidMesh, material: Material) -> CoverSolid:
 @lru_cache(maxsize=3)
 def find_top(mesh: SolidMesh) -> FacetSurface:
     """Return the top of a mesh with its displacement nodes; the last three are kept."""
+    if mesh.is_hexahedral:  # whose displacement nodes are its own; preparing its elements takes a second
+        return FacetSurface.part_of(mesh.nodes, mesh.top)
     layout = lay_out(mesh)
     return FacetSurface.part_of(layout.elements.nodes, layout.top)
 

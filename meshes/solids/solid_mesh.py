@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
@@ -216,6 +216,7 @@ class Quality:
         ]
 
 
+@lru_cache(maxsize=4)
 def check_quality(mesh: SolidMesh, *, base_deviation: float = float("nan")) -> Quality:
     """Measure the quality of a mesh and compare it with the limits; `Quality.require` refuses.
 

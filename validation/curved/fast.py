@@ -66,10 +66,10 @@ def choose_mesh(meshes: tuple[SolidMesh, ...]) -> SolidMesh | None:
     Args:
         meshes: Meshes of the cover, coarsest first.
     """
-    from fem_reference.curved_cover.responses import lay_out
+    from fem_reference.curved_cover.responses import find_top
 
     for mesh in reversed(meshes[: 1 + len(meshes) // 2]):
-        if len(np.unique(lay_out(mesh).top)) <= _MOST_NODES:
+        if len(find_top(mesh).nodes) <= _MOST_NODES:
             return mesh
     return None
 

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fem_reference.curved_cover.facet_surface import FacetSurface
-from fem_reference.curved_cover.responses import find_above, lay_out
+from fem_reference.curved_cover.responses import find_above, find_top
 from meshes import Pose, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids import SolidMesh
@@ -105,8 +104,7 @@ class CurvedPlaces:
         above the texel farthest from it, and `side` above the texel whose normal differs most from that of the middle.
         """
         texels, middle = self.texels, find_middle(self.texels)
-        layout = lay_out(self.mesh)
-        above = find_above(FacetSurface.part_of(layout.elements.nodes, layout.top), texels)
+        above = find_above(find_top(self.mesh), texels)
         far = np.where(texels.active, np.linalg.norm(texels.centres - texels.centres[middle], axis=1), -1.0)
         turned = np.where(texels.active, -texels.normals @ texels.normals[middle], -2.0)
         beside = (_OFF_GRID * texels.pitch) @ tangent_axes(texels.normals)[middle]

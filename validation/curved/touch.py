@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fem_reference.curved_cover.facet_surface import FacetSurface
-from fem_reference.curved_cover.responses import find_above, find_uncovered, lay_out
+from fem_reference.curved_cover.responses import find_above, find_top, find_uncovered
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray
 from meshes.pose import Pose
@@ -41,8 +41,7 @@ def find_touch_place(
     Raises:
         InputError: If the place is not on the cover, or the direction is zero.
     """
-    layout = lay_out(mesh)
-    top = FacetSurface.part_of(layout.elements.nodes, layout.top)
+    top = find_top(mesh)
     thickness = measure_thickness(mesh)
     if at is None:
         middle = _find_covered(top, texels, thickness)
