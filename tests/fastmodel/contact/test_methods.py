@@ -6,7 +6,6 @@ import warnings
 import mujoco
 import numpy as np
 import pytest
-from tests.support.indentations_forces import sum_pushes
 
 import fastmodel
 from fastmodel import (
@@ -25,6 +24,7 @@ from fastmodel.pose import make_z_rotation, multiply, rotate
 from meshes import Box, Cylinder, LetterH, Nut, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
+from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import WTS, cells, parameters
 
 METHODS = ("boxes", "area", "foundation", "cover")

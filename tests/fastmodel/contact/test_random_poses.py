@@ -5,9 +5,9 @@ import warnings
 import mujoco
 import numpy as np
 import pytest
-from tests.support.indentations_forces import sum_pushes
 
 import fastmodel
+from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import parameters
 
 METHODS = ("boxes", "area", "foundation", "cover")

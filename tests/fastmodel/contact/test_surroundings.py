@@ -8,11 +8,11 @@ import warnings
 import mujoco
 import numpy as np
 import pytest
-from tests.support.indentations_forces import measure_force
 
 import fastmodel
 from fastmodel.errors import LifeCycleError
 from meshes import TexelArray
+from tests.support.contact_forces import measure_force
 from tests.support.cover_data import parameters
 
 METHODS = ("boxes", "area", "foundation", "cover")
