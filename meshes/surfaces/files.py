@@ -161,7 +161,7 @@ def _read_mesh(name: str, content: bytes, kind: str, largest: float) -> tuple[Fl
     """Read points and triangles by trimesh; a coordinate above the largest means damage."""
     import trimesh
 
-    log = logging.getLogger("trimesh")
+    log = logging.getLogger("trimesh.util")
     log.disabled = True  # trimesh prints tracebacks for damaged files
     try:
         with np.errstate(all="ignore"):

@@ -5,12 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 from cyclopts import Parameter
 
-from validation import api
 from validation.cli.entry import DONE, OUTSIDE_FAILED
-from validation.cli.heat_map import draw_share_image
 from validation.cli.meaning import explain_error
 from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness, read_description
 from validation.cli.output import (
@@ -57,6 +54,8 @@ def derive(
         softcover derive wts-0614-34 --material dragon-skin-30 --thickness 3mm --json
         softcover derive fingertip --out fingertip
     """
+    from validation import api
+
     description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
     with Progress() as progress:
         found = api.derive(description, out=out, format=format, progress=progress)
@@ -64,6 +63,9 @@ def derive(
     if json:
         print_json(result.as_json())
     else:
+        import numpy as np
+
+        from validation.cli.heat_map import draw_share_image
         from validation.render.table import tabulate_facts
 
         uniform, _, _ = found.maps[-3:]

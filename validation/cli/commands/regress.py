@@ -8,7 +8,6 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from validation import api
 from validation.cli.entry import CHECK_FAILED, DONE
 from validation.cli.meaning import explain_verdict
 from validation.cli.options import Json, Sensor
@@ -44,6 +43,7 @@ def regress(
         softcover regress wts-0614-34 --out verdict
         softcover regress sensor.toml --baseline ci/sensor.json --junit regress.xml
     """
+    from validation import api
     from validation.cli.options import read_sensor, tell_unused
     from validation.output_folder import new_folder
     from validation.regression.baseline import write_junit

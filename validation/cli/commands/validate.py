@@ -64,8 +64,8 @@ def demo(
     from validation.sensor_file import BUILT_IN
 
     data_set = find_data_set(recordings)
-    campaign = _read_campaign(None, BUILT_IN[_DEMO], quick=quick)
-    return _evaluate(BUILT_IN[_DEMO], campaign, out, recordings=data_set, recorded=BUILT_IN[_RECORDED], json=json)
+    recorded = BUILT_IN[_RECORDED]
+    return _evaluate(BUILT_IN[_DEMO], None, out, quick=quick, recordings=data_set, recorded=recorded, json=json)
 
 
 def validate(
@@ -116,8 +116,7 @@ def validate(
     found = None if recordings is None and data_set is None else find_data_set(recordings, data_set)
     if found is None and (sentence := describe_unused_recordings()):
         note(sentence)
-    plan = _read_campaign(campaign, description, quick=quick)
-    return _evaluate(description, plan, out, recordings=found, recorded=description, json=json)
+    return _evaluate(description, campaign, out, quick=quick, recordings=found, recorded=description, json=json)
 
 
 def _read_campaign(path: Path | None, sensor: SensorDescription, *, quick: bool) -> Campaign:
@@ -133,9 +132,10 @@ def _read_campaign(path: Path | None, sensor: SensorDescription, *, quick: bool)
 
 def _evaluate(
     sensor: SensorDescription,
-    campaign: Campaign,
+    campaign: Path | None,
     out: Path,
     *,
+    quick: bool,
     recordings: DataSet | None,
     recorded: SensorDescription,
     json: bool,
@@ -144,8 +144,9 @@ def _evaluate(
 
     Args:
         sensor: The sensor to evaluate.
-        campaign: Cases, intended use and acceptance criterion.
+        campaign: Campaign file; None for the default campaign.
         out: Folder of the report.
+        quick: Whether six cases suffice.
         recordings: Recordings under known loads, or None.
         recorded: The sensor that made the recordings.
         json: Whether to print the numbers as JSON instead of tables.
@@ -163,10 +164,11 @@ def _evaluate(
     from validation.campaign.evaluation import evaluate
     from validation.report import write_report
 
+    plan = _read_campaign(campaign, sensor, quick=quick)
     _tell_friction(sensor)
     with new_folder(out) as folder, Progress() as progress:
         evaluation = evaluate(
-            sensor, campaign=campaign, recordings=recordings, recorded=recorded, progress=progress, announce=say
+            sensor, campaign=plan, recordings=recordings, recorded=recorded, progress=progress, announce=say
         )
         progress("report")
         write_report(evaluation, folder)
