@@ -16,9 +16,15 @@ import numpy as np
 from fem_reference.curved_cover.contact import find_touch
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.grid_press import GridPress
-from fem_reference.curved_cover.press import LARGEST_DEPTH, build_compliance, measure_balance, press_small, warn_of_all
 from fem_reference.curved_cover.pressure_shapes import PointSampler, evaluate_hats, gauss_points
 from fem_reference.curved_cover.responses import project_texels, texel_responses
+from fem_reference.curved_cover.small_strain import (
+    LARGEST_DEPTH,
+    build_compliance,
+    measure_balance,
+    press_small,
+    warn_of_all,
+)
 from fem_reference.curved_cover.solid import DisplacementNodes
 from fem_reference.finite_strain.axisymmetric_path import PENALTY
 from fem_reference.finite_strain.contact import SurfaceContact, TopPoints
@@ -26,7 +32,7 @@ from fem_reference.finite_strain.contact_problem import ContactEquilibrium, Cont
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import Control, Units
-from fem_reference.indentation.press import PressProblem
+from fem_reference.indentation.problem import PressProblem
 from fem_reference.indentation.result import Indentation
 from fem_reference.indentation.rounding import choose_solid_fillet, state_rounding
 from meshes import Cover, Indenter, Layer, Material, TexelArray

@@ -8,8 +8,8 @@ import pytest
 from fem_reference import press
 from fem_reference.curved_cover.contact import find_touch
 from fem_reference.curved_cover.no_slip import STEPS, StickingPress
-from fem_reference.curved_cover.press import _add_step_error, build_compliance
 from fem_reference.curved_cover.pressure_shapes import GapSampler
+from fem_reference.curved_cover.small_strain import _add_step_error, build_compliance
 from fem_reference.errors import UnsupportedError
 from meshes import Box, Cover, Layer, Sphere
 from meshes.pose import Pose

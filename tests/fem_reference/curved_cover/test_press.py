@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from fem_reference import press
 from fem_reference.curved_cover.compliance import NormalCompliance
 from fem_reference.curved_cover.contact import _measure_half_width, find_touch, solve_contact
-from fem_reference.curved_cover.press import _estimate, build_compliance
 from fem_reference.curved_cover.pressure_shapes import GapSampler, evaluate_hats
 from fem_reference.curved_cover.rays import measure_gaps
+from fem_reference.curved_cover.small_strain import _estimate, build_compliance
 from fem_reference.curved_cover.solid import CoverSolid
 from fem_reference.errors import PiercedError, TooShallowError, UnsupportedError
 from meshes import Box, Cover, Cylinder, Layer, Material, Nut, Roller, RoundedTip, Sphere
