@@ -22,28 +22,22 @@ import numpy as np
 from fem_reference.indentation.press import press, press_path
 from fem_reference.indentation.result import Indentation
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
-from meshes import Box, Cover, Cylinder, Layer, LetterH, Material, Nut, Pose, TexelArray
+from meshes import Box, Cylinder, Indenter, LetterH, Nut, Pose, TexelArray
 from meshes.constants import STANDARD_GRAVITY
+from tests.support.rubber import make_cover
 
-NU, E = 0.49, 1e6
 LOADS = (0.1 * STANDARD_GRAVITY, 0.5 * STANDARD_GRAVITY)
-#: Shape and the turns that tell it from itself, in degrees.
-SHAPES = {
-    "small square": (Box(size=(6e-3, 6e-3, 10e-3)), (0, 45)),
-    "big square": (Box(size=(12e-3, 12e-3, 10e-3)), (0, 45)),
-    "circle": (Cylinder(radius=5e-3), (0,)),
-    "big rectangle": (Box(size=(6e-3, 18e-3, 10e-3)), (0, 45, 90)),
-    "small rectangle": (Box(size=(4e-3, 10e-3, 10e-3)), (0, 45, 90)),
-    "nut": (Nut(across=13e-3, bore=8e-3), (0, 45, 90)),
-    "H": (LetterH(size=(12e-3, 16e-3), bar=4e-3), (0, 45, 90)),
+SHAPES: dict[str, Indenter] = {
+    "small square": Box(size=(6e-3, 6e-3, 10e-3)),
+    "big square": Box(size=(12e-3, 12e-3, 10e-3)),
+    "circle": Cylinder(radius=5e-3),
+    "big rectangle": Box(size=(6e-3, 18e-3, 10e-3)),
+    "small rectangle": Box(size=(4e-3, 10e-3, 10e-3)),
+    "nut": Nut(across=13e-3, bore=8e-3),
+    "H": LetterH(size=(12e-3, 16e-3), bar=4e-3),
 }
-
-
-def cover(model: str) -> Cover:
-    """The campaign's cover, with a stored energy or for small strain."""
-    parameters = {"shear_modulus": E / (2 * (1 + NU))} if model == "neo-hookean" else {"youngs_modulus": E}
-    material = Material(name="campaign", model=model, parameters=parameters, poisson_ratio=NU)
-    return Cover(layers=(Layer(thickness=2e-3, material=material),))
+#: Turns that tell a shape from itself, where there are fewer than `ALL_TURNS` [deg].
+TURNS, ALL_TURNS = {"small square": (0, 45), "big square": (0, 45), "circle": (0,)}, (0, 45, 90)
 
 
 def row(name: str, load: float, turn: float, found: Indentation) -> dict[str, object]:
@@ -60,10 +54,10 @@ def row(name: str, load: float, turn: float, found: Indentation) -> dict[str, ob
 def two_squares(array: TexelArray) -> dict[str, object]:
     """Both at once: each alone at finite strain, and what the other changes at small strain."""
     bodies = [
-        Body(indenter=SHAPES[name][0], load=load, at=(0.0, y))
+        Body(indenter=SHAPES[name], load=load, at=(0.0, y))
         for name, load, y in (("big square", LOADS[1], -8e-3), ("small square", LOADS[0], 8e-3))
     ]
-    finite, small = cover("neo-hookean"), cover("linear-elastic")
+    finite, small = make_cover(), make_cover(model="linear-elastic")
     alone = [press_path(finite, array, body.indenter, loads=LOADS, pose=Pose.planar(at=body.at)) for body in bodies]
     deep = [path[LOADS.index(body.load)] for path, body in zip(alone, bodies, strict=True)]
     flat = [press(small, array, body.indenter, load=body.load, pose=Pose.planar(at=body.at)) for body in bodies]
@@ -84,12 +78,10 @@ def work(names: list[str]) -> None:
     array = TexelArray.grid(14, 6, pitch=3.4e-3)
     rows, seconds = [], {}
     for name in names:
-        shape, turns = SHAPES[name]
         clock, started = time.perf_counter(), time.process_time()
-        for turn in turns:
-            path = press_path(
-                cover("neo-hookean"), array, shape, loads=LOADS, pose=Pose.planar(yaw=float(np.radians(turn)))
-            )
+        for turn in TURNS.get(name, ALL_TURNS):
+            pose = Pose.planar(yaw=float(np.radians(turn)))
+            path = press_path(make_cover(), array, SHAPES[name], loads=LOADS, pose=pose)
             rows += [row(name, load, turn, found) for load, found in zip(LOADS, path, strict=True)]
         seconds[name] = time.perf_counter() - clock, time.process_time() - started
         print(f"{name}: {seconds[name][0]:.1f} s, {seconds[name][1]:.1f} s of CPU, {rows[-1]}", file=sys.stderr)

@@ -16,9 +16,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from campaign import LOADS, SHAPES, cover
+from campaign import ALL_TURNS, LOADS, SHAPES, TURNS
 
 from meshes import Pose, TexelArray
+from tests.support.rubber import make_cover
 from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import FlatPlaces, read_campaign
 from validation.campaign.case import Case
@@ -42,15 +43,15 @@ def report_cases() -> tuple[Case, ...]:
             load=load,
             pose=Pose.planar(yaw=float(np.radians(turn))),
         )
-        for name, (shape, turns) in SHAPES.items()
-        for turn in turns
+        for name, shape in SHAPES.items()
+        for turn in TURNS.get(name, ALL_TURNS)
         for load in LOADS
     )
 
 
 def score(cases: tuple[Case, ...] | None) -> CampaignResult:
     """Derive the sensor's fast model, fit the published models, and score all in the cases."""
-    sensor = dataclasses.replace(BUILT_IN["wts-0614-34"], name="campaign", cover=cover("neo-hookean"))
+    sensor = dataclasses.replace(BUILT_IN["wts-0614-34"], name="campaign", cover=make_cover())
     array: TexelArray = sensor.array
     chosen = read_campaign(None, FlatPlaces(array=array)).cases if cases is None else cases
     parameters = derive(sensor).parameters

@@ -51,7 +51,7 @@ SAME_CODE = "finer grid of the same code"
 QUANTITIES = ("total_force", "depth", "peak_texel", "contact_area")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Truth:
     """Independent result of a press at a depth.
 
@@ -133,12 +133,9 @@ def squeeze_pad(cover: Cover, array: TexelArray, plate: Box, depth: float, *, po
     stress = layer.material.youngs_modulus * depth / cover.thickness
     half, centre = np.array(array.texel_size) / 2, array.centres[:, :2]
     sides = np.minimum(centre + half, size / 2) - np.maximum(centre - half, -size / 2)
-    return Truth(
-        values={"total_force": float(stress * np.prod(size)), "depth": depth, "contact_area": float(np.prod(size))},
-        texel_forces=stress * np.maximum(sides, 0).prod(axis=1),
-        error=dict.fromkeys(QUANTITIES, ROUNDING),
-        source="uniaxial stress",
-    )
+    area = float(np.prod(size))
+    texels = stress * np.maximum(sides, 0).prod(axis=1)
+    return _make_truth("uniaxial stress", [stress * area, depth, area], texels, [ROUNDING] * 4)
 
 
 def press_tilted(cover: Cover, box: Indenter, tilt: tuple[float, float], depth: float, cells: int) -> PressedCells:
@@ -166,19 +163,17 @@ def refine_press(cover: Cover, array: TexelArray, indenter: Indenter, depth: flo
         press(cover, array, indenter, depth=depth, pose=pose, accuracy=accuracy) for accuracy in (1e-9, 0.999)
     )
     peak = int(np.argmax(np.abs(found.texel_forces)))
-    area, force, texel = found.contact_area, found.total_force, float(found.texel_forces[peak])
-    change = {
-        "total_force": before.total_force / force - 1,
-        "depth": before.total_force / force - 1,
-        "peak_texel": float(before.texel_forces[peak]) / texel - 1,
-        "contact_area": before.contact_area / area - 1,
-    }
-    return Truth(
-        values={"total_force": force, "depth": depth, "contact_area": area},
-        texel_forces=found.texel_forces,
-        error={name: min(found.error_estimate[name] or math.inf, abs(value) / 2) for name, value in change.items()},
-        source=SAME_CODE,
-    )
+    force = before.total_force / found.total_force - 1
+    texel = float(before.texel_forces[peak] / found.texel_forces[peak]) - 1
+    change = zip(QUANTITIES, (force, force, texel, before.contact_area / found.contact_area - 1), strict=True)
+    errors = [min(found.error_estimate[name] or math.inf, abs(value) / 2) for name, value in change]
+    return _make_truth(SAME_CODE, [found.total_force, depth, found.contact_area], found.texel_forces, errors)
+
+
+def _make_truth(source: str, values: Sequence[float], texel_forces: FloatArray, errors: Sequence[float]) -> Truth:
+    """Make a truth of its force, depth and area, and of the relative errors of `QUANTITIES`."""
+    named = dict(zip(("total_force", "depth", "contact_area"), map(float, values), strict=True))
+    return Truth(named, texel_forces, dict(zip(QUANTITIES, map(float, errors), strict=True)), source)
 
 
 def _solve_free(cover: Cover, indenter: Indenter, depth: float) -> tuple[LayerContact, LayerContact]:
@@ -190,9 +185,8 @@ def _solve_free(cover: Cover, indenter: Indenter, depth: float) -> tuple[LayerCo
 def _solve_stuck(cover: Cover, indenter: Indenter, depth: float) -> tuple[LayerContact, LayerContact]:
     """Solve a contact of revolution without slip with two numbers of increments."""
     if isinstance(indenter, Cylinder):
-        return stuck_punch(cover, indenter.radius, step=COARSE_STEP).press(depth), stuck_punch(
-            cover, indenter.radius
-        ).press(depth)
+        coarse = stuck_punch(cover, indenter.radius, step=COARSE_STEP)
+        return coarse.press(depth), stuck_punch(cover, indenter.radius).press(depth)
     first = indent(cover, indenter, depth=depth).contact_radius
     if first > WIDEST * min(layer.thickness for layer in cover.layers):
         raise ValueError("the integral equations without slip take hours for contacts that wide")
@@ -234,26 +228,13 @@ def _refine_round(pair: tuple[LayerContact, LayerContact], array: TexelArray, po
     coarse, fine = pair
     forces = [each.texel_forces(array, pose.at) for each in pair]
     peak = int(np.argmax(np.abs(forces[1])))
-    change = {
-        "total_force": abs(coarse.force / fine.force - 1),
-        "depth": abs(coarse.depth / fine.depth - 1),
-        "peak_texel": abs(forces[0][peak] / forces[1][peak] - 1),
-        "contact_area": 2 * abs(coarse.contact_radius / fine.contact_radius - 1),
-    }
+    force, depth = abs(coarse.force / fine.force - 1), abs(coarse.depth / fine.depth - 1)
+    area = 2 * abs(coarse.contact_radius / fine.contact_radius - 1)
     if source == "no slip":
         # Both have one contact radius: an error of the depth is one of the area too.
-        change["contact_area"] = 2 * change["depth"]
-        change["total_force"] += 2 * change["depth"]
-    return Truth(
-        values={
-            "total_force": fine.force,
-            "depth": fine.depth,
-            "contact_area": float(np.pi * fine.contact_radius**2),
-        },
-        texel_forces=forces[1],
-        error={name: value + ROUNDING for name, value in change.items()},
-        source=source,
-    )
+        force, area = force + 2 * depth, 2 * depth
+    errors = ROUNDING + np.array([force, depth, abs(forces[0][peak] / forces[1][peak] - 1), area])
+    return _make_truth(source, [fine.force, fine.depth, np.pi * fine.contact_radius**2], forces[1], errors)
 
 
 def _refine_rings(rings: list[RingContact], array: TexelArray, pose: Pose, *, flat: bool) -> Truth:
@@ -265,17 +246,8 @@ def _refine_rings(rings: list[RingContact], array: TexelArray, pose: Pose, *, fl
     last = table[1] + (table[1] - table[0]) / ((PUNCH_RINGS[1] / PUNCH_RINGS[0]) ** 2 - 1) if flat else table[1]
     peak = 2 + int(np.argmax(np.abs(last[2:])))
     error = change / np.abs(last) / (4 if flat else 1) + ROUNDING
-    return Truth(
-        values={"total_force": float(last[0]), "depth": rings[1].depth, "contact_area": float(last[1])},
-        texel_forces=last[2:],
-        error={
-            "total_force": float(error[0]),
-            "depth": float(error[0]),
-            "peak_texel": float(error[peak]),
-            "contact_area": float(error[1]) + (0.0 if flat else RING_EDGE),
-        },
-        source="ring elements",
-    )
+    errors = error[[0, 0, peak, 1]] + [0, 0, 0, 0.0 if flat else RING_EDGE]
+    return _make_truth("ring elements", [last[0], rings[1].depth, last[1]], last[2:], errors)
 
 
 def extrapolate(table: FloatArray, cells: Sequence[int]) -> FloatArray:
@@ -311,14 +283,5 @@ def _refine_cells(solved: list[PressedCells], array: TexelArray, pose: Pose, cel
         change[1] = abs(table[-1, 1] - table[-2, 1])
     peak = 2 + int(np.argmax(np.abs(last[2:])))
     relative = change / np.maximum(np.abs(last), np.finfo(float).tiny) + ROUNDING
-    return Truth(
-        values={"total_force": float(last[0]), "depth": solved[-1].depth, "contact_area": float(last[1])},
-        texel_forces=last[2:],
-        error={
-            "total_force": float(relative[0]),
-            "depth": float(relative[0]),
-            "peak_texel": float(relative[peak]),
-            "contact_area": float(relative[1]),
-        },
-        source="boundary elements",
-    )
+    values = [last[0], solved[-1].depth, last[1]]
+    return _make_truth("boundary elements", values, last[2:], relative[[0, 0, peak, 1]])

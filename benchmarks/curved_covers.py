@@ -24,13 +24,15 @@ from fastmodel.contact.points import press_points as press_fast
 from fem_reference import press
 from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import texel_responses
-from meshes import Box, Cover, Cylinder, Indenter, Layer, Material, Roller, Sphere
+from meshes import Box, Cylinder, Indenter, Roller, Sphere
 from meshes.pose import Pose
 from meshes.solids import fingertip, flat_pad, phalanx
 from meshes.solids.covers import take_meshes
 from tests.exact.spots import SpotLoad, touch_cylinder
+from tests.support.rubber import make_cover, make_rubber
 from validation.derivation.curved import derive_curved_cover
 
+RUBBER = make_rubber(model="linear-elastic")
 #: Shapes of the 40 presses, the angle about their y axis by which they are turned [rad], and the load [N].
 SHAPES: dict[str, tuple[Indenter, float, float]] = {
     "ball 3 mm": (Sphere(radius=3e-3), 0.0, 0.25),
@@ -99,20 +101,13 @@ PLACES = {
 }
 
 
-def rubber(poisson_ratio: float = 0.49) -> Material:
-    """Return an almost incompressible rubber of 1 MPa."""
-    return Material(
-        name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=poisson_ratio
-    )
-
-
 def measure_responses() -> None:
     """Measure time and memory of the responses of all texels."""
     print("| cover | texels | hexahedra, finest | CPU s | s | GiB, so far | estimate, peak texel [%] | any texel [%] |")
     print("|---|---|---|---|---|---|---|---|")
     for cover, size in ((flat_pad(), 1.0), (phalanx(), 1.0), (fingertip(), 1.0), (fingertip(), 0.7)):
         start, processor = time.perf_counter(), time.process_time()
-        response = texel_responses(cover.meshes(size), cover.texels, rubber())
+        response = texel_responses(cover.meshes(size), cover.texels, RUBBER)
         spent = f"{time.process_time() - processor:.0f} | {time.perf_counter() - start:.0f}"
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
         errors = response.error_estimate
@@ -125,7 +120,7 @@ def measure_responses() -> None:
 
 def compare_estimates() -> None:
     """Compare error estimates with true errors, of closed forms and of the planar solution with free edges."""
-    cover, material, ratios = phalanx(), rubber(), []
+    cover, material, ratios = phalanx(), RUBBER, []
     response = texel_responses(cover.meshes(), cover.texels, material)
     # The texels of the middle column are three thicknesses away from the free sides.
     x, y, _ = np.abs(cover.texels.centres).T
@@ -139,7 +134,7 @@ def compare_estimates() -> None:
         f"{100 * response.error_estimate['peak_texel']:.2f} %\n"
     )
     cover = flat_pad(size=(14e-3, 14e-3), rows=3)
-    planar = Cover(layers=(Layer(thickness=2e-3, material=material),), size=(14e-3, 14e-3))
+    planar = make_cover(model="linear-elastic", size=(14e-3, 14e-3))
     print(
         "| shape | place [mm], yaw, tilts [deg] | misplaced force: error, estimate [%] | texel forces | depth | area |"
     )
@@ -183,15 +178,15 @@ def score_fast_model() -> None:
     cover = fingertip()
     meshes = cover.meshes()
     start = time.process_time()
-    fast = derive_curved_cover(cover.mesh(), cover.texels, rubber())
+    fast = derive_curved_cover(cover.mesh(), cover.texels, RUBBER)
     print(f"fast model on {len(fast.points)} points, derived in {time.process_time() - start:.0f} CPU s\n")
-    texel_responses(meshes, cover.texels, rubber())
+    texel_responses(meshes, cover.texels, RUBBER)
     print("| shape | place | depth [mm] | reference [CPU s] | [s] | estimate [%] | fast [ms] | misplaced [%] |")
     print("|---|---|---|---|---|---|---|---|")
     scores, times = [], []
     for shape, place, indenter, pose, load in list_presses():
         processor, wall = time.process_time(), time.perf_counter()
-        known = press(take_meshes(meshes, rubber()), cover.texels, indenter, pose, load=load)
+        known = press(take_meshes(meshes, RUBBER), cover.texels, indenter, pose, load=load)
         times.append((time.process_time() - processor, time.perf_counter() - wall))
         processor = time.process_time()
         found = press_fast(fast, indenter, pose, load=load)

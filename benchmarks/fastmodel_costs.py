@@ -10,48 +10,34 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
 import tracemalloc
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
+from campaign import SHAPES as REPORTED
+from common import draw, time_in_turn
 
 import fastmodel
 from fastmodel import WTS_0614_34, Butterworth, Gaussian, Parameters, Plate
 from fastmodel.pose import Mount
 from fem_reference import point_spread
-from meshes import (
-    Box,
-    Cover,
-    Cylinder,
-    Indenter,
-    Layer,
-    LetterH,
-    Material,
-    Nut,
-    Sphere,
-    TexelArray,
-)
+from meshes import Box, Indenter, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
+from tests.support.rubber import make_cover
 from validation.derivation.kernel import cover_cells
 
 SHAPES: dict[str, Indenter] = {
     "20 mm face": Box(size=(20e-3, 20e-3, 10e-3)),
-    "big square": Box(size=(12e-3, 12e-3, 8e-3)),
-    "small square": Box(size=(6e-3, 6e-3, 8e-3)),
-    "circle": Cylinder(radius=5e-3),
-    "big rectangle": Box(size=(6e-3, 18e-3, 8e-3)),
-    "nut": Nut(across=13e-3, bore=8e-3),
-    "H": LetterH(size=(12e-3, 16e-3), bar=4e-3),
+    **{name: shape for name, shape in REPORTED.items() if name != "small rectangle"},
     "sphere": Sphere(radius=5e-3),
 }
 METHODS = ("boxes", "area", "foundation", "cover")
-RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
-COVER = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),))
 STEPS = 60
 ROUNDS = 25
 #: Speed of what slides, to and fro [m/s].
@@ -60,7 +46,8 @@ SPEED = 20e-3
 
 def parameters(array: TexelArray) -> Parameters:
     """An array under 2 mm of rubber."""
-    cells = cover_cells(COVER, array, point_spread(COVER))
+    cover = make_cover(model="linear-elastic")
+    cells = cover_cells(cover, array, point_spread(cover))
     return Parameters(array=array, spread=Gaussian.from_sigma(0.7), electronics=WTS_0614_34, surface=cells)
 
 
@@ -91,25 +78,19 @@ class Scene:
                 self.sensor.bind(self.model)
         self.run(200)
 
-    def run(self, steps: int, *, sliding: bool = False) -> float:
-        """Seconds per step of a short run."""
-        start = time.process_time()
+    def run(self, steps: int, *, sliding: bool = False) -> None:
+        """Run some steps."""
         for _ in range(steps):
             if sliding:
                 self.data.qvel[0] = SPEED if self.data.time % 0.4 < 0.2 else -SPEED
             mujoco.mj_step(self.model, self.data)
             if self.sensor is not None:
                 self.sensor.step(self.data)
-        return (time.process_time() - start) / steps
 
 
-def interleaved(runs: dict[str, Callable[[], float]]) -> dict[str, float]:
-    """Shortest seconds of each, taken in turns."""
-    taken: dict[str, list[float]] = {name: [] for name in runs}
-    for _ in range(ROUNDS):
-        for name, run in runs.items():
-            taken[name].append(run())
-    return {name: min(values) for name, values in taken.items()}
+def measure(runs: dict[str, Callable[[], object]]) -> dict[str, float]:
+    """Shortest seconds per step of each, taken in turns."""
+    return {name: min(values) / STEPS for name, values in time_in_turn(runs, ROUNDS).items()}
 
 
 def methods(settings: Parameters) -> list[dict[str, Any]]:
@@ -118,9 +99,7 @@ def methods(settings: Parameters) -> list[dict[str, Any]]:
     for name, shape in SHAPES.items():
         scenes = {method or "bare": Scene(settings, shape, method) for method in (None, *METHODS)}
         for sliding in (False, True):
-            seconds = interleaved(
-                {key: lambda scene=scene, s=sliding: scene.run(STEPS, sliding=s) for key, scene in scenes.items()}
-            )
+            seconds = measure({key: partial(each.run, STEPS, sliding=sliding) for key, each in scenes.items()})
             rows.append({"shape": name, "sliding": sliding, "seconds": seconds})
             ratios = "  ".join(
                 f"{method} x{seconds[method] / seconds['bare']:.1f} ({1e-3 / seconds[method]:.0f} x real time)"
@@ -133,26 +112,18 @@ def methods(settings: Parameters) -> list[dict[str, Any]]:
 
 def chain(settings: Parameters) -> dict[str, float]:
     """Boxes with and without everything after the physics, on the 20 mm face."""
-    filtered = Parameters(
-        array=settings.array,
-        spread=settings.spread,
-        electronics=settings.electronics,
-        filter=Butterworth(cutoff_hz=40.0, order=4),
-    )
-    with_chain = Scene(filtered, SHAPES["20 mm face"], "boxes")
-    without = Scene(filtered, SHAPES["20 mm face"], "boxes")
+    filtered = replace(settings, filter=Butterworth(cutoff_hz=40.0, order=4), surface=None)
+    with_chain, without = (Scene(filtered, SHAPES["20 mm face"], "boxes") for _ in range(2))
     without.sensor = None
-    seconds = interleaved({"chain": lambda: with_chain.run(STEPS), "boxes": lambda: without.run(STEPS)})
-    print(
-        f"signal chain on boxes: x{seconds['chain'] / seconds['boxes']:.2f} ({1e6 * seconds['boxes']:.0f} us without)"
-    )
+    seconds = measure({"chain": partial(with_chain.run, STEPS), "boxes": partial(without.run, STEPS)})
+    ratio, alone = seconds["chain"] / seconds["boxes"], 1e6 * seconds["boxes"]
+    print(f"signal chain on boxes: x{ratio:.2f} ({alone:.0f} us without)")
     return seconds
 
 
 def texel_counts() -> list[dict[str, float]]:
     """Cost and memory of the default against the number of texels, a 12 mm square sliding."""
-    scenes = {}
-    memory = {}
+    scenes, memory = {}, {}
     for rows, columns in ((4, 3), (8, 4), (14, 6), (16, 16), (32, 32), (60, 60), (100, 100)):
         settings = parameters(TexelArray.grid(rows, columns, 3.4e-3))
         Scene(settings, SHAPES["big square"], "cover")  # what is made once in a process
@@ -160,37 +131,27 @@ def texel_counts() -> list[dict[str, float]]:
         scenes[rows * columns] = Scene(settings, SHAPES["big square"], "cover")
         memory[rows * columns] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-    runs = {str(n): lambda scene=scene: scene.run(STEPS, sliding=True) for n, scene in scenes.items()}
-    seconds = interleaved(runs)
-    rows_ = [{"texels": n, "seconds": seconds[str(n)], "memory": memory[n]} for n in scenes]
-    for row in rows_:
-        print(
-            f"{row['texels']:>6} texels: {1e6 * row['seconds']:.0f} us a step, {row['memory'] / 1e6:.2f} MB", flush=True
-        )
-    return rows_
+    seconds = measure({str(n): partial(scene.run, STEPS, sliding=True) for n, scene in scenes.items()})
+    found = [{"texels": n, "seconds": seconds[str(n)], "memory": memory[n]} for n in scenes]
+    for row in found:
+        print(f"{row['texels']:>6} texels: {1e6 * row['seconds']:.0f} us a step, {row['memory'] / 1e6:.2f} MB")
+    return found
 
 
-def draw(rows: list[dict[str, float]], path: Path) -> None:
-    """Cost and memory over texels, both axes logarithmic, with lines of n log n."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
+def draw_counts(rows: list[dict[str, float]], path: Path) -> None:
+    """Draw cost and memory over texels, with lines of n log n."""
     n = np.array([row["texels"] for row in rows], dtype=np.float64)
-    figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), constrained_layout=True)
-    for axis, values, title in (
-        (axes[0], 1e6 * np.array([row["seconds"] for row in rows]), "processor time a step of 1 ms [µs]"),
-        (axes[1], 1e-6 * np.array([row["memory"] for row in rows]), "memory at most while it is made [MB]"),
+    panels = []
+    for key, unit, title in (
+        ("seconds", 1e-6, "processor time a step of 1 ms [µs]"),
+        ("memory", 1e6, "memory at most while it is made [MB]"),
     ):
-        axis.loglog(n, values, "o-", label="cover, 12 mm square sliding")
-        line = n * np.log(n)
-        axis.loglog(n, values[-1] * line / line[-1], "--", color="0.5", label="n log n")
-        axis.set(xlabel="texels", title=title)
-        axis.grid(visible=True, which="both", alpha=0.3)
-        axis.legend()
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+        values = np.array([row[key] for row in rows]) / unit
+        line = values[-1] * n * np.log(n) / (n[-1] * np.log(n[-1]))
+        lines = {"cover, 12 mm square sliding": values, "n log n": line}
+        pairs = {name: list(zip(n, each, strict=True)) for name, each in lines.items()}
+        panels.append(({"xlabel": "texels", "title": title}, pairs))
+    draw(panels, path)
 
 
 def main() -> None:
@@ -200,13 +161,9 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, help="where to draw cost against texels")
     arguments = parser.parse_args()
     settings = parameters(ARRAYS["wts-0614-34"])
-    result = {
-        "chain": chain(settings),
-        "methods": methods(settings),
-        "texel_counts": texel_counts(),
-    }
+    result = {"chain": chain(settings), "methods": methods(settings), "texel_counts": texel_counts()}
     if arguments.picture is not None:
-        draw(result["texel_counts"], arguments.picture)
+        draw_counts(result["texel_counts"], arguments.picture)
     if arguments.json is not None:
         arguments.json.write_text(json.dumps(result, indent=1))
 

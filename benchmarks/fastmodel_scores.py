@@ -15,29 +15,20 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from campaign import LOADS, SHAPES
 
 import fastmodel
 from fastmodel import WTS_0614_34, Parameters, Placement
 from fastmodel.signal.electronics import grey_levels
 from fem_reference import point_spread, press
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
-from meshes import Box, Cover, Cylinder, Indenter, Layer, LetterH, Material, Nut, Pose, TexelArray
+from meshes import Box, Pose, TexelArray
 from meshes.catalogue import ARRAYS
-from meshes.constants import STANDARD_GRAVITY
+from tests.support.rubber import make_cover
 from validation.derivation.kernel import cover_cells
 
 ARRAY: TexelArray = ARRAYS["wts-0614-34"]
-SHAPES: dict[str, Indenter] = {
-    "small square": Box(size=(6e-3, 6e-3, 8e-3)),
-    "big square": Box(size=(12e-3, 12e-3, 8e-3)),
-    "circle": Cylinder(radius=5e-3),
-    "big rectangle": Box(size=(6e-3, 18e-3, 8e-3)),
-    "small rectangle": Box(size=(4e-3, 10e-3, 8e-3)),
-    "nut": Nut(across=13e-3, bore=8e-3),
-    "H": LetterH(size=(12e-3, 16e-3), bar=4e-3),
-}
 BLOCK = Box(size=(10e-3, 10e-3, 10e-3))
-LOADS = (0.1 * STANDARD_GRAVITY, 0.5 * STANDARD_GRAVITY)
 YAWS = (0.0, np.pi / 4, np.pi / 2)
 #: Over a texel's centre, edge and corner, and off the grid.
 PLACES = ((1.7e-3, 1.7e-3), (1.7e-3, 0.0), (0.0, 0.0), (0.7e-3, -1.1e-3))
@@ -45,23 +36,13 @@ RATIOS = (0.49, 0.3)
 METHODS = ("cover", "foundation", "area", "boxes")
 
 
-def cover(poisson_ratio: float) -> Cover:
-    """2 mm of linear rubber."""
-    material = Material(
-        name="campaign",
-        model="linear-elastic",
-        parameters={"youngs_modulus": 1e6},
-        poisson_ratio=poisson_ratio,
-    )
-    return Cover(layers=(Layer(thickness=2e-3, material=material),))
-
-
 def parameters(poisson_ratio: float) -> Parameters:
     """The fast model of that cover, with the Gaussian that fits it best."""
-    spread = point_spread(cover(poisson_ratio))
+    cover = make_cover(poisson_ratio, "linear-elastic")
+    spread = point_spread(cover)
     uniform = ARRAY.image(spread.texel_response(ARRAY, load="uniform"))
     fit = fastmodel.fit_gaussian(uniform, (ARRAY.rows // 2, ARRAY.columns // 2))
-    cells = cover_cells(cover(poisson_ratio), ARRAY, spread)
+    cells = cover_cells(cover, ARRAY, spread)
     return Parameters(array=ARRAY, spread=fit.gaussian, electronics=WTS_0614_34, surface=cells)
 
 
@@ -80,10 +61,10 @@ def image_changed(reference, found) -> float:  # noqa: ANN001
 
 def single(ratio: float, shapes=tuple(SHAPES), loads=LOADS, yaws=YAWS, places=PLACES) -> Iterator[dict]:  # noqa: ANN001
     """Scores of guided shapes, one at a time."""
-    fast = parameters(ratio)
+    fast, cover = parameters(ratio), make_cover(ratio, "linear-elastic")
     for name, load, yaw, at in itertools.product(shapes, loads, yaws, places):
         shape = SHAPES[name]
-        reference = press(cover(ratio), ARRAY, shape, load=load, pose=Pose.planar(at=at, yaw=yaw))
+        reference = press(cover, ARRAY, shape, load=load, pose=Pose.planar(at=at, yaw=yaw))
         for method in METHODS:
             found = fastmodel.indent(fast, shape, load=load, at=at, yaw=yaw, method=method)
             yield _row(ratio, name, method, reference, found, load, at, yaw)
@@ -91,11 +72,11 @@ def single(ratio: float, shapes=tuple(SHAPES), loads=LOADS, yaws=YAWS, places=PL
 
 def two_squares(ratio: float, places=PLACES) -> Iterator[dict]:  # noqa: ANN001
     """Scores of 12 and 6 mm squares, 16 mm apart along y, 500 and 100 g, each at its own depth."""
-    fast = parameters(ratio)
+    fast, cover = parameters(ratio), make_cover(ratio, "linear-elastic")
     for x, y in places:
         squares = [("big square", LOADS[1], (x, y - 6e-3)), ("small square", LOADS[0], (x, y + 10e-3))]
         bodies = [Body(indenter=SHAPES[name], load=load, at=at) for name, load, at in squares]
-        reference = press_together(cover(ratio), ARRAY, bodies)
+        reference = press_together(cover, ARRAY, bodies)
         placements = [Placement(indenter=SHAPES[name], load=load, at=at) for name, load, at in squares]
         for method in METHODS:
             found = fastmodel.indent_together(fast, placements, method=method)
@@ -104,10 +85,10 @@ def two_squares(ratio: float, places=PLACES) -> Iterator[dict]:  # noqa: ANN001
 
 def tilting_block(ratio: float, places=PLACES) -> Iterator[dict]:  # noqa: ANN001
     """Scores of a 10 mm block whose weight acts 2 mm off its middle, free to tilt."""
-    fast = parameters(ratio)
+    fast, cover = parameters(ratio), make_cover(ratio, "linear-elastic")
     for at in places:
         settings = {"indenter": BLOCK, "load": LOADS[1], "at": at, "guided": False, "centre": (2e-3, 0.0)}
-        reference = press_together(cover(ratio), ARRAY, [Body(**settings)])
+        reference = press_together(cover, ARRAY, [Body(**settings)])
         for method in METHODS:
             found = fastmodel.indent_together(fast, [Placement(**settings)], method=method)
             yield _row(ratio, "tilting block", method, reference, found, LOADS[1], at, 0.0)

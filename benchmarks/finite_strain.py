@@ -15,7 +15,6 @@ installed into a temporary environment.
 
 from __future__ import annotations
 
-import argparse
 import cProfile
 import itertools
 import json
@@ -29,7 +28,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from peers import answered, environment, installed, plot
+from common import Lines, answered, environment, finish, installed, make_parser
 
 Task = dict[str, Any]
 
@@ -173,9 +172,9 @@ class Bench:
         print(f"  {name:32} {unknowns[1]:8.0f} unknowns {peer:8.2f}   ratio {mine / peer:.2f}", flush=True)
         return {"ours": mine, "peer": [name, peer], "ratio": mine / peer, "unknowns": unknowns, "way": theirs}
 
-    def scaling(self, case: str, way: Task) -> dict[str, list[tuple[float, float]]]:
+    def scaling(self, case: str, way: Task) -> Lines:
         """CPU seconds against unknowns over two decades."""
-        out: dict[str, list[tuple[float, float]]] = {}
+        out: Lines = {}
         for name, more in (("softcover", {}), ("FElupe", {key: way[key] for key in ("fields", "solver")})):
             grids = [{"through": n, "across": round(n * CASES[case]["radius"])} for n in SCALING[case]]
             found = [run for grid in grids if (run := self.run({**CASES[case], **more, **grid})) is not None]
@@ -185,16 +184,11 @@ class Bench:
 
 def main() -> None:
     """Compare, and measure the cost against the size."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--worker", help=argparse.SUPPRESS)
-    parser.add_argument("--peer", type=Path, help="a Python that has FElupe; installed when not given")
-    parser.add_argument("--scaling", action="store_true", help="cost against unknowns as well")
-    parser.add_argument("--plot", type=Path, help="picture of the scaling")
+    parser = make_parser(__doc__)
     parser.add_argument("--profile", action="store_true", help="only: where our side spends its time")
-    parser.add_argument("--json", type=Path, help="all results")
     given = parser.parse_args()
     if given.worker:
-        worker(json.loads(given.worker))
+        worker(given.worker)
         return
     if given.profile:
         for case in CASES.values():
@@ -204,17 +198,13 @@ def main() -> None:
         folder = Path(temporary)
         bench = Bench(folder, given.peer or installed(folder, "felupe", "pypardiso", "numpy", "scipy"))
         summary: dict[str, Any] = {case: bench.compare(case) for case in CASES}
-        if given.scaling or given.plot:
+
+        def scale() -> Lines:
             every = [bench.scaling(case, summary[case]["way"]) for case in SCALING]
-            lines = {name: line for each in every for name, line in each.items()}
-            summary["scaling"] = lines
-            for name, points in lines.items():
-                print(name, *(f"\n  {unknowns:8.0f} {cpu:8.3f}" for unknowns, cpu in points))
-        if given.plot:
-            labels = {"xlabel": "unknowns", "ylabel": "CPU seconds to 15 %"}
-            plot(summary["scaling"], given.plot, title="Rubber between bonded plates, finite strain", **labels)
-        if given.json:
-            given.json.write_text(json.dumps(summary, indent=1))
+            return {name: line for each in every for name, line in each.items()}
+
+        labels = {"xlabel": "unknowns", "ylabel": "CPU seconds to 15 %"}
+        finish(given, summary, scale, title="Rubber between bonded plates, finite strain", **labels)
 
 
 if __name__ == "__main__":

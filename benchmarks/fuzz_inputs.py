@@ -110,34 +110,17 @@ def make_good_files() -> dict[str, dict[str, bytes]]:
 
 
 def make_bags() -> dict[str, dict[str, bytes]]:
-    """Make recordings of 3 x 2 texels as other programs write them: a ROS 1 file, a ROS 2 folder and an MCAP file."""
-    import numpy as np
-    from rosbags.rosbag1 import Writer as Writer1
+    """Make recordings of 14 x 6 texels as other programs write them: a ROS 1 file, a ROS 2 folder and an MCAP file."""
     from rosbags.rosbag2 import StoragePlugin
-    from rosbags.rosbag2 import Writer as Writer2
-    from rosbags.typesys import Stores, get_typestore
 
-    kind = "std_msgs/msg/UInt8MultiArray"
+    from tests.support.ros_bags import write_bag
 
-    def fill(writer: Writer1 | Writer2, store: Stores, encode: str) -> None:
-        types = get_typestore(store)
-        side, layout = (types.types[f"std_msgs/msg/MultiArray{name}"] for name in ("Dimension", "Layout"))
-        sides = [side(label=name, size=size, stride=1) for name, size in (("rows", 3), ("columns", 2))]
-        with writer:
-            connection = writer.add_connection("/pad", kind, typestore=types)
-            for k in range(20):
-                data = np.arange(k, k + 6, dtype=np.uint8)
-                message = types.types[kind](layout=layout(dim=sides, data_offset=0), data=data)
-                writer.write(connection, k * 10**7, bytes(getattr(types, encode)(message, kind)))
-
+    kinds = {"/pad": "std_msgs/msg/UInt8MultiArray"}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        first = Writer1(folder / "a.bag")
-        first.set_compression(first.CompressionFormat.BZ2)
-        fill(first, Stores.ROS1_NOETIC, "serialize_ros1")
+        write_bag(folder / "a.bag", kinds, first=True, compressed=True)
         for plugin in (StoragePlugin.SQLITE3, StoragePlugin.MCAP):
-            second = Writer2(folder / plugin.name, version=9, storage_plugin=plugin)
-            fill(second, Stores.ROS2_JAZZY, "serialize_cdr")
+            write_bag(folder / plugin.name, kinds, first=False, plugin=plugin)
         files = {file.name: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
         metadata = (folder / "SQLITE3" / "metadata.yaml").read_bytes()
     return {

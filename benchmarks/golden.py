@@ -28,7 +28,7 @@ import time
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from html.parser import HTMLParser
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -137,27 +137,15 @@ def write_laboratory(folder: Path) -> None:
             (folder / series / f"{newtons}.csv").write_text("\n".join(lines) + "\n")
 
 
-class _Tables(HTMLParser):
-    """The cells of all tables of a page, row by row."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.rows: list[list[str]] = []
-        self.open = False
-
-    def handle_starttag(self, tag: str, _: Any) -> None:
-        if tag == "tr":
-            self.rows.append([])
-        if tag in {"td", "th"} and self.rows:
-            self.rows[-1].append("")
-            self.open = True
-
-    def handle_endtag(self, tag: str) -> None:
-        self.open = self.open and tag not in {"td", "th"}
-
-    def handle_data(self, data: str) -> None:
-        if self.open:
-            self.rows[-1][-1] += data
+def read_tables(page: str) -> dict[str, list[list[str]]]:
+    """Read the cells of all tables of a page, by the text of the first cell of their row."""
+    rows: dict[str, list[list[str]]] = {}
+    for row in re.findall(r"<tr\b.*?(?=<tr\b|</table>)", page, flags=re.DOTALL):
+        cells = re.findall(r"<t[dh]\b[^>]*>(.*?)</t[dh]>", row, flags=re.DOTALL)
+        first, *others = [" ".join(unescape(re.sub(r"<[^>]*>", "", cell)).split()) for cell in cells] or [""]
+        if others:
+            rows.setdefault(first, []).append(others)
+    return rows
 
 
 def read_result(path: Path) -> Any:
@@ -169,13 +157,7 @@ def read_result(path: Path) -> Any:
             headings, *rows = csv.reader(lines)
             return {name: [to_number(row[n]) for row in rows if n < len(row)] for n, name in enumerate(headings)}
     if path.suffix == ".html":
-        page = _Tables()
-        page.feed(path.read_text())
-        rows: dict[str, Any] = {}
-        for row in page.rows:
-            if len(row) > 1:
-                rows.setdefault(" ".join(row[0].split()), []).append([" ".join(cell.split()) for cell in row[1:]])
-        return rows
+        return read_tables(path.read_text())
     if path.suffix == ".npz":
         with np.load(path, allow_pickle=False) as arrays:
             return {name: arrays[name].tolist() for name in arrays.files}

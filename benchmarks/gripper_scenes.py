@@ -11,6 +11,7 @@ import math
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -19,15 +20,14 @@ import numpy.typing as npt
 import fastmodel
 from fastmodel import Parameters
 from fem_reference import point_spread
-from meshes import Cover, Layer, Material, TexelArray
+from meshes import TexelArray
+from tests.support.rubber import make_cover
 from validation.derivation.kernel import cover_cells
 
 FloatArray = npt.NDArray[np.float64]
 
 TIMESTEP = 2e-3
 ROWS, COLUMNS = 12, 10
-RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
-COVER = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),))
 #: Height of the gripper's frame above the floor at the start [m].
 HEIGHT = 0.3
 #: Half the length of objects between the fingers, half their size across, height of their centre [m]; their mass [kg].
@@ -39,31 +39,8 @@ CLEARANCE = 4e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finger:
-    """A finger of a gripper.
-
-    Attributes:
-        body: Body that carries the array.
-        joint: Joint that moves the finger.
-        actuator: Actuator of that joint.
-        opens: Sign of the joint's motion that opens the gripper [-].
-        replaces: Geom that the array takes the place of.
-        position: Centre of the array in the frame of the body [m].
-        axes: Axes x, y, z of the array in the frame of the body, as columns.
-    """
-
-    body: str
-    joint: str
-    actuator: str
-    opens: float
-    replaces: str
-    position: tuple[float, float, float]
-    axes: tuple[tuple[float, float, float], ...]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Gripper:
-    """A gripper.
+    """A gripper with two fingers, the second of which is the first turned by half a turn.
 
     Attributes:
         package: Package that the model comes from.
@@ -72,7 +49,12 @@ class Gripper:
         turn: Orientation in which the fingers point down, a quaternion.
         pitch: Pitch of the texels that fits the pads [m].
         slipping: Force of each drive under which objects slip [N].  Friction holds the Panda's fingers up to 1 N.
-        fingers: The two fingers.
+        sides: What takes the place of `{}` in the names of each finger.
+        names: Names of a finger's body, joint and actuator, and of the geom that the array takes the place of.
+        opens: Sign of the motion of each joint that opens the gripper [-].
+        position: Centre of the first array in the frame of its body [m].
+        axes: Axes x, y, z of the first array in the frame of its body, as columns.
+        points: Axis of the body along which a finger points.
     """
 
     package: str
@@ -81,11 +63,41 @@ class Gripper:
     turn: tuple[float, float, float, float]
     pitch: float
     slipping: float
-    fingers: tuple[Finger, Finger]
+    sides: tuple[str, str]
+    names: tuple[str, str, str, str]
+    opens: tuple[float, float]
+    position: tuple[float, float, float]
+    axes: tuple[tuple[float, float, float], ...]
+    points: int
+
+    def list_fingers(self) -> list[Finger]:
+        """Return the two fingers."""
+        half_turn = -np.ones(3)
+        half_turn[self.points] = 1
+        return [
+            Finger(
+                *(name.format(side) for name in self.names),
+                opens,
+                tuple(turn * self.position),
+                turn[:, None] * self.axes,
+            )
+            for side, opens, turn in zip(self.sides, self.opens, (np.ones(3), half_turn), strict=True)
+        ]
 
 
-#: Array on a face whose normal is -y or +y, rows along z (Panda) or x (Fetch).
-_RIGHT = math.sqrt(0.5)
+class Finger(NamedTuple):
+    """A finger of a gripper, as `Gripper` describes it."""
+
+    body: str
+    joint: str
+    actuator: str
+    replaces: str
+    opens: float
+    position: tuple[float, ...]
+    axes: FloatArray
+
+
+#: Arrays on faces whose normal is -y or +y, rows along z (Panda) or x (Fetch).
 PANDA = Gripper(
     package="robosuite",
     file="models/assets/grippers/panda_gripper.xml",
@@ -93,54 +105,26 @@ PANDA = Gripper(
     turn=(0.0, 1.0, 0.0, 0.0),
     pitch=1.7e-3,
     slipping=-0.5,
-    fingers=(
-        Finger(
-            body="finger_joint1_tip",
-            joint="finger_joint1",
-            actuator="gripper_finger_joint1",
-            opens=1.0,
-            replaces="finger1_pad_collision",
-            position=(0.0, -10.5e-3, -15e-3),
-            axes=((1, 0, 0), (0, 0, -1), (0, 1, 0)),
-        ),
-        Finger(
-            body="finger_joint2_tip",
-            joint="finger_joint2",
-            actuator="gripper_finger_joint2",
-            opens=-1.0,
-            replaces="finger2_pad_collision",
-            position=(0.0, 10.5e-3, -15e-3),
-            axes=((-1, 0, 0), (0, 0, 1), (0, 1, 0)),
-        ),
-    ),
+    sides=("1", "2"),
+    names=("finger_joint{}_tip", "finger_joint{}", "gripper_finger_joint{}", "finger{}_pad_collision"),
+    opens=(1.0, -1.0),
+    position=(0.0, -10.5e-3, -15e-3),
+    axes=((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    points=2,
 )
 FETCH = Gripper(
     package="gymnasium_robotics",
     file="envs/assets/fetch/pick_and_place.xml",
     body="robot0:gripper_link",
-    turn=(_RIGHT, 0.0, _RIGHT, 0.0),
+    turn=(math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0),
     pitch=2.2e-3,
     slipping=0.65,
-    fingers=(
-        Finger(
-            body="robot0:r_gripper_finger_link",
-            joint="robot0:r_gripper_finger_joint",
-            actuator="robot0:r_gripper_finger_joint",
-            opens=1.0,
-            replaces="robot0:r_gripper_finger_link",
-            position=(0.02, -15e-3, 0.0),
-            axes=((0, 1, 0), (0, 0, -1), (-1, 0, 0)),
-        ),
-        Finger(
-            body="robot0:l_gripper_finger_link",
-            joint="robot0:l_gripper_finger_joint",
-            actuator="robot0:l_gripper_finger_joint",
-            opens=1.0,
-            replaces="robot0:l_gripper_finger_link",
-            position=(0.02, 15e-3, 0.0),
-            axes=((0, 1, 0), (0, 0, 1), (1, 0, 0)),
-        ),
-    ),
+    sides=("robot0:r_gripper_finger", "robot0:l_gripper_finger"),
+    names=("{}_link", "{}_joint", "{}_joint", "{}_link"),
+    opens=(1.0, 1.0),
+    position=(0.02, -15e-3, 0.0),
+    axes=((0, 1, 0), (0, 0, -1), (-1, 0, 0)),
+    points=0,
 )
 GRIPPERS = {"panda": PANDA, "fetch": FETCH}
 OBJECTS = ("box", "sphere", "cylinder", "capsule", "mug", "flex")
@@ -156,26 +140,23 @@ def parameters(pitch: float) -> Parameters:
     """An array of 120 texels under 2 mm of rubber, without noise and filter, so that frames show the contact."""
     array = TexelArray.grid(ROWS, COLUMNS, (pitch, pitch), name="pad")
     electronics = fastmodel.Electronics(rate_hz=1 / TIMESTEP, sensitivity=2665.7, offset=0.0, output_max=4095)
-    spread = point_spread(COVER)
-    return Parameters(
-        array=array,
-        spread=fastmodel.Gaussian.from_sigma(0.7),
-        electronics=electronics,
-        surface=cover_cells(COVER, array, spread),
-    )
+    cover = make_cover(model="linear-elastic")
+    cells, spread = cover_cells(cover, array, point_spread(cover)), fastmodel.Gaussian.from_sigma(0.7)
+    return Parameters(array=array, spread=spread, electronics=electronics, surface=cells)
 
 
 class Scene:
     """A gripper above a table with an object, and its two sensors."""
 
-    def __init__(self, gripper: Gripper, thing: str, *, sensors: bool = True, method: str = "cover") -> None:
-        """Build and bind the scene; `sensors=False` leaves the arrays in place but reads none."""
-        settings = parameters(gripper.pitch)
-        self._middle = self._find_middle(gripper, settings, method)
-        spec = start_spec(thing, self._middle)
-        self.sensors = mount(spec, gripper, settings, method)
-        self.gripper, self.thing = gripper, thing
-        add_object(spec, thing, self._middle)
+    def __init__(self, gripper: Gripper, thing: str) -> None:
+        """Build and bind the scene."""
+        self.gripper, self._fingers = gripper, gripper.list_fingers()
+        alone = mujoco.MjSpec()
+        mount(alone, gripper)
+        middle = self._find_middle(mujoco.MjData(alone.compile()))
+        spec = start_spec(thing, middle)
+        self.sensors = mount(spec, gripper)
+        add_object(spec, thing, middle)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         with warnings.catch_warnings(record=True) as caught:
@@ -183,28 +164,22 @@ class Scene:
             for sensor in self.sensors:
                 sensor.bind(self.model)
         self.warned = sorted({str(each.message) for each in caught})
-        self.read = sensors
-        self._joints = [self.data.joint(finger.joint) for finger in gripper.fingers]
-        self._actuators = [self.model.actuator(finger.actuator) for finger in gripper.fingers]
-        self._open()
+        self._joints = [self.data.joint(finger.joint) for finger in self._fingers]
+        self._actuators = [self.model.actuator(finger.actuator) for finger in self._fingers]
+        self._open(middle, HALF_OF.get(thing, HALF) + CLEARANCE)
 
-    @staticmethod
-    def _find_middle(gripper: Gripper, settings: Parameters, method: str) -> FloatArray:
+    def _find_middle(self, data: mujoco.MjData) -> FloatArray:
         """Find the middle between the two arrays."""
-        spec = mujoco.MjSpec()
-        mount(spec, gripper, settings, method)
-        model = spec.compile()
-        data = mujoco.MjData(model)
-        mujoco.mj_forward(model, data)
-        return np.mean([data.geom(f"{finger.joint}/plate").xpos for finger in gripper.fingers], axis=0)
+        mujoco.mj_forward(data.model, data)
+        return np.mean([data.geom(f"{finger.joint}/plate").xpos for finger in self._fingers], axis=0)
 
-    def _open(self) -> None:
-        """Open the fingers until they are clear of the object."""
+    def _open(self, middle: FloatArray, distance: float) -> None:
+        """Open the fingers to a distance from the middle [m]."""
         mujoco.mj_forward(self.model, self.data)
-        for finger, joint in zip(self.gripper.fingers, self._joints, strict=True):
+        for finger, joint in zip(self._fingers, self._joints, strict=True):
             plate = self.data.geom(f"{finger.joint}/plate")
             inside = plate.xpos + plate.xmat.reshape(3, 3)[:, 2] * self.model.geom(f"{finger.joint}/plate").size[2]
-            joint.qpos[0] += finger.opens * (HALF_OF.get(self.thing, HALF) + CLEARANCE - abs(inside - self._middle)[1])
+            joint.qpos[0] += finger.opens * (distance - abs(inside - middle)[1])
         mujoco.mj_forward(self.model, self.data)
         self._start = [float(joint.qpos[0]) for joint in self._joints]
         self.data.ctrl[:] = 0
@@ -220,9 +195,8 @@ class Scene:
             force: Largest force with which a drive closes; negative if it opens all the same [N].
             lift: Height of the carriage above the start [m].
         """
-        for finger, joint, start, actuator in zip(
-            self.gripper.fingers, self._joints, self._start, self._actuators, strict=True
-        ):
+        drives = zip(self._fingers, self._joints, self._start, self._actuators, strict=True)
+        for finger, joint, start, actuator in drives:
             stiffness, position = float(actuator.gainprm[0]), float(joint.qpos[0])
             missing = finger.opens * (position - start) + travel
             closing = min(max(missing, -OPENING / stiffness), force / stiffness)
@@ -232,9 +206,8 @@ class Scene:
     def step(self) -> None:
         """One step of the physics and of the sensors."""
         mujoco.mj_step(self.model, self.data)
-        if self.read:
-            for sensor in self.sensors:
-                sensor.step(self.data)
+        for sensor in self.sensors:
+            sensor.step(self.data)
 
 
 def start_spec(thing: str, middle: FloatArray) -> mujoco.MjSpec:
@@ -261,7 +234,7 @@ def start_spec(thing: str, middle: FloatArray) -> mujoco.MjSpec:
     return spec
 
 
-def mount(spec: mujoco.MjSpec, gripper: Gripper, settings: Parameters, method: str) -> list[fastmodel.Sensor]:
+def mount(spec: mujoco.MjSpec, gripper: Gripper) -> list[fastmodel.Sensor]:
     """Hang a gripper, fingers down, on a carriage that moves up and down, with an array on each finger."""
     first = len(spec.bodies)
     carriage = spec.worldbody.add_body(name="carriage", pos=[0, 0, HEIGHT])
@@ -276,23 +249,13 @@ def mount(spec: mujoco.MjSpec, gripper: Gripper, settings: Parameters, method: s
     carriage.add_frame(quat=gripper.turn).attach_body(source.body(gripper.body), "", "")
     for body in spec.bodies[first:]:
         body.gravcomp = 1.0
-    return [attach_array(spec, finger, settings, method) for finger in gripper.fingers]
-
-
-def attach_array(spec: mujoco.MjSpec, finger: Finger, settings: Parameters, method: str) -> fastmodel.Sensor:
-    """Attach the array of a finger in place of its pad."""
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, np.array(finger.axes, dtype=float).ravel())
-    return fastmodel.attach(
-        spec,
-        finger.body,
-        settings,
-        name=finger.joint,
-        position=finger.position,
-        quaternion=quaternion,
-        contact=method,
-        replaces=finger.replaces,
-    )
+    settings, sensors = parameters(gripper.pitch), []
+    for finger in gripper.list_fingers():
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, finger.axes.ravel())
+        place = {"position": finger.position, "quaternion": quaternion, "replaces": finger.replaces}
+        sensors.append(fastmodel.attach(spec, finger.body, settings, name=finger.joint, contact="cover", **place))
+    return sensors
 
 
 #: Half length between the fingers of objects that differ from `HALF` [m].
@@ -304,28 +267,23 @@ HALF_HEIGHTS = {"box": CENTRE, "sphere": HALF, "cylinder": CENTRE, "capsule": 25
 def add_object(spec: mujoco.MjSpec, thing: str, middle: FloatArray) -> None:
     """Add a post, narrow enough for fingers beside it, and an object that stands on it between the arrays."""
     kinds = mujoco.mjtGeom
-    spec.worldbody.add_geom(
-        name="post",
-        type=kinds.mjGEOM_BOX,
-        size=[8e-3, 8e-3, 10e-3],
-        pos=[*middle[:2], middle[2] - HALF_HEIGHTS[thing] - 0.01],
-    )
+    below = [*middle[:2], middle[2] - HALF_HEIGHTS[thing] - 0.01]
+    spec.worldbody.add_geom(name="post", type=kinds.mjGEOM_BOX, size=[8e-3, 8e-3, 10e-3], pos=below)
     if thing == "flex":  # part of the text that the scene starts from, see `start_spec`
         return
     body = spec.worldbody.add_body(name="thing", pos=middle)
     body.add_freejoint(name="thing")
     common = {"condim": 4, "friction": [1.0, 0.01, 1e-4], "rgba": [0.8, 0.5, 0.2, 1]}
-    match thing:
-        case "box":
-            body.add_geom(type=kinds.mjGEOM_BOX, size=[ACROSS, HALF, CENTRE], mass=MASS, **common)
-        case "sphere":
-            body.add_geom(type=kinds.mjGEOM_SPHERE, size=[HALF, 0, 0], mass=MASS, **common)
-        case "cylinder":
-            body.add_geom(type=kinds.mjGEOM_CYLINDER, size=[HALF, CENTRE, 0], mass=MASS, **common)
-        case "capsule":
-            body.add_geom(type=kinds.mjGEOM_CAPSULE, size=[HALF, 10e-3, 0], mass=MASS, **common)
-        case "mug":
-            add_mug(spec, body, radius=HALF_OF[thing], common=common)
+    if thing == "mug":
+        add_mug(spec, body, radius=HALF_OF[thing], common=common)
+        return
+    kind, size = {
+        "box": (kinds.mjGEOM_BOX, [ACROSS, HALF, CENTRE]),
+        "sphere": (kinds.mjGEOM_SPHERE, [HALF, 0, 0]),
+        "cylinder": (kinds.mjGEOM_CYLINDER, [HALF, CENTRE, 0]),
+        "capsule": (kinds.mjGEOM_CAPSULE, [HALF, 10e-3, 0]),
+    }[thing]
+    body.add_geom(type=kind, size=size, mass=MASS, **common)
 
 
 def add_mug(spec: mujoco.MjSpec, body: mujoco.MjsBody, *, radius: float, common: dict[str, object]) -> None:
@@ -342,10 +300,6 @@ def add_mug(spec: mujoco.MjSpec, body: mujoco.MjsBody, *, radius: float, common:
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"wall{number}", mass=MASS / sectors, **common)
     bottom = [radius - wall, 1.5e-3, 0]
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=bottom, pos=[0, 0, 1.5e-3 - half], mass=0.02, **common)
-    for z in (-12e-3, 12e-3):
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX, size=[6e-3, 3e-3, 2e-3], pos=[radius + 6e-3, 0, z], mass=5e-3, **common
-        )
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX, size=[2e-3, 3e-3, 14e-3], pos=[radius + 11e-3, 0, 0], mass=5e-3, **common
-    )
+    handle = (([6e-3, 3e-3, 2e-3], 6e-3, -12e-3), ([6e-3, 3e-3, 2e-3], 6e-3, 12e-3), ([2e-3, 3e-3, 14e-3], 11e-3, 0))
+    for size, out, z in handle:
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=[radius + out, 0, z], mass=5e-3, **common)

@@ -20,7 +20,6 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -146,12 +145,6 @@ def measure(records: list[Record], speed: float) -> dict[str, Any]:
     }
 
 
-def repeat(name: str, thing: str, times: int) -> Iterator[Scene]:
-    """Build the same scene several times."""
-    for _ in range(times):
-        yield Scene(GRIPPERS[name], thing)
-
-
 def main() -> None:
     """Run and print."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -166,9 +159,11 @@ def main() -> None:
             print(f"{name}: {GRIPPERS[name].package} is not installed")
             continue
         for thing in options.object or OBJECTS:
-            scene = Scene(GRIPPERS[name], thing)
-            figures, *others = [measure(*run(each)) for each in (scene, *repeat(name, thing, options.repeat - 1))]
-            figures["speed"] = max(each["speed"] for each in (figures, *others))
+            found = []
+            for _ in range(options.repeat):
+                scene = Scene(GRIPPERS[name], thing)
+                found.append(measure(*run(scene)))
+            figures = found[0] | {"speed": max(each["speed"] for each in found)}
             rows.append({"gripper": name, "object": thing, **figures, "warnings": scene.warned})
             print(
                 f"{name:6} {thing:9} grip {figures['grip']:5.1f} N   net {figures['net']:.1e}   change at most "

@@ -16,10 +16,11 @@ import os
 import statistics
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from common import time_in_turn
 
 import fastmodel
 from fastmodel import Batch, Butterworth, ChainFunctions, ChainOutput, Parameters
@@ -29,17 +30,6 @@ WORLDS, SAMPLES = 4096, 8
 RATE = 1000.0
 #: Worlds, physics steps per call and repetitions of the batch.
 BATCH, STEPS, REPETITIONS = 8, 400, 5
-
-
-def median_times(runs: dict[str, Callable[[], object]]) -> dict[str, float]:
-    """Median processor time of each function, all called in turn [s]."""
-    taken: dict[str, list[float]] = {name: [] for name in runs}
-    for _ in range(REPETITIONS):
-        for name, run in runs.items():
-            start = time.process_time()
-            run()
-            taken[name].append(time.process_time() - start)
-    return {name: statistics.median(each) for name, each in taken.items()}
 
 
 def compare_chain(parameters: Parameters) -> None:
@@ -61,7 +51,8 @@ def compare_chain(parameters: Parameters) -> None:
         print(f"largest difference of {name}: {apart:.1e}")
         assert apart < 1e-12
     few = 256
-    taken = median_times({"at once": lambda: run(forces), "one": lambda: [run(forces[:, w]) for w in range(few)]})
+    runs = {"at once": lambda: run(forces), "one": lambda: [run(forces[:, w]) for w in range(few)]}
+    taken = {name: statistics.median(each) for name, each in time_in_turn(runs, REPETITIONS).items()}
     at_once, one = taken["at once"] / (WORLDS * SAMPLES), taken["one"] / (few * SAMPLES)
     print(
         f"chain: {1e6 * at_once:.2f} us per world and step for {WORLDS} worlds of {parameters.array.count} texels, "

@@ -12,7 +12,6 @@ environment.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import tempfile
@@ -23,7 +22,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from peers import answered, environment, installed, plot
+from common import Lines, answered, environment, finish, installed, make_parser
 
 FloatArray = npt.NDArray[np.float64]
 Task = dict[str, Any]
@@ -104,12 +103,11 @@ def worker(task: Task) -> None:
 
     from fem_reference.linear_response.finite_cover import Resolution, mesh_quarter, solve_adjoint
     from fem_reference.linear_response.point_spread import point_spread  # noqa: F401
-    from meshes import Cover, Layer, Material, TexelArray
+    from meshes import TexelArray
+    from tests.support.rubber import make_cover
 
-    rubber = Material(
-        name="pad", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=task["poisson_ratio"]
-    )
-    cover = Cover(layers=(Layer(thickness=THICKNESS, material=rubber),), size=(8 * PITCH, 8 * PITCH))
+    size = (8 * PITCH, 8 * PITCH)
+    cover = make_cover(task["poisson_ratio"], "linear-elastic", thickness=THICKNESS, size=size)
     array = TexelArray.grid(8, 8, PITCH)
     places = np.load(task["loads"])
     started, clock = time.process_time(), time.perf_counter()
@@ -129,12 +127,10 @@ def wide(poisson_ratio: float) -> dict[str, float]:
     """The axisymmetric route on a wide cover: cost and error of the coarsest grid that holds the target."""
     from fem_reference.linear_response.axisymmetric import solve_point_load
     from fem_reference.linear_response.point_spread import PointSpread
-    from meshes import Cover, Layer, Material, TexelArray
+    from meshes import TexelArray
+    from tests.support.rubber import make_cover
 
-    rubber = Material(
-        name="pad", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=poisson_ratio
-    )
-    cover = Cover(layers=(Layer(thickness=THICKNESS, material=rubber),))
+    cover = make_cover(poisson_ratio, "linear-elastic", thickness=THICKNESS)
     array, reach = TexelArray.grid(8, 8, PITCH), 16 * THICKNESS
     places = loads()
 
@@ -206,9 +202,9 @@ class Bench:
                     each.append(run.cost["cpu"])
         return [float(np.median(each)) for each in seconds]
 
-    def scaling(self) -> dict[str, list[tuple[float, float]]]:
+    def scaling(self) -> Lines:
         """CPU seconds against unknowns of the quarter over two decades."""
-        out: dict[str, list[tuple[float, float]]] = {}
+        out: Lines = {}
         sides = {"softcover, Q2-Q1": ours(SCALING), "NGSolve, Q2-Q1": peers(SCALING[:-1], mixed=True)}
         for name, tasks in sides.items():
             runs = [run for task in tasks if (run := self.run(task)) is not None]
@@ -227,30 +223,17 @@ def name_of(task: Task) -> str:
 
 def main() -> None:
     """Tune, repeat, compare."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--worker", help=argparse.SUPPRESS)
+    parser = make_parser(__doc__)
     parser.add_argument("--poisson-ratio", type=float, default=0.49)
-    parser.add_argument("--peer", type=Path, help="a Python that has NGSolve; installed when not given")
-    parser.add_argument("--scaling", action="store_true", help="cost against unknowns as well")
-    parser.add_argument("--plot", type=Path, help="picture of the scaling")
-    parser.add_argument("--json", type=Path, help="all results")
     given = parser.parse_args()
     if given.worker:
-        worker(json.loads(given.worker))
+        worker(given.worker)
         return
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         bench = Bench(folder, given.peer or installed(folder, "ngsolve", "mkl", "numpy"), given.poisson_ratio)
-        summary = compared(bench)
-        if given.scaling or given.plot:
-            summary["scaling"] = bench.scaling()
-            for name, points in summary["scaling"].items():
-                print(name, *(f"\n  {unknowns:8.0f} {cpu:8.3f}" for unknowns, cpu in points))
-        if given.plot:
-            labels = {"xlabel": "unknowns of the quarter", "ylabel": "CPU seconds, all texels"}
-            plot(summary["scaling"], given.plot, title="Pad with free sides", **labels)
-        if given.json:
-            given.json.write_text(json.dumps(summary, indent=1))
+        labels = {"xlabel": "unknowns of the quarter", "ylabel": "CPU seconds, all texels"}
+        finish(given, compared(bench), bench.scaling, title="Pad with free sides", **labels)
 
 
 def compared(bench: Bench) -> dict[str, Any]:

@@ -1,20 +1,14 @@
 """The contact methods against the finite elements: a part of `benchmarks/fastmodel_scores.py` with its bounds."""
 
-import importlib.util
-from pathlib import Path
+import importlib
 
 import numpy as np
 import pytest
 
-PATH = Path(__file__).parents[2] / "benchmarks" / "fastmodel_scores.py"
 
-
-@pytest.fixture(scope="module")
-def scores():
-    spec = importlib.util.spec_from_file_location("fastmodel_scores", PATH)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+@pytest.fixture
+def scores(benchmarks):
+    return importlib.import_module("fastmodel_scores")
 
 
 def column(rows, method, name="misplaced"):
@@ -31,7 +25,7 @@ def within_bounds(rows, method):
 def test_default_keeps_its_bounds_on_two_shapes_and_the_reports_method_does_not(scores, wts_derivation, monkeypatch):
     """On the catalogue's cover, which is derived for other tests anyway and is the one of the benchmark by value."""
     monkeypatch.setattr(scores, "parameters", lambda _: wts_derivation.parameters)
-    monkeypatch.setattr(scores, "cover", lambda _: wts_derivation.sensor.cover)
+    monkeypatch.setattr(scores, "make_cover", lambda *_: wts_derivation.sensor.cover)
     monkeypatch.setattr(scores, "METHODS", ("cover", "boxes"))
     rows = list(scores.single(0.49, ("small square", "nut"), scores.LOADS[1:], (np.pi / 4,), scores.PLACES[3:]))
     assert len(rows) == 4

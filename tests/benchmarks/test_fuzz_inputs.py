@@ -1,6 +1,6 @@
 """Damaged files of strangers: a short run of the fuzzer, and a long one."""
 
-import importlib.util
+import importlib
 import json
 import subprocess
 import sys
@@ -13,16 +13,9 @@ KINDS = ("sensor file", "positions", "parameters", "npz", "mcap", "csv", "binary
 BAGS = ("ros1 bag", "ros2 folder", "ros2 mcap")
 
 
-@pytest.fixture(scope="module")
-def fuzzer():
-    spec = importlib.util.spec_from_file_location("fuzz_inputs", PATH)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize("kind", KINDS + BAGS)
-def test_damaged_files_are_read_or_refused(fuzzer, kind, caplog):
+def test_damaged_files_are_read_or_refused(benchmarks, kind, caplog):
+    fuzzer = importlib.import_module("fuzz_inputs")
     assert kind in fuzzer.make_good_files()
     for seed in range(6):
         _, outcome, _, _ = fuzzer.try_file(kind, seed)

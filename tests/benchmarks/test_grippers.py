@@ -1,27 +1,16 @@
 """Grippers of other people: a short version of `benchmarks/grippers.py` with its bounds."""
 
-import importlib.util
-import sys
-from pathlib import Path
+import importlib
 
 import pytest
 
-FOLDER = Path(__file__).parents[2] / "benchmarks"
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(scope="module")
-def grippers():
-    sys.path.insert(0, str(FOLDER))
-    try:
-        yield importlib.import_module("grippers")
-    finally:
-        sys.path.remove(str(FOLDER))
 
 
 @pytest.mark.parametrize("thing", ["sphere", "mug", "flex"])
 @pytest.mark.parametrize("name", ["fetch", "panda"])
-def test_arrays_on_a_gripper_read_the_force_of_mujoco_and_images_are_steady(grippers, name, thing):
+def test_arrays_on_a_gripper_read_the_force_of_mujoco_and_images_are_steady(benchmarks, name, thing):
+    grippers = importlib.import_module("grippers")
     package = grippers.GRIPPERS[name].package
     if grippers.find_package(package) is None:
         pytest.skip(f"{package} is not installed")

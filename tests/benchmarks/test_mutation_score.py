@@ -35,8 +35,7 @@ CHANGES = {
 
 
 @pytest.fixture
-def score(monkeypatch):
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+def score(benchmarks):
     return importlib.import_module("mutation_score")
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -9,6 +10,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 START = 1_600_000_000_000_000_000
 #: Counts of the five frames in a bag, shape (5, 84).
 COUNTS = np.arange(5)[:, None] * 100 + np.arange(84)
+SIDES = {"rows": 14, "columns": 6}
 
 
 def _load_types(kind):
@@ -55,6 +57,10 @@ def _make_message(store, kind, number, *, first):
             force=vector(x=1.0, y=2.0, z=0.5 * number), torque=vector(x=0, y=0, z=0)
         )
         return types[kind](header=header, wrench=wrench)
+    if kind == "std_msgs/msg/UInt8MultiArray":
+        sides = [types["std_msgs/msg/MultiArrayDimension"](label=n, size=s, stride=1) for n, s in SIDES.items()]
+        layout = types["std_msgs/msg/MultiArrayLayout"](dim=sides, data_offset=0)
+        return types[kind](layout=layout, data=counts.astype(np.uint8))
     padded = np.zeros((14, 16), dtype=np.uint8)
     padded[:, :12] = counts.astype(">u2").view(np.uint8).reshape(14, 12)
     return types[kind](
@@ -62,10 +68,13 @@ def _make_message(store, kind, number, *, first):
     )
 
 
-def write_bag(path, kinds, *, first):
+def write_bag(path, kinds, *, first, plugin=StoragePlugin.SQLITE3, compressed=False):
     """Write five messages on each topic, given with its type, as a ROS 1 file (`first`) or a ROS 2 folder."""
     store = _load_types(Stores.ROS1_NOETIC if first else Stores.ROS2_JAZZY)
-    with Writer1(path) if first else Writer2(path, version=9) as writer:
+    bag = Writer1(path) if first else Writer2(path, version=9, storage_plugin=plugin)
+    if compressed:
+        bag.set_compression(Writer1.CompressionFormat.BZ2)
+    with bag as writer:
         for topic, kind in kinds.items():
             connection = writer.add_connection(topic, kind, typestore=store)
             for number in range(5):

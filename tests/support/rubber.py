@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import skfem
 
@@ -13,7 +15,7 @@ from meshes import Cover, Layer, Material
 YOUNGS_MODULUS = 1e6
 
 
-def make_rubber(poisson_ratio: float, model: str = "neo-hookean") -> Material:
+def make_rubber(poisson_ratio: float = 0.49, model: str = "neo-hookean") -> Material:
     """Rubber with a Young's modulus of 1 MPa, for finite strain or `linear-elastic`."""
     parameters = {"youngs_modulus": YOUNGS_MODULUS}
     if model == "neo-hookean":
@@ -21,7 +23,9 @@ def make_rubber(poisson_ratio: float, model: str = "neo-hookean") -> Material:
     return Material(name="rubber", model=model, parameters=parameters, poisson_ratio=poisson_ratio)
 
 
-def make_cover(poisson_ratio: float, model: str = "neo-hookean", *, thickness: float = 2e-3, **options) -> Cover:
+def make_cover(
+    poisson_ratio: float = 0.49, model: str = "neo-hookean", *, thickness: float = 2e-3, **options: Any
+) -> Cover:
     """One bonded layer of that rubber; thickness in metres."""
     layer = Layer(thickness=thickness, material=make_rubber(poisson_ratio, model))
     return Cover(layers=(layer,), **options)
