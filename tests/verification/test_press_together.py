@@ -8,7 +8,6 @@ import pytest
 from fem_reference import press
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
 from meshes import Box, Pose, Sphere
-from tests.support.indentations import column_contact
 
 SQUARE = Box(size=(6e-3, 6e-3, 5e-3))
 
@@ -40,7 +39,7 @@ def test_far_bodies_superpose_and_near_ones_sink_deeper(bonded, wts):
 def test_the_centre_of_pressure_of_a_tilting_body_is_under_its_weight(bonded, wts):
     body = Body(indenter=SQUARE, load=2.0, at=(0.3e-3, 0.4e-3), yaw=0.5, guided=False, centre=(0.8e-3, -0.2e-3))
     found = press_together(bonded(0.45), wts, [body])
-    x, y, force = column_contact(found).T
+    x, y, force = found.contact.T
     c, s = np.cos(0.5), np.sin(0.5)
     expected = np.array([0.3e-3 + 0.8e-3 * c + 0.2e-3 * s, 0.4e-3 + 0.8e-3 * s - 0.2e-3 * c])
     np.testing.assert_allclose([force @ x / 2.0, force @ y / 2.0], expected, atol=1e-8)
