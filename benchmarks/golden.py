@@ -272,9 +272,9 @@ def is_changed(run: Run, key: str) -> bool:
     return any(fnmatch.fnmatch(f"{run.name} {key}", pattern) for pattern, _ in CHANGED)
 
 
-def find_differences(run: Run, stored: dict[str, Any], found: dict[str, Any]) -> list[str]:
+def find_differences(run: Run, stored: dict[str, Any], found: dict[str, Any], least: float = 0.0) -> list[str]:
     """Say what differs: keys that are lost, values beyond the tolerance, other exit statuses, files or messages."""
-    tolerance = TOLERANCE[run.kind]
+    tolerance = max(TOLERANCE[run.kind], least)
     now = {name: value for name, value, _ in flatten(found)}
     differences = []
     on_one_side = set(stored["files"]) ^ set(found["files"])
@@ -315,6 +315,9 @@ def main() -> None:
     parser.add_argument("--only", action="append", help="a run, or a pattern of runs; may be repeated")
     parser.add_argument("--tier", choices=("ten",), help="only the runs that stay in the tests")
     parser.add_argument("--cold", action="store_true", help="leave the second pass, from the warm store, out")
+    parser.add_argument(
+        "--tolerance", type=float, default=0.0, help="least share, for another machine than the recorder's"
+    )
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     red = 0
@@ -334,9 +337,9 @@ def main() -> None:
             found = execute(run, store)
             if options.action == "record":
                 path.write_text(json.dumps(found, separators=(",", ":"), ensure_ascii=False) + "\n")
-            differences = find_differences(run, json.loads(path.read_text()), found)
+            differences = find_differences(run, json.loads(path.read_text()), found, options.tolerance)
             if not options.cold and not run.names:
-                again = find_differences(run, json.loads(path.read_text()), execute(run, store))
+                again = find_differences(run, json.loads(path.read_text()), execute(run, store), options.tolerance)
                 differences += [f"from the store: {each}" for each in again]
         finally:
             shutil.rmtree(store)

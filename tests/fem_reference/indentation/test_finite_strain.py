@@ -47,7 +47,7 @@ def test_coarse_grids_correct_a_flat_face_like_fine_ones(monkeypatch):
     for found, depth in ((shallow, 0.1e-3), (deep, 0.3e-3)):
         assert found.depth == pytest.approx(depth)
         assert found.texel_forces.sum() + found.outside == pytest.approx(found.total_force, rel=5e-3)
-        assert found.contact[:, 2].sum() == pytest.approx(found.total_force, rel=1e-6)
+        assert -found.contact_forces[:, 2].sum() == pytest.approx(found.total_force, rel=1e-6)
         assert found.contact_area == pytest.approx(np.pi * 4e-6, rel=1e-5)
         fields = found.fields
         under = (fields.position[:, 2] > 2e-3 - 1e-9) & (fields.position[:, 0] < 1.7e-3)
