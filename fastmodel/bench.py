@@ -23,8 +23,6 @@ from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.points import press_points
 from fastmodel.errors import FastModelError, MissedArrayError, check_type
 from fastmodel.parameters import Parameters
-from fastmodel.pose import Mount, make_z_rotation
-from fastmodel.surface import CoverPoints
 from fastmodel.validity import describe_limits
 from meshes import Indenter
 from meshes.array_types import FloatArray
@@ -244,7 +242,7 @@ def add_indenter(
     Returns:
         The added body.
     """
-    body = spec.worldbody.add_body(name=name, pos=[*at, height], quat=make_z_rotation(yaw).tolist())
+    body = spec.worldbody.add_body(name=name, pos=[*at, height], quat=[np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)])
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     body.mass, body.explicitinertial = load / STANDARD_GRAVITY, True
     body.inertia[:] = body.mass * GYRATION_RADIUS**2
@@ -276,12 +274,12 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
     spec.option.timestep = TIMESTEP
     spec.option.gravity[:] = [0, 0, -STANDARD_GRAVITY]
     spec.option.tolerance = SOLVER_TOLERANCE
-    method.attach(spec.worldbody, parameters.array, Mount.of((0, 0, 0), (1, 0, 0, 0)), _ARRAY)
+    method.attach(spec.worldbody.add_frame(), parameters.array, _ARRAY)
     for number, placement in enumerate(placements):
-        height = _choose_height(parameters, placement)
-        name = f"indenter{number}"
+        shape, at = placement.indenter, placement.at
+        height = method.find_start(parameters.array, at, np.hypot(*shape.footprint) + max(parameters.array.pitch))
         body = add_indenter(
-            spec, placement.indenter, placement.load, at=placement.at, height=height, yaw=placement.yaw, name=name
+            spec, shape, placement.load, at=at, height=height, yaw=placement.yaw, name=f"indenter{number}"
         )
         if not placement.guided:
             body.ipos[:] = [*placement.centre, 0.0]
@@ -292,21 +290,6 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
         # No friction: with friction, the edge of an indenter can hook on the side of a box texel and pull it upwards.
         geom.condim = 1
     return spec.compile()
-
-
-def _choose_height(parameters: Parameters, placement: Placement) -> float:
-    """Choose the height at which an indenter starts [m].
-
-    On a flat array this is the surface.  On a curved array it is a height at which the indenter touches no texel yet.
-    """
-    array = parameters.array
-    if isinstance(parameters.surface, CoverPoints):
-        return float(parameters.surface.points[:, 2].max())
-    if array.planar:
-        return 0.0
-    reach = np.hypot(*placement.indenter.footprint) + max(array.pitch)
-    under = np.hypot(*(array.centres[:, :2] - placement.at).T) <= reach
-    return float(array.centres[under, 2].max(initial=0.0)) + max(array.pitch)
 
 
 def _settle(model: mujoco.MjModel, reader: ContactReader, load: float) -> tuple[Reading, float]:

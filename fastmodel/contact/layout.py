@@ -133,7 +133,8 @@ def divide_into_panels(array: TexelArray, margin: int) -> tuple[Panel, ...]:
             have no margin, because the plates of adjacent panels would overlap [-].
     """
     axes = np.stack([*find_tangents(array), array.normals], axis=-1)
-    if _is_bent_sheet(array, axes) and not array.planar:
+    is_bent = not array.planar and _is_bent_sheet(array, axes)
+    if is_bent:
         return tuple(_build_panel(array, axes, block) for block in _find_blocks(array, axes))
     local = (array.centres - array.centres[0]) @ axes[0]
     pitch = np.array(array.pitch)

@@ -28,12 +28,12 @@ from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from fastmodel.contact.layout import Panel, PanelCells, PanelLayout, divide_into_panels, lay_out
 from fastmodel.contact.reader import ArrayContact, PressureReader
 from fastmodel.errors import ParametersError
-from fastmodel.pose import Mount, make_quaternions, multiply, rotate
+from fastmodel.pose import make_quaternions
 from fastmodel.pressure.flexes import FlexSurfaces
 from fastmodel.pressure.gap import GapSamples, PosedBody, sample_gap
 from fastmodel.pressure.solvers import STEEP, CoverSolver, FoundationSolver, Load, PressureSolution
 from fastmodel.state import State, take_array
-from fastmodel.surface import CoverCells, Surface
+from fastmodel.surface import Surface
 from fastmodel.validity import FEWEST_CELLS
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
@@ -80,25 +80,17 @@ class Plate:
         if (self.solref is None) != (self.solimp is None):
             raise ValueError("solref and solimp belong together; give both or neither")
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
-        """Add the plate to a body of a spec: one box geom for each flat panel of the array.
-
-        Args:
-            body: The body of a `mujoco.MjSpec` that carries the array.
-            array: The array, in its own frame.
-            pose: Mount of the array's frame in the frame of the body.
-            name: Name of the sensor, which is the prefix of the names of the geoms.
-        """
+    def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
+        """Add the plate to a spec: one box geom for each flat panel of the array; see `TexelContact.attach`."""
         # with a higher priority, MuJoCo uses the softness of the plate alone and not that of the touching geom
         soft: dict[str, Any] = (
             {} if self.solref is None else {"solref": self.solref, "solimp": self.solimp, "priority": 1}
         )
         for panel, geom in zip(*self.divide(array, name), strict=True):
-            middle = panel.origin - 0.5 * self.height * panel.axes[:, 2]
-            body.add_geom(
+            frame.add_geom(
                 name=geom,
-                pos=pose.position + rotate(pose.quaternion, middle[None])[0],
-                quat=multiply(pose.quaternion, make_quaternions(panel.axes[None])[0]).tolist(),
+                pos=(panel.origin - 0.5 * self.height * panel.axes[:, 2]).tolist(),
+                quat=make_quaternions(panel.axes[None])[0].tolist(),
                 **describe_box((*panel.half, self.height / 2), self.contype, self.conaffinity),
                 **soft,
             )
@@ -120,9 +112,9 @@ class _PlateMethod(TexelContact):
 
     plate: Plate = field(default_factory=Plate)
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
-        """Add the plate to a body of the spec; see `TexelContact.attach`."""
-        self.plate.attach(body, array, pose, name)
+    def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
+        """Add the plate; see `TexelContact.attach`."""
+        self.plate.attach(frame, array, name)
 
     def adapt(self, surface: Surface | None) -> Self:
         """Return the method with a plate that ends at the texels if the cover has free side edges there."""
@@ -160,7 +152,7 @@ class Foundation(_PlateMethod):
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
             ParametersError: If there is neither a modulus nor cover data.
         """
-        cells = surface if isinstance(surface, CoverCells) else None
+        cells = None if surface is None else surface.cells
         if self.modulus is None and cells is None:
             raise ParametersError(
                 f"sensor {name!r}: the contact method 'foundation' needs the cover's cells or a modulus; derive the "
@@ -201,17 +193,18 @@ class CoverContact(_PlateMethod):
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
             ParametersError: If the parameters hold no cover data for this pitch.
         """
-        if not isinstance(surface, CoverCells):
+        cells = None if surface is None else surface.cells
+        if cells is None:
             raise ParametersError(
                 f"sensor {name!r}: the contact method 'cover' needs the cover's cells, which these parameters do not "
                 f"hold; derive them anew, or use 'boxes' or 'area'"
             )
-        surface.check(array)
-        layout = lay_out(array, self.plate.margin, surface.per_texel, max(surface.compliance.shape))
-        bases = [layout.build_base_forces(each, array) for each in surface.under_loads]
-        solver = CoverSolver(surface, layout.grid, tolerance=self.tolerance, steps=self.steps, bases=bases)
+        cells.check(array)
+        layout = lay_out(array, self.plate.margin, cells.per_texel, max(cells.compliance.shape))
+        bases = [layout.build_base_forces(each, array) for each in cells.under_loads]
+        solver = CoverSolver(cells, layout.grid, tolerance=self.tolerance, steps=self.steps, bases=bases)
         reader = PanelReader if layout.panels else CellReader
-        first = _FIRST * surface.thickness
+        first = _FIRST * cells.thickness
         return reader(self.plate, model, array, name, layout=layout, solver=solver, first=first)
 
 

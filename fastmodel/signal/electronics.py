@@ -31,6 +31,8 @@ _SHARP = 1e-6
 TEXEL_FORCE = "texel force"
 #: Form of `Electronics.calibrated` for a characteristic of the force that a rounded tip applies through the cover.
 _THROUGH_COVER = re.compile(r"through the cover, tip (\d+\.?\d*(?:e[-+]?\d+)?) mm")
+#: Largest accepted number of bits of a converter [-].
+_MOST_BITS = 32
 #: Number of coefficients of a characteristic of degree 5, as in the 2015 report [-].
 _COEFFICIENTS = 6
 
@@ -91,6 +93,8 @@ class Electronics:
         Raises:
             ValueError: If a number is out of range; the message lists every fault.
         """
+        if not isinstance(self.bits, int) or not 1 <= self.bits <= _MOST_BITS:
+            raise ValueError(f"bits must be a whole number 1..{_MOST_BITS}, not {self.bits!r}")
         faults = [message for wrong, message in self._list_rules() if wrong]
         if faults:
             raise ValueError("; ".join(faults))

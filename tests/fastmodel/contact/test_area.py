@@ -8,7 +8,6 @@ from scipy.spatial import ConvexHull
 import fastmodel
 from fastmodel import AreaTexels, BoxTexels
 from fastmodel.contact.boxes import _measure_polygon
-from fastmodel.pose import Mount
 from meshes import TexelArray
 
 ARRAY = TexelArray.grid(6, 6, 3e-3)
@@ -49,7 +48,7 @@ def block_readings(tilts):
         spec = mujoco.MjSpec()
         fastmodel.recommend_options(spec)
         spec.option.timestep = 1e-3
-        method.attach(spec.worldbody, ARRAY, Mount.of((0, 0, 0), (1, 0, 0, 0)), "a")
+        method.attach(spec.worldbody.add_frame(), ARRAY, "a")
         body = spec.worldbody.add_body(pos=[0.4e-3, -0.7e-3, 5e-3])
         body.add_joint(type=mujoco.mjtJoint.mjJNT_FREE if tilts else mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-3, 5e-3, 5e-3], mass=0.0)
@@ -80,7 +79,7 @@ def test_a_body_that_changes_its_shape_is_shared_by_its_new_area():
     fastmodel.recommend_options(spec)
     spec.option.timestep = 1e-3
     method = AreaTexels()
-    method.attach(spec.worldbody, ARRAY, Mount.of((0, 0, 0), (1, 0, 0, 0)), "a")
+    method.attach(spec.worldbody.add_frame(), ARRAY, "a")
     body = spec.worldbody.add_body(pos=[0.4e-3, -0.7e-3, 5e-3])
     body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     body.add_geom(name="block", type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-3, 5e-3, 5e-3], mass=0.2)

@@ -20,12 +20,13 @@ from fastmodel import (
     indent_together,
 )
 from fastmodel.errors import LifeCycleError, ParametersError
-from fastmodel.pose import make_z_rotation, multiply, rotate
+from fastmodel.pose import rotate
 from meshes import Box, Cylinder, LetterH, Nut, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
 from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import WTS, cells, parameters
+from tests.support.quaternions import make_z_rotation, multiply
 
 METHODS = ("boxes", "area", "foundation", "cover")
 
@@ -174,7 +175,7 @@ def test_costly_methods_are_sampled_as_seldom_as_frames_and_filter_allow():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", OptionWarning)
             sensor.bind(spec.compile())
-        assert sensor._running._every == every
+        assert sensor._interval == every
 
 
 def test_the_default_is_the_best_method_that_the_parameters_allow():
@@ -287,7 +288,7 @@ def test_forces_that_are_not_finite_are_named():
     mujoco.mj_step(model, data)
     data.efc_force[:] = np.nan
     with pytest.raises(FastModelError, match="not finite"):
-        sensor._running._reader.read(data)
+        sensor._reader.read(data)
 
 
 def test_a_sensor_with_hysteresis_reads_less_on_the_way_up_than_on_the_way_down():

@@ -10,9 +10,10 @@ import pytest
 import fastmodel
 from fastmodel import FastModelError, OptionWarning, Placement, indent, indent_together
 from fastmodel.contact.layout import ScatteredBaseForces, divide_into_panels, lay_out
-from fastmodel.pose import make_z_rotation, multiply, rotate
+from fastmodel.pose import rotate
 from meshes import Box, Sphere, TexelArray
 from tests.support.cover_data import WTS, cells, parameters
+from tests.support.quaternions import make_z_rotation, multiply
 
 PITCH = 3.4e-3
 CELLS = cells(WTS)

@@ -6,7 +6,6 @@ import fastmodel
 from fastmodel import FastModelError, Foundation, Plate
 from fastmodel.contact.forces import press_plate, read_contacts
 from fastmodel.contact.reader import transform_poses
-from fastmodel.pose import Mount
 from tests.support.cover_data import WTS
 
 CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL}
@@ -18,7 +17,7 @@ def build_blocks(cone, condim=3):
     fastmodel.recommend_options(spec)
     spec.option.cone = cone
     spec.option.gravity = [1.0, 0.5, -9.0]
-    Plate().attach(spec.worldbody, WTS, Mount.of((0.1, 0.2, 0.3), (1, 0, 0, 0)), "pad")
+    Plate().attach(spec.worldbody.add_frame(pos=[0.1, 0.2, 0.3]), WTS, "pad")
     for k, (x, mass) in enumerate(((-5e-3, 0.1), (5e-3, 0.3))):
         body = spec.worldbody.add_body(name=f"block{k}", pos=[0.1 + x, 0.2, 0.303])
         body.add_freejoint()

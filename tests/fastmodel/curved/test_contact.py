@@ -97,7 +97,7 @@ def test_a_press_along_a_direction_is_the_same_verb(parameters):
     np.testing.assert_allclose(found.force @ direction / np.linalg.norm(direction), LOAD, rtol=1e-6)
     assert found.contact_forces.sum() == pytest.approx(found.points.sum())
     assert found.depth > 0
-    with pytest.raises(FastModelError, match="for flat covers, this one is curved"):
+    with pytest.raises(FastModelError, match="does not suit this cover; accepted: curved"):
         fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, pose=pose, method="boxes")
     flat = dataclasses.replace(parameters, surface=None)
     with pytest.raises(FastModelError, match="along the normal"):

@@ -13,6 +13,7 @@ import numpy as np
 import fastmodel.bench
 import fastmodel.contact.boxes
 import fastmodel.pressure.cell_grid
+import fastmodel.sensor
 import fastmodel.signal.electronics
 import fastmodel.signal.point_spread
 import validation.campaign.results
@@ -21,7 +22,7 @@ from fastmodel import Butterworth, ChainFunctions, CoverCells, Electronics, Gaus
 from fastmodel.contact.boxes import AreaReader, BoxReader
 from fastmodel.contact.plate import CellReader
 from fastmodel.pressure.cell_grid import CellGrid
-from fastmodel.sensor import RunningSensor
+from fastmodel.sensor import Sensor
 from fem_reference.indentation import press
 from validation.regression import experiments as fixed_images
 from validation.text import indenter
@@ -112,13 +113,13 @@ def change_texel(factor, texel=17):
 
 def lag(monkeypatch, parameters):
     """Make the chain pass each sample on only when the next one arrives."""
-    healthy = RunningSensor._take
+    healthy = ChainFunctions.take
 
-    def take(self, reading):
-        before, self.waiting = getattr(self, "waiting", reading), reading
-        healthy(self, before)
+    def take(self, state, *signals):
+        before, self.waiting = getattr(self, "waiting", signals), signals
+        return healthy(self, state, *before)
 
-    monkeypatch.setattr(RunningSensor, "_take", take)
+    monkeypatch.setattr(ChainFunctions, "take", take)
     return parameters
 
 
@@ -207,7 +208,7 @@ REQUIRED = {
     "noise doubled": (edit(Electronics, "counts", "self.noise * drawn", "2 * self.noise * drawn"), "noise: standard deviation"),
     "frame one step late": (lag, "frames: delay of the force"),
     "frame one step late, in its time": (
-        edit(RunningSensor, "step", "(self._sampled_at - self._start)", "(self._sampled_at - self._start - self._timestep)"),
+        edit(Sensor, "step", "(self._sampled_at - self._start)", "(self._sampled_at - self._start - self._timestep)"),
         "frames: time of the first frames",
     ),
     "area shares 5 %": (shift_shares, "H: area, force of each texel"),
@@ -239,16 +240,16 @@ NEIGHBOURS = {
     "threshold lost": (edit(Electronics, "counts", "signal - self.threshold", "signal"), "electronics: threshold"),
     "hysteresis halved": (edit(Electronics, "apply_hysteresis", "forces - self.hysteresis_width, forces", "forces - 0.5 * self.hysteresis_width, forces"), "electronics: hysteresis"),
     "hysteresis not reset": (
-        edit(RunningSensor, "reset", "self._functions.settle(*_list_signals(self.reading))", "self._functions.settle(*_list_signals(self.reading))._replace(**({'play': self._state.play} if hasattr(self, '_state') else {}))"),
+        edit(Sensor, "_settle", "self._functions.settle(*_list_signals(self._reading))", "self._functions.settle(*_list_signals(self._reading))._replace(**({'play': self._state.play} if hasattr(self, '_state') else {}))"),
         "reset: trace of the load before",
     ),
     "noise +10 %": (edit(Electronics, "counts", "self.noise * drawn", "1.1 * self.noise * drawn"), "noise: standard deviation"),
     "noise with a mean": (edit(Electronics, "counts", "self.noise * drawn", "self.noise * (drawn + 0.1)"), "noise: mean"),
     "noise lost": (edit(Electronics, "counts", "self.noise * drawn", "0"), "noise: standard deviation"),
     "noise of all texels the same": (edit(Electronics, "counts", "standard_normal(measured.shape)", "standard_normal(measured.shape)[..., :1]"), "noise: correlation"),
-    "seed ignored": (edit(RunningSensor, "seed", "make_generator(seed,", "make_generator(0,"), "noise: correlation"),
-    "seed never the same": (edit(RunningSensor, "seed", "make_generator(seed, self._name)", "np.random.default_rng()"), "noise: difference for the same seed"),
-    "frame stamped one step late": (edit(RunningSensor, "step", "self.reading, self._sampled_at = reading, now", "self.reading, self._sampled_at = reading, now + self._timestep"), "frames: delay of the time"),
+    "seed ignored": (edit(fastmodel.sensor, "make_generator", "SeedSequence(seed.entropy,", "SeedSequence(0,"), "noise: correlation"),
+    "seed never the same": (edit(fastmodel.sensor, "make_generator", "PCG64(own)", "PCG64()"), "noise: difference for the same seed"),
+    "frame stamped one step late": (edit(Sensor, "step", "self._reading, self._sampled_at = reading, now", "self._reading, self._sampled_at = reading, now + self._timestep"), "frames: delay of the time"),
     "load carried by the boxes +5 %": (edit(BoxReader, "read", "None, carried)", "None, 1.05 * carried)"), "H: boxes, load carried"),
     "cover: depth +5 %": (cover_depth, "ball: cover, depth"),
     "foundation modulus +5 %": (scale_result(CoverCells, "foundation_modulus", 1.05), "spread: foundation modulus"),
