@@ -25,10 +25,10 @@ from fastmodel.compiled import compile_kernel
 from fastmodel.contact.bodies import EVERY, check_box, describe_box, sample_boxes
 from fastmodel.contact.forces import FRONT, NetForceReader, Sums, press_plate, read_contacts
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact
-from fastmodel.contact.layout import Panel, PanelCells, PanelLayout, divide_into_panels, lay_out
 from fastmodel.contact.reader import ArrayContact, PressureReader
 from fastmodel.errors import ParametersError
 from fastmodel.pose import make_quaternions
+from fastmodel.pressure.cell_grid import CellGrid, Panel, PanelCells, divide_into_panels, lay_out
 from fastmodel.pressure.flexes import FlexSurfaces
 from fastmodel.pressure.gap import GapSamples, PosedBody, sample_gap
 from fastmodel.pressure.solvers import STEEP, CoverSolver, FoundationSolver, Load, PressureSolution
@@ -159,11 +159,11 @@ class Foundation(_PlateMethod):
                 f"parameters anew, or use Foundation(modulus=...)"
             )
         modulus = self.modulus or (cells.foundation_modulus() if cells else 0.0)
-        layout = lay_out(array, self.plate.margin, self.per_texel or (cells.per_texel if cells else 4))
-        solver = FoundationSolver(layout.grid, modulus)
-        reader = PanelReader if layout.panels else CellReader
+        grid = lay_out(array, self.plate.margin, self.per_texel or (cells.per_texel if cells else 4))
+        solver = FoundationSolver(grid, modulus)
+        reader = PanelReader if grid.panels else CellReader
         first = _FIRST * min(array.pitch)
-        return reader(self.plate, model, array, name, layout=layout, solver=solver, first=first)
+        return reader(self.plate, model, array, name, grid=grid, solver=solver, first=first)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,12 +200,12 @@ class CoverContact(_PlateMethod):
                 f"hold; derive them anew, or use 'boxes' or 'area'"
             )
         cells.check(array)
-        layout = lay_out(array, self.plate.margin, cells.per_texel, max(cells.compliance.shape))
-        bases = [layout.build_base_forces(each, array) for each in cells.under_loads]
-        solver = CoverSolver(cells, layout.grid, tolerance=self.tolerance, steps=self.steps, bases=bases)
-        reader = PanelReader if layout.panels else CellReader
+        grid = lay_out(array, self.plate.margin, cells.per_texel, max(cells.compliance.shape))
+        bases = [grid.build_base_forces(each, array) for each in cells.under_loads]
+        solver = CoverSolver(cells, grid, tolerance=self.tolerance, steps=self.steps, bases=bases)
+        reader = PanelReader if grid.panels else CellReader
         first = _FIRST * cells.thickness
-        return reader(self.plate, model, array, name, layout=layout, solver=solver, first=first)
+        return reader(self.plate, model, array, name, grid=grid, solver=solver, first=first)
 
 
 class CellReader(PressureReader):
@@ -221,7 +221,7 @@ class CellReader(PressureReader):
         array: TexelArray,
         name: str,
         *,
-        layout: PanelLayout,
+        grid: CellGrid,
         solver: CoverSolver | FoundationSolver,
         first: float,
     ) -> None:
@@ -232,17 +232,17 @@ class CellReader(PressureReader):
             model: The compiled model.
             array: The array that was attached.
             name: Name of the sensor, as given to `Plate.attach`.
-            layout: The cells of the array.
+            grid: The cells of the array.
             solver: Solver that computes the forces on cells.
             first: Reach at the first contact of a body, see `_FIRST` [m].
         """
         panels, geoms = plate.divide(array, name)
-        axes, edges = panels[0].axes, layout.grid.edge
+        axes, edges = panels[0].axes, grid.edge
         middle = panels[0].origin - 0.5 * plate.height * axes[:, 2]
         # solids with sharp edges are enlarged by an eighth of a cell; `fastmodel.pressure.gap` explains why
         edge = 0.125 * float(np.sqrt(edges[0] * edges[1]))
         super().__init__(model, array, name, geoms=geoms, frame=(axes, middle), edge=edge)
-        self._layout, self._grid, self._solver = layout, layout.grid, solver
+        self._grid, self._solver = grid, solver
         self._length, self._height = min(edges), plate.height
         self._net_force = NetForceReader(model, array, self._geoms, axes=axes, middle=middle)
         self._flexes = FlexSurfaces(model, 0.5 * min(array.pitch))
@@ -368,7 +368,7 @@ class CellReader(PressureReader):
         texel_forces = None
         if isinstance(self._solver, CoverSolver) and solution.window is not None:
             window, origin = solution.window, solution.origin
-            if len(pressed) == 1 and pressed[0] < FEWEST_CELLS and not self._layout.panels:
+            if len(pressed) == 1 and pressed[0] < FEWEST_CELLS and not self._grid.panels:
                 load = contact.loads[0]
                 window, origin = self._grid.shift_window(window, origin, load.moment / load.force)
             texel_forces = self._solver.find_base_forces(window, origin)
@@ -377,7 +377,7 @@ class CellReader(PressureReader):
             texel_forces=texel_forces,
             carried=float(solution.forces.sum()),
             # on cells in one plane the approach of a body is one number
-            approach=solution.approach if len(self._layout.panels) <= 1 else None,
+            approach=solution.approach if len(self._grid.panels) <= 1 else None,
             fewest_cells=int(pressed.min()),
         )
 
@@ -407,7 +407,7 @@ class PanelReader(CellReader):
         if not np.count_nonzero(sums[2]):
             return None
         frame = self._find_frame(data)
-        touches, panels = self._list_touches(data, frame), self._layout.panels
+        touches, panels = self._list_touches(data, frame), self._grid.panels
         normals = np.array([part.panel.axes[:, 2] for part in panels])
         normal = normals[touches.part]
         # only the component of friction along the panel's normal is used, because the other components are not pressure
@@ -436,22 +436,17 @@ class PanelReader(CellReader):
     def sample_gap(self, contact: ArrayContact, reach: Sequence[float]) -> GapSamples:
         """Sample the gap under every body, on the cells of every panel on which the body's force may press."""
         none, numbers, vectors = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-        found: list[tuple[FloatArray | IntArray, ...]] = [(*[numbers] * 3, *[none] * 4, vectors, vectors)]
+        found: list[tuple[Any, ...]] = [(*[numbers] * 3, *[none] * 4, vectors, vectors)]
         for body, (pose, load) in enumerate(zip(contact.poses, contact.loads, strict=True)):
-            parts = [each for each in self._layout.panels if each.panel.axes[:, 2] @ load.outward > STEEP]
+            parts = [each for each in self._grid.panels if each.panel.axes[:, 2] @ load.outward > STEEP]
             tables = [self._sample_panel(each, pose, reach[body]) for each in parts if each.is_near(pose, reach[body])]
             lowest = min((table[5].min(initial=np.inf) for table in tables), default=np.inf)
             for table in tables:
                 kept = table[5] <= lowest + reach[body]
                 found.append((np.full(kept.sum(), body), *(each[kept] for each in table)))
-        owner, row, column, coverage, x, y, gap, place, normal = (
-            np.concatenate(each) for each in zip(*found, strict=True)
-        )
-        return GapSamples(
-            body=owner, row=row, column=column, coverage=coverage, x=x, y=y, gap=gap, place=place, normal=normal
-        )
+        return GapSamples(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
-    def _sample_panel(self, part: PanelCells, pose: PosedBody, reach: float) -> tuple[FloatArray | IntArray, ...]:
+    def _sample_panel(self, part: PanelCells, pose: PosedBody, reach: float) -> tuple[Any, ...]:
         """Sample the gap between a body and one panel; return the fields of `GapSamples` but the first."""
         axes, origin = part.panel.axes, part.panel.origin
         local = replace(pose, rotation=axes.T @ pose.rotation, position=(pose.position - origin) @ axes)

@@ -9,8 +9,8 @@ import pytest
 
 import fastmodel
 from fastmodel import FastModelError, OptionWarning, Placement, indent, indent_together
-from fastmodel.contact.layout import ScatteredBaseForces, divide_into_panels, lay_out
 from fastmodel.pose import rotate
+from fastmodel.pressure.cell_grid import ScatteredBaseForces, divide_into_panels, lay_out
 from meshes import Box, Sphere, TexelArray
 from tests.support.cover_data import WTS, cells, parameters
 from tests.support.quaternions import make_z_rotation, multiply
@@ -80,7 +80,7 @@ def test_two_coplanar_panels_read_as_one(method, monkeypatch):
     up = parameters(dataclasses.replace(WTS, centres=WTS.centres + np.array([0, 0, 1e-6])), surface=CELLS)
     shape, at = Box(size=(9e-3, 9e-3, 5e-3)), (0.9e-3, 1.3e-3)
     whole = indent(up, shape, load=2.0, at=at, method=method)
-    monkeypatch.setattr("fastmodel.contact.layout._find_blocks", lambda *_: [(0, 0, 7, 6), (7, 0, 14, 6)])
+    monkeypatch.setattr("fastmodel.pressure.cell_grid._find_blocks", lambda *_: [(0, 0, 7, 6), (7, 0, 14, 6)])
     halves = indent(up, shape, load=2.0, at=at, method=method)
     assert 0 < np.abs(halves.texel_forces - whole.texel_forces).max() < 2e-6
 
@@ -111,7 +111,7 @@ def test_scattered_texels_have_the_base_force_at_their_place():
     places = np.array([[0, 0, 0], [4.1e-3, 0.29e-3, 0], [-1.3e-3, 3.7e-3, 0]])
     array = dataclasses.replace(WTS, centres=places, normals=WTS.normals[:3], active=WTS.active[:3], rows=1, columns=3)
     layout = lay_out(array, 1, CELLS.per_texel, 1)
-    base, window = ScatteredBaseForces(CELLS, layout.panels, layout.grid, array), np.ones((1, 1))
+    base, window = ScatteredBaseForces(CELLS, layout, array), np.ones((1, 1))
     grid, panel = layout.panels[0].grid, layout.panels[0].panel
     for row, column in ((9, 11), (7, 6)):
         cell = panel.origin[:2] + grid.low + (np.array([column, row]) + 0.5) * grid.edge
