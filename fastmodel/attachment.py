@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
@@ -15,7 +14,7 @@ from fastmodel.contact.boxes import AreaTexels, BoxTexels
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.plate import CoverContact, Foundation
-from fastmodel.errors import FastModelError, check_type, name_unknown
+from fastmodel.errors import FastModelError, check_count, check_type, name_unknown
 from fastmodel.parameters import Parameters
 from fastmodel.sensor import Sensor
 from fastmodel.signal.point_spread import find_tangents
@@ -92,9 +91,7 @@ def attach(
     check_type("name", name, str, "a str")
     _, method = choose_method(contact, parameters)
     if every is not None:
-        check_type("every", every, (int, float, np.integer), "a whole number of physics steps")
-        if not math.isfinite(every) or every != int(every) or every < 1:
-            raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
+        check_count("every", every, 1, " of physics steps")
     if not name or "/" in name:
         raise FastModelError(f"the name of a sensor must have at least one character and no '/', not {name!r}")
     if any(geom.name.startswith(f"{name}/") for geom in spec.geoms):
