@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -152,20 +152,8 @@ def indent(
     found = press_points(surface, indenter, pose, load=load)
     contact_forces = np.bincount(surface.find_texels(array), found.forces, array.count).astype(np.float64)
     reading = Reading(contact_forces, found.texel_forces, load, np.array([found.depth]), fewest_cells=found.points)
-    return FastIndentation(
-        contact_forces=contact_forces,
-        texel_forces=found.texel_forces,
-        outside=0.0,
-        total_force=load,
-        chatter=0.0,
-        depth=found.depth,
-        method=name,
-        fewest_cells=found.points,
-        warnings=describe_limits(reading, parameters.validity),
-        seconds=time.perf_counter() - started,
-        force=found.force,
-        points=found.forces,
-    )
+    result = _describe(parameters, name, reading, found.depth, started)
+    return replace(result, outside=0.0, force=found.force, points=found.forces)
 
 
 def indent_together(
@@ -198,18 +186,27 @@ def indent_together(
         compile_kernels(chosen, parameters.array, parameters.surface, model.opt.cone)
     started = time.perf_counter()
     reading, chatter = _settle(model, reader, sum(placement.load for placement in placements))
+    depth = None
+    if reading.approach is not None and len(placements) == 1 and placements[0].guided:
+        depth = float(reading.approach[0])
+    return replace(_describe(parameters, name, reading, depth, started), chatter=chatter)
+
+
+def _describe(
+    parameters: Parameters, method: str, reading: Reading, depth: float | None, started: float
+) -> FastIndentation:
+    """Make the result of a press without chatter that began at a time [s]; see `FastIndentation`."""
     texel_forces = reading.texel_forces
     if texel_forces is None:
         texel_forces = parameters.spread.operator(parameters.array) @ reading.contact_forces
-    approach = reading.approach
     return FastIndentation(
         contact_forces=reading.contact_forces,
         texel_forces=texel_forces,
         outside=float(reading.carried - texel_forces.sum()),
         total_force=reading.carried,
-        chatter=chatter,
-        depth=float(approach[0]) if approach is not None and len(placements) == 1 and placements[0].guided else None,
-        method=name,
+        chatter=0.0,
+        depth=depth,
+        method=method,
         fewest_cells=reading.fewest_cells,
         warnings=describe_limits(reading, parameters.validity),
         seconds=time.perf_counter() - started,

@@ -28,7 +28,7 @@ from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from fastmodel.contact.reader import ArrayContact, PressureReader
 from fastmodel.errors import ParametersError
 from fastmodel.pose import make_quaternions
-from fastmodel.pressure.cell_grid import CellGrid, Panel, PanelCells, divide_into_panels, lay_out
+from fastmodel.pressure.cell_grid import Panel, PanelCells, divide_into_panels, lay_out
 from fastmodel.pressure.flexes import FlexSurfaces
 from fastmodel.pressure.gap import GapSamples, PosedBody, sample_gap
 from fastmodel.pressure.solvers import STEEP, CoverSolver, FoundationSolver, Load, PressureSolution
@@ -160,10 +160,8 @@ class Foundation(_PlateMethod):
             )
         modulus = self.modulus or (cells.foundation_modulus() if cells else 0.0)
         grid = lay_out(array, self.plate.margin, self.per_texel or (cells.per_texel if cells else 4))
-        solver = FoundationSolver(grid, modulus)
         reader = PanelReader if grid.panels else CellReader
-        first = _FIRST * min(array.pitch)
-        return reader(self.plate, model, array, name, grid=grid, solver=solver, first=first)
+        return reader(self.plate, model, array, name, solver=FoundationSolver(grid, modulus), first=min(array.pitch))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,8 +202,7 @@ class CoverContact(_PlateMethod):
         bases = [grid.build_base_forces(each, array) for each in cells.under_loads]
         solver = CoverSolver(cells, grid, tolerance=self.tolerance, steps=self.steps, bases=bases)
         reader = PanelReader if grid.panels else CellReader
-        first = _FIRST * cells.thickness
-        return reader(self.plate, model, array, name, grid=grid, solver=solver, first=first)
+        return reader(self.plate, model, array, name, solver=solver, first=cells.thickness)
 
 
 class CellReader(PressureReader):
@@ -221,7 +218,6 @@ class CellReader(PressureReader):
         array: TexelArray,
         name: str,
         *,
-        grid: CellGrid,
         solver: CoverSolver | FoundationSolver,
         first: float,
     ) -> None:
@@ -232,22 +228,21 @@ class CellReader(PressureReader):
             model: The compiled model.
             array: The array that was attached.
             name: Name of the sensor, as given to `Plate.attach`.
-            grid: The cells of the array.
             solver: Solver that computes the forces on cells.
-            first: Reach at the first contact of a body, see `_FIRST` [m].
+            first: Reach at the first contact of a body over `_FIRST` [m].
         """
         panels, geoms = plate.divide(array, name)
-        axes, edges = panels[0].axes, grid.edge
+        axes, edges = panels[0].axes, solver.grid.edge
         middle = panels[0].origin - 0.5 * plate.height * axes[:, 2]
         # solids with sharp edges are enlarged by an eighth of a cell; `fastmodel.pressure.gap` explains why
         edge = 0.125 * float(np.sqrt(edges[0] * edges[1]))
         super().__init__(model, array, name, geoms=geoms, frame=(axes, middle), edge=edge)
-        self._grid, self._solver = grid, solver
+        self._grid, self._solver = solver.grid, solver
         self._length, self._height = min(edges), plate.height
         self._net_force = NetForceReader(model, array, self._geoms, axes=axes, middle=middle)
         self._flexes = FlexSurfaces(model, 0.5 * min(array.pitch))
         self._press_plate = compile_kernel(press_plate)
-        self._first, self._reach = first, dict[int, float]()
+        self._first, self._reach = _FIRST * first, dict[int, float]()
         self._nothing = self.at_rest(np.zeros(array.count))
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
@@ -296,19 +291,17 @@ class CellReader(PressureReader):
             owner, touches = self._flexes.replace_points(
                 data, pressed.sum(axis=1), owner, touches, place=frame, bounds=bounds
             )
-        found, poses, loads, pulls, scattered = [], [], [], [], len(owner)
-        for k, (body, (force, x, y, depth, count)) in enumerate(zip(bodies.tolist(), sums.tolist(), strict=True)):
-            scattered -= int(count)
+        found, poses, loads = [], [], []
+        for body, (force, x, y, depth) in zip(bodies.tolist(), sums.tolist(), strict=True):
             if force <= 0:  # false for nan
-                pulls.append(k)
                 continue
             tilts = self._joints.let_tilt(data, body, frame[:3, 2])
             loads.append(Load(force=force + 0 * (x + y), moment=np.array([x, y]), tilts=tilts))
             found.append(body)
             poses.append(self._find_pose(data, body, frame, depth))
         points = touches[:0]
-        if scattered or pulls:
-            lost = np.isin(owner, pulls) | ((owner < 0) & (touches[:, 2] <= 0))
+        if len(found) < len(bodies) or (owner < 0).any():
+            lost = np.isin(owner, (sums[:, 0] <= 0).nonzero()[0]) | ((owner < 0) & (touches[:, 2] <= 0))
             beside += float(touches[lost, 2].sum())
             points = touches[(owner < 0) & ~lost]
             kept = ~lost & (owner >= 0)

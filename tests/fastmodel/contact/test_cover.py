@@ -6,6 +6,7 @@ import pytest
 
 import fastmodel
 from tests.support.cover_data import parameters
+from tests.support.scenes import make_spec
 
 METHODS = ("cover", "foundation")
 
@@ -16,9 +17,7 @@ def find_misplaced(one, other):
 
 def build_pressed_ball(method):
     """A 10 mm ball on a slide along the normal, and its sensor."""
-    spec = mujoco.MjSpec()
-    spec.option.timestep = 1e-3
-    fastmodel.recommend_options(spec)
+    spec = make_spec()
     sensor = fastmodel.attach(spec, "world", parameters(filter=None), contact=method)
     ball = spec.worldbody.add_body(name="ball", pos=[0.4e-3, -0.3e-3, 10.05e-3])
     ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])

@@ -184,7 +184,7 @@ FLOAT = "measured = as_floats(xp, forces)"
 REQUIRED = {
     "sigma of the kernel +3 %": (kernel_sigma(1.03), "spread: share"),
     "fitted sigma +3 %": (fitted_sigma(1.03), "spread: share"),
-    "cut-off +5 %": (edit(Butterworth, "sections", "np.pi * self.cutoff_hz", "1.05 * np.pi * self.cutoff_hz"), "filter: rise time"),
+    "cut-off +5 %": (edit(Butterworth, "sections", "self.cutoff_hz, fs", "1.05 * self.cutoff_hz, fs"), "filter: rise time"),
     "cut-off +5 %, of the sensor": (own_filter(cutoff_hz=31.5, order=2), "filter: rise time"),
     "sensitivity +5 %": (change(electronics={"sensitivity": 1.05 * 2665.7}), "characteristic: sensitivity"),
     "sensitivity +5 %, in the code": (
@@ -194,7 +194,7 @@ REQUIRED = {
     "one texel dead": (dead_texel, "characteristic: counts of each texel"),
     "one texel dead, by its gain": (change_texel(0.0), "characteristic: counts of each texel"),
     "image transposed": (change_image(np.transpose), "orientation: image"),
-    "filter order one too high": (edit(Butterworth, "sections", "angles = np.pi", "self = type(self)(cutoff_hz=self.cutoff_hz, order=self.order + 1); rows = [_first_order(K)] if self.order % 2 else []; angles = np.pi"), "filter: overshoot"),
+    "filter order one too high": (edit(Butterworth, "sections", "butter(self.order,", "butter(self.order + 1,"), "filter: overshoot"),
     "filter order one too low, of the sensor": (own_filter(cutoff_hz=30.0, order=1), "filter: overshoot"),
     "load +3 %": (edit(fastmodel.bench, "add_indenter", "= load / STANDARD_GRAVITY", "= 1.03 * load / STANDARD_GRAVITY"), "H: cover, load carried"),
     "saturation 5 % low": (
@@ -226,11 +226,11 @@ NEIGHBOURS = {
     "sigma of the kernel -3 %": (kernel_sigma(0.97), "spread: share"),
     "fitted sigma -3 %": (fitted_sigma(0.97), "spread: share"),
     "sigma along x and y exchanged": (edit(Gaussian, "operator", "sample_gaussian(offset_x, self.sigma_x", "sample_gaussian(offset_x, self.sigma_y"), "oblong texels: boxes, largest force after spread"),
-    "force outside lost": (edit(fastmodel.bench, "indent_together", "reading.carried - texel_forces.sum()", "0.0"), "H: boxes, force outside"),
+    "force outside lost": (edit(fastmodel.bench, "_describe", "reading.carried - texel_forces.sum()", "0.0"), "H: boxes, force outside"),
     "image upside down": (change_image(np.flipud), "orientation: image"),
     "image mirrored": (change_image(np.fliplr), "orientation: image"),
     "image turned by half a turn": (change_image(lambda image: np.rot90(image, 2)), "orientation: image"),
-    "cut-off -5 %": (edit(Butterworth, "sections", "np.pi * self.cutoff_hz", "0.95 * np.pi * self.cutoff_hz"), "filter: rise time"),
+    "cut-off -5 %": (edit(Butterworth, "sections", "self.cutoff_hz, fs", "0.95 * self.cutoff_hz, fs"), "filter: rise time"),
     "filter of the sensor lost": (lambda monkeypatch, parameters: replace(parameters, filter=None), "filter: rise time"),
     "offset +5 %": (change(electronics={"offset": -1.05 * 493.87}), "characteristic: force"),
     "share of the calibration tip -1 %": (change(electronics={"tip_share": 0.99 * 0.7646}), "characteristic: sensitivity"),
