@@ -126,19 +126,18 @@ def _show(found: Calibration, name: str) -> None:
 
 
 def _show_point(found: PointLoadCalibration) -> None:
-    trials = [
-        (each.slope, each.slope / found.tip_share, each.offset, each.saturation_force or math.nan)
+    rows = [
+        (
+            each.name,
+            f"{each.slope:.5g}",
+            f"{each.slope / found.tip_share:.5g}",
+            f"{each.offset:.4g}",
+            "" if each.saturation_force is None else f"{each.saturation_force:.4g}",
+        )
         for each in found.trials
     ]
     headings = ("trial", "counts/N applied", "counts/N on the texel", "offset [counts]", "saturates at [N]")
-    print_table(
-        headings,
-        [
-            (each.name, *("" if math.isnan(value) else f"{value:.5g}" for value in values))
-            for each, values in zip(found.trials, trials, strict=True)
-        ],
-        title=f"Texel {found.texel} under a tip of {1e3 * found.tip_radius:g} mm",
-    )
+    print_table(headings, rows, title=f"Texel {found.texel} under a tip of {1e3 * found.tip_radius:g} mm")
     show(
         f"the texel measures {found.tip_share:.4f} of the applied force (finite elements; {found.tip_share_light:.4f} "
         f"under light loads, {found.tip_share_heavy:.4f} at {found.largest_load:.3g} N)"
