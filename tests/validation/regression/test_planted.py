@@ -15,8 +15,8 @@ from validation.campaign.case import Case
 from validation.derivation import kernel as kernel_fit
 from validation.derivation.kernel import cover_cells
 from validation.regression.baseline import compare, make_baseline
-from validation.regression.experiments import Subject
-from validation.regression.quantities import EXPERIMENTS, QUANTITIES, measure
+from validation.regression.quantities import EXPERIMENTS, measure
+from validation.regression.reading import Subject
 from validation.sensor_file import load
 
 # A warning of the sensors under test would reach the user of `softcover regress`, who can do nothing about it.
@@ -65,20 +65,6 @@ def test_the_check_is_red_and_names_the_quantity(name, monkeypatch):
 @pytest.mark.parametrize("group", FAST)
 def test_unchanged_is_green(group):
     assert find_changes(healthy_parameters(), group) == {}
-
-
-def test_every_quantity_of_the_table_is_measured():
-    of_curved = ("H: curved", "ball: curved")  # `test_solid` measures these
-    titles = {each.title for each in QUANTITIES if each.group in FAST and not each.title.startswith(of_curved)}
-    assert titles - {title for group in FAST for title in healthy(group).readings} == {
-        # these methods do not know how deep a body sinks
-        *(
-            f"{group}: {method}, depth"
-            for group in ("H", "oblong texels")
-            for method in ("boxes", "area", "foundation")
-        ),
-        "ball: foundation, depth",
-    }
 
 
 def measured_reference(derivation, groups):
