@@ -111,7 +111,7 @@ def test_accuracy_is_that_of_the_derived_parameters_on_the_cover_of_the_sensor(w
     groups = {group: EXPERIMENTS[group] for group in ("reference", "accuracy")}
     readings, failures = measure(subject, groups=groups, progress=lambda _: None)
     assert not failures
-    expected = LayeredBench(cover=cover, fast=parameters).solve(BALL)
+    expected = LayeredBench(cover=cover, parameters=parameters).solve(BALL)
     assert readings["reference: load"].numbers == {"ball": pytest.approx((BALL.load,))}
     assert readings["reference: depth"].numbers == {"ball": pytest.approx((1e3 * expected.reference.depth,), rel=1e-5)}
     misplaced = expected.predictions["fast"].score.misplaced_force
