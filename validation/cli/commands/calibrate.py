@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from validation.cli.options import Json, PressedArrayIndex, Quantity, read_time_span
 from validation.cli.output import Progress, print_json, print_table, say, show
@@ -95,15 +95,16 @@ def calibrate(
     for path in (out, picture):
         if path is not None:
             say(f"wrote {path}" if path.exists() else f"{path} is not written: too few recordings to leave some out")
-    if json:
-        print_json(found.as_json())
-    elif tip is None:
-        _show(cast("Calibration", found), sensor)
-    else:
-        _show_point(cast("PointLoadCalibration", found))
+    print_json(found.as_json()) if json else _show(found, sensor)
 
 
-def _show(found: Calibration, name: str) -> None:
+def _show(found: Calibration | PointLoadCalibration, sensor: str) -> None:
+    from validation.calibration.calibrate import Calibration
+
+    _show_array(found, sensor) if isinstance(found, Calibration) else _show_point(found)
+
+
+def _show_array(found: Calibration, name: str) -> None:
     rows = [
         (quantity.replace("_", " "), f"{each.value:.4g}", f"{each.low:.4g}..{each.high:.4g}", each.unit, each.fitted_on)
         for quantity, each in found.estimates.items()
