@@ -5,9 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any
 
 from validation.cli.live_image import LiveImage
 from validation.cli.options import (
@@ -29,8 +27,6 @@ if TYPE_CHECKING:
 
 #: Largest difference of two clocks [s]: both count from 1970, or one from the first frame.
 _MOST_DELAY = 9e9
-_Rows = Annotated[int | None, Parameter(help="Texels along y, if the file does not tell.")]
-_Columns = Annotated[int | None, Parameter(help="Texels along x, if the file does not tell.")]
 
 
 def replay(
@@ -40,8 +36,8 @@ def replay(
     speed: float = 1.0,
     csv: Path | None = None,
     topic: Topic = None,
-    rows: _Rows = None,
-    columns: _Columns = None,
+    rows: int | None = None,
+    columns: int | None = None,
     json: Json = False,
 ) -> None:
     """Show a recording of any known format in the terminal, and print its properties.
@@ -55,6 +51,8 @@ def replay(
     Args:
         speed: Speed of the replay, 1 for real time; 0 shows no frames.
         csv: Also write the frames of the array as CSV.
+        rows: Texels along y, if the file does not tell.
+        columns: Texels along x, if the file does not tell.
     """
     from validation import api
     from validation.recordings import tables
@@ -86,8 +84,8 @@ def import_recording(
     topic: Topic = None,
     force: Path | None = None,
     force_delay: float = 0.0,
-    rows: _Rows = None,
-    columns: _Columns = None,
+    rows: int | None = None,
+    columns: int | None = None,
     json: Json = False,
 ) -> None:
     """Convert a recording of any known format to an MCAP file, with labels.
@@ -104,6 +102,8 @@ def import_recording(
         out: New .mcap file; the recording's name with .mcap when not given.
         force: Recording of a force sensor to add, .csv or a bag.
         force_delay: Time by which the force sensor's clock is ahead of the array's [s].
+        rows: Texels along y, if the file does not tell.
+        columns: Texels along x, if the file does not tell.
     """
     from validation.recordings import mcap_reader
     from validation.recordings.importing import add_forces, open_recording, relabel, save

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from validation.campaign.evaluation import Evaluation
     from validation.campaign.results import CampaignResult
     from validation.data_sets.data_set import DataSet
-    from validation.measured_force.case import Measurement
     from validation.measured_force.comparison import ForceComparison, Row
     from validation.render.table import Table
+    from validation.schema.measured_force import Measurement
     from validation.sensor_file import SensorDescription
 
 _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
@@ -260,8 +260,7 @@ def _compare_measured_force(measured: str, *, json: bool) -> None:
         OSError: If the file exists and cannot be read.
     """
     from validation.extras import require
-    from validation.measured_force.case import read_measured_force
-    from validation.measured_force.comparison import compare_measurement
+    from validation.measured_force.comparison import compare_measurement, read_measured_force
 
     started = time.perf_counter()
     given = read_measured_force(measured)
