@@ -257,13 +257,13 @@ def _list_errors(parameters: Parameters, source: str) -> Iterator[Entry]:
         "needs recordings under known loads (`softcover calibrate`)" if noise is None else source,
         {"accuracy_N": None, "noise_N": noise},
     )
-    loads = (None, None) if validity is None else (validity.load_2_percent, validity.load_5_percent)
+    loads = None if validity is None else (validity.load_2_percent, validity.load_5_percent)
     yield _make_entry(
         "accuracy of the fast model",
-        validity and "at most 2 % of the force on wrong texels up to {:.3g} N, 5 % up to {:.3g} N".format(*loads),
+        loads and "at most 2 % of the force on wrong texels up to {:.3g} N, 5 % up to {:.3g} N".format(*loads),
         "against finite elements, under a ball of one pitch radius",
         "`softcover derive`",
-        {"model_load_2_percent_N": loads[0], "model_load_5_percent_N": loads[1]},
+        {"model_load_2_percent_N": loads and loads[0], "model_load_5_percent_N": loads and loads[1]},
     )
     loop = 2 * electronics.hysteresis_share * electronics.hysteresis_width or None
     yield _make_entry(
@@ -274,12 +274,11 @@ def _list_errors(parameters: Parameters, source: str) -> Iterator[Entry]:
         {"hysteresis_N": loop},
     )
     linearity = find_nonlinearity(electronics)
-    bent = linearity is not None
     yield _make_entry(
         "linearity",
-        f"{100 * linearity:.2g} % of full scale" if bent else f"{NOT_STATED}: a straight line is given",
+        f"{NOT_STATED}: a straight line is given" if linearity is None else f"{100 * linearity:.2g} % of full scale",
         "largest distance of the counts from their least-squares line in the range, over the largest count",
-        source if bent else "needs a measured characteristic of degree 5",
+        "needs a measured characteristic of degree 5" if linearity is None else source,
         {"nonlinearity": linearity},
     )
     coefficient = electronics.temperature_coefficient or None
