@@ -119,7 +119,7 @@ def _(derivation: LayeredDerivation) -> dict[str, Plot]:
     from fem_reference.closed_form import point_response
 
     array, sensor = derivation.sensor.array, derivation.sensor
-    column, offset = array.columns // 2, np.arange(array.rows) - array.rows // 2
+    column, offset = array.columns // 2, np.arange(array.rows, dtype=np.float64) - array.rows // 2
     kernel = array.image(derivation.fit.gaussian.operator(array)[:, array.middle])
     forces = (
         ("reference, uniform texel load", derivation.texel_response_uniform, _COLOURS["fast"], "circle"),
@@ -131,7 +131,13 @@ def _(derivation: LayeredDerivation) -> dict[str, Plot]:
         x="texels from the loaded one, along y",
         y="force on the texel [% of the load]",
         lines=tuple(
-            Line(name=name, x=offset, y=100 * image[:, column], colour=colour, marker=marker)
+            Line(
+                name=name,
+                x=offset,
+                y=100 * np.asarray(image, dtype=np.float64)[:, column],
+                colour=colour,
+                marker=marker,
+            )
             for name, image, colour, marker in forces
         ),
     )

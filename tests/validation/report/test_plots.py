@@ -36,7 +36,12 @@ def test_the_plots_hold_the_curves_that_they_name(wts_derivation):
 def test_a_picture_shows_the_plots_and_the_image_of_a_load_on_one_texel(wts_derivation, monkeypatch, tmp_path, sides):
     saved = {}
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, path, **_: saved.update({path.name: figure}))
-    derivation = dataclasses.replace(wts_derivation, influence=None) if sides else wts_derivation
+    derivation = wts_derivation
+    if sides:
+        uniform = wts_derivation.texel_response_uniform.ravel()
+        derivation = dataclasses.replace(
+            wts_derivation, influence=SimpleNamespace(texel_response=lambda _array, load: uniform)
+        )
     assert draw_derivation(derivation, tmp_path, "png") == ("psf.png",)
     *plots, image, colours = saved["psf.png"].axes
     assert len(plots) == (1 if sides else 2)
