@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -15,23 +15,20 @@ from fem_reference.result_store import NotStoredError, stored_only
 from meshes import SolidCover
 from meshes.array_types import FloatArray
 from validation.campaign.bench import Bench, Plan, plan_cases, prepare_bench
-from validation.campaign.campaign_file import Inputs, find_places
+from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
+from validation.campaign.reference_press import press_reference
 from validation.campaign.results import CaseResult, Reference, predict
 from validation.credibility.uncertainty import InputUncertainty
 from validation.credibility.verification import Check, check_finer_mesh, check_shell
-from validation.curved.fast import press_fast
-from validation.curved.places import CurvedPlaces
-from validation.curved.press import make_meshes, press_case
 from validation.derivation.solid import SolidDerivation
-from validation.errors import InputError
+from validation.errors import InputError, at
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
     from fastmodel.surface import CoverPoints
     from meshes import Pose
     from meshes.solids import SolidMesh
-    from validation.schema.campaign import LoadsForTable
     from validation.sensor_file import SensorDescription
 
 #: Names of the scored models of a curved cover, with a description of each for tables.
@@ -148,7 +145,8 @@ class SolidBench(Bench):
             ValueError: If a model cannot compute the case.
             ConvergenceError: If the finite elements did not converge.
         """
-        reference = Reference.of(press_case(self.derivation.sensor, case))
+        sensor = self.derivation.sensor
+        reference = Reference.of(press_reference(sensor.cover, sensor.array, case, friction=sensor.friction))
         forces = self._compute_models(case)
         predictions = predict(
             reference, {name: (each, 0.0) for name, each in forces.items()}, case.load, self.parameters
@@ -167,10 +165,12 @@ class SolidBench(Bench):
 
         A linear cover of modulus c E under the load F has c times the forces of one of modulus E under F / c.
         """
+        from fastmodel.contact.points import press_points
+
         cover, pose, load = self.require_fast_model(), case.pose, case.load
 
         def press(where: Pose, factor: float = 1.0) -> FloatArray:
-            return factor * press_fast(cover, case.indenter, where, load / factor).texel_forces
+            return factor * press_points(cover, case.indenter, where, load=load / factor).texel_forces
 
         def move(direction: FloatArray) -> Callable[[float], FloatArray]:
             return lambda by: press(replace(pose, point=tuple((pose.position + by * direction).tolist())))
@@ -210,10 +210,10 @@ class SolidBench(Bench):
 
     def _compute_models(self, case: Case) -> dict[str, FloatArray]:
         """Compute the texel forces of each model, shape (n,) [N]."""
-        from fastmodel.contact.points import find_first_contact
+        from fastmodel.contact.points import find_first_contact, press_points
 
         cover, array, gaussian = self.require_fast_model(), self.derivation.sensor.array, self.derivation.gaussian
-        fast = press_fast(cover, case.indenter, case.pose, case.load)
+        fast = press_points(cover, case.indenter, case.pose, load=case.load)
         pressed = np.flatnonzero(fast.forces)
         spread = gaussian.spread(array, cover.points[pressed], cover.normals[pressed])
         first = find_first_contact(cover, case.indenter, case.pose, case.pose.towards, within=_FIRST * cover.thickness)
@@ -246,42 +246,6 @@ def _(
     return plan_presses(sensor, cases)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SolidPlaces:
-    """Places on a solid cover, for campaign files.
-
-    Attributes:
-        cover: The cover, for whose stiffness loads are scaled.
-        places: The places on its finest mesh.
-    """
-
-    cover: SolidCover
-    places: CurvedPlaces
-    default: str = "curved.toml"
-
-    def read(self, given: Mapping[str, Any], place: str) -> Pose:
-        """Read `at`, `direction`, `yaw` and `tilt` of a case; see `Places`."""
-        faults = []
-        if "path" in given:
-            faults.append(f"{place}.path: a curved cover has no friction, so earlier loads do not matter; write loads")
-        texts = {key: given[key] for key in ("at", "direction", "yaw", "tilt") if isinstance(given.get(key), str)}
-        pose = self.places.read(texts, place, faults)
-        if faults or pose is None:
-            raise InputError(*faults)
-        return pose
-
-    def scale_loads(self, table: LoadsForTable, source: str) -> float:
-        """Return modulus times thickness squared of the cover, over those of the table; see `Places`."""
-        del source
-        stiffness = self.cover.material.youngs_modulus * self.cover.thickness**2
-        return stiffness / (table.modulus * table.thickness**2)
-
-
-@find_places.register(SolidCover)
-def _(cover: SolidCover, sensor: SensorDescription, progress: Callable[[str], None] | None = None) -> SolidPlaces:
-    return SolidPlaces(cover=cover, places=CurvedPlaces(mesh=make_meshes(sensor, progress)[-1], texels=sensor.array))
-
-
 def plan_presses(sensor: SensorDescription, cases: Sequence[Case]) -> Plan:
     """Find out which presses are missing from the store, and how long the cases take.
 
@@ -292,8 +256,8 @@ def plan_presses(sensor: SensorDescription, cases: Sequence[Case]) -> Plan:
     missing = []
     for case in cases:
         try:
-            with stored_only():
-                press_case(sensor, case)
+            with stored_only(), at(f"{sensor.source}: "):
+                press_reference(sensor.cover, sensor.array, case, friction=sensor.friction)
             missing.append(False)
         except NotStoredError:
             missing.append(True)

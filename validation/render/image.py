@@ -14,7 +14,7 @@ from scipy.spatial.distance import pdist
 from fastmodel.fitting.gaussian import unroll_from
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
-from validation.curved.touch import find_middle
+from validation.places import find_middle
 
 #: Edge length of a texel in the units of the drawing, and on the page [px]; the page may show it smaller or larger.
 _CELL, _SHOWN = 15, 26
