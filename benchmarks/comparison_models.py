@@ -60,7 +60,7 @@ def score(cases: tuple[Case, ...] | None) -> CampaignResult:
     comparison = prepare_models(sensor.cover, parameters, chosen)
     print(f"fits: {time.process_time() - started:.1f} s of processor time")
     started = time.process_time()
-    result = run_campaign(LayeredBench(cover=sensor.cover, fast=parameters, published=comparison), chosen)
+    result = run_campaign(LayeredBench(cover=sensor.cover, parameters=parameters, comparison=comparison), chosen)
     print(f"campaign: {time.process_time() - started:.1f} s of processor time\n")
     return result
 

@@ -10,13 +10,13 @@ from fem_reference.indentation.problem import PressProblem
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes import Material
 from meshes.bounded_file import parse_toml
-from validation.campaign.bench import Plan
+from validation.campaign.bench import prepare_bench
 from validation.campaign.campaign_file import Criterion, Inputs, parse_campaign
 from validation.campaign.evaluation import evaluate
 from validation.campaign.reference_press import press_reference
 from validation.campaign.results import judge
-from validation.campaign.run import run_campaign
-from validation.campaign.solid_bench import CURVED_MODELS, SolidBench, plan_presses
+from validation.campaign.run import Plan, plan_cases, run_campaign
+from validation.campaign.solid_bench import CURVED_MODELS, SolidBench
 from validation.credibility import verification as evidence
 from validation.credibility.evidence import gather_evidence
 from validation.credibility.verification import check_shell
@@ -46,12 +46,12 @@ def plan(small_pad):
 
 @pytest.fixture(scope="module")
 def bench(small_pad):
-    return SolidBench(derivation=derive(small_pad))
+    return prepare_bench(derive(small_pad), ())
 
 
 @pytest.fixture(scope="module")
 def cost(small_pad, plan):
-    return plan_presses(small_pad, plan.cases)
+    return plan_cases(small_pad.cover, small_pad.array, plan.cases)
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,7 @@ def test_a_press_with_another_pose_is_another_entry(small_pad, plan):
 
 
 def test_presses_are_missing_once(small_pad, plan, cost, result):
-    again = plan_presses(small_pad, plan.cases)
+    again = plan_cases(small_pad.cover, small_pad.array, plan.cases)
     assert again.missing == (False, False)
     assert again.total < cost.total or cost.missing == (False, False)
 

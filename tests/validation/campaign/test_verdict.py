@@ -21,7 +21,7 @@ CASES = (
 
 @pytest.fixture(scope="module")
 def result(wts_derivation):
-    return run_campaign(LayeredBench(cover=wts_derivation.sensor.cover, fast=wts_derivation.parameters), CASES)
+    return run_campaign(LayeredBench(cover=wts_derivation.sensor.cover, parameters=wts_derivation.parameters), CASES)
 
 
 @pytest.fixture(scope="module")
