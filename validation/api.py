@@ -353,7 +353,8 @@ def calibrate(
         ConvergenceError: If the finite elements did not converge.
     """
     from validation.calibration.calibrate import Calibration, calibrate_recordings
-    from validation.data_sets.data_set import Keys
+    from validation.schema.data_set import CommonKeys
+    from validation.text.indenter import read_position, read_yaw
     from validation.text.quantity import read_quantity
 
     description = describe(sensor)
@@ -362,13 +363,14 @@ def calibrate(
             raise InputError(f"{option}: {path} exists; name a new file")
     if out is not None and description is BUILT_IN.get(description.name):
         raise InputError(f"--out: {description.name} is built in and has no file to copy; see `softcover init`")
-    keys = Keys(
-        indenter=indenter or (f"tip:radius={tip}" if tip else ""), at=at, yaw=yaw, moved=moved, array=array,
-        threshold=threshold, window=window, temperature_channel=temperature_channel,
+    keys = CommonKeys.model_construct(
+        indenter=indenter or (f"tip:radius={tip}" if tip else None), array=array, threshold=threshold, window=window,
+        at=None if at is None else read_position(at), yaw=None if yaw is None else read_yaw(yaw),
+        temperature_channel=temperature_channel,
     )  # fmt: skip
     found = calibrate_recordings(
-        [Path(each) for each in recordings], description, keys, method=method, heights=heights, texel=texel,
-        tip=None if tip is None else read_quantity(tip, "length", place="--tip"),
+        [Path(each) for each in recordings], description, keys, moved=moved, method=method, heights=heights,
+        texel=texel, tip=None if tip is None else read_quantity(tip, "length", place="--tip"),
         draws=picture is not None, progress=progress,
     )  # fmt: skip
     if isinstance(found, Calibration):
