@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from validation.cli.output import Progress, describe_cover, print_json, print_table, say, show
 
 if TYPE_CHECKING:
-    from validation.measured_force.case import Measurement
     from validation.measured_force.comparison import ForceComparison, Row
+    from validation.schema.measured_force import Measurement
 
 
 def compare_measured_force(measured: str, *, json: bool) -> None:
@@ -29,8 +29,7 @@ def compare_measured_force(measured: str, *, json: bool) -> None:
         OSError: If the file exists and cannot be read.
     """
     from validation.extras import require
-    from validation.measured_force.case import read_measured_force
-    from validation.measured_force.comparison import compare_measurement
+    from validation.measured_force.comparison import compare_measurement, read_measured_force
 
     started = time.perf_counter()
     given = read_measured_force(measured)

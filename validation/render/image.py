@@ -14,7 +14,7 @@ from scipy.spatial.distance import pdist
 from fastmodel.fitting.gaussian import unroll_from
 from meshes import TexelArray
 from meshes.array_types import FloatArray
-from validation.curved.touch import find_middle
+from validation.places import find_middle
 
 #: Longest edge of the drawing and its margin in its own units, and largest width and height on the page [px]: three
 #: drawings stand side by side.

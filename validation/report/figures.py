@@ -202,7 +202,7 @@ def draw_cases(derivation: object, evaluation: Evaluation, folder: Path) -> Pict
 @draw_cases.register(SolidDerivation)
 def _(derivation: SolidDerivation, evaluation: Evaluation, folder: Path) -> Pictures:
     """Draw contact pressure, section, and forces on the texels."""
-    from validation.scene.cover_scene import show_curved
+    from validation.scene.cover_scene import show_indentation
     from validation.scene.rendering import RenderingError
 
     results = evaluation.campaign.cases
@@ -213,11 +213,12 @@ def _(derivation: SolidDerivation, evaluation: Evaluation, folder: Path) -> Pict
         for index, result in enumerate(results[:_MOST_PICTURES]):
             case, name = result.case, f"case-{index + 1:02d}.png"
             title = f"{case.name}: {case.shape}, {case.load:.3g} N"
-            scene = show_curved(
+            scene = show_indentation(
                 result.reference.found, derivation.sensor.array, direction=case.pose.towards, title=title
             )
-            write_picture(scene, folder / name)
-            files[case.name] = name
+            if scene is not None:
+                write_picture(scene, folder / name)
+                files[case.name] = name
     except ImportError:
         missing = str(MissingExtraError("pyvista"))
     except RenderingError as error:

@@ -10,9 +10,10 @@ import pytest
 from meshes.bounded_file import parse_toml
 from meshes.solids.texels import cylinder_texels
 from tests.support.report_page import Page, is_printed
-from validation.campaign.campaign_file import find_places, parse_campaign
+from validation.campaign.campaign_file import parse_campaign
 from validation.campaign.evaluation import evaluate
 from validation.credibility.verification import Check
+from validation.places import find_places
 from validation.render.image import Scale, tactile_image
 from validation.report import write_report
 from validation.scene.rendering import RenderingError

@@ -24,41 +24,23 @@ if TYPE_CHECKING:
 #: Names of the tactile images that the emulated sensor can show without a recording or a model.
 _PATTERNS = ("blob", "ramp", "corner", "zero")
 
-_Port = Annotated[
-    str | None, Parameter(help="A new name, which becomes a link to a pseudo-terminal, or an existing port.")
-]
-_Show = Annotated[
-    str,
-    Parameter(
-        help="What the sensor shows: a pattern (blob, ramp, corner, zero), a recording, or the fast model of a sensor "
-        "file, a built-in sensor or a folder that `derive --out` wrote."
-    ),
-]
 #: Indenter and load that press on the fast model if none are given.
 _DEFAULT_INDENTER, _DEFAULT_LOAD = "sphere:radius=8mm", "5N"
-_Indenter = Annotated[str, Parameter(help="Shape of the indenter that presses on the fast model.")]
-_Load = Annotated[str, Parameter(help="Largest load of that indenter.", allow_leading_hyphen=True)]
-_Rate = Annotated[float, Parameter(help="Frames per second when free-running.")]
-_Fault = Annotated[list[str] | None, Parameter(help="A fault and how often, e.g. lose=0.01; may be repeated.")]
-_Pause = Annotated[list[str] | None, Parameter(help="Send no frames in this time, e.g. 2:3 [s]; may be repeated.")]
-_Seconds = Annotated[float | None, Parameter(help="Unplug after this time [s]; until Ctrl-C when not given.")]
-_Tag = Annotated[str, Parameter(help="Name that the sensor gives as its device tag; some clients wait for one.")]
-_Seed = Annotated[int, Parameter(help="Seed of the random numbers of faults.")]
 
 
 def emulate(
-    port: _Port = None,
+    port: str | None = None,
     *,
-    show: _Show = "blob",
+    show: str = "blob",
     array: PressedArrayIndex = None,
-    indenter: _Indenter = _DEFAULT_INDENTER,
-    load: _Load = _DEFAULT_LOAD,
-    rate: _Rate = 271.0,
-    fault: _Fault = None,
-    pause: _Pause = None,
-    seconds: _Seconds = None,
-    seed: _Seed = 0,
-    tag: _Tag = "softcover",
+    indenter: str = _DEFAULT_INDENTER,
+    load: Annotated[str, Parameter(allow_leading_hyphen=True)] = _DEFAULT_LOAD,
+    rate: float = 271.0,
+    fault: list[str] | None = None,
+    pause: list[str] | None = None,
+    seconds: float | None = None,
+    seed: int = 0,
+    tag: str = "softcover",
     json: Json = False,
 ) -> None:
     """Emulate a sensor on a serial port, for tests without the device.
@@ -68,6 +50,19 @@ def emulate(
         softcover emulate /tmp/wts
         softcover emulate /tmp/wts --show touch.mcap --fault lose=0.01
         softcover emulate /tmp/wts --show wts-0614-34 --indenter sphere:radius=5mm --load 8N
+
+    Args:
+        port: A new name, which becomes a link to a pseudo-terminal, or an existing port.
+        show: What the sensor shows: a pattern (blob, ramp, corner, zero), a recording, or the fast model of a sensor
+            file, a built-in sensor or a folder that `derive --out` wrote.
+        indenter: Shape of the indenter that presses on the fast model.
+        load: Largest load of that indenter.
+        rate: Frames per second when free-running.
+        fault: A fault and how often, e.g. lose=0.01; may be repeated.
+        pause: Send no frames in this time, e.g. 2:3 [s]; may be repeated.
+        seconds: Unplug after this time [s]; until Ctrl-C when not given.
+        seed: Seed of the random numbers of faults.
+        tag: Name that the sensor gives as its device tag; some clients wait for one.
     """
     from validation.extras import require
 
@@ -137,7 +132,6 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
     Args:
         show: Name of a pattern or of a built-in sensor, or path of a recording, a sensor file or a folder that
             `softcover derive` wrote.
-        array: Index of the array in a recording; None for the one that is pressed most.
         indenter: Shape of the indenter that presses on the fast model.
         load: Largest load of this indenter, with its unit.
 

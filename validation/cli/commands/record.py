@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from validation.cli.live_image import LiveImage
 from validation.cli.options import Json, Note, RecordedIndenter, RecordedLoad, check_range, read_setup
@@ -21,33 +19,22 @@ if TYPE_CHECKING:
 #: Largest values of the sensor's settings that have 16 bits (interval, threshold) and 8 bits (gain).
 _MOST_16_BIT, _MOST_8_BIT = 0xFFFF, 0xFF
 
-_Port = Annotated[str, Parameter(help="Port of the sensor, e.g. /dev/ttyACM0, or a pyserial URL.")]
-_Out = Annotated[Path, Parameter(help="New .mcap file, or a folder for a file named by the time.")]
-_Seconds = Annotated[float | None, Parameter(help="How long [s]; until Ctrl-C when not given.")]
-_Threshold = Annotated[int | None, Parameter(help="Set the sensor's threshold first [counts].")]
-_Gain = Annotated[int | None, Parameter(help="Set the sensor's front-end gain first.")]
-_Tare = Annotated[bool, Parameter(help="Let the sensor take the image at the start as zero.")]
-_RunLength = Annotated[bool, Parameter(help="Ask for run-length encoded frames, for slow lines.")]
-_Interval = Annotated[int, Parameter(help="Time between frames [ms]; 0 for as fast as the sensor can.")]
-_Reconnect = Annotated[float, Parameter(help="How long to wait for a lost port to return [s].")]
-_Baud = Annotated[int, Parameter(help="Speed of a true UART; USB ports ignore it.")]
-
 
 def record(
-    port: _Port,
+    port: str,
     *,
-    out: _Out = Path(),
-    seconds: _Seconds = None,
+    out: Path = Path(),
+    seconds: float | None = None,
     indenter: RecordedIndenter = "",
     load: RecordedLoad = None,
     note: Note = "",
-    threshold: _Threshold = None,
-    gain: _Gain = None,
-    tare: _Tare = False,
-    run_length: _RunLength = False,
-    interval_ms: _Interval = 0,
-    reconnect: _Reconnect = 0.0,
-    baud_rate: _Baud = 115_200,
+    threshold: int | None = None,
+    gain: int | None = None,
+    tare: bool = False,
+    run_length: bool = False,
+    interval_ms: int = 0,
+    reconnect: float = 0.0,
+    baud_rate: int = 115_200,
     json: Json = False,
 ) -> None:
     """Record a real sensor in an MCAP file, with a live image.
@@ -58,6 +45,18 @@ def record(
 
         softcover record /dev/ttyACM0 --indenter sphere:radius=5mm --load 500g --seconds 10
         softcover record /dev/ttyACM0 --out touch.mcap --note 'third trial' --reconnect 5
+
+    Args:
+        port: Port of the sensor, e.g. /dev/ttyACM0, or a pyserial URL.
+        out: New .mcap file, or a folder for a file named by the time.
+        seconds: How long [s]; until Ctrl-C when not given.
+        threshold: Set the sensor's threshold first [counts].
+        gain: Set the sensor's front-end gain first.
+        tare: Let the sensor take the image at the start as zero.
+        run_length: Ask for run-length encoded frames, for slow lines.
+        interval_ms: Time between frames [ms]; 0 for as fast as the sensor can.
+        reconnect: How long to wait for a lost port to return [s].
+        baud_rate: Speed of a true UART; USB ports ignore it.
     """
     from validation.recordings.capture import record as capture
     from validation.weiss.sensor import Sensor

@@ -5,9 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any
 
 from validation.cli.live_image import LiveImage
 from validation.cli.options import (
@@ -28,26 +26,19 @@ from validation.errors import InputError
 if TYPE_CHECKING:
     from validation.recordings.recording import Recording, SimulatedForces
 
-_Speed = Annotated[float, Parameter(help="Speed of the replay, 1 for real time; 0 shows no frames.")]
-_Csv = Annotated[Path | None, Parameter(name="--csv", help="Also write the frames of the array as CSV.")]
-_Out = Annotated[Path | None, Parameter(help="New .mcap file; the recording's name with .mcap when not given.")]
-_Force = Annotated[Path | None, Parameter(help="Recording of a force sensor to add, .csv or a bag.")]
-_ForceDelay = Annotated[float, Parameter(help="Time by which the force sensor's clock is ahead of the array's [s].")]
 #: Largest difference of two clocks [s]: both count from 1970, or one from the first frame.
 _MOST_DELAY = 9e9
-_Rows = Annotated[int | None, Parameter(help="Texels along y, if the file does not tell.")]
-_Columns = Annotated[int | None, Parameter(help="Texels along x, if the file does not tell.")]
 
 
 def replay(
     file: RecordingFile,
     *,
     array: PressedArrayIndex = None,
-    speed: _Speed = 1.0,
-    csv: _Csv = None,
+    speed: float = 1.0,
+    csv: Path | None = None,
     topic: Topic = None,
-    rows: _Rows = None,
-    columns: _Columns = None,
+    rows: int | None = None,
+    columns: int | None = None,
     json: Json = False,
 ) -> None:
     """Show a recording of any known format in the terminal, and print its properties.
@@ -57,6 +48,12 @@ def replay(
         softcover replay touch.mcap
         softcover replay A1.dsa --array 1 --csv a1.csv
         softcover replay run.bag --json
+
+    Args:
+        speed: Speed of the replay, 1 for real time; 0 shows no frames.
+        csv: Also write the frames of the array as CSV.
+        rows: Texels along y, if the file does not tell.
+        columns: Texels along x, if the file does not tell.
     """
     from validation.recordings import tables
     from validation.recordings.importing import open_recording
@@ -80,15 +77,15 @@ def replay(
 def import_recording(
     file: RecordingFile,
     *,
-    out: _Out = None,
+    out: Path | None = None,
     indenter: RecordedIndenter = "",
     load: RecordedLoad = None,
     note: Note = "",
     topic: Topic = None,
-    force: _Force = None,
-    force_delay: _ForceDelay = 0.0,
-    rows: _Rows = None,
-    columns: _Columns = None,
+    force: Path | None = None,
+    force_delay: float = 0.0,
+    rows: int | None = None,
+    columns: int | None = None,
     json: Json = False,
 ) -> None:
     """Convert a recording of any known format to an MCAP file, with labels.
@@ -100,6 +97,13 @@ def import_recording(
         softcover import A1.dsa --indenter box:size=10.5mmx10.5mmx5mm --load 200g
         softcover import run.bag --topic /tactile/image --out run.mcap
         softcover import table.csv --rows 14 --columns 6
+
+    Args:
+        out: New .mcap file; the recording's name with .mcap when not given.
+        force: Recording of a force sensor to add, .csv or a bag.
+        force_delay: Time by which the force sensor's clock is ahead of the array's [s].
+        rows: Texels along y, if the file does not tell.
+        columns: Texels along x, if the file does not tell.
     """
     from validation.recordings import mcap_reader
     from validation.recordings.importing import add_forces, open_recording, relabel, save
