@@ -6,7 +6,7 @@ import logging
 import numpy as np
 import pytest
 
-from validation.curved.press import make_meshes
+from validation.cover_meshes import make_meshes
 from validation.scene import rendering
 from validation.scene.cover_scene import average_pressure, show_mesh, split_cells
 from validation.scene.draw import lacks_picture, write_scene
