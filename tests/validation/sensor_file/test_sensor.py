@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.sensor_text import GOOD
@@ -110,30 +110,6 @@ def test_any_valid_sensor_survives_its_file(size, pitch, layers, data):
     moduli = [(layer.material.youngs_modulus, layer.material.poisson_ratio) for layer in found.cover.layers]
     np.testing.assert_allclose(moduli, [(1e6 * e, nu) for _, e, nu in layers])
     assert found.electronics.output_max == output_max
-
-
-VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.sampled_from(["rows", "layer", "x"]), inner),
-    max_leaves=4,
-)
-
-
-@settings(deadline=None)
-@given(
-    st.sampled_from(["array", "cover", "electronics", "filter", "spread", "contact", "name"]),
-    st.sampled_from(["rows", "pitch", "mask", "size", "layer", "rate", "gains", "cutoff", "ksize_x", "friction"]),
-    VALUES,
-)
-def test_any_value_of_a_key_is_read_or_bad_input(table, key, value):
-    tables = tomllib.loads(GOOD)
-    tables[table] = value if table == "name" else {**tables.get(table, {}), key: value}
-    faults = ()
-    try:
-        parse(tables, source=Path("sensor.toml"))
-    except InputError as error:
-        faults = error.faults
-    assert all(fault.startswith("sensor.toml: ") and "\n" not in fault for fault in faults)
 
 
 @pytest.mark.parametrize(
