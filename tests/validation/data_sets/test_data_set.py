@@ -204,16 +204,6 @@ def test_the_folder_is_named_by_option_variable_or_file(tmp_path, monkeypatch):
         find_data_set(None, "nothing.toml")
 
 
-def test_faults_of_a_file_without_recordings_stand_on_lines_of_their_own(tmp_path):
-    path = tmp_path / "set.toml"
-    path.write_text(HEAD + "[[series]]\nname = 'a'\n[[series.file]]\npath = 'gone.csv'\n")
-    with pytest.raises(InputError) as caught:
-        find_data_set(path)
-    fault, last = caught.value.faults
-    assert "gone.csv: no such file" in fault
-    assert "set.toml: no recordings of it in" in last
-
-
 def test_the_built_in_file_reads_the_published_tree(tmp_path):
     for letter in "AH":
         record(tmp_path / "python" / "calibration_pressure" / "Room temperature" / f"{letter}1.csv")

@@ -50,21 +50,9 @@ def test_electronics_may_be_left_out_in_part_or_whole(sensor):
     assert part.electronics.sensitivity == 2665.7
 
 
-def test_built_in_names():
-    assert load("wts-0614-34").array.count == 84
-    assert load("sdh2-distal").array.active.sum() == 68
-    assert load("sdh2-distal").cover.assumed
-
-
 def test_unknown_name_shows_the_nearest():
     with pytest.raises(InputError, match="did you mean 'sdh2-distal'"):
         load("sdh2")
-
-
-def test_material_and_thickness_replace_the_cover():
-    cover = load("wts-0614-34", material="dragon-skin-30", thickness="3mm").cover
-    assert (cover.thickness, cover.layers[0].material.name, cover.assumed) == (3e-3, "dragon-skin-30", False)
-    assert load("wts-0614-34", thickness="3mm").cover.assumed
 
 
 def test_bad_replacement_lists_both_faults(faults):

@@ -84,12 +84,6 @@ def test_any_request_gets_one_answer_of_its_own_identifier(identifier, payload):
     assert [answer.identifier for answer in answers] == [found.identifier for found in requests]
 
 
-def test_frames_are_shown_one_by_one_and_the_last_one_stays():
-    counts = np.arange(3 * 84).reshape(3, 84)
-    show = show_frames(counts)
-    assert [int(show(0.0)[0]) for _ in range(4)] == [84, 168, 168, 168]
-
-
 def test_bad_input_is_refused_with_what_is_known():
     with pytest.raises(ValueError, match="known faults: flip-bit"):
         Misbehaviour(rates={"sabotage": 1})
