@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from fem_reference.errors import ConvergenceError, IncompletePathError
     from fem_reference.indentation.press import press, press_path
     from fem_reference.indentation.result import Indentation
-    from fem_reference.linear_response.point_spread import PointSpread, point_spread
+    from fem_reference.linear_response.axisymmetric import point_spread
+    from fem_reference.linear_response.point_spread import PointSpread
 
 #: The module that defines each public name of this package.  A module is imported when one of its names is first used,
 #: so that `fem_reference.result_store` can be used where scikit-fem is not installed.
@@ -26,7 +27,7 @@ _MODULES = {
     "press": "fem_reference.indentation.press",
     "press_path": "fem_reference.indentation.press",
     "PointSpread": "fem_reference.linear_response.point_spread",
-    "point_spread": "fem_reference.linear_response.point_spread",
+    "point_spread": "fem_reference.linear_response.axisymmetric",
 }
 
 __all__ = [
