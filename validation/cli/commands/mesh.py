@@ -5,9 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from validation.cli.entry import DONE, OUTSIDE_FAILED
 from validation.cli.options import Json, SensorFile, Thickness
@@ -17,10 +15,8 @@ if TYPE_CHECKING:
     from meshes.solids import SolidMesh
     from validation.sensor_file import SensorDescription
 
-_Out = Annotated[Path | None, Parameter(help="Folder for the finest mesh, its quality and pictures.")]
 
-
-def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, json: Json = False) -> int:
+def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: Path | None = None, json: Json = False) -> int:
     """Mesh a curved cover, check the meshes and the texels, and report their quality.
 
     The finest mesh is written as `mesh.npz` with its hash, source and settings.  A sensor file may name it:
@@ -30,6 +26,9 @@ def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, j
 
         softcover mesh fingertip
         softcover mesh sensor.toml --out meshed
+
+    Args:
+        out: Folder for the finest mesh, its quality and pictures.
     """
     from validation.cli.options import read_description
     from validation.extras import require
