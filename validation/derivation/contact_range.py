@@ -468,20 +468,21 @@ def find_saturation(electronics: Electronics) -> float | None:
     return float(forces.min()) if len(forces) else None
 
 
+def linearise_material(material: Material) -> Material:
+    """Return the linear material with the properties of a material at zero load."""
+    if material.small_strain_only:
+        return material
+    return Material(
+        name=material.name,
+        model="linear-elastic",
+        parameters={"youngs_modulus": material.youngs_modulus},
+        poisson_ratio=material.poisson_ratio,
+    )
+
+
 def linearise(cover: Cover) -> Cover:
-    """Return a wide cover of the same layers with linear elastic materials of the same moduli at small strain."""
-    layers = [
-        dataclasses.replace(
-            layer,
-            material=Material(
-                name=layer.material.name,
-                model="linear-elastic",
-                parameters={"youngs_modulus": layer.material.youngs_modulus},
-                poisson_ratio=layer.material.poisson_ratio,
-            ),
-        )
-        for layer in cover.layers
-    ]
+    """Return a wide cover of the same layers with linear materials."""
+    layers = (dataclasses.replace(layer, material=linearise_material(layer.material)) for layer in cover.layers)
     return dataclasses.replace(cover, layers=tuple(layers), size=None)
 
 

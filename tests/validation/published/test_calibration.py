@@ -9,10 +9,11 @@ import pytest
 import fastmodel
 from meshes import Pose
 from validation.campaign.bench import LayeredBench
-from validation.campaign.campaign_file import FlatPlaces, read_campaign
+from validation.campaign.campaign_file import read_campaign
 from validation.campaign.case import Case
 from validation.campaign.run import run_campaign
 from validation.metrics import TABULATED
+from validation.places import FlatPlaces
 from validation.published.models import (
     AS_FITTED,
     AS_SHIPPED,
@@ -111,7 +112,7 @@ def test_an_indenter_that_is_scored_is_not_fitted(wts, cover, parameters, prepar
     with pytest.raises(ValueError, match="must not be scored"):
         check_disjoint(fitted, [elsewhere])
     with pytest.raises(ValueError, match=r"elsewhere.*must not be scored"):
-        run_campaign(LayeredBench(cover=cover, fast=parameters, published=prepared), [*SCORED, elsewhere])
+        run_campaign(LayeredBench(cover=cover, parameters=parameters, comparison=prepared), [*SCORED, elsewhere])
     with pytest.raises(ValueError, match="must not be scored"):
         prepared.predict(cover, parameters, elsewhere)
     assert [case.name for case in choose_calibration(wts, [elsewhere])] == [case.name for case in fitted[1:]]
@@ -210,7 +211,7 @@ def test_arrays_off_a_grid_and_covers_with_sides_have_no_rows(bonded, cover, par
 
 @pytest.mark.slow
 def test_campaign_scores_each_row_with_its_own_forces(cover, parameters, prepared):
-    result = run_campaign(LayeredBench(cover=cover, fast=parameters, published=prepared), SCORED)
+    result = run_campaign(LayeredBench(cover=cover, parameters=parameters, comparison=prepared), SCORED)
     (case,) = result.cases
     scene, _ = prepared.predict(cover, parameters, case.case)
     assert [scores.name for scores in result.published] == [row.name for row in prepared.rows]
@@ -228,14 +229,12 @@ def test_campaign_scores_each_row_with_its_own_forces(cover, parameters, prepare
     assert fitted["fitted"] == ["stiffness"]
     assert len(fitted["fitted_on"]) == 3
     assert set(written["cases"][0]["comparison_models"]) == {row.name for row in prepared.rows}
-    np.testing.assert_allclose(
-        case.predictions["boxes"].texel_forces,
-        run_campaign(LayeredBench(cover=cover, fast=parameters), SCORED).cases[0].predictions["boxes"].texel_forces,
-    )
+    (alone,) = run_campaign(LayeredBench(cover=cover, parameters=parameters), SCORED).cases
+    np.testing.assert_allclose(case.predictions["boxes"].texel_forces, alone.predictions["boxes"].texel_forces)
 
 
 def test_campaign_without_published_models_has_none(cover, parameters):
-    result = run_campaign(LayeredBench(cover=cover, fast=parameters), SCORED)
+    result = run_campaign(LayeredBench(cover=cover, parameters=parameters), SCORED)
     assert result.published == ()
     assert result.as_json()["comparison_models"] == []
 

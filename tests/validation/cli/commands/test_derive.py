@@ -8,7 +8,7 @@ import pytest
 
 import fastmodel
 import fem_reference
-import fem_reference.linear_response.point_spread
+import fem_reference.linear_response.axisymmetric
 from validation.render.table import tabulate_facts
 
 
