@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from validation.campaign.bench import LayeredBench, prepare_bench
-from validation.campaign.campaign_file import Campaign, find_places, read_campaign
+from validation.campaign.campaign_file import Campaign, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.results import CampaignResult, Verdict, judge
 from validation.campaign.run import plan_cases, run_campaign
@@ -25,6 +25,7 @@ from validation.campaign.solid_bench import SolidBench
 from validation.credibility.evidence import Evidence, gather_evidence
 from validation.derivation.derive import Derivation, derive
 from validation.errors import InputError
+from validation.places import find_places
 from validation.sensor_file import SensorDescription
 from validation.text.friction import describe_friction
 

@@ -6,22 +6,18 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from fem_reference.curved_cover.responses import find_top
-from meshes import SolidCover
 from meshes.array_types import FloatArray
 from validation.campaign.bench import Bench, ModelForces, prepare_bench
-from validation.campaign.campaign_file import Inputs, find_places
+from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.campaign.results import CaseResult
 from validation.credibility.uncertainty import InputUncertainty
 from validation.credibility.verification import Check, check_finer_mesh, check_shell
-from validation.curved.fast import press_fast
-from validation.curved.places import CurvedPlaces
-from validation.curved.press import make_meshes
 from validation.derivation.solid import SolidDerivation
 from validation.errors import InputError
 
@@ -29,8 +25,6 @@ if TYPE_CHECKING:
     from fastmodel import Parameters
     from fastmodel.surface import CoverPoints
     from meshes import Pose
-    from validation.schema.campaign import LoadsForTable
-    from validation.sensor_file import SensorDescription
 
 #: Names of the scored models of a curved cover, with a description of each for tables.
 CURVED_MODELS: Mapping[str, str] = {
@@ -133,10 +127,12 @@ class SolidBench(Bench):
 
         A linear cover of modulus c E under the load F has c times the forces of one of modulus E under F / c.
         """
+        from fastmodel.contact.points import press_points
+
         cover, pose, load = self.require_fast_model(), case.pose, case.load
 
         def press(where: Pose, factor: float = 1.0) -> FloatArray:
-            return factor * press_fast(cover, case.indenter, where, load / factor).texel_forces
+            return factor * press_points(cover, case.indenter, where, load=load / factor).texel_forces
 
         def move(direction: FloatArray) -> Callable[[float], FloatArray]:
             return lambda by: press(replace(pose, point=tuple((pose.position + by * direction).tolist())))
@@ -176,10 +172,10 @@ class SolidBench(Bench):
 
     def compute_models(self, case: Case) -> ModelForces:
         """Compute one case by the fast model, simpler ones and null models."""
-        from fastmodel.contact.points import find_first_contact
+        from fastmodel.contact.points import find_first_contact, press_points
 
         cover, array, gaussian = self.require_fast_model(), self.parameters.array, self.derivation.gaussian
-        fast = press_fast(cover, case.indenter, case.pose, case.load)
+        fast = press_points(cover, case.indenter, case.pose, load=case.load)
         pressed = np.flatnonzero(fast.forces)
         spread = gaussian.spread(array, cover.points[pressed], cover.normals[pressed])
         first = find_first_contact(cover, case.indenter, case.pose, case.pose.towards, within=_FIRST * cover.thickness)
@@ -203,42 +199,6 @@ def measure_obliquity(result: CaseResult) -> float:
     pose, top = result.case.pose, find_top(result.reference.found.mesh)
     normal = top.normals[int(np.argmin(np.linalg.norm(top.nodes - pose.position, axis=1)))]
     return float(np.arccos(np.clip(-normal @ pose.towards, -1.0, 1.0)))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SolidPlaces:
-    """Places on a solid cover, for campaign files.
-
-    Attributes:
-        cover: The cover, for whose stiffness loads are scaled.
-        places: The places on its finest mesh.
-    """
-
-    cover: SolidCover
-    places: CurvedPlaces
-    default: str = "curved.toml"
-
-    def read(self, given: Mapping[str, Any], place: str) -> Pose:
-        """Read `at`, `direction`, `yaw` and `tilt` of a case; see `Places`."""
-        faults = []
-        if "path" in given:
-            faults.append(f"{place}.path: a curved cover has no friction, so earlier loads do not matter; write loads")
-        texts = {key: given[key] for key in ("at", "direction", "yaw", "tilt") if isinstance(given.get(key), str)}
-        pose = self.places.read(texts, place, faults)
-        if faults or pose is None:
-            raise InputError(*faults)
-        return pose
-
-    def scale_loads(self, table: LoadsForTable, source: str) -> float:
-        """Return modulus times thickness squared of the cover, over those of the table; see `Places`."""
-        del source
-        stiffness = self.cover.material.youngs_modulus * self.cover.thickness**2
-        return stiffness / (table.modulus * table.thickness**2)
-
-
-@find_places.register(SolidCover)
-def _(cover: SolidCover, sensor: SensorDescription, progress: Callable[[str], None] | None = None) -> SolidPlaces:
-    return SolidPlaces(cover=cover, places=CurvedPlaces(mesh=make_meshes(sensor, progress)[-1], texels=sensor.array))
 
 
 @prepare_bench.register(SolidDerivation)

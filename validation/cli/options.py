@@ -17,7 +17,7 @@ from validation.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from validation.recordings.recording import Recording, Setup
+    from validation.recordings.recording import Recording
     from validation.sensor_file import SensorDescription
 
 T = TypeVar("T")
@@ -115,17 +115,6 @@ def check_choice(option: str, kind: str, value: str, choices: tuple[str, ...]) -
         raise InputError(f"{option}: unknown {kind} {value!r}; {nearest(value, choices)}")
 
 
-def check_array_index(recording: Recording, index: int) -> None:
-    """Refuse an index of an array that a recording does not have.
-
-    Raises:
-        InputError: If the recording has no array of this index.
-    """
-    count = len(recording.arrays)
-    if not 0 <= index < count:
-        raise InputError(f"--array: {recording.path} has {count} arrays; accepted: 0..{count - 1}, not {index}")
-
-
 def choose_array(recording: Recording, index: int | None) -> int:
     """Return the index of the array to show: the given one, or the one that is pressed most.
 
@@ -134,10 +123,10 @@ def choose_array(recording: Recording, index: int | None) -> int:
     """
     from validation.recordings.recording import find_pressed_array
 
-    if index is None:
-        return find_pressed_array(recording)
-    check_array_index(recording, index)
-    return index
+    count = len(recording.arrays)
+    if index is not None and not 0 <= index < count:
+        raise InputError(f"--array: {recording.path} has {count} arrays; accepted: 0..{count - 1}, not {index}")
+    return find_pressed_array(recording) if index is None else index
 
 
 def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:
@@ -166,25 +155,6 @@ def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:
     return span
 
 
-def read_setup(indenter: str, load: str | None, note: str) -> Setup:
-    """Read the options that describe how a recording was made; the result is stored in the recording.
-
-    Args:
-        indenter: Shape of the indenter, for example `sphere:radius=5mm`; empty if unknown.
-        load: Load or weight with its unit; None if unknown.
-        note: Any other text.
-
-    Raises:
-        InputError: If the indenter or the load cannot be read.
-    """
-    from validation.recordings.recording import Setup
-    from validation.text.indenter import read_indenter, read_load
-
-    if indenter:
-        read_indenter(indenter)
-    return Setup(indenter=indenter, load=None if load is None else read_load(load), note=note)
-
-
 def read_sensor(
     sensor: str,
     *,
@@ -204,7 +174,9 @@ def read_sensor(
     from validation.sensor_file import SensorDescription
 
     found = api.load(sensor, material=material, thickness=thickness, layers=layers or ())
-    return _accept(found, curved=curved) if isinstance(found, SensorDescription) else found
+    if isinstance(found, SensorDescription):
+        _check_description(found, curved=curved)
+    return found
 
 
 def read_description(
@@ -232,12 +204,13 @@ def read_description(
     """
     from validation import api
 
-    changes = {"material": material, "thickness": thickness}
-    return _accept(api.describe(sensor, **changes, layers=layers or (), instead=instead), curved=curved)
+    found = api.describe(sensor, material=material, thickness=thickness, layers=layers or (), instead=instead)
+    _check_description(found, curved=curved)
+    return found
 
 
-def _accept(found: SensorDescription, *, curved: bool) -> SensorDescription:
-    """Return a description that a command can treat; keep a note on what is assumed about its electronics."""
+def _check_description(found: SensorDescription, *, curved: bool) -> None:
+    """Refuse a curved cover that a command cannot treat; keep a note on what is assumed about the electronics."""
     if not curved:
         _ = found.layered_cover  # a solid is refused
     if assumed := ", ".join(found.assumed_electronics):
@@ -245,7 +218,6 @@ def _accept(found: SensorDescription, *, curved: bool) -> SensorDescription:
             f"{found.source} does not state all of [electronics]; assumed: {assumed}; counts and images follow from "
             "that, forces do not"
         )
-    return found
 
 
 def tell_unused(sensor: SensorDescription | Parameters, more: str = "") -> tuple[str, ...]:

@@ -168,14 +168,6 @@ def load(
     return dataclasses.replace(description, cover=cover)
 
 
-def has_curved_cover(sensor: str) -> bool:
-    """Return whether a text names a sensor with a curved cover; False for a sensor that cannot be read."""
-    try:
-        return isinstance(load(sensor).cover, SolidCover)
-    except (InputError, OSError):
-        return False  # reported when the sensor is read
-
-
 def read_template() -> str:
     """Return the text of a sensor file of a home-made sensor, with all keys explained."""
     return resources.files("validation.sensor_file").joinpath("template.toml").read_text(encoding="utf-8")

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.cli.options import check_choice, check_range, collect, read_setup, read_time_span
+from validation.cli.options import check_choice, check_range, collect, read_time_span
 from validation.errors import InputError
 
 SECONDS = st.floats(0, 1e6, allow_nan=False)
@@ -59,11 +59,3 @@ def test_collected_faults_are_all_faults_in_their_order(outcomes):
     results = [collect(faults, lambda outcome=outcome: read(outcome)) for outcome in outcomes]
     assert results == [None if isinstance(outcome, list) else outcome for outcome in outcomes]
     assert faults == [fault for outcome in outcomes if isinstance(outcome, list) for fault in outcome]
-
-
-def test_a_setup_keeps_the_indenter_as_written_and_the_load_in_newtons():
-    setup = read_setup("sphere:radius=5mm", "500g", "third trial")
-    assert (setup.indenter, setup.note) == ("sphere:radius=5mm", "third trial")
-    assert setup.load == pytest.approx(0.5 * 9.80665)
-    with pytest.raises(InputError, match="did you mean 'sphere'"):
-        read_setup("shpere:radius=5mm", None, "")

@@ -8,7 +8,7 @@ import pytest
 
 from fem_reference import ConvergenceError, result_store
 from validation.campaign.bench import LayeredBench
-from validation.campaign.campaign_file import FlatPlaces, Inputs, read_campaign
+from validation.campaign.campaign_file import Inputs, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.run import summarise
 from validation.credibility import evidence
@@ -24,6 +24,7 @@ from validation.credibility.uncertainty import (
 )
 from validation.credibility.verification import observe_order, verify_solutions
 from validation.metrics import centre_of_pressure
+from validation.places import FlatPlaces
 
 BALL = Case.read("ball", "sphere:radius=5mm", "300 g", at="0.7mm,-1.1mm")
 BLOCK = Case.read("block", "box:size=6mmx10mmx5mm", "300 g", at="0.7mm,-1.1mm", yaw="30deg")

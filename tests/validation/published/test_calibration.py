@@ -9,10 +9,11 @@ import pytest
 import fastmodel
 from meshes import Pose
 from validation.campaign.bench import LayeredBench
-from validation.campaign.campaign_file import FlatPlaces, read_campaign
+from validation.campaign.campaign_file import read_campaign
 from validation.campaign.case import Case
 from validation.campaign.run import run_campaign
 from validation.metrics import TABULATED
+from validation.places import FlatPlaces
 from validation.published.models import (
     AS_FITTED,
     AS_SHIPPED,

@@ -10,9 +10,10 @@ import pytest
 from meshes.bounded_file import parse_toml
 from meshes.solids.texels import cylinder_texels
 from tests.support.report_page import Page, is_printed
-from validation.campaign.campaign_file import find_places, parse_campaign
+from validation.campaign.campaign_file import parse_campaign
 from validation.campaign.evaluation import evaluate
 from validation.credibility.verification import Check
+from validation.places import find_places
 from validation.render.image import Scale, tactile_image
 from validation.report import write_report
 from validation.scene.rendering import RenderingError
@@ -152,7 +153,7 @@ def test_a_map_shows_every_active_texel_at_its_place():
     array = cylinder_texels(6e-3, rows=2, columns=5, pitch=(2e-3, 2e-3), size=(1.8e-3, 1.8e-3), name="patch")
     values = np.linspace(0.01, 0.1, 10)
     drawn = tactile_image(array, values, Scale(peak=0.1), name="<x>")
-    assert "&lt;x&gt;: 10 texels; largest 100 mN on texel 9" in drawn
+    assert "&lt;x&gt;: 10 texels; largest 100 mN in row 1, column 4" in drawn
     squares = re.findall(r'<rect x="([\d.]+)" y="([\d.]+)" width="([\d.]+)"', drawn)
     places = np.array(squares, dtype=float)
     assert len(places) == 10

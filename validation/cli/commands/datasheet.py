@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from validation.cli.options import Json, Layers, MaterialName, Sensor, Thickness
 from validation.cli.output import Progress, print_json, print_meaning, print_rows, say, show_wrapped
 
 if TYPE_CHECKING:
     from validation.data_sheet import DataSheet
-
-_Out = Annotated[Path | None, Parameter(help="Also write the data sheet to this file, .md or .html.")]
 
 
 def datasheet(
@@ -22,7 +18,7 @@ def datasheet(
     material: MaterialName = None,
     thickness: Thickness = None,
     layer: Layers = None,
-    out: _Out = None,
+    out: Path | None = None,
     json: Json = False,
 ) -> None:
     """Print the data sheet of a sensor: each quantity with its definition and where it comes from, or `not stated`.
@@ -32,6 +28,9 @@ def datasheet(
         softcover datasheet wts-0614-34
         softcover datasheet sensor.toml --out sensor.md
         softcover datasheet derived --json
+
+    Args:
+        out: Also write the data sheet to this file, .md or .html.
     """
     from validation import api
     from validation.cli.options import read_sensor
