@@ -11,11 +11,11 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token, UnknownCommandError, convert
 
-import validation
 from fem_reference.errors import ConvergenceError
 from validation.cli.output import forget_notes, say, say_notes
 from validation.errors import InputError, nearest
@@ -86,7 +86,7 @@ app = App(
         "Start with `softcover demo`, or with `softcover init` and `softcover derive sensor.toml`."
     ),
     help_format="markdown",
-    version=lambda: validation.__version__,
+    version=lambda: metadata.version("softcover"),
     default_parameter=Parameter(negative=(), converter=_convert),
     suppress_keyboard_interrupt=False,
 )
