@@ -28,6 +28,10 @@ VALUES = {
 }
 
 
+def find_shipped(model):
+    return {name: each.shipped for name, each in model.parameters.items()}
+
+
 #: Parameters that are fitted: those of a force scale, a width or a reach that no source gives for this array.
 FITTED = {
     "report-0.8-5x5": ("sigma",),
@@ -260,7 +264,7 @@ OWN_TOTAL = {"skinsim-2014", "schunk", "gazebo-ros-tactile"}
 @pytest.mark.parametrize("name", EXPECTED)
 def test_model_agrees_with_its_equation_by_hand(scene, name):
     model = PUBLISHED[name]
-    values = VALUES.get(name) or model.shipped
+    values = VALUES.get(name) or find_shipped(model)
     texels, outside = model.predict(scene, **values)
     expected = np.asarray(EXPECTED[name](scene, **values))
     assert expected.max() > 0.02  # the scene tells something
@@ -275,7 +279,7 @@ def test_table_has_every_model_that_is_checked_here_and_no_two_are_alike(scene):
     assert set(EXPECTED) == set(PUBLISHED)
     found = []
     for name, model in PUBLISHED.items():
-        texels, _ = model.predict(scene, **(VALUES.get(name) or model.shipped))
+        texels, _ = model.predict(scene, **(VALUES.get(name) or find_shipped(model)))
         # where boxes are bins, all that do not spread agree; so do the same springs
         found.append((name, texels))
     same = {frozenset((a, b)) for i, (a, x) in enumerate(found) for b, y in found[:i] if np.allclose(x, y, atol=1e-4)}
@@ -318,13 +322,13 @@ def test_the_table_of_scores_names_the_parameters_units_and_fits_of_every_model(
 
 
 def test_report_rows_are_those_of_its_figures():
-    shipped = [tuple(model.shipped.values()) for name, model in PUBLISHED.items() if name.startswith("report")]
+    shipped = [tuple(find_shipped(model).values()) for name, model in PUBLISHED.items() if name.startswith("report")]
     assert shipped == [(0.5, 3, 3), (0.8, 3, 3), (1, 3, 5), (1, 5, 5), (0.8, 5, 5)]
 
 
 def test_models_without_unit_sum_say_so(scene):
     for name, model in PUBLISHED.items():
-        texels, outside = model.predict(scene, **(VALUES.get(name) or model.shipped))
+        texels, outside = model.predict(scene, **(VALUES.get(name) or find_shipped(model)))
         if abs(texels.sum() + outside - 2.0) > 1e-6 and name != "gazebo-ros-tactile":
             assert model.total, name
 
@@ -342,14 +346,14 @@ def test_contact_forces_that_pull_do_not_count(scene):
 @pytest.mark.parametrize("name", ["skinsim-2014", "genesis-taxel", "penalty", "robworksim-later", "mujoco-tactile"])
 def test_indenter_between_all_texel_centres_is_not_seen(scene, name):
     unseen = dataclasses.replace(scene, texel_gaps=np.full(scene.array.count, np.inf))
-    texels, outside = PUBLISHED[name].predict(unseen, **PUBLISHED[name].shipped)
+    texels, outside = PUBLISHED[name].predict(unseen, **find_shipped(PUBLISHED[name]))
     assert not texels.any()
     assert outside == scene.load
 
 
 def test_forces_of_robworksim_end_at_its_largest_pressure(scene):
     heavy = dataclasses.replace(scene, case=dataclasses.replace(scene.case, load=9.0))
-    values = PUBLISHED["robworksim-later"].shipped
+    values = find_shipped(PUBLISHED["robworksim-later"])
     texels, _ = PUBLISHED["robworksim-later"].predict(heavy, **values)
     expected = robwork_code(heavy, **values)
     assert np.isclose(expected, expected.max()).sum() > 1  # several texels are at the limit
