@@ -9,17 +9,14 @@ import pytest
 import fastmodel
 from meshes import Pose
 from validation.campaign.bench import LayeredBench
-from validation.campaign.campaign_file import read_campaign
 from validation.campaign.case import Case
 from validation.campaign.run import run_campaign
 from validation.metrics import TABULATED
-from validation.places import FlatPlaces
 from validation.published.models import (
     AS_FITTED,
     AS_SHIPPED,
     PUBLISHED,
     CalibrationPress,
-    ComparisonModels,
     Row,
     check_disjoint,
     choose_calibration,
@@ -103,21 +100,6 @@ def test_fit_finds_the_parameter_that_made_the_forces(cover, presses):
     assert fitted.parameters == {name: pytest.approx(value, rel=0.05) for name, value in made.items()}
 
 
-@pytest.mark.slow
-def test_an_indenter_that_is_scored_is_not_fitted(wts, cover, parameters, prepared):
-    fitted = choose_calibration(wts, read_campaign(None, FlatPlaces(array=wts)).cases)
-    assert len(fitted) == 3
-    check_disjoint(fitted, read_campaign(None, FlatPlaces(array=wts)).cases)
-    elsewhere = dataclasses.replace(fitted[0], load=1.0, pose=Pose(), name="elsewhere")
-    with pytest.raises(ValueError, match="must not be scored"):
-        check_disjoint(fitted, [elsewhere])
-    with pytest.raises(ValueError, match=r"elsewhere.*must not be scored"):
-        run_campaign(LayeredBench(cover=cover, parameters=parameters, comparison=prepared), [*SCORED, elsewhere])
-    with pytest.raises(ValueError, match="must not be scored"):
-        prepared.predict(cover, parameters, elsewhere)
-    assert [case.name for case in choose_calibration(wts, [elsewhere])] == [case.name for case in fitted[1:]]
-
-
 @pytest.fixture
 def made(scene, bonded):
     """Three small presses whose texel forces are those of a model with known parameters; the model, and the cover."""
@@ -153,18 +135,6 @@ def test_a_fit_finds_the_stiffness_that_made_small_presses(made):
     assert len(make_rows(model, cover, presses[:2])) == 2
     (alone,) = make_rows(model, cover, [])
     assert np.isnan(alone.error)
-
-
-def test_a_row_as_json_holds_the_model_its_parameters_and_what_it_was_fitted_to(made):
-    model, cover, presses = made
-    row = make_rows(model, cover, presses)[1]
-    assert row.as_json() == {
-        "name": "opengrasp-2013, as fitted", "title": "OpenGrasp (Moisio 2013)", "variant": "as fitted",
-        "contact": "rigid penetration", "rule": model.rule, "certainty": "from a summary of its code",
-        "total": "the load", "not_built": model.in_time, "parameters": row.parameters,
-        "units": {"stiffness": "Pa/m"}, "fitted": ["stiffness"], "fit_misplaced_force": row.error,
-        "fitted_on": [f"sphere:radius=8mm, {press.scene.load:g} N at {press.scene.case.place}" for press in presses],
-    }  # fmt: skip
 
 
 def test_masked_texels_measure_nothing_in_a_small_press(scene):
@@ -237,10 +207,3 @@ def test_campaign_without_published_models_has_none(cover, parameters):
     result = run_campaign(LayeredBench(cover=cover, parameters=parameters), SCORED)
     assert result.published == ()
     assert result.as_json()["comparison_models"] == []
-
-
-@pytest.mark.slow
-def test_models_need_two_presses_for_a_fit(cover, presses):
-    assert [row.variant for row in make_rows(PUBLISHED["penalty"], cover, presses[:1])] == [AS_SHIPPED]
-    assert make_rows(PUBLISHED["shimojo-1994"], cover, presses[:1]) == []
-    assert isinstance(ComparisonModels(rows=(), response=presses[0].scene.response).rows, tuple)
