@@ -38,76 +38,7 @@ by number of contact points; `AreaTexels` distribute it by area, `Foundation` by
 Every error about a user's input is a `FastModelError`, which is a `ValueError`.
 """
 
-from importlib.metadata import version
+import lazy_loader
 
-from fastmodel.adapters.batch import Batch
-from fastmodel.attachment import METHODS, attach, recommend_options
-from fastmodel.bench import FastIndentation, Placement, add_indenter, indent, indent_together
-from fastmodel.check import OptionWarning
-from fastmodel.contact.bodies import add_geoms
-from fastmodel.contact.boxes import AreaTexels, BoxTexels
-from fastmodel.contact.interface import TexelContact
-from fastmodel.contact.mesh import MeshContact
-from fastmodel.contact.plate import CoverContact, Foundation, Plate
-from fastmodel.errors import FastModelError
-from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit, fit_contact, fit_foundation
-from fastmodel.fitting.gaussian import Fit, fit_gaussian
-from fastmodel.parameters import Parameters, list_sensors, load
-from fastmodel.sensor import RangeWarning, Sensor
-from fastmodel.signal.butterworth import Butterworth, FilterBank
-from fastmodel.signal.chain import ChainFunctions, ChainOutput, ChainState
-from fastmodel.signal.electronics import WTS_0614_34, Electronics
-from fastmodel.signal.frame import Frame
-from fastmodel.signal.point_spread import Gaussian, Spread, Tabulated, outside_share
-from fastmodel.surface import CoverCells, CoverPoints
-from fastmodel.validity import Validity
-
-__version__ = version("softcover")
-
-__all__ = [
-    "METHODS",
-    "WTS_0614_34",
-    "AreaTexels",
-    "Batch",
-    "BoxTexels",
-    "Butterworth",
-    "ChainFunctions",
-    "ChainOutput",
-    "ChainState",
-    "ContactFit",
-    "CoverCells",
-    "CoverContact",
-    "CoverPoints",
-    "Electronics",
-    "FastIndentation",
-    "FastModelError",
-    "FilterBank",
-    "Fit",
-    "Foundation",
-    "FoundationFit",
-    "Frame",
-    "Gaussian",
-    "MeshContact",
-    "OptionWarning",
-    "Parameters",
-    "Placement",
-    "Plate",
-    "RangeWarning",
-    "Sensor",
-    "Spread",
-    "Tabulated",
-    "TexelContact",
-    "Validity",
-    "add_geoms",
-    "add_indenter",
-    "attach",
-    "fit_contact",
-    "fit_foundation",
-    "fit_gaussian",
-    "indent",
-    "indent_together",
-    "list_sensors",
-    "load",
-    "outside_share",
-    "recommend_options",
-]
+# The public names are those of `__init__.pyi`.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from validation.regression.baseline import Regression
     from validation.results.report import Report
     from validation.simulator_models import Exported
-    from validation.weiss.protocol import Reading
+    from validation.weiss.protocol import MatrixInfo, Reading
     from validation.weiss.stream import Gap
 
 Progress = Callable[[str], None]
@@ -386,10 +386,14 @@ def record(
     indenter: str = "",
     load: str | None = None,
     note: str = "",
+    threshold: int | None = None,
+    gain: int | None = None,
+    tare: bool = False,
     interval_ms: int = 0,
     run_length: bool = False,
     reconnect: float = 0.0,
     baud_rate: int = 115_200,
+    on_start: Callable[[MatrixInfo], None] | None = None,
     on_event: Callable[[Reading | Gap], None] | None = None,
 ) -> Captured:
     """Record a real sensor in an MCAP file.
@@ -401,10 +405,14 @@ def record(
         indenter: Tool that presses, such as `sphere:radius=5mm`; kept in the file.
         load: Force or weight, such as `4.9N` or `500g`; kept in the file.
         note: Any other text to keep in the file.
+        threshold: Threshold of the sensor; None to leave it [counts].
+        gain: Front-end gain of the sensor; None to leave it [-].
+        tare: Whether the sensor takes the image at the start as zero.
         interval_ms: Time between frames; 0 for as fast as the sensor can [ms].
         run_length: Whether frames are run-length encoded, for slow lines.
         reconnect: How long to wait for a lost port to return [s].
         baud_rate: Speed of a true UART; USB ports ignore it [1/s].
+        on_start: Called with the size of the array before the first frame.
         on_event: Called with each frame and each gap.
 
     Raises:
@@ -413,17 +421,23 @@ def record(
     """
     from validation.recordings.capture import record as capture
     from validation.recordings.recording import Setup
-    from validation.text.indenter import read_indenter, read_load
     from validation.weiss.sensor import Sensor as Device
 
-    if indenter:
-        read_indenter(indenter)
-    if Path(out).exists():
-        raise InputError(f"--out: {out} exists; name a new file")
-    setup = Setup(indenter=indenter, load=None if load is None else read_load(load), note=note)
+    setup, path = Setup.read(indenter, load, note), Path(out)
+    if path.exists():
+        raise InputError(f"--out: {path} exists; name a new file")
+    path.parent.mkdir(parents=True, exist_ok=True)
     with Device(port, baud_rate=baud_rate) as device:
+        if threshold is not None:
+            device.set_threshold(threshold)
+        if gain is not None:
+            device.set_gain(gain)
+        if tare:
+            device.tare()
+        if on_start is not None:
+            on_start(device.read_matrix())
         return capture(
-            device, Path(out), setup=setup, seconds=seconds, run_length=run_length, interval_ms=interval_ms,
+            device, path, setup=setup, seconds=seconds, run_length=run_length, interval_ms=interval_ms,
             reconnect=reconnect, on_event=on_event,
         )  # fmt: skip
 

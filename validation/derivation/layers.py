@@ -251,8 +251,8 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
         ConvergenceError: If the finite-element solver did not converge.
     """
     from fastmodel.parameters import Parameters
+    from fem_reference.linear_response.axisymmetric import point_spread
     from fem_reference.linear_response.finite_cover import solid_influence
-    from fem_reference.linear_response.point_spread import point_spread
 
     started = time.perf_counter()
     tell = progress or (lambda _: None)

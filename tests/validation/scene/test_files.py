@@ -52,7 +52,7 @@ def test_a_trial_picture_that_fails_says_why(monkeypatch, program, said):
     monkeypatch.setattr(rendering, "_PROBE", program)
     if "sleep" in program:
         monkeypatch.setattr(rendering, "_TIMEOUT", 0.5)
-    assert rendering._try_to_draw("", "") == said
+    assert rendering._try_to_draw("") == said
 
 
 def test_hexahedra_of_27_nodes_are_split_without_gaps(small_pad):

@@ -55,7 +55,8 @@ def calibrate(
         at: Position of the tool's axis in the array's frame; fitted when not given.
         yaw: Yaw of the tool; fitted when neither it nor --at is given.
         moved: The tool was put down anew for each recording: fit a pose to each.
-        method: Contact method: default (finite elements where they apply), cover, area, boxes, foundation or reference.
+        method: Contact method: default (finite elements where they apply), cover, area, boxes, foundation or
+            reference.
         threshold: Counts that the firmware subtracts; as the labels say when not given.
         window: Average the frames between these times after loading, from:to [s].
         temperature_channel: Index of the temperature sensor, negative from the last.
@@ -67,44 +68,30 @@ def calibrate(
         polynomial: Write the characteristic of degree 5 instead of the line.
     """
     from validation import api
+    from validation.calibration.calibrate import Calibration
     from validation.cli.options import read_description
 
+    description, span = read_description(sensor), read_time_span("--window", window, "6:9")
     with Progress() as progress:
         found = api.calibrate(
-            recordings,
-            read_description(sensor),
-            indenter=indenter,
-            at=at,
-            yaw=yaw,
-            moved=moved,
-            method=method,
-            array=array,
-            threshold=threshold,
-            window=read_time_span("--window", window, "6:9"),
-            temperature_channel=temperature_channel,
-            heights=heights,
-            tip=tip,
-            texel=texel,
-            out=out,
-            picture=picture,
-            polynomial=polynomial,
-            progress=progress,
-        )
+            recordings, description, indenter=indenter, at=at, yaw=yaw, moved=moved, method=method, array=array,
+            threshold=threshold, window=span, temperature_channel=temperature_channel, heights=heights, tip=tip,
+            texel=texel, out=out, picture=picture, polynomial=polynomial, progress=progress,
+        )  # fmt: skip
     for line in found.left_out:
         say(f"softcover: {line}")
     for path in (out, picture):
         if path is not None:
             say(f"wrote {path}" if path.exists() else f"{path} is not written: too few recordings to leave some out")
-    print_json(found.as_json()) if json else _show(found, sensor)
+    if json:
+        print_json(found.as_json())
+    elif isinstance(found, Calibration):
+        _show(found, sensor)
+    else:
+        _show_point(found)
 
 
-def _show(found: Calibration | PointLoadCalibration, sensor: str) -> None:
-    from validation.calibration.calibrate import Calibration
-
-    _show_array(found, sensor) if isinstance(found, Calibration) else _show_point(found)
-
-
-def _show_array(found: Calibration, name: str) -> None:
+def _show(found: Calibration, name: str) -> None:
     rows = [
         (quantity.replace("_", " "), f"{each.value:.4g}", f"{each.low:.4g}..{each.high:.4g}", each.unit, each.fitted_on)
         for quantity, each in found.estimates.items()
@@ -138,7 +125,7 @@ def _show_point(found: PointLoadCalibration) -> None:
         for each in found.trials
     ]
     headings = ("trial", "counts/N applied", "counts/N on the texel", "offset [counts]", "saturates at [N]")
-    print_table(headings, rows, title=f"Texel {found.texel} under a tip of {1e3 * found.tip_radius:g} mm")
+    print_table(headings, rows, title=f"Texel {found.texel} under a tip of {1e3 * found.tip_radius:g} mm", left=1)
     show(
         f"the texel measures {found.tip_share:.4f} of the applied force (finite elements; {found.tip_share_light:.4f} "
         f"under light loads, {found.tip_share_heavy:.4f} at {found.largest_load:.3g} N)"

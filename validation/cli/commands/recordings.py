@@ -18,7 +18,6 @@ from validation.cli.options import (
     Topic,
     check_range,
     choose_array,
-    read_setup,
 )
 from validation.cli.output import describe_vector, note, print_json, say
 from validation.errors import InputError
@@ -55,23 +54,24 @@ def replay(
         rows: Texels along y, if the file does not tell.
         columns: Texels along x, if the file does not tell.
     """
+    from validation import api
     from validation.recordings import tables
-    from validation.recordings.importing import open_recording
 
     check_range("--speed", speed)
     if csv is not None and csv.exists():
         raise InputError(f"--csv: {csv} exists; name a new file")
-    recording = open_recording(file, topic=topic, rows=rows, columns=columns)
+    recording = api.replay(file, topic=topic, rows=rows, columns=columns)
     shown = choose_array(recording, array)
     if csv is not None:
         csv.parent.mkdir(parents=True, exist_ok=True)
         tables.write(recording, csv, array=shown)
+    facts = _list_facts(recording)
     if json:
-        print_json({**_list_facts(recording), "shown": shown})
+        print_json({**facts, "shown": shown})
         return
     if speed and sys.stderr.isatty():
         _play(recording, shown, speed)
-    _say_facts(recording, shown)
+    _say_facts(facts, shown)
 
 
 def import_recording(
@@ -107,8 +107,9 @@ def import_recording(
     """
     from validation.recordings import mcap_reader
     from validation.recordings.importing import add_forces, open_recording, relabel, save
+    from validation.recordings.recording import Setup
 
-    setup = read_setup(indenter, load, note)
+    setup = Setup.read(indenter, load, note)
     if force_delay and force is None:
         raise InputError("--force-delay: is for the force sensor's recording; name that with --force, or leave it out")
     if not abs(force_delay) <= _MOST_DELAY:
@@ -147,6 +148,10 @@ def tell_assumed_pitch(recording: Recording) -> None:
 
 def _list_facts(recording: Recording) -> dict[str, Any]:
     """Return the properties of a recording as a dictionary of JSON values."""
+    import numpy as np
+
+    delays = recording.arrival_delays
+    ranks = {"median_s": 50, "p95_s": 95, "largest_s": 100} if delays.size else {}
     return {
         "path": str(recording.path),
         "sha256": recording.sha256,
@@ -156,12 +161,8 @@ def _list_facts(recording: Recording) -> dict[str, Any]:
         "seconds": recording.seconds,
         "rate_hz": recording.frame_rate,
         "complete": recording.complete,
-        "gaps": list(recording.gaps),
-        "setup": {
-            **vars(recording.setup),
-            "device": dict(recording.setup.device),
-            "other": dict(recording.setup.other),
-        },
+        "gaps": recording.gaps,
+        "setup": vars(recording.setup),
         "arrays": [
             {
                 "name": array.texels.name,
@@ -175,19 +176,8 @@ def _list_facts(recording: Recording) -> dict[str, Any]:
             for array in recording.arrays
         ],
         "force_readings": len(recording.forces),
-        "arrival_delays": _list_delays(recording),
+        "arrival_delays": {name: float(np.percentile(delays, rank)) for name, rank in ranks.items()} or None,
     }
-
-
-def _list_delays(recording: Recording) -> dict[str, float] | None:
-    """Return the times from the frames' stamps to their arrival as JSON values [s]; None if they are unknown."""
-    import numpy as np
-
-    delays = recording.arrival_delays
-    if not delays.size:
-        return None
-    median, p95, largest = np.percentile(delays, (50, 95, 100)).tolist()
-    return {"median_s": median, "p95_s": p95, "largest_s": largest}
 
 
 def _list_forces(forces: SimulatedForces) -> dict[str, Any]:
@@ -200,35 +190,29 @@ def _list_forces(forces: SimulatedForces) -> dict[str, Any]:
         "largest_shear_n": np.linalg.norm(forces.net_force[:, :2], axis=1),
         "largest_pressure_pa": forces.pressures,
     }
-    found = {name: values[~np.isnan(values)].max(initial=-np.inf) for name, values in largest.items()}
-    listed = {name: None if np.isinf(value) else float(value) for name, value in found.items()}
+    known = {name: values[~np.isnan(values)] for name, values in largest.items()}
+    listed = {name: float(values.max()) if values.size else None for name, values in known.items()}
     return {**listed, "tangential_source": forces.tangential_source or None}
 
 
-def _say_facts(recording: Recording, shown: int) -> None:
-    setup = recording.setup
-    load = "" if setup.load is None else f", {setup.load:.4g} N"
-    arrays = ", ".join(
-        f"{array.texels.columns} x {array.texels.rows} (largest {array.counts.max(initial=0)})"
-        for array in recording.arrays
-    )
-    say(f"{recording.path}: {len(recording.times)} frames in {recording.seconds:.1f} s, arrays {arrays}")
-    if len(recording.arrays) > 1:
+def _say_facts(facts: dict[str, Any], shown: int) -> None:
+    setup, delays = facts["setup"], facts["arrival_delays"]
+    arrays = ", ".join("{columns} x {rows} (largest {largest})".format_map(array) for array in facts["arrays"])
+    say(f"{facts['path']}: {facts['frames']} frames in {facts['seconds']:.1f} s, arrays {arrays}")
+    if len(facts["arrays"]) > 1:
         say(f"array {shown} is shown; choose another one with --array")
-    say(f"indenter {setup.indenter or 'not known'}{load}; {setup.note or 'no note'}")
-    end = "closed properly" if recording.complete else "cut off: all but the last half second is there"
-    for number, array in enumerate(recording.arrays):
-        if array.simulated is not None:
-            say(f"array {number}, simulated: {_describe_forces(_list_forces(array.simulated))}")
-    if setup.other:
-        say("other labels: " + "; ".join(f"{key} = {value}" for key, value in setup.other.items()))
-    delays = _list_delays(recording)
+    load = "" if setup["load"] is None else f", {setup['load']:.4g} N"
+    say(f"indenter {setup['indenter'] or 'not known'}{load}; {setup['note'] or 'no note'}")
+    for number, array in enumerate(facts["arrays"]):
+        if array["simulated"] is not None:
+            say(f"array {number}, simulated: {_describe_forces(array['simulated'])}")
+    if setup["other"]:
+        say("other labels: " + "; ".join(f"{key} = {value}" for key, value in setup["other"].items()))
     if delays is not None:
-        say(
-            f"times by the device's clock; frames arrived up to {1e3 * delays['p95_s']:.1f} ms (95 %), "
-            f"{1e3 * delays['largest_s']:.1f} ms (all) later"
-        )
-    say(f"{len(recording.gaps)} gaps; {end}")
+        late = f"{1e3 * delays['p95_s']:.1f} ms (95 %), {1e3 * delays['largest_s']:.1f} ms (all)"
+        say(f"times by the device's clock; frames arrived up to {late} later")
+    end = "closed properly" if facts["complete"] else "cut off: all but the last half second is there"
+    say(f"{len(facts['gaps'])} gaps; {end}")
 
 
 def _describe_forces(forces: dict[str, Any]) -> str:
@@ -249,7 +233,7 @@ def _play(recording: Recording, array: int, speed: float) -> None:
         for number, now in enumerate(recording.times):
             time.sleep(max(0.0, now / speed - (time.monotonic() - start)))
             if live.is_due:
-                force = (
-                    "" if recorded.simulated is None else f", {describe_vector(recorded.simulated.net_force[number])}"
-                )
-                live.show(recorded.counts[number], f"{now:6.1f} of {recording.seconds:.1f} s{force}")
+                text = f"{now:6.1f} of {recording.seconds:.1f} s"
+                if recorded.simulated is not None:
+                    text += f", {describe_vector(recorded.simulated.net_force[number])}"
+                live.show(recorded.counts[number], text)
