@@ -21,12 +21,13 @@ from campaign import ALL_TURNS, LOADS, SHAPES, TURNS
 from meshes import Pose, TexelArray
 from tests.support.rubber import make_cover
 from validation.campaign.bench import LayeredBench
-from validation.campaign.campaign_file import FlatPlaces, read_campaign
+from validation.campaign.campaign_file import read_campaign
 from validation.campaign.case import Case
 from validation.campaign.results import MODELS, CampaignResult, Pooled
 from validation.campaign.run import run_campaign
 from validation.derivation.derive import derive
 from validation.json_values import json_text
+from validation.places import FlatPlaces
 from validation.published.models import prepare_models
 from validation.sensor_file import BUILT_IN
 
@@ -59,7 +60,7 @@ def score(cases: tuple[Case, ...] | None) -> CampaignResult:
     comparison = prepare_models(sensor.cover, parameters, chosen)
     print(f"fits: {time.process_time() - started:.1f} s of processor time")
     started = time.process_time()
-    result = run_campaign(LayeredBench(cover=sensor.cover, fast=parameters, published=comparison), chosen)
+    result = run_campaign(LayeredBench(cover=sensor.cover, parameters=parameters, comparison=comparison), chosen)
     print(f"campaign: {time.process_time() - started:.1f} s of processor time\n")
     return result
 

@@ -17,11 +17,10 @@ from scipy.optimize import brentq
 
 from fem_reference import press
 from fem_reference.closed_form import LayerContact, indent
-from fem_reference.closed_form.influence import tabulate_excess
 from meshes import Box, Cover, Cylinder, FlatPunch, Indenter, Nut, Roller, TexelArray, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Pose
-from tests.exact.boundary import PressedCells, measure_areas, pressed_shape
+from tests.exact.boundary import PressedCells, measure_areas, pressed_shape, tabulate_excess
 from tests.exact.no_slip import stuck_punch, stuck_shape
 from tests.exact.outline import assemble_compliance, press_face, split_face
 from tests.exact.rings import RingContact, press_with_friction

@@ -52,7 +52,7 @@ def count_code_lines(source: str) -> int:
 
 def count_lines(path: Path) -> int:
     """Code lines of a Python file, else the lines that are not blank; shipped parameters of sensors are none."""
-    if path.suffix == ".py":
+    if path.suffix in {".py", ".pyi"}:
         return count_code_lines(path.read_text())
     if path.suffix in OTHER_LANGUAGES and "sensors" not in path.parts:
         return sum(bool(line.strip()) for line in path.read_text().splitlines())

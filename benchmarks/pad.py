@@ -101,8 +101,8 @@ def worker(task: Task) -> None:
     """Our side of one run: solve, evaluate, write."""
     import pypardiso  # noqa: F401 -- imports are not measured on either side
 
+    from fem_reference.linear_response.axisymmetric import point_spread  # noqa: F401
     from fem_reference.linear_response.finite_cover import Resolution, mesh_quarter, solve_adjoint
-    from fem_reference.linear_response.point_spread import point_spread  # noqa: F401
     from meshes import TexelArray
     from tests.support.rubber import make_cover
 
@@ -126,7 +126,6 @@ def worker(task: Task) -> None:
 def wide(poisson_ratio: float) -> dict[str, float]:
     """The axisymmetric route on a wide cover: cost and error of the coarsest grid that holds the target."""
     from fem_reference.linear_response.axisymmetric import solve_point_load
-    from fem_reference.linear_response.point_spread import PointSpread
     from meshes import TexelArray
     from tests.support.rubber import make_cover
 
@@ -135,8 +134,7 @@ def wide(poisson_ratio: float) -> dict[str, float]:
     places = loads()
 
     def answer(elements: int) -> FloatArray:
-        data = solve_point_load(cover, elements_per_thickness=elements, reach=reach).pack("pad", reach)
-        spread = PointSpread.unpack(data, "pad", thickness=THICKNESS)
+        spread = solve_point_load(cover, elements_per_thickness=elements, reach=reach)
         felt = spread.texel_influence(array, places.reshape(-1, 2))
         return np.asarray(felt.reshape(*places.shape[:2], -1).mean(axis=1))
 

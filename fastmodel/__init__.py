@@ -38,60 +38,7 @@ by number of contact points; `AreaTexels` distribute it by area, `Foundation` by
 Every error about a user's input is a `FastModelError`, which is a `ValueError`.
 """
 
-from importlib.metadata import version
+import lazy_loader
 
-from fastmodel.adapters.batch import Batch
-from fastmodel.attachment import METHODS, attach, recommend_options
-from fastmodel.bench import FastIndentation, Placement, add_indenter, indent, indent_together
-from fastmodel.check import OptionWarning
-from fastmodel.contact.bodies import add_geoms
-from fastmodel.contact.boxes import BoxTexels
-from fastmodel.contact.plate import CoverContact, Foundation, Plate
-from fastmodel.errors import FastModelError
-from fastmodel.fitting.contact_stiffness import fit_contact
-from fastmodel.fitting.gaussian import fit_gaussian
-from fastmodel.parameters import Parameters, list_sensors, load
-from fastmodel.sensor import RangeWarning, Sensor
-from fastmodel.signal.butterworth import Butterworth
-from fastmodel.signal.chain import ChainFunctions
-from fastmodel.signal.electronics import WTS_0614_34, Electronics
-from fastmodel.signal.frame import Frame
-from fastmodel.signal.point_spread import Gaussian, Tabulated
-from fastmodel.surface import CoverCells, CoverPoints
-
-__version__ = version("softcover")
-
-__all__ = [
-    "METHODS",
-    "WTS_0614_34",
-    "Batch",
-    "BoxTexels",
-    "Butterworth",
-    "ChainFunctions",
-    "CoverCells",
-    "CoverContact",
-    "CoverPoints",
-    "Electronics",
-    "FastIndentation",
-    "FastModelError",
-    "Foundation",
-    "Frame",
-    "Gaussian",
-    "OptionWarning",
-    "Parameters",
-    "Placement",
-    "Plate",
-    "RangeWarning",
-    "Sensor",
-    "Tabulated",
-    "add_geoms",
-    "add_indenter",
-    "attach",
-    "fit_contact",
-    "fit_gaussian",
-    "indent",
-    "indent_together",
-    "list_sensors",
-    "load",
-    "recommend_options",
-]
+# The public names are those of `__init__.pyi`.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

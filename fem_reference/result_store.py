@@ -6,11 +6,12 @@ as npz.  An entry is written under a temporary name and renamed when the file is
 against its sha256 when it is read, and computed again if the check fails.  If two processes compute the same result,
 both write the entry and the second file replaces the first.  If the folder cannot be written, results are computed each
 time and a warning is logged.
+
+`fetch` keeps arrays by name, `recall` any tree of dataclasses of this project, lists, arrays and plain values.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 import logging
@@ -24,9 +25,9 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
-from importlib import metadata
+from importlib import import_module, metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +66,8 @@ _LIBRARIES = ("numpy", "scipy", "scikit-fem")
 
 #: The arrays of a result by name.
 Arrays = dict[str, npt.NDArray[Any]]
+#: Type of a result that `recall` keeps.
+Stored = TypeVar("Stored")
 
 
 #: Whether `fetch` refuses to compute, set by `stored_only`.
@@ -142,6 +145,21 @@ def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Mapping[st
     if _STORED_ONLY.get():
         raise NotStoredError(kind)
     return _compute(key, kind, described, compute)
+
+
+def recall(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Stored]) -> Stored:
+    """Return a result of any type that `pack` accepts from the store; if it is not stored, compute and store it.
+
+    Args:
+        kind: Kind of the result, a name that is part of the key.
+        inputs: Everything that the result depends on besides the code, as for `fetch`.
+        compute: Function that computes the result.
+
+    Raises:
+        TypeError: If an input cannot be part of a key, or the result cannot be stored.
+        NotStoredError: If the result is not stored, within `stored_only`.
+    """
+    return unpack(fetch(kind, inputs, lambda: pack(compute())))  # type: ignore[no-any-return]
 
 
 @contextmanager
@@ -225,14 +243,20 @@ def write(key: str, arrays: Mapping[str, Any], about: Mapping[str, Any]) -> None
     replace(_path(key), (header.encode(), manifest, blob))
 
 
-def entries() -> list[Entry]:
-    """List all entries of the result store, newest first; their manifests are read and their arrays are not."""
-    return _list_entries(_describe_entry)
+def entries(*, checked: bool = False) -> list[Entry]:
+    """List all entries of the result store, newest first.
+
+    Args:
+        checked: Whether to read each whole entry and check it; `Entry.problem` then describes any fault.  Otherwise
+            only manifests are read.
+    """
+    found = (_describe_entry(path, checked=checked) for path in folder().glob(f"*{_SUFFIX}"))
+    return sorted((entry for entry in found if entry is not None), key=lambda entry: (-entry.created, entry.key))
 
 
 def verify() -> list[Entry]:
     """Read and check all entries of the result store and list them, newest first; `problem` describes a fault."""
-    return _list_entries(_verify_entry)
+    return entries(checked=True)
 
 
 def remove(entry: Entry) -> None:
@@ -300,6 +324,55 @@ def describe(value: Any) -> Any:  # noqa: ANN401 -- any input
     raise TypeError(f"cannot make a store key from {type(value).__name__}")
 
 
+def pack(value: Any) -> Arrays:  # noqa: ANN401 -- any tree
+    """Turn a tree of dataclasses, mappings, lists, tuples, arrays and plain values to numbered arrays and JSON.
+
+    Raises:
+        TypeError: If a part of the tree is of another type.
+    """
+    arrays: Arrays = {}
+
+    def flatten(item: Any) -> Any:  # noqa: ANN401
+        if isinstance(item, np.ndarray):
+            name = f"array_{len(arrays)}"
+            arrays[name] = item
+            return {"array": name}
+        if is_dataclass(item) and not isinstance(item, type):
+            kind = type(item)
+            body = {field.name: flatten(getattr(item, field.name)) for field in fields(item)}
+            return {"type": f"{kind.__module__}:{kind.__qualname__}", "fields": body}
+        if isinstance(item, Mapping):
+            return {"mapping": {name: flatten(each) for name, each in item.items()}}
+        if isinstance(item, list | tuple):
+            return {type(item).__name__: [flatten(each) for each in item]}
+        return item.item() if isinstance(item, np.generic) else item
+
+    tree = json.dumps(flatten(value))
+    return {"tree": np.array(tree), **arrays}
+
+
+def unpack(arrays: Mapping[str, Any]) -> Any:  # noqa: ANN401 -- any tree
+    """Return the tree that `pack` turned to arrays."""
+
+    def restore(item: Any) -> Any:  # noqa: ANN401
+        if not isinstance(item, dict):
+            return item
+        (kind, body), *more = item.items()
+        if kind == "array":
+            return arrays[body]
+        if kind == "type":
+            module, _, name = body.partition(":")
+            if module.partition(".")[0] not in {"fem_reference", "meshes"}:
+                raise DamagedEntryError(f"names the foreign type {body}")
+            values = {field: restore(each) for field, each in more[0][1].items()}
+            return getattr(import_module(module), name)(**values)
+        if kind == "mapping":
+            return {name: restore(each) for name, each in body.items()}
+        return (tuple if kind == "tuple" else list)(restore(each) for each in body)
+
+    return restore(json.loads(str(arrays["tree"])))
+
+
 def _path(key: str) -> Path:
     """Return the file of the entry with this key."""
     return folder() / f"{key}{_SUFFIX}"
@@ -360,44 +433,30 @@ def _read_checked(path: Path) -> tuple[dict[str, Any], Arrays]:
     return manifest, arrays
 
 
-def _list_entries(look: Callable[[Path], Entry | None]) -> list[Entry]:
-    """Apply `look` to every file of the result store and return the entries found, newest first."""
-    found = (look(path) for path in folder().glob(f"*{_SUFFIX}"))
-    return sorted((entry for entry in found if entry is not None), key=lambda entry: (-entry.created, entry.key))
-
-
-def _describe_entry(path: Path) -> Entry | None:
+def _describe_entry(path: Path, *, checked: bool) -> Entry | None:
     """Describe an entry from its header and manifest; return None if another process has removed the file."""
+    manifest: Any = {}
+    problem = ""
     try:
         with open_regular(path) as file:
-            if not _HEADER.fullmatch(file.readline(_HEADER_LENGTH)):
-                return _build_entry(path, {}, "does not begin like an entry of this version")
-            manifest = parse_json(file.readline(_SETTINGS.most_manifest_bytes))
+            if _HEADER.fullmatch(file.readline(_HEADER_LENGTH)):
+                manifest = parse_json(file.readline(_SETTINGS.most_manifest_bytes))
+            else:
+                problem = "does not begin like an entry of this version"
     except OSError as error:
-        return _build_entry(path, {}, f"cannot be read: {error.strerror}")
+        problem = f"cannot be read: {error.strerror}"
     except FileLimitError:
-        return _build_entry(path, {}, "has an unreadable manifest")
-    return _build_entry(path, manifest if isinstance(manifest, dict) else {})
-
-
-def _verify_entry(path: Path) -> Entry | None:
-    """Read and check the whole file of an entry and describe it; `problem` of the result describes a fault."""
-    found = _describe_entry(path)
-    if found is None or found.problem:
-        return found
+        problem = "has an unreadable manifest"
     try:
-        _read_checked(path)
+        if checked and not problem:
+            _read_checked(path)
     except (DamagedEntryError, OSError) as error:
-        return dataclasses.replace(found, problem=str(error))
-    return found
-
-
-def _build_entry(path: Path, manifest: Mapping[str, Any], problem: str = "") -> Entry | None:
-    """Build the description of an entry from its manifest; return None if the file no longer exists."""
+        problem = str(error)
     try:
         status = path.stat()
     except OSError:
         return None
+    manifest = manifest if isinstance(manifest, dict) else {}
     created, inputs = manifest.get("created"), manifest.get("inputs")
     return Entry(
         key=path.stem,

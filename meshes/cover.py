@@ -86,6 +86,15 @@ class Cover:
         """Total thickness of the layers [m]."""
         return sum(layer.thickness for layer in self.layers)
 
+    def meshes(self, progress: Callable[[str], None] | None = None) -> tuple[SolidMesh, ...]:
+        """Refuse to make meshes: layers are solved on grids of the solver's own.
+
+        Raises:
+            ValueError: Always.
+        """
+        del progress
+        raise ValueError("has a flat cover, which needs no mesh file")
+
     @property
     def small_strain_only(self) -> bool:
         """Whether the materials of all layers are valid at small strain only."""

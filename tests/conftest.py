@@ -41,6 +41,14 @@ def _interruptible() -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def _no_flush() -> Iterator[None]:
+    """Files of tests need not survive a loss of power: nothing waits for the disk."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda _handle: None)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def _own_store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Tests never read or write the user's result store; the processes of a run share one, as those of a user do."""
     base = tmp_path_factory.getbasetemp()

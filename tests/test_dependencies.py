@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import ast
+import re
 import sys
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-import pytest
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
@@ -24,30 +23,20 @@ TOOLS = {"ruff", "mypy", "scipy-stubs", "mujoco-stubs", "pytest-xdist", "pytest-
 BENCHMARKS_ONLY = {"felupe", "netgen", "ngsolve", "coverage"}
 
 
-#: Calls whose first argument names a module: its files are used without an import statement.
-NAMING = {"files", "find_spec", "import_module", "importorskip"}
-
-
-def named_in(call):
-    """The module that a call such as `resources.files("plotly")` names."""
-    name = getattr(call.func, "attr", getattr(call.func, "id", ""))
-    if name in NAMING and call.args and isinstance(call.args[0], ast.Constant):
-        return {str(call.args[0].value).split(".")[0]}
-    return set()
+#: Texts of several lines, which may hold code of their own.
+TEXTS = re.compile(r'""".*?"""', re.DOTALL)
+#: Lines that import a module, and calls that name one: its files are used without an import statement.
+IMPORTS = re.compile(
+    r"^ *from (\w+)[\w.]* import |^ *import (\w+)"
+    r"|\b(?:files|find_spec|import_module|importorskip)\(\s*\"(\w+)", re.MULTILINE
+)  # fmt: skip
 
 
 @cache
 def imported_in(*folders):
     """Top-level modules of other projects that sources under these folders use, also inside functions."""
-    names = set()
-    for path in (path for folder in folders for path in (ROOT / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Import):
-                names |= {alias.name.split(".")[0] for alias in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.level == 0:
-                names.add(str(node.module).split(".")[0])
-            elif isinstance(node, ast.Call):
-                names |= named_in(node)
+    sources = (path.read_text() for folder in folders for path in (ROOT / folder).rglob("*.py"))
+    names = {name for source in sources for found in IMPORTS.findall(TEXTS.sub("", source)) for name in found if name}
     return names - set(sys.stdlib_module_names) - OWN
 
 
@@ -70,7 +59,6 @@ def distributions_of(module):
     return {name.lower().replace("_", "-") for name in installed().get(module, [module])}
 
 
-@pytest.mark.slow
 def test_every_distribution_of_an_extra_is_imported():
     used = set().union(*map(distributions_of, imported_in(*PRODUCT, "tests", "examples", "docs")))
     for extra, names in declared().items():

@@ -18,9 +18,8 @@ from fem_reference.errors import UnsupportedError
 from fem_reference.indentation.press import solve_press
 from fem_reference.indentation.result import Indentation
 from meshes import Layer, Material, Pose, Sphere
-from validation.campaign.bench import Bench, Plan, plan_cases, prepare_bench
+from validation.campaign.bench import Bench, ModelForces, prepare_bench
 from validation.campaign.case import Case
-from validation.campaign.results import CaseResult, predict
 from validation.campaign.run import run_campaign
 from validation.derivation.base import derive_cover
 from validation.derivation.derive import derive
@@ -94,12 +93,6 @@ def _(cover: SpringBed, sensor, progress=None):
     return SpringDerivation(sensor=sensor, parameters=parameters)
 
 
-@plan_cases.register
-def _(cover: SpringBed, sensor, cases, progress=None):
-    del cover, sensor, progress
-    return Plan(cases=len(cases), missing=(True,) * len(cases), seconds=(0.1,) * len(cases), rest=0.0)
-
-
 class SpringDerivation(SimpleNamespace):
     """The sensor, and the parameters of its fast model."""
 
@@ -109,27 +102,11 @@ class SpringBench(Bench):
 
     models: ClassVar = {"fast": "the bed as it is known", "zeros": "an empty image"}
 
-    def __init__(self, derivation):
-        self.sensor, self._parameters = derivation.sensor, derivation.parameters
-
-    @property
-    def parameters(self):
-        return self._parameters
-
-    def plan(self, cases):
-        return plan_cases(self.sensor.cover, self.sensor, cases)
-
-    def solve(self, case):
-        reference = press(self.sensor.cover, self.sensor.array, case.indenter, case.pose, load=case.load)
+    def compute_models(self, case):
         # A model of the right shape that lacks a tenth of the load.
-        near = 0.9 * reference.texel_forces
-        forces = {"fast": (near, case.load - float(near.sum())), "zeros": (0 * near, 0.0)}
-        return CaseResult(
-            case=case,
-            reference=reference,
-            warnings=(),
-            predictions=predict(reference, forces, case.load, self.parameters),
-        )
+        found = press(self.cover, self.parameters.array, case.indenter, case.pose, load=case.load)
+        near = 0.9 * found.texel_forces
+        return ModelForces({"fast": (near, case.load - float(near.sum())), "zeros": (0 * near, 0.0)})
 
     def verify(self, results):
         return iter(())
@@ -147,7 +124,7 @@ class SpringBench(Bench):
 @prepare_bench.register
 def _(derivation: SpringDerivation, cases, progress=None, *, parameters=None):
     del cases, progress, parameters
-    return SpringBench(derivation)
+    return SpringBench(cover=derivation.sensor.cover, parameters=derivation.parameters)
 
 
 BED = SpringBed(stiffness=2e8)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Literal
 
 import fastmodel
 from fastmodel import Parameters
-from meshes import SolidCover
 from validation.errors import InputError, nearest
 from validation.extras import REPORT_MODULES, require
 from validation.output_folder import make_file_name, new_folder, write_text
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from validation.calibration.point_load import PointLoadCalibration
     from validation.campaign.comparison import Comparison
     from validation.campaign.evaluation import Evaluation
-    from validation.curved.press import CurvedPress
     from validation.data_sheet import DataSheet
     from validation.derivation.derive import Derivation
     from validation.recordings.capture import Captured
@@ -33,7 +31,7 @@ if TYPE_CHECKING:
     from validation.regression.baseline import Regression
     from validation.results.report import Report
     from validation.simulator_models import Exported
-    from validation.weiss.protocol import Reading
+    from validation.weiss.protocol import MatrixInfo, Reading
     from validation.weiss.stream import Gap
 
 Progress = Callable[[str], None]
@@ -188,12 +186,12 @@ def press(
     yaw: str | None = None,
     tilt: str | None = None,
     friction: str | None = None,
-    strain: Literal["small", "finite"] = "small",
+    strain: Literal["small", "finite"] | None = None,
     accuracy: float | None = None,
     models: Sequence[str] = ("fem", "fast"),
     method: str = "default",
     progress: Progress | None = None,
-) -> Comparison | CurvedPress:
+) -> Comparison:
     """Press an indenter on a sensor by finite elements, by the fast model, or by both.
 
     Args:
@@ -201,7 +199,8 @@ def press(
         indenter: Shape of the indenter, such as `sphere:radius=5mm`.
         load: Force on the indenter, such as `5 N`; give either load or depth.
         depth: Distance from first touch, such as `0.3 mm`.
-        at: Place of the touch: `1mm,-2mm` in the array's frame; of a curved cover also a name or three coordinates.
+        at: Place of the touch: a name such as `off grid`, or `1mm,-2mm` in the array's frame; three coordinates of a
+            curved cover.
         direction: Direction of the motion on a curved cover: a name or a vector.
         yaw: Rotation of the indenter about its axis, such as `45 deg`.
         tilt: Rotations of the indenter about its x and y axes, such as `1deg,0deg`.
@@ -217,39 +216,14 @@ def press(
         MissingExtraError: If finite elements are needed and not installed.
         ConvergenceError: If the finite elements did not converge.
     """
-    from validation.text import indenter as texts
-    from validation.text.friction import read_friction
+    from validation.pressing import read_request
 
-    found = load_any(sensor)
-    shape = texts.read_indenter(indenter)
-    newtons = None if load is None else texts.read_load(load)
-    metres = None if depth is None else texts.read_depth(depth)
-    if (newtons is None) == (metres is None):
-        raise InputError("--load, --depth: give one of them, for example --load 4.9N or --depth 0.3mm")
-    coefficient = None if friction is None else read_friction(friction, place="--friction", example="0.4")
-    if isinstance(found, SensorDescription) and isinstance(found.cover, SolidCover):
-        from validation.curved.places import read_pose
-        from validation.curved.press import press_sensor
-
-        given = {"at": at, "direction": direction, "yaw": yaw, "tilt": tilt}
-        pose = {name: value for name, value in given.items() if value is not None}
-        return press_sensor(
-            found, shape, shape=indenter, load=newtons, depth=metres, friction=coefficient, finite=strain == "finite",
-            pose=read_pose(pose, "--", planar=found.array.planar), fast="fast" in models, progress=progress,
-        )  # fmt: skip
-    from meshes import Pose
-    from validation.campaign.case import Case
-    from validation.campaign.comparison import compare_models
-
-    placed = Pose.planar(
-        texts.read_position(at or "0mm,0mm"), texts.read_yaw(yaw or "0deg"), texts.read_tilt(tilt or "0deg,0deg")
-    )
-    case = Case(name="press", indenter=shape, shape=indenter, load=newtons or 0.0, pose=placed)
-    return compare_models(
-        found, case, depth=metres, accuracy=accuracy, models=models, method=method, progress=progress,
-        friction=coefficient if coefficient is not None else getattr(found, "friction", 0.0),
-        parameters=find_parameters(found, progress) if "fast" in models else None,
+    request = read_request(
+        lambda _: load_any(sensor), indenter, load=load, depth=depth, friction=friction, strain=strain,
+        accuracy=accuracy, models=",".join(models), method=method,
+        pose={"at": at, "direction": direction, "yaw": yaw, "tilt": tilt},
     )  # fmt: skip
+    return request.run(progress=progress)
 
 
 def validate(
@@ -379,7 +353,8 @@ def calibrate(
         ConvergenceError: If the finite elements did not converge.
     """
     from validation.calibration.calibrate import Calibration, calibrate_recordings
-    from validation.data_sets.data_set import Keys
+    from validation.schema.data_set import CommonKeys
+    from validation.text.indenter import read_position, read_yaw
     from validation.text.quantity import read_quantity
 
     description = describe(sensor)
@@ -388,13 +363,14 @@ def calibrate(
             raise InputError(f"{option}: {path} exists; name a new file")
     if out is not None and description is BUILT_IN.get(description.name):
         raise InputError(f"--out: {description.name} is built in and has no file to copy; see `softcover init`")
-    keys = Keys(
-        indenter=indenter or (f"tip:radius={tip}" if tip else ""), at=at, yaw=yaw, moved=moved, array=array,
-        threshold=threshold, window=window, temperature_channel=temperature_channel,
+    keys = CommonKeys.model_construct(
+        indenter=indenter or (f"tip:radius={tip}" if tip else None), array=array, threshold=threshold, window=window,
+        at=None if at is None else read_position(at), yaw=None if yaw is None else read_yaw(yaw),
+        temperature_channel=temperature_channel,
     )  # fmt: skip
     found = calibrate_recordings(
-        [Path(each) for each in recordings], description, keys, method=method, heights=heights, texel=texel,
-        tip=None if tip is None else read_quantity(tip, "length", place="--tip"),
+        [Path(each) for each in recordings], description, keys, moved=moved, method=method, heights=heights,
+        texel=texel, tip=None if tip is None else read_quantity(tip, "length", place="--tip"),
         draws=picture is not None, progress=progress,
     )  # fmt: skip
     if isinstance(found, Calibration):
@@ -410,10 +386,14 @@ def record(
     indenter: str = "",
     load: str | None = None,
     note: str = "",
+    threshold: int | None = None,
+    gain: int | None = None,
+    tare: bool = False,
     interval_ms: int = 0,
     run_length: bool = False,
     reconnect: float = 0.0,
     baud_rate: int = 115_200,
+    on_start: Callable[[MatrixInfo], None] | None = None,
     on_event: Callable[[Reading | Gap], None] | None = None,
 ) -> Captured:
     """Record a real sensor in an MCAP file.
@@ -425,10 +405,14 @@ def record(
         indenter: Tool that presses, such as `sphere:radius=5mm`; kept in the file.
         load: Force or weight, such as `4.9N` or `500g`; kept in the file.
         note: Any other text to keep in the file.
+        threshold: Threshold of the sensor; None to leave it [counts].
+        gain: Front-end gain of the sensor; None to leave it [-].
+        tare: Whether the sensor takes the image at the start as zero.
         interval_ms: Time between frames; 0 for as fast as the sensor can [ms].
         run_length: Whether frames are run-length encoded, for slow lines.
         reconnect: How long to wait for a lost port to return [s].
         baud_rate: Speed of a true UART; USB ports ignore it [1/s].
+        on_start: Called with the size of the array before the first frame.
         on_event: Called with each frame and each gap.
 
     Raises:
@@ -437,17 +421,23 @@ def record(
     """
     from validation.recordings.capture import record as capture
     from validation.recordings.recording import Setup
-    from validation.text.indenter import read_indenter, read_load
     from validation.weiss.sensor import Sensor as Device
 
-    if indenter:
-        read_indenter(indenter)
-    if Path(out).exists():
-        raise InputError(f"--out: {out} exists; name a new file")
-    setup = Setup(indenter=indenter, load=None if load is None else read_load(load), note=note)
+    setup, path = Setup.read(indenter, load, note), Path(out)
+    if path.exists():
+        raise InputError(f"--out: {path} exists; name a new file")
+    path.parent.mkdir(parents=True, exist_ok=True)
     with Device(port, baud_rate=baud_rate) as device:
+        if threshold is not None:
+            device.set_threshold(threshold)
+        if gain is not None:
+            device.set_gain(gain)
+        if tare:
+            device.tare()
+        if on_start is not None:
+            on_start(device.read_matrix())
         return capture(
-            device, Path(out), setup=setup, seconds=seconds, run_length=run_length, interval_ms=interval_ms,
+            device, path, setup=setup, seconds=seconds, run_length=run_length, interval_ms=interval_ms,
             reconnect=reconnect, on_event=on_event,
         )  # fmt: skip
 

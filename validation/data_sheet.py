@@ -12,6 +12,7 @@ import numpy as np
 from fastmodel import Parameters
 from fastmodel.signal.electronics import Electronics, describe_calibration
 from fastmodel.signal.point_spread import Gaussian
+from meshes.array_types import FloatArray
 from validation.results import JsonObject, Result, result_model
 from validation.sensor_file import BUILT_IN, SensorDescription
 
@@ -142,177 +143,175 @@ def make_datasheet(parameters: Parameters, sensor: SensorDescription | None) -> 
     return DataSheet(sensor=parameters.array.name if sensor is None else sensor.name, entries=entries)
 
 
+def _make_entry(name: str, text: str | None, definition: str, source: str, values: dict[str, Any]) -> Entry:
+    """Make a line of the sheet; a text of None says that nothing is stated."""
+    return Entry(name=name, text=text or NOT_STATED, values=values, definition=definition, source=source)
+
+
 def _list_size(parameters: Parameters, sensor: SensorDescription | None) -> Iterator[Entry]:
     array = parameters.array
     x, y = (1e3 * edge for edge in array.extent)
     active = int(array.active.sum())
-    yield Entry(
-        name="size",
-        text=f"{x:.4g} x {y:.4g} mm, {array.columns} x {array.rows} texels ({active} measure)",
-        values={"size_m": list(array.extent), "columns": array.columns, "rows": array.rows, "active_texels": active},
-        definition="edges of the rectangle around all texels, along x and y; columns x rows",
-        source="the array",
+    yield _make_entry(
+        "size",
+        f"{x:.4g} x {y:.4g} mm, {array.columns} x {array.rows} texels ({active} measure)",
+        "edges of the rectangle around all texels, along x and y; columns x rows",
+        "the array",
+        {"size_m": list(array.extent), "columns": array.columns, "rows": array.rows, "active_texels": active},
     )
     text, thickness, assumed = NOT_STATED + ": parameters do not describe the cover", None, None
     if sensor is not None:
         thickness, assumed = sensor.cover.thickness, sensor.cover.assumed
         layers = (f"{1e3 * layer.thickness:.4g} mm {layer.material.name}" for layer in sensor.cover.layers)
         text = " + ".join(layers) + (" (assumed)" if assumed else "")
-    yield Entry(
-        name="cover",
-        text=text,
-        values={"cover_thickness_m": thickness, "cover_assumed": assumed},
-        definition="elastic layers over the texels, bottom to top",
-        source="assumed: nobody published it" if assumed else "the sensor file, [cover], or the options",
+    yield _make_entry(
+        "cover",
+        text,
+        "elastic layers over the texels, bottom to top",
+        "assumed: nobody published it" if assumed else "the sensor file, [cover], or the options",
+        {"cover_thickness_m": thickness, "cover_assumed": assumed},
     )
 
 
 def _list_force(parameters: Parameters, source: str) -> Iterator[Entry]:
     electronics, share = parameters.electronics, parameters.electronics.applied_share
-    forces, counts = trace_characteristic(electronics)
-    low, high = find_range(forces, counts, electronics.output_max)
-    rising = (forces >= low) & (forces <= high)
+    forces, counts = _trace_range(electronics)
+    low, high = float(forces[0]), float(forces[-1]) if counts[-1] >= electronics.output_max else None
     slope: float | None = electronics.sensitivity / share
-    if electronics.characteristic is not None or electronics.saturation_band:
-        slope = float(np.polyfit(forces[rising], counts[rising], 1)[0]) if rising.sum() > 1 else None
-    applied = "" if share == 1 else f" ({slope * share:.4g} per N under the calibration tip)" if slope else ""
-    yield Entry(
-        name="sensitivity",
-        text=NOT_STATED if slope is None else f"{slope:.4g} counts per N on a texel{applied}",
-        values={"sensitivity_per_N": slope, "sensitivity_applied_per_N": None if slope is None else slope * share},
-        definition="slope of the least-squares line of counts over force on one texel, over the range; "
+    if _is_bent(electronics):
+        slope = float(np.polyfit(forces, counts, 1)[0]) if len(forces) > 1 else None
+    applied = "" if share == 1 or not slope else f" ({slope * share:.4g} per N under the calibration tip)"
+    yield _make_entry(
+        "sensitivity",
+        None if slope is None else f"{slope:.4g} counts per N on a texel{applied}",
+        "slope of the least-squares line of counts over force on one texel, over the range; "
         + describe_calibration(electronics),
-        source=source,
+        source,
+        {"sensitivity_per_N": slope, "sensitivity_applied_per_N": None if slope is None else slope * share},
     )
-    ends = high < forces[-1]
-    upper = f"{high:.4g} N" if ends else "no end found"
-    yield Entry(
-        name="range",
-        text=f"{low:.4g} N to {upper} on a texel; counts up to {electronics.output_max}",
-        values={"range_N": [low, high if ends else None], "largest_count": electronics.output_max},
-        definition="from the smallest force on one texel that gives a count to the force of the largest count",
-        source=source,
+    upper = "no end found" if high is None else f"{high:.4g} N"
+    yield _make_entry(
+        "range",
+        f"{low:.4g} N to {upper} on a texel; counts up to {electronics.output_max}",
+        "from the smallest force on one texel that gives a count to the force of the largest count",
+        source,
+        {"range_N": [low, high], "largest_count": electronics.output_max},
     )
     step = None if slope is None else 1 / slope
-    yield Entry(
-        name="force resolution",
-        text=NOT_STATED if step is None else f"{1e3 * step:.3g} mN per count, without noise",
-        values={"force_resolution_N": step},
-        definition="change of the force on one texel that changes the output by one count",
-        source="1 / sensitivity",
+    yield _make_entry(
+        "force resolution",
+        None if step is None else f"{1e3 * step:.3g} mN per count, without noise",
+        "change of the force on one texel that changes the output by one count",
+        "1 / sensitivity",
+        {"force_resolution_N": step},
     )
 
 
 def _list_space(parameters: Parameters) -> Iterator[Entry]:
     array, spread = parameters.array, parameters.spread
-    pitch = " x ".join(f"{1e3 * each:.4g}" for each in array.pitch)
-    separation = _separate_two_points(parameters)
-    text = f"{1e3 * separation:.3g} mm" if isinstance(separation, float) else f"{NOT_STATED}: {separation}"
-    yield Entry(
-        name="spatial resolution",
-        text=f"{text}; pitch {pitch} mm",
-        values={"spatial_resolution_m": separation if isinstance(separation, float) else None, "pitch_m": array.pitch},
-        definition="smallest distance of two equal point loads on the cover, along x, that shows a dip between two "
+    found = _separate_two_points(parameters)
+    separation = found if isinstance(found, float) else None
+    text = f"{NOT_STATED}: {found}" if separation is None else f"{1e3 * separation:.3g} mm"
+    yield _make_entry(
+        "spatial resolution",
+        f"{text}; pitch {' x '.join(f'{1e3 * each:.4g}' for each in array.pitch)} mm",
+        "smallest distance of two equal point loads on the cover, along x, that shows a dip between two "
         "peaks of texel values wherever the loads lie",
-        source="finite elements of the cover (`softcover derive`)",
+        "finite elements of the cover (`softcover derive`)",
+        {"spatial_resolution_m": separation, "pitch_m": array.pitch},
     )
-    sigma = (spread.sigma_x, spread.sigma_y) if isinstance(spread, Gaussian) else None
-    wide = [_WIDTH_AT_HALF * s * p for s, p in zip(sigma or (), array.pitch, strict=False)]
-    yield Entry(
-        name="width of the point spread",
-        text=NOT_STATED + ": the spread is a table, not a Gaussian"
-        if sigma is None
-        else f"{1e3 * wide[0]:.3g} x {1e3 * wide[1]:.3g} mm (sigma {sigma[0]:.3g} x {sigma[1]:.3g} pitches)",
-        values={"spread_width_m": wide or None, "spread_sigma_pitches": sigma},
-        definition="full width at half maximum, 2.355 sigma, of the Gaussian that spreads the force on a texel",
-        source=str(parameters.provenance.get("estimator", NOT_STATED)),
+    text, sigma, wide = NOT_STATED + ": the spread is a table, not a Gaussian", None, None
+    if isinstance(spread, Gaussian):
+        sigma = (spread.sigma_x, spread.sigma_y)
+        wide = [_WIDTH_AT_HALF * s * p for s, p in zip(sigma, array.pitch, strict=True)]
+        text = "{:.3g} x {:.3g} mm (sigma {:.3g} x {:.3g} pitches)".format(*(1e3 * each for each in wide), *sigma)
+    yield _make_entry(
+        "width of the point spread",
+        text,
+        "full width at half maximum, 2.355 sigma, of the Gaussian that spreads the force on a texel",
+        str(parameters.provenance.get("estimator", NOT_STATED)),
+        {"spread_width_m": wide, "spread_sigma_pitches": sigma},
     )
 
 
 def _list_time(parameters: Parameters, source: str) -> Iterator[Entry]:
     rate, low_pass = parameters.electronics.rate_hz, parameters.filter
-    cutoff = None if low_pass is None else low_pass.cutoff_hz
     text = NOT_STATED if low_pass is None else f"{low_pass.cutoff_hz:.4g} Hz (Butterworth, order {low_pass.order})"
-    yield Entry(
-        name="bandwidth",
-        text=f"{text}; {rate:.4g} frames/s hold up to {rate / 2:.4g} Hz",
-        values={"bandwidth_hz": cutoff, "rate_hz": rate},
-        definition="frequency at which the amplitude of a texel's force falls by 3 dB; at most half the frame rate",
-        source="no [filter] is given" if low_pass is None else "[filter]" + source.partition("[electronics]")[2],
+    yield _make_entry(
+        "bandwidth",
+        f"{text}; {rate:.4g} frames/s hold up to {rate / 2:.4g} Hz",
+        "frequency at which the amplitude of a texel's force falls by 3 dB; at most half the frame rate",
+        "no [filter] is given" if low_pass is None else "[filter]" + source.partition("[electronics]")[2],
+        {"bandwidth_hz": None if low_pass is None else low_pass.cutoff_hz, "rate_hz": rate},
     )
 
 
 def _list_errors(parameters: Parameters, source: str) -> Iterator[Entry]:
     electronics, validity = parameters.electronics, parameters.validity
     noise = electronics.noise or None
-    yield Entry(
-        name="accuracy",
-        text=NOT_STATED + ("" if noise is None else f"; noise {1e3 * noise:.3g} mN on each texel force"),
-        values={"accuracy_N": None, "noise_N": noise},
-        definition="largest difference between the force that the counts stand for and the true one; noise: standard "
+    yield _make_entry(
+        "accuracy",
+        NOT_STATED + ("" if noise is None else f"; noise {1e3 * noise:.3g} mN on each texel force"),
+        "largest difference between the force that the counts stand for and the true one; noise: standard "
         "deviation of the force on one texel",
-        source="needs recordings under known loads (`softcover calibrate`)" if noise is None else source,
+        "needs recordings under known loads (`softcover calibrate`)" if noise is None else source,
+        {"accuracy_N": None, "noise_N": noise},
     )
-    yield Entry(
-        name="accuracy of the fast model",
-        text=NOT_STATED
-        if validity is None
-        else f"at most 2 % of the force on wrong texels up to {validity.load_2_percent:.3g} N, 5 % up to "
-        f"{validity.load_5_percent:.3g} N",
-        values={
-            "model_load_2_percent_N": None if validity is None else validity.load_2_percent,
-            "model_load_5_percent_N": None if validity is None else validity.load_5_percent,
-        },
-        definition="against finite elements, under a ball of one pitch radius",
-        source="`softcover derive`",
+    loads = None if validity is None else (validity.load_2_percent, validity.load_5_percent)
+    yield _make_entry(
+        "accuracy of the fast model",
+        loads and "at most 2 % of the force on wrong texels up to {:.3g} N, 5 % up to {:.3g} N".format(*loads),
+        "against finite elements, under a ball of one pitch radius",
+        "`softcover derive`",
+        {"model_load_2_percent_N": loads and loads[0], "model_load_5_percent_N": loads and loads[1]},
     )
-    share, width = electronics.hysteresis_share, electronics.hysteresis_width
-    loop = 2 * share * width or None
-    yield Entry(
-        name="hysteresis",
-        text=NOT_STATED if loop is None else f"{1e3 * loop:.3g} mN",
-        values={"hysteresis_N": loop},
-        definition="largest difference of the force between unloading and loading at the same true force",
-        source="needs recordings with rising and falling loads (`softcover calibrate`)" if loop is None else source,
+    loop = 2 * electronics.hysteresis_share * electronics.hysteresis_width or None
+    yield _make_entry(
+        "hysteresis",
+        loop and f"{1e3 * loop:.3g} mN",
+        "largest difference of the force between unloading and loading at the same true force",
+        "needs recordings with rising and falling loads (`softcover calibrate`)" if loop is None else source,
+        {"hysteresis_N": loop},
     )
     linearity = find_nonlinearity(electronics)
-    yield Entry(
-        name="linearity",
-        text=f"{NOT_STATED}: a straight line is given"
-        if linearity is None
-        else f"{100 * linearity:.2g} % of full scale",
-        values={"nonlinearity": linearity},
-        definition="largest distance of the counts from their least-squares line in the range, over the largest count",
-        source="needs a measured characteristic of degree 5" if linearity is None else source,
+    yield _make_entry(
+        "linearity",
+        f"{NOT_STATED}: a straight line is given" if linearity is None else f"{100 * linearity:.2g} % of full scale",
+        "largest distance of the counts from their least-squares line in the range, over the largest count",
+        "needs a measured characteristic of degree 5" if linearity is None else source,
+        {"nonlinearity": linearity},
     )
     coefficient = electronics.temperature_coefficient or None
-    yield Entry(
-        name="temperature",
-        text=NOT_STATED if coefficient is None else f"{100 * coefficient:.3g} % per kelvin",
-        values={"temperature_per_K": coefficient},
-        definition="relative change of the measured force per kelvin",
-        source=NOT_STATED if coefficient is None else source,
+    yield _make_entry(
+        "temperature",
+        coefficient and f"{100 * coefficient:.3g} % per kelvin",
+        "relative change of the measured force per kelvin",
+        source if coefficient else NOT_STATED,
+        {"temperature_per_K": coefficient},
     )
 
 
-def trace_characteristic(electronics: Electronics) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    """Compute the counts of one texel over its force, from zero to beyond saturation.
+def _is_bent(electronics: Electronics) -> bool:
+    """Return whether the characteristic is anything but a straight line that ends sharply."""
+    return electronics.characteristic is not None or bool(electronics.saturation_band)
+
+
+def _trace_range(electronics: Electronics) -> tuple[FloatArray, FloatArray]:
+    """Compute the counts of one texel from the smallest force with a count to the smallest with the largest count.
 
     Returns:
-        Forces on the texel, shape (k,) [N], and counts, shape (k,) [-].
+        Forces on the texel, shape (k,) [N], and counts, shape (k,) [-]; if the counts never reach the largest one,
+        up to a force of more than 1 MN.
     """
     bare = dataclasses.replace(electronics, gains=None, noise=0.0, temperature_coefficient=0.0)
     top = 1e-3
     while top < _LARGEST_FORCE and bare.counts(np.array([top]))[0] < electronics.output_max:
         top *= 2
     forces = np.linspace(0, 1.01 * top, _STEPS)
-    return forces, np.asarray(bare.counts(forces[:, None]))[:, 0]
-
-
-def find_range(forces: np.ndarray[Any, Any], counts: np.ndarray[Any, Any], largest: int) -> tuple[float, float]:
-    """Find the smallest force that gives a count, and the smallest one that gives the largest count; else the last."""
-    some, full = np.flatnonzero(counts > 0), np.flatnonzero(counts >= largest)
-    return float(forces[some[0]] if some.size else 0.0), float(forces[full[0]] if full.size else forces[-1])
+    counts = np.asarray(bare.counts(forces[:, None]))[:, 0]
+    some, full = np.flatnonzero(counts > 0), np.flatnonzero(counts >= electronics.output_max)
+    shown = slice(some[0] if some.size else 0, full[0] + 1 if full.size else None)
+    return forces[shown], counts[shown]
 
 
 def find_nonlinearity(electronics: Electronics) -> float | None:
@@ -321,13 +320,11 @@ def find_nonlinearity(electronics: Electronics) -> float | None:
     Returns:
         The distance [-]; None if the characteristic is a straight line that ends sharply.
     """
-    if electronics.characteristic is None and not electronics.saturation_band:
+    if not _is_bent(electronics):
         return None
-    forces, counts = trace_characteristic(electronics)
-    low, high = find_range(forces, counts, electronics.output_max)
-    inside = (forces >= low) & (forces <= high)
-    line = np.polyval(np.polyfit(forces[inside], counts[inside], 1), forces[inside])
-    return float(np.abs(counts[inside] - line).max() / electronics.output_max)
+    forces, counts = _trace_range(electronics)
+    line = np.polyval(np.polyfit(forces, counts, 1), forces)
+    return float(np.abs(counts - line).max() / electronics.output_max)
 
 
 def _separate_two_points(parameters: Parameters) -> float | str:

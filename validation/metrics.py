@@ -50,6 +50,18 @@ class ImageScore:
     pixels_lit: int
 
 
+def _share(heading: str, meaning: str, *, decimals: int = 1) -> Column:
+    return Column(heading=heading, unit="%", factor=100, decimals=decimals, meaning=meaning)
+
+
+def _length(heading: str, meaning: str) -> Column:
+    return Column(heading=heading, unit="mm", factor=1e3, decimals=3, meaning=meaning)
+
+
+def _greys(heading: str, meaning: str) -> Column:
+    return Column(heading=heading, unit="%", decimals=2, meaning=meaning)
+
+
 @result_model
 class Score(Result):
     """Differences between predicted and reference texel forces of one case, by every metric.
@@ -75,74 +87,19 @@ class Score(Result):
         width_error_y_m: Absolute difference of the root second central moments along y [m].
     """
 
-    misplaced_force: Annotated[
-        Number,
-        Column(
-            heading="misplaced force", unit="%", factor=100, decimals=1, meaning="share of the load on the wrong texel"
-        ),
-    ]
-    relative_l2: Annotated[
-        Number,
-        Column(
-            heading="relative L2",
-            unit="%",
-            factor=100,
-            decimals=1,
-            meaning="norm of the difference over the norm of the reference",
-        ),
-    ]
+    misplaced_force: Annotated[Number, _share("misplaced force", "share of the load on the wrong texel")]
+    relative_l2: Annotated[Number, _share("relative L2", "norm of the difference over the norm of the reference")]
     total_force_error: Annotated[
-        Number,
-        Column(
-            heading="total force",
-            unit="%",
-            factor=100,
-            decimals=2,
-            meaning="difference of the total texel forces over the load",
-        ),
+        Number, _share("total force", "difference of the total texel forces over the load", decimals=2)
     ]
-    peak_error: Annotated[
-        Number,
-        Column(
-            heading="peak",
-            unit="%",
-            factor=100,
-            decimals=1,
-            meaning="difference of the largest texels over the reference's largest",
-        ),
-    ]
-    centre_of_pressure_m: Annotated[
-        Number,
-        Column(
-            heading="centre of pressure",
-            unit="mm",
-            factor=1e3,
-            decimals=3,
-            meaning="distance between the centres of pressure",
-        ),
-    ]
-    wasserstein_m: Annotated[
-        Number,
-        Column(
-            heading="Wasserstein-1",
-            unit="mm",
-            factor=1e3,
-            decimals=3,
-            meaning="mean distance that force would have to move",
-        ),
-    ]
+    peak_error: Annotated[Number, _share("peak", "difference of the largest texels over the reference's largest")]
+    centre_of_pressure_m: Annotated[Number, _length("centre of pressure", "distance between the centres of pressure")]
+    wasserstein_m: Annotated[Number, _length("Wasserstein-1", "mean distance that force would have to move")]
     image_changed_percent: Annotated[
-        Number,
-        Column(
-            heading="image changed",
-            unit="%",
-            decimals=2,
-            meaning="mean grey difference over 255, white = the case's peak",
-        ),
+        Number, _greys("image changed", "mean grey difference over 255, white = the case's peak")
     ]
     image_changed_line_percent: Annotated[
-        Number,
-        Column(heading="image changed, WTS line", unit="%", decimals=2, meaning="the same after the published line"),
+        Number, _greys("image changed, WTS line", "the same after the published line")
     ]
     pixels_changed: Annotated[
         int, Column(heading="pixels changed", decimals=0, meaning="texels whose grey level differs")

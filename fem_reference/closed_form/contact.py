@@ -25,7 +25,6 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 from scipy.special import j0
 
-from fem_reference.closed_form.influence import LOGARITHMIC_HALF_WIDTH, LOGARITHMIC_POINTS
 from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes, transfer, transfer_to_base
 from meshes import Cone, Cover, Cylinder, Indenter, Layer, RoundedTip, Sphere, TexelArray
 from meshes.array_types import FloatArray
@@ -60,6 +59,9 @@ class ContactSettings:
 
 
 _SETTINGS = ContactSettings()
+
+#: Points of the logarithmic grids, and natural logarithm of their largest over their middle value [-].
+LOGARITHMIC_POINTS, LOGARITHMIC_HALF_WIDTH = 8192, 20.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,15 +28,6 @@ ComplexArray = npt.NDArray[np.complex128]
 _NEWTON_STEPS = 30
 
 
-def gent_lindley(shape_factor: float) -> float:
-    """Estimate the apparent modulus of a bonded disk over its Young's modulus, 1 + 2 S^2 (Gent and Lindley 1959) [-].
-
-    Args:
-        shape_factor: Shape factor S, loaded area over free area, radius / (2 height) [-].
-    """
-    return 1 + 2 * shape_factor**2
-
-
 def bonded_disk(shape_factor: float, *, terms: int = 40) -> float:
     """Compute the apparent modulus of an incompressible disk bonded to two rigid plates, over its Young's modulus.
 

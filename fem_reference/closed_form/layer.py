@@ -132,20 +132,6 @@ def half_space_compliance(layer: Layer, wave_number: FloatArray) -> FloatArray:
     return (1 - material.poisson_ratio) / (material.shear_modulus * wave_number)
 
 
-def one_layer_compliance(layer: Layer, wave_number: FloatArray) -> FloatArray:
-    """Compute the compliance of the top of one layer bonded to a rigid base, for wave numbers k > 0, shape (m,) [m/Pa].
-
-    (1 - nu) / (mu k) * (2 q sinh 2x - 4x) / (2 q cosh 2x + 1 + q^2 + 4 x^2), q = 3 - 4 nu, x = k h
-    (Vorovich, Aleksandrov and Babeshko 1974); written with decaying exponentials to avoid overflow.
-    """
-    q = 3 - 4 * layer.material.poisson_ratio
-    x = wave_number * layer.thickness
-    decay = np.exp(-2 * x)
-    numerator = q * (1 - decay**2) - 4 * x * decay
-    denominator = q * (1 + decay**2) + (1 + q**2 + 4 * x**2) * decay
-    return half_space_compliance(layer, wave_number) * numerator / denominator
-
-
 def point_response(cover: Cover, radius: npt.ArrayLike) -> FloatArray:
     """Compute the pressure on the base per unit point load on the top of a wide cover.
 

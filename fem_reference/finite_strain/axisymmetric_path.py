@@ -5,21 +5,20 @@ A loading path is a sequence of ascending target loads or depths, solved one aft
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fem_reference.elements.grading import grade_around_edge, grade_outward
-from fem_reference.elements.taylor_hood import prepare_elements
-from fem_reference.fields.cover_fields import CoverFields, recover_fields
-from fem_reference.finite_strain.contact import SurfaceContact, collect_points
+from fem_reference.fields.cover_fields import recover_fields
+from fem_reference.finite_strain.contact import SurfaceContact, collect_points, divide_rings
 from fem_reference.finite_strain.contact_problem import ContactEquilibrium, ContactProblem, SolvedPath
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
-from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
-from meshes import FlatPunch, Indenter
+from fem_reference.finite_strain.loading_path import LoadingPath, Progress
+from fem_reference.indentation.grid_solution import GridSolution, RadialBase
+from fem_reference.linear_response.axisymmetric import RadialCover
+from meshes import FlatPunch
 from meshes.array_types import FloatArray
 
 
@@ -58,34 +57,6 @@ FIRST_DEPTH = 0.02
 #: Smallest number of steps of a loading path with friction, over the number of elements through the cover, in the r-z
 #: plane.  The error of the steps then decreases with the elements, and the differences between grids show both [-].
 FRICTION_STEPS = 1.25
-#: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
-_ON_BOUNDARY = 1e-9
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PressedState:
-    """Solution at one target load or depth of an axisymmetric loading path.
-
-    Attributes:
-        depth: Approach of the indenter from first touch [m].
-        load: Normal force on the indenter [N].
-        area: Contact area in the deformed state [m2].
-        overlap: Mean penetration of indenter and cover that remains with the penalty method [m].
-        base: Pressure on the base of the cover over the radius.
-        rings: Radius [m], force along z and radial frictional force on the cover [N] of k rings of the contact, shape
-            (k, 3).
-        energy: Elastic energy stored in the cover [J].
-        fields: Displacement and stress in the cover, if the loading path asks for them.
-    """
-
-    depth: float
-    load: float
-    area: float
-    overlap: float
-    base: BaseResponse
-    rings: FloatArray
-    energy: float
-    fields: CoverFields | None
 
 
 def press_axisymmetric(
@@ -96,8 +67,8 @@ def press_axisymmetric(
     fillet: float,
     reach: float,
     coarse: SolvedPath | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[list[PressedState], SolvedPath]:
+    progress: Progress = None,
+) -> tuple[list[GridSolution], SolvedPath]:
     """Press an indenter of revolution into a wide cover along one loading path, on one mesh.
 
     Args:
@@ -111,18 +82,22 @@ def press_axisymmetric(
         progress: Called with a line of text after each step.
 
     Returns:
-        The state at every target, and the solved path as initial guesses for a finer mesh.
+        The solution at every target, without the load scale, and the solved path as initial guesses for a finer mesh.
 
     Raises:
         PathConvergenceError: If the path stops before its last target.
     """
     units = path.units
-    thin = units.scale_cover(path.cover)
     fillet, radius, reach = (value / units.length for value in (fillet, contact_radius, reach))
     size = min(1.0, radius) / elements_per_thickness
-    radii, top = _grade_radii(path.indenter, elements_per_thickness, radius, fillet, reach)
-    mesh, region = mesh_cover(thin, elements_per_thickness, radii, surface_size=top)
-    elements = prepare_elements(mesh, region=region, axisymmetric=True)
+    growth = 1 + _SETTINGS.growth / elements_per_thickness
+    if isinstance(path.indenter, FlatPunch):
+        top = _SETTINGS.edge_element * fillet
+        radii = grade_around_edge(top, size, radius, reach, growth)
+    else:
+        radii, top = grade_outward(size, _SETTINGS.fine_region * radius, reach, growth), size
+    radial = RadialCover.mesh(path.cover, elements_per_thickness, radii, surface_size=top)
+    elements = radial.elements
     # Contact problem in units of the cover's thickness and shear modulus.
     surface = IndenterSurface(indenter=path.indenter, fillet=fillet, unit=units.length, load_scale=path.load_scale)
     direct = 0.0 if isinstance(path.indenter, FlatPunch) or path.load_scale < 1 else _SETTINGS.direct_bulk
@@ -130,7 +105,7 @@ def press_axisymmetric(
     problem = ContactProblem(
         solid=solid,
         contact=SurfaceContact(elements, 1.0, surface, penalty=PENALTY / size, friction=path.friction),
-        constrained=find_constrained(thin, elements.nodes[:, 0], elements.nodes[:, 1], reach),
+        constrained=radial.constrained,
         units=units,
         load_scale=path.load_scale,
         friction_steps=round(FRICTION_STEPS * elements_per_thickness),
@@ -147,58 +122,34 @@ def press_axisymmetric(
         record=steps.append,
     )
     solved = SolvedPath(elements=elements, equilibria=reached, steps=steps, coarse=coarse)
-    return [_describe_state(solid, path, surface, each) for each in reached], solved
-
-
-def _grade_radii(
-    indenter: Indenter, count: int, radius: float, fillet: float, reach: float
-) -> tuple[FloatArray, float]:
-    """Place element edges along the radius, with small elements at a sharp edge or in the contact of a curved shape.
-
-    Args:
-        indenter: Indenter with its shape.
-        count: Number of elements through the cover [-].
-        radius: Estimated radius of the largest contact [thicknesses].
-        fillet: Radius of rounded edges of the indenter [thicknesses].
-        reach: Radius of the outer boundary [thicknesses].
-
-    Returns:
-        Element edges, and the height of the elements at the top [thicknesses].
-    """
-    size, growth = min(1.0, radius) / count, 1 + _SETTINGS.growth / count
-    if isinstance(indenter, FlatPunch):
-        top = _SETTINGS.edge_element * fillet
-        return grade_around_edge(top, size, radius, reach, growth), top
-    return grade_outward(size, _SETTINGS.fine_region * radius, reach, growth), size
+    states = [_describe_state(solid, path, surface, each, radial) for each in reached]
+    return [replace(each, size=1 / elements_per_thickness) for each in states], solved
 
 
 def _describe_state(
-    solid: Solid, path: LoadingPath, surface: IndenterSurface, reached: ContactEquilibrium
-) -> PressedState:
-    """Convert the converged state at one target to SI units."""
+    solid: Solid, path: LoadingPath, surface: IndenterSurface, reached: ContactEquilibrium, radial: RadialCover
+) -> GridSolution:
+    """Convert the converged state at one target to SI units, without the load scale."""
     elements, units, scale = solid.elements, path.units, path.load_scale
-    r, z = elements.nodes.T
-    base, top = np.flatnonzero(z < _ON_BOUNDARY), np.flatnonzero(z > 1 - _ON_BOUNDARY)
-    base, top = base[np.argsort(r[base])], top[np.argsort(r[top])]
     moved = elements.nodes + reached.state[: elements.displacements].reshape(-1, 2)
-    below = recover_base_response(r[base], reached.reaction[2 * base + 1])
     # Scaled strains are so small that the stored energy of finite strain is lost in rounding.
     stored = solid if scale == 1 else solid.linearise_at_rest()
     fields = None
     if path.fields:
         fields = recover_fields(solid, reached.state, units, load_scale=scale, linear=scale != 1)
-    return PressedState(
-        depth=reached.depth * units.length,
-        load=reached.load * units.force,
-        area=_measure_area(surface, moved[top], reached) * units.length**2,
-        overlap=reached.contact.overlap * units.length,
-        base=BaseResponse(
-            radius=below.radius * units.length,
-            pressure=below.pressure * units.stress,
-            reaction=below.reaction * units.force,
-        ),
-        rings=collect_points(reached.contact) * [units.length, units.force, units.force],
-        energy=stored.energy(reached.state) * units.force * units.length,
+    force = reached.load * units.force / scale
+    points = divide_rings(collect_points(reached.contact) * [units.length, *[units.force / scale] * 2])
+    spread = radial.recover_base(reached.reaction[2 * radial.base + 1], reached.load)
+    return GridSolution(
+        size=1.0,
+        total_force=force,
+        depth=reached.depth * units.length / scale,
+        area=_measure_area(surface, moved[radial.top], reached) * units.length**2,
+        overlap=reached.contact.overlap / reached.depth,
+        contact=points[:, :3],
+        shear=points[:, 3:] if path.friction else None,
+        base=RadialBase(spread=spread, force=force),
+        energy=stored.energy(reached.state) * units.force * units.length / scale**2,
         fields=fields,
     )
 

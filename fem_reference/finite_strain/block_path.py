@@ -1,35 +1,38 @@
-"""Build blocks of hexahedra under an indenter of any shape: layout, mesh, constraints and base pressure.
+"""Solve a loading path on a block of hexahedra, together with its baseline at small strain without friction.
 
 A block is the part of a cover that is meshed in three dimensions.  A wide cover has the same properties everywhere, so
-the block is fixed in the frame of the indenter and one solution is valid for all poses of the indenter.  If the
-indenter is symmetric about x = 0 or y = 0, only the half or quarter at positive coordinates is meshed.
-
-Solve a loading path on a block together with its baseline, the same loading path at small strain without friction.
-
-A block is the part of a cover that is meshed in three dimensions.  Both solutions have nearly the same discretisation
-error, which cancels in their difference (a control variate).  The difference is the effect of finite strain and
-friction.
+the block is fixed in the frame of the indenter and one solution is valid for all poses of the indenter.  A cover of
+limited size is meshed whole, in the frame of the array, and solved for every pose.  If the problem is symmetric about
+x = 0 or y = 0, only the half or quarter at positive coordinates is meshed.  Both solutions have nearly the same
+discretisation error, which cancels in their difference (a control variate).  The difference is the effect of finite
+strain and friction.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from scipy.interpolate import RectBivariateSpline
 
-from fem_reference.elements.grading import grade_contact, layer_heights
+from fem_reference.elements.grading import fill_by_spacing, grade_contact, layer_heights
 from fem_reference.elements.line import Line, gauss_points, recover_pressure
 from fem_reference.elements.taylor_hood import MixedElements, mesh_layers, prepare_elements
-from fem_reference.fields.cover_fields import CoverFields, recover_fields
+from fem_reference.fields.cover_fields import recover_fields
 from fem_reference.finite_strain.axisymmetric_path import FIRST_DEPTH, PENALTY
 from fem_reference.finite_strain.contact import SurfaceContact, collect_points, unfold_points
 from fem_reference.finite_strain.contact_problem import ContactEquilibrium, ContactProblem, Guess, transfer_state
 from fem_reference.finite_strain.hyperelastic import SmallStrainSolid, Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
-from fem_reference.finite_strain.loading_path import LoadingPath, Units
-from meshes import Cover, FlatPunch
+from fem_reference.finite_strain.loading_path import LoadingPath, Progress
+from fem_reference.indentation.grid_solution import Base, GridSolution
+from fem_reference.small_strain_contact.free_edges import find_mirror_planes
+from meshes import Cover, FlatPunch, TexelArray
 from meshes.array_types import FloatArray, IntArray
+from meshes.pose import Pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +49,15 @@ class BlockSettings:
     edge_element: float = 0.5
     #: Largest element size in the contact over the regular size [-].
     largest_element: float = 1.2
+    #: Largest element size at the sides of a cover of limited size over the regular size [-].
+    side_element: float = 1.5
+    #: Increase of the element size per distance from the edge of the contact and from the sides of such a cover [-].
+    growth: float = 0.4
+    #: Distance between the edge of the contact and a side of the cover, over half the width of the cover, below which
+    #: the edge of the contact counts as on the side [-].
+    on_side: float = 1e-9
+    #: Samples of the element size between two fixed element edges [-].
+    samples: int = 801
     #: Largest number of equal elements along half a footprint, per element through the cover, to limit the memory [-].
     most_elements: int = 6
     #: Smallest number of elements through each layer [-].
@@ -60,46 +72,122 @@ class BlockSettings:
     friction_overlap: float = 5e-4
     #: Gap between indenter and cover, over the depth, below which a node counts as in contact [-].
     closed: float = 0.01
+    #: Gauss points along each side of a texel, for the integral of the base pressure [-].
+    texel_points: int = 16
 
 
 _SETTINGS = BlockSettings()
 
-
-#: Base pressure on a grid: ascending positions along x, shape (m,) [m], and along y, shape (n,) [m], and the pressure
-#: at the grid points, shape (m, n) [Pa].
-BasePressure = tuple[FloatArray, FloatArray, FloatArray]
 
 #: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
 _ON_BOUNDARY = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class BlockState:
-    """Solution at one target load or depth of a loading path on a block.
+class NodalBase(Base):
+    """Base pressure at the nodes of the base: the biquadratic field whose nodal forces are the base reactions.
 
     Attributes:
-        depth: Approach of the indenter from first touch [m].
-        load: Normal force on the whole indenter [N].
-        area: Area of the whole contact in the undeformed state [m2].
-        overlap: Mean penetration of indenter and cover that remains with the penalty method [m].
-        lines: Positions of the base nodes of the meshed part along x, shape (m,), and along y, shape (n,) [m].
-        forces: Normal reactions of the base at these nodes, shape (m, n) [N].
-        symmetric: Whether x = 0 and y = 0 are planes of symmetry; the mesh then ends at the plane.
-        contact: Points of the whole contact in the frame of the mesh, see `collect_points`, shape (k, 5).
-        energy: Elastic energy stored in the whole cover [J].
-        fields: Displacement and stress in the whole cover in the frame of the mesh, if the loading path asks for them.
+        x: Positions along x in the frame of the mesh, which is that of the array, ascending, shape (m,) [m].
+        y: Positions along y, shape (n,) [m].
+        pressure: Pressure at the grid points, shape (m, n) [Pa].
     """
 
-    depth: float
-    load: float
-    area: float
-    overlap: float
-    lines: tuple[FloatArray, FloatArray]
+    x: FloatArray
+    y: FloatArray
+    pressure: FloatArray
+
+    def forces(self, array: TexelArray, pose: Pose) -> FloatArray:  # noqa: ARG002 -- solved for one pose
+        """Integrate the pressure over the texels and over the rest of the base, see `Base.forces`."""
+        integrals, whole = [], []
+        for axis, nodes in enumerate((self.x, self.y)):
+            line = Line(edges=nodes[::2], order=2)
+            centres, half = array.centres[:, axis], array.texel_size[axis] / 2
+            values, position = np.unique(centres, return_inverse=True)
+            integrals.append(np.array([line.integral(c - half, c + half) for c in values])[position])
+            whole.append(line.integral(nodes[0], nodes[-1]))
+        force = np.where(array.active, np.einsum("na,nb,ab->n", *integrals, self.pressure, optimize=True), 0.0)
+        return np.append(force, whole[0] @ self.pressure @ whole[1] - force.sum())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GaussBase(Base):
+    """Base pressure at the two Gauss points per element along x and along y, where its error vanishes.
+
+    Attributes:
+        x: Positions along x in the frame of the mesh, which is that of the indenter, ascending, shape (m,) [m].
+        y: Positions along y, shape (n,) [m].
+        pressure: Pressure at the grid points, shape (m, n) [Pa].
+    """
+
+    x: FloatArray
+    y: FloatArray
+    pressure: FloatArray
+
+    def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
+        """Integrate a spline of the pressure over the texels and over the rest of the base, see `Base.forces`."""
+        nodes, weights = np.polynomial.legendre.leggauss(_SETTINGS.texel_points)
+        half = np.array(array.texel_size) / 2
+        offset = np.stack(np.meshgrid(nodes * half[0], nodes * half[1]), axis=-1).reshape(-1, 2)
+        position = array.centres[:, None, :2] + offset
+        x, y = pose.to_indenter(position[..., 0], position[..., 1])
+        inside = (x > self.x[0]) & (x < self.x[-1]) & (y > self.y[0]) & (y < self.y[-1])
+        spline = RectBivariateSpline(self.x, self.y, self.pressure)
+        value = np.where(inside, spline.ev(x, y), 0.0)
+        force = np.where(array.active, value @ np.outer(weights, weights).ravel() * half[0] * half[1], 0.0)
+        return np.append(force, spline.integral(self.x[0], self.x[-1], self.y[0], self.y[-1]) - force.sum())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlockReactions:
+    """Contact and base reactions of the meshed part of a cover.
+
+    Attributes:
+        lines: Positions of the base nodes along x, shape (m,), and along y, shape (n,) [m].
+        forces: Normal reactions of the base at these nodes, shape (m, n) [N].
+        contact: Points of the contact in the frame of the mesh, see `collect_points`, shape (k, 5).
+        symmetric: Whether x = 0 and y = 0 are planes of symmetry; the mesh then ends at the plane.
+        pose: Pose of the indenter in the frame of the mesh.
+        free: Whether the whole cover is meshed, with free side faces, in the frame of the array.
+    """
+
+    lines: Sequence[FloatArray]
     forces: FloatArray
-    symmetric: tuple[bool, bool]
     contact: FloatArray
-    energy: float
-    fields: CoverFields | None = None
+    symmetric: tuple[bool, bool]
+    pose: Pose
+    free: bool
+
+    def describe(self, *, rubs: bool, **numbers: Any) -> GridSolution:  # noqa: ANN401 -- of `GridSolution`
+        """Return the solution for the whole cover.
+
+        Args:
+            rubs: Whether the solution has shear forces.
+            numbers: The other attributes of `GridSolution`.
+        """
+        x, y, normal, *shear = unfold_points(self.contact, self.symmetric).T
+        turn = replace(self.pose, point=(0.0, 0.0, 0.0))
+        return GridSolution(
+            contact=np.column_stack([*self.pose.to_indenter(x, y), normal]),
+            shear=np.column_stack(turn.to_indenter(*shear)) if rubs else None,
+            base=self.recover_base(),
+            **numbers,
+        )
+
+    def recover_base(self) -> NodalBase | GaussBase:
+        """Compute the pressure on the whole base from its reactions."""
+        lines = [Line(edges=nodes[::2], order=2) for nodes in self.lines]
+        places, values = list(self.lines), recover_pressure(lines, self.forces)
+        if not self.free:
+            places = [gauss_points(line.edges, 2)[0] for line in lines]
+            values = lines[0].at(places[0]) @ values @ lines[1].at(places[1]).T
+        for axis, mirror in enumerate(self.symmetric):
+            if mirror:  # points on the plane of symmetry are not repeated
+                first = int(places[axis][0] == 0)
+                image = np.flip(np.delete(values, slice(first), axis), axis)
+                places[axis] = np.concatenate([-places[axis][first:][::-1], places[axis]])
+                values = np.concatenate([image, values], axis)
+        return (NodalBase if self.free else GaussBase)(x=places[0], y=places[1], pressure=values)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -181,6 +269,63 @@ def lay_out_block(
     )
 
 
+def lay_out_cover(
+    path: LoadingPath, pose: Pose, contact: FloatArray, *, elements_per_thickness: int, fillet: float
+) -> Block:
+    """Choose the element edges of the whole cover, or of its half or quarter, with small elements around the contact.
+
+    Args:
+        path: Cover, indenter and targets.
+        pose: Pose of the indenter in the frame of the array.
+        contact: m points whose bounding rectangle contains the contact, in the frame of the indenter, shape (m, 2) [m].
+        elements_per_thickness: Number of elements through the cover [-].
+        fillet: Radius of rounded edges of the indenter [m].
+    """
+    cover, indenter = path.cover, path.indenter
+    unit = path.units.length
+    placed = np.stack(pose.to_array(*contact.T)) / unit
+    ends = np.array(cover.size) / 2 / unit
+    low, high = np.maximum(placed.min(axis=1), -ends), np.minimum(placed.max(axis=1), ends)
+    size = min(1.0, float((high - low).min())) / elements_per_thickness
+    edge_on_line = isinstance(indenter, FlatPunch) and pose.is_aligned and not indenter.axisymmetric
+    fine = _SETTINGS.on_line_element * fillet / unit if edge_on_line else _SETTINGS.edge_element * size
+    symmetric = find_mirror_planes(indenter, pose)
+    sides = [
+        _grade_side((low[i], high[i]), float(ends[i]), fine=fine, coarse=size, symmetric=symmetric[i]) for i in (0, 1)
+    ]
+    surface = IndenterSurface(indenter=indenter, fillet=fillet / unit, unit=unit, pose=pose)
+    return Block(sides=sides, symmetric=symmetric, size=size, surface=surface, free=True)
+
+
+def _grade_side(contact: tuple[float, float], end: float, *, fine: float, coarse: float, symmetric: bool) -> FloatArray:
+    """Place element edges along one direction, with the smallest elements at the edges of the contact.
+
+    Lengths may have any unit.
+
+    Args:
+        contact: Lower and upper edge of the contact; both become element edges unless they lie on a side.
+        end: Distance of the sides of the cover from its middle.
+        fine: Element size at the edges of the contact.
+        coarse: Regular element size, to which the largest elements in the contact and at the sides are proportional.
+        symmetric: Whether only the part from the middle to the upper side is meshed.
+    """
+    (low, high), growth = contact, _SETTINGS.growth
+    marks = [value for value in contact if abs(value) < end * (1 - _SETTINGS.on_side)]
+    ends = [0.0 if symmetric else -end, *(mark for mark in marks if not symmetric or mark > 0), end]
+    parts = [np.array(ends[:1])]
+    for start, stop in pairwise(ends):
+        x = np.linspace(start, stop, _SETTINGS.samples)
+        from_edge = np.min([np.abs(x - mark) for mark in marks], axis=0) if marks else np.full_like(x, np.inf)
+        from_contact = np.maximum(np.maximum(low - x, x - high), 0)
+        from_side = np.minimum(end - x, end + x)
+        largest = np.minimum(
+            _SETTINGS.largest_element * coarse + growth * from_contact,
+            _SETTINGS.side_element * coarse + growth * from_side,
+        )
+        parts.append(fill_by_spacing(x, np.minimum(fine + growth * from_edge, largest))[1:])
+    return np.concatenate(parts)
+
+
 def mesh_block(block: Block, cover: Cover, elements_per_thickness: int) -> MixedElements:
     """Mesh a block of the cover with hexahedra; the region number of an element is the index of its layer.
 
@@ -219,64 +364,32 @@ def find_constrained(block: Block, elements: MixedElements, *, bonded: bool) -> 
 
 
 def describe_state(
-    solid: Solid | SmallStrainSolid, units: Units, reached: ContactEquilibrium, block: Block
-) -> BlockState:
-    """Convert the converged state at one target to SI units, with the base reactions on a grid of nodes."""
+    path: LoadingPath, solid: Solid | SmallStrainSolid, reached: ContactEquilibrium, block: Block
+) -> GridSolution:
+    """Convert the converged state at one target to SI units, for the whole cover and without the load scale."""
+    units, scale = path.units, path.load_scale
     x, y, z = solid.elements.nodes.T
     base = np.flatnonzero(z < _ON_BOUNDARY)
     lines = [line.nodes for line in block.lines]
     forces = np.zeros((len(lines[0]), len(lines[1])))
     forces[block.find_nodes(x[base], y[base])] = reached.reaction[3 * base + 2]
-    columns = np.repeat([units.length, units.force], [2, 3])
-    return BlockState(
-        depth=reached.depth * units.length,
-        load=reached.load * units.force,
-        area=reached.contact.area * units.length**2,
-        overlap=reached.contact.overlap * units.length,
-        lines=(lines[0] * units.length, lines[1] * units.length),
-        forces=forces * units.force,
+    force = units.force / scale
+    return BlockReactions(
+        lines=[line * units.length for line in lines],
+        forces=forces * force,
+        contact=collect_points(reached.contact) * np.repeat([units.length, force], [2, 3]),
         symmetric=block.symmetric,
-        contact=unfold_points(collect_points(reached.contact), block.symmetric) * columns,
-        energy=solid.energy(reached.state) * block.multiple * units.force * units.length,
+        pose=block.surface.pose,
+        free=block.free,
+    ).describe(
+        rubs=path.friction > 0,
+        size=block.size,
+        total_force=reached.load * force,
+        depth=reached.depth * units.length / scale,
+        area=reached.contact.area * units.length**2,
+        overlap=reached.contact.overlap / reached.depth,
+        energy=solid.energy(reached.state) * block.multiple * units.force * units.length / scale**2,
     )
-
-
-def recover_nodal_pressure(state: BlockState) -> BasePressure:
-    """Compute the base pressure at the base nodes: the biquadratic field whose nodal forces are the base reactions."""
-    return _unfold(list(state.lines), recover_pressure(_make_lines(state), state.forces), state.symmetric)
-
-
-def recover_gauss_pressure(state: BlockState) -> BasePressure:
-    """Compute the base pressure at the two Gauss points per element along x and along y.
-
-    The error of the biquadratic pressure oscillates within each element and vanishes at these points.
-    """
-    lines = _make_lines(state)
-    points = [gauss_points(line.edges, 2)[0] for line in lines]
-    pressure = recover_pressure(lines, state.forces)
-    return _unfold(points, lines[0].at(points[0]) @ pressure @ lines[1].at(points[1]).T, state.symmetric)
-
-
-def _make_lines(state: BlockState) -> list[Line]:
-    """Return the quadratic line elements of the base along x and along y."""
-    return [Line(edges=nodes[::2], order=2) for nodes in state.lines]
-
-
-def _unfold(lines: list[FloatArray], values: FloatArray, symmetric: tuple[bool, bool]) -> BasePressure:
-    """Extend values on the grid of a half or quarter to the whole base by mirror images.
-
-    Args:
-        lines: Positions of the grid along x and along y [m].
-        values: Values at the grid points, shape (m, n).
-        symmetric: Whether x = 0 and y = 0 are planes of symmetry; positions on a plane are not repeated.
-    """
-    for axis in range(2):
-        if symmetric[axis]:
-            first = int(lines[axis][0] == 0)
-            image = np.flip(np.delete(values, slice(first), axis), axis)
-            lines[axis] = np.concatenate([-lines[axis][first:][::-1], lines[axis]])
-            values = np.concatenate([image, values], axis)
-    return lines[0], lines[1], values
 
 
 def is_rectangular(shape: FlatPunch) -> bool:
@@ -329,8 +442,8 @@ def press_paired(
     *,
     elements_per_thickness: int,
     coarser: PairedPath | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[list[BlockState], list[BlockState], PairedPath]:
+    progress: Progress = None,
+) -> tuple[list[GridSolution], list[GridSolution], PairedPath]:
     """Solve one loading path and its baseline on one grid.
 
     The initial guess of the baseline at each target is the undeformed state at the given depth.  The initial guess of
@@ -346,7 +459,7 @@ def press_paired(
         progress: Called with a line of text after each step.
 
     Returns:
-        States of the baseline at every target, full states at every target, and the equilibria of both as initial
+        Solutions of the baseline at every target, full solutions at every target, and the equilibria of both as initial
         guesses for a finer grid.
 
     Raises:
@@ -367,21 +480,16 @@ def press_paired(
     guesses = [] if path.friction else _guess_full(path, block, baseline, elements, coarser)
     full_solid = small_strain_solid if path.load_scale == scale else solid
     full = _follow(path, block, full_solid, guesses, progress, friction_steps=FRICTION_STEPS * elements_per_thickness)
-    before = [describe_state(small_strain_solid, units, each, block) for each in baseline]
-    after = [
-        replace(describe_state(full_solid, units, each, block), fields=_recover_fields(path, solid, block, each))
-        for each in full
-    ]
+    before = [describe_state(path.baseline, small_strain_solid, each, block) for each in baseline]
+    after = [describe_state(path, full_solid, each, block) for each in full]
+    if path.fields:
+        linear = path.load_scale != 1
+        states = [
+            recover_fields(solid, each.state, units, load_scale=path.load_scale, linear=linear).unfold(block.symmetric)
+            for each in full
+        ]
+        after = [replace(each, fields=fields) for each, fields in zip(after, states, strict=True)]
     return before, after, PairedPath(elements=elements, baseline=baseline, full=full, ratio=ratio)
-
-
-def _recover_fields(path: LoadingPath, solid: Solid, block: Block, reached: ContactEquilibrium) -> CoverFields | None:
-    """Compute displacement and stress in the whole block if the loading path asks for them."""
-    if not path.fields:
-        return None
-    scale = path.load_scale
-    fields = recover_fields(solid, reached.state, path.units, load_scale=scale, linear=scale != 1)
-    return fields.unfold(block.symmetric)
 
 
 def _guess_full(
@@ -430,7 +538,7 @@ def _follow(
     block: Block,
     solid: Solid | SmallStrainSolid,
     guesses: Sequence[Guess],
-    progress: Callable[[str], None] | None,
+    progress: Progress,
     *,
     friction_steps: int,
 ) -> list[ContactEquilibrium]:

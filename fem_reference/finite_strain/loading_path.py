@@ -6,10 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
 from meshes import Cover, Indenter
+from meshes.array_types import FloatArray
 
 #: Quantity that is prescribed along a loading path: the load or the depth of the indenter.
 Control = Literal["load", "depth"]
+
+#: Function that is called with a line of text about the progress of a solution, or None.
+Progress = Callable[[str], None] | None
 
 #: Factor on the indenter's heights and on load or depth with which a finite-strain solver returns the small-strain
 #: solution, scaled by the factor [-].
@@ -40,6 +46,12 @@ class Units:
     def force(self) -> float:
         """Unit of force [N]."""
         return self.stress * self.length**2
+
+    def scale_moduli(self, cover: Cover) -> tuple[FloatArray, FloatArray]:
+        """Return shear moduli and bulk compliances of the layers at zero load, shape (layers,) each [-]."""
+        materials = [layer.material for layer in cover.layers]
+        shear = np.array([each.shear_modulus for each in materials]) / self.stress
+        return shear, np.array([self.stress / each.bulk_modulus for each in materials])
 
     def scale_cover(self, cover: Cover) -> Cover:
         """Return the cover with layer thicknesses divided by the unit of length; moduli remain in SI units."""
@@ -115,6 +127,6 @@ def choose_load_scale(cover: Cover) -> float:
     return _SMALL_STRAIN_SCALE if cover.small_strain_only else 1.0
 
 
-def name_grid(progress: Callable[[str], None] | None, count: int) -> Callable[[str], None] | None:
+def name_grid(progress: Progress, count: int) -> Progress:
     """Wrap a progress callback so that each line begins with the number of elements through the cover."""
     return None if progress is None else lambda text: progress(f"{count} elements through the cover: {text}")

@@ -8,26 +8,19 @@ corrects an accurate small-strain solution, see `correct_solution`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
-
-import numpy as np
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from fem_reference import result_store
-from fem_reference.fields.cover_fields import CoverFields
-from fem_reference.finite_strain.block_path import BasePressure, Block, BlockState, press_paired
-from fem_reference.finite_strain.loading_path import LoadingPath, name_grid
+from fem_reference.finite_strain.block_path import Block, press_paired
+from fem_reference.finite_strain.loading_path import LoadingPath, Progress, name_grid
 from fem_reference.indentation.grid_solution import (
-    BaseForces,
     GridSolution,
     add_refinements,
     correct_solution,
     extrapolate_solutions,
 )
 from fem_reference.indentation.rounding import SolidGrid, state_rounding
-from meshes.array_types import FloatArray
-from meshes.pose import Pose
 
 #: Solutions of a loading path on three grids: the baseline, then those with the requested strain and friction.  Both
 #: are lists with one list per target, which holds one solution per grid.
@@ -50,30 +43,6 @@ _NEGLIGIBLE = 1e-4
 #: Largest requested target, over the smallest resolved target, that is also used to correct the unresolved targets; a
 #: larger one would be too far from these, and the smallest resolved target is solved in addition [-].
 _SHARED_TARGET = 2.0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BlockModel:
-    """Functions that mesh a loading path in three dimensions and evaluate its base pressure.
-
-    Attributes:
-        kind: Kind of the result in the result store.
-        inputs: Inputs of the stored result besides loading path and grids.
-        pose: Pose of the indenter in the frame of the mesh.
-        grids: The three grids.
-        lay_out: Function that returns the block to mesh on a grid.
-        recover_pressure: Function that computes the base pressure of a solved state.
-        integrate: Function that returns the forces on and outside the texels due to a base pressure, themselves a
-            function of array and pose.
-    """
-
-    kind: str
-    inputs: Mapping[str, Any]
-    pose: Pose
-    grids: Sequence[SolidGrid]
-    lay_out: Callable[[SolidGrid], Block]
-    recover_pressure: Callable[[BlockState], BasePressure]
-    integrate: Callable[[BasePressure], BaseForces]
 
 
 def correct_path(
@@ -159,76 +128,46 @@ def _keep_accurate(path: LoadingPath, grids: Sequence[GridSolution]) -> list[Gri
 
 
 def solve_block_pair(
-    path: LoadingPath, approaches: Sequence[float], model: BlockModel, progress: Callable[[str], None] | None
+    path: LoadingPath,
+    approaches: Sequence[float],
+    *,
+    grids: Sequence[SolidGrid],
+    lay_out: Callable[[SolidGrid], Block],
+    progress: Progress,
 ) -> SolvedPair:
     """Solve a loading path and its baseline on three three-dimensional grids, or read both from the result store.
 
     Args:
         path: Cover, indenter, targets and friction.
         approaches: Small-strain depth at each target [m].
-        model: Functions that mesh the loading path and evaluate its base pressure.
+        grids: The three grids.
+        lay_out: Function that returns the block to mesh on a grid.
         progress: Called with a line of text after each step.
     """
 
-    def compute() -> dict[str, Any]:
-        out: dict[str, Any] = {}
-        coarser = None
-        for number, grid in enumerate(model.grids):
-            block = model.lay_out(grid)
+    def compute() -> SolvedPair:
+        coarser, solved = None, []
+        for number, grid in enumerate(grids):
             baseline, full, coarser = press_paired(
-                path,
-                block,
+                replace(path, fields=path.fields and number == len(grids) - 1),
+                lay_out(grid),
                 approaches,
                 elements_per_thickness=grid.count,
                 coarser=coarser,
                 progress=name_grid(progress, grid.count),
             )
-            for name, states in (("baseline", baseline), ("full", full)):
-                for i, state in enumerate(states):
-                    key = f"{name}_{number}_{i}"
-                    x, y, pressure = model.recover_pressure(state)
-                    out |= {f"x_{key}": x, f"y_{key}": y, f"pressure_{key}": pressure}
-                    out[f"contact_{key}"] = state.contact
-                    if state.fields is not None and number == len(model.grids) - 1:
-                        out |= state.fields.pack(f"fields_{key}")
-                    out[f"scalars_{key}"] = np.array(
-                        [state.load, state.depth, state.area, state.overlap / state.depth, state.energy]
-                    )
-        return out
+            solved.append([[replace(each, size=1 / grid.count) for each in states] for states in (baseline, full)])
+        return pair_grids(solved)
 
-    data = result_store.fetch(model.kind, {"path": path, "grids": model.grids, **model.inputs}, compute)
-    baseline, full = (
-        [
-            [_read_solution(data, f"{name}_{k}_{i}", 1 / grid.count, each, model) for k, grid in enumerate(model.grids)]
-            for i in range(len(path.targets))
-        ]
-        for name, each in (("baseline", path.baseline), ("full", path))
-    )
+    block = lay_out(grids[0])
+    inputs = {"path": path, "grids": grids, "pose": block.surface.pose, "free": block.free}
+    return result_store.recall("block-press", inputs, compute)
+
+
+def pair_grids(solved: Sequence[Sequence[Sequence[GridSolution]]]) -> SolvedPair:
+    """Order solutions of baseline and full path, given by grid, kind of path and target, by kind, target and grid."""
+    baseline, full = ([list(grids) for grids in zip(*side, strict=True)] for side in zip(*solved, strict=True))
     return baseline, full
-
-
-def _read_solution(
-    data: Mapping[str, FloatArray], key: str, size: float, path: LoadingPath, model: BlockModel
-) -> GridSolution:
-    """Build one solution from stored arrays; forces and depth are divided by the load scale of the loading path."""
-    load, depth, area, overlap, energy = (float(value) for value in data[f"scalars_{key}"])
-    force = load / path.load_scale
-    base = data[f"x_{key}"], data[f"y_{key}"], data[f"pressure_{key}"] / path.load_scale
-    x, y, *forces = data[f"contact_{key}"].T
-    normal, *shear = np.array(forces) / path.load_scale
-    turn = replace(model.pose, point=(0.0, 0.0, 0.0))
-    return GridSolution(
-        size=size,
-        total_force=force,
-        depth=depth / path.load_scale,
-        area=area,
-        overlap=overlap,
-        contact=np.column_stack([*model.pose.to_indenter(x, y), normal]),
-        base_forces=model.integrate(base),
-        energy=energy / path.load_scale**2,
-        shear=np.column_stack(turn.to_indenter(*shear)) if path.friction else None,
-        fields=CoverFields.unpack(data, f"fields_{key}"),
-    )
 
 
 def _raise_targets(targets: Sequence[float], relative_depths: Sequence[float]) -> list[float]:

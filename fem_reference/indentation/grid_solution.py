@@ -7,6 +7,7 @@ on all grids and the properties of the grids from which results and errors are c
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,19 +17,77 @@ import numpy.typing as npt
 from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import Control
 from fem_reference.grid_convergence import grid_convergence
+from fem_reference.linear_response.point_spread import PointSpread
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, Pose
-
-#: Function that computes, for an array and the pose of the indenter, the normal force on each of n texels and then the
-#: force on the base outside the active texels, shape (n + 1,) [N].
-BaseForces = Callable[[TexelArray, Pose], FloatArray]
 
 #: Safety factor on the change between two extrapolations, from which the error of an extrapolated result is estimated;
 #: ASME V&V 20-2009 uses 1.25 for three grids [-].
 _SAFETY = 1.25
 #: Smallest estimated error of an extrapolated result over its difference from the finest grid [-].
 _LEAST_SHARE = 0.2
+
+
+class Base(ABC):
+    """Load on the base of a cover under one indenter."""
+
+    @abstractmethod
+    def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
+        """Compute the normal force on each of n texels, then that outside the active texels, shape (n + 1,) [N].
+
+        Args:
+            array: Array with the texels.
+            pose: Pose of the indenter.
+        """
+
+    def estimate_error(self, place: Place, texel: int, share: float) -> float:  # noqa: ARG002 -- none by default
+        """Estimate the relative error of the force on a texel due to a computed response of the base [-].
+
+        Args:
+            place: Array, and pose of the indenter.
+            texel: Index of the texel.
+            share: Force on the texel over the force on the indenter [-].
+        """
+        return 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RadialBase(Base):
+    """Axisymmetric load on the base around the axis of the indenter.
+
+    Attributes:
+        spread: Base pressure per force.
+        force: The force [N].
+    """
+
+    spread: PointSpread
+    force: float
+
+    def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
+        """Integrate the pressure, see `Base.forces`."""
+        return self.spread.base_forces(array, np.array(pose.at[:1]), np.array(pose.at[1:]), np.array([[self.force]]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BaseSum(Base):
+    """Weighted sum of loads on the base.
+
+    Attributes:
+        parts: Weight and load of each part.
+        like: Load whose computed response has the error of the sum; None for no such error.
+    """
+
+    parts: tuple[tuple[float, Base], ...]
+    like: Base | None = None
+
+    def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
+        """Sum the forces, see `Base.forces`; parts of weight 0 are not evaluated."""
+        return np.asarray(sum(weight * base.forces(array, pose) for weight, base in self.parts if weight))
+
+    def estimate_error(self, place: Place, texel: int, share: float) -> float:
+        """Estimate the error of `like`, see `Base.estimate_error`."""
+        return 0.0 if self.like is None else self.like.estimate_error(place, texel, share)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,15 +101,12 @@ class GridSolution:
         area: Contact area [m2].
         overlap: Mean penetration of indenter and cover that the contact solver does not remove, over the depth [-].
         contact: Columns x, y [m] and normal force [N] of m contact points in the frame of the indenter, shape (m, 3).
-        base_forces: Function that computes the forces on and outside the texels for an array and a pose.
+        base: Load on the base.
         energy: Elastic energy stored in the cover [J].
         shear: Components x and y of the frictional force on the cover at the contact points, in the frame of the
             indenter, shape (m, 2) [N]; None without friction.
         fields: Displacement and stress in the cover in the frame of the mesh: of the array on a cover of limited size,
             else of the indenter; None unless the solver computed them.
-        base_error: Function that estimates, for an array and pose, the index of a texel, and the force on this texel
-            over `total_force`, the relative error of this force due to the computed response of the base [-]; None if
-            no computed response is used.
     """
 
     size: float
@@ -59,11 +115,10 @@ class GridSolution:
     area: float
     overlap: float
     contact: FloatArray
-    base_forces: BaseForces
+    base: Base
     energy: float
     shear: FloatArray | None = None
     fields: CoverFields | None = None
-    base_error: Callable[[Place, int, float], float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -187,7 +242,7 @@ def scale_solution(solution: GridSolution, factor: float) -> GridSolution:
         depth=factor * solution.depth,
         contact=solution.contact * [1, 1, factor],
         shear=None if solution.shear is None else factor * solution.shear,
-        base_forces=lambda array, pose: factor * solution.base_forces(array, pose),
+        base=BaseSum(parts=((factor, solution.base),), like=solution.base),
         energy=factor**2 * solution.energy,
     )
 
@@ -209,7 +264,9 @@ def _combine_solutions(solutions: Sequence[GridSolution], weights: Sequence[floa
         solutions[-1],
         total_force=float(_average(solutions, weights, lambda each: each.total_force)),
         depth=float(_average(solutions, weights, lambda each: each.depth)),
-        base_forces=lambda array, pose: _average(solutions, weights, lambda each: each.base_forces(array, pose)),
+        base=BaseSum(
+            parts=tuple(zip(weights, (each.base for each in solutions), strict=True)), like=solutions[-1].base
+        ),
         energy=float(_average(solutions, weights, lambda each: each.energy)),
     )
 
@@ -268,13 +325,8 @@ def correct_solution(
         depth = share * full.depth
         force = depth * correct(lambda each: each.total_force / each.depth)
 
-    def base_forces(array: TexelArray, pose: Pose) -> FloatArray:
-        """Compute the corrected forces on n texels and outside them for an array and a pose, shape (n + 1,) [N]."""
-        reference, before, after = (
-            each.base_forces(array, pose) / each.total_force for each in (accurate, baseline, full)
-        )
-        return np.asarray((reference + share * (after - before)) * force)
-
+    # Shares of the accurate solution, and their change from `baseline` to `full`.
+    weights = (force / accurate.total_force, -share * force / baseline.total_force, share * force / full.total_force)
     scale = force / full.total_force
     return GridSolution(
         size=full.size,
@@ -283,7 +335,7 @@ def correct_solution(
         area=correct(lambda each: each.area) if area is None else area,
         overlap=max(baseline.overlap, full.overlap),
         contact=full.contact * [1, 1, scale],
-        base_forces=base_forces,
+        base=BaseSum(parts=tuple(zip(weights, (accurate.base, baseline.base, full.base), strict=True))),
         energy=force * depth * correct(lambda each: each.energy / (each.total_force * each.depth)),
         shear=None if full.shear is None else full.shear * scale,
         fields=None if full.fields is None else full.fields.scale(depth / full.depth, scale),

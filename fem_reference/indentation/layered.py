@@ -10,9 +10,10 @@ solved; the indenter may extend beyond its side edges, and contact is considered
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
+from operator import attrgetter
 
 import numpy as np
 
@@ -24,21 +25,22 @@ from fem_reference.errors import (
     UnsupportedError,
 )
 from fem_reference.fields.cover_fields import CoverFields
-from fem_reference.finite_strain.loading_path import Control, LoadingPath
+from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress
 from fem_reference.finite_strain.newton import PathConvergenceError
-from fem_reference.indentation import finite_cover, finite_strain, no_slip, small_friction, small_strain
-from fem_reference.indentation.grid_solution import BaseForces, GridSolution, GridStudy, estimate_spread
+from fem_reference.indentation import finite_strain, small_strain
+from fem_reference.indentation.grid_solution import GridSolution, GridStudy, estimate_spread
 from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
 from fem_reference.indentation.problem import PressProblem
 from fem_reference.indentation.result import Indentation, warn_of_errors
 from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.materials import describe_instability, warn_of_instability
+from fem_reference.small_strain_contact import friction_rings, no_slip
 from meshes import Cover, Pose, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Place
 
-#: Function that is called with a line of text before each step, or None.
-Progress = Callable[[str], None] | None
+#: Function that returns a quantity of a solution.
+Quantity = Callable[[GridSolution], float]
 
 #: Depth over thickness that is stated as the largest where a load would pierce the cover [-].
 _LARGEST_DEPTH = 0.98
@@ -167,20 +169,18 @@ def _study_path(path: LoadingPath, place: Place, progress: Progress, refinement:
             least_error=max(study.least_error, _SIDES_ERROR),
             assumptions=study.assumptions | {"sides": "too far from the contact to matter"},
         )
-    in_plane = path.cover.size is None and path.indenter.axisymmetric
+    in_plane = finite_strain.is_in_plane(path)
     rubbing = None
     # Not in three dimensions at finite strain, where the effect of rounded edges on the correction would be larger.
     if np.isinf(path.friction) and path.indenter.is_flat and (small or in_plane):
         rubbing = no_slip.study_path(path, place, progress)
     if rubbing is None and path.friction and in_plane:
-        rubbing = small_friction.study_path(path, progress, refinement)
+        rubbing = friction_rings.study_path(path, progress, refinement)
     if rubbing is not None and small:
         return rubbing
     if rubbing is not None and max(each.depth for each in rubbing.solutions[-1]) >= path.cover.thickness:
         rubbing = None  # rubber bears loads at which the small-strain solution pierces the cover
-    if path.cover.size is None:
-        return finite_strain.study_path(path, progress, refinement, rubbing)
-    return finite_cover.study_path(path, place, progress)
+    return finite_strain.study_path(path, place, progress, refinement, rubbing)
 
 
 def _is_far_from_sides(path: LoadingPath, place: Place, progress: Progress) -> bool:
@@ -199,15 +199,16 @@ def _is_far_from_sides(path: LoadingPath, place: Place, progress: Progress) -> b
 
 def _count_refinements(path: LoadingPath, place: Place) -> int:
     """Return how often the grids of a loading path can be refined."""
-    if path.cover.small_strain_only and not path.friction:
-        return small_strain.count_refinements()
+    small = path.cover.small_strain_only
+    if small and not path.friction:
+        return len(small_strain.CELLS) - 3
     if _is_far_from_sides(path, place, None):
         path = replace(path, cover=replace(path.cover, size=None))
-    if path.cover.small_strain_only and np.isinf(path.friction) and path.indenter.is_flat:
+    if small and np.isinf(path.friction) and path.indenter.is_flat:
         return 0  # the grids of a face without slip are fixed
-    if path.cover.small_strain_only and path.cover.size is None and path.indenter.axisymmetric:
-        return small_friction.count_refinements()
-    return finite_strain.count_refinements(path) if path.cover.size is None else 0
+    if not finite_strain.is_in_plane(path):
+        return 0  # finer grids are not feasible in three dimensions
+    return len(friction_rings.GRIDS if small else finite_strain.GRIDS) - 3
 
 
 def _state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:
@@ -364,36 +365,35 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
         seconds: Time that the solutions took [s].
     """
     started = time.perf_counter()
-    grids = _fix_place(study.solutions[number], place)
+    grids = study.solutions[number]
     finest = grids[-1]
 
+    @cache
     def base_forces(solution: GridSolution) -> FloatArray:
-        return solution.base_forces(place.array, place.pose)
+        """Compute the base forces of a solution once; they are needed for the result and for its error."""
+        return solution.base.forces(place.array, place.pose)
 
     base = study.combine(grids, base_forces)
     texel_forces, outside = base[:-1], float(base[-1])
     peak = int(np.argmax(np.abs(texel_forces)))
+    quantities: dict[str, Quantity] = {
+        "total_force": attrgetter("total_force"),
+        "depth": attrgetter("depth"),
+        "peak_texel": lambda each: float(base_forces(each)[peak]),
+    }
     # A prescribed load is the one that was asked for, so that `balance` shows if a solver misses it.
     by_load = path.control == "load"
     total = path.targets[number] if by_load else float(study.combine(grids, lambda each: each.total_force))
     balance = float(base.sum()) / total - 1
     imbalanced = abs(balance) > _LARGE_IMBALANCE
-    errors = _estimate_errors(study, number, grids, place, peak) | {
+    errors = _estimate_errors(study, number, quantities, place, peak) | {
         "contact_area": _estimate_area_error(study, grids, path)
     }
     errors["peak_texel"] += abs(balance)
     errors["total_force" if by_load else "depth"] = 0.0
-    x, y, pressed = finest.contact.T
-    scale = total / pressed.sum()
+    scale = total / finest.contact[:, 2].sum()
     depth = float(study.combine(grids, lambda each: each.depth))
-    # Points of the contact lie on the indenter; those beside a flat face, middles of cut cells, count to the face.
-    height = path.indenter.gap(x, y)
-    points = np.column_stack(
-        [*place.pose.to_array(x, y), path.cover.thickness - depth + np.where(np.isfinite(height), height, 0.0)]
-    )
-    turn = replace(place.pose, point=(0.0, 0.0, 0.0))
-    across = np.zeros((2, len(x))) if finest.shear is None else np.array(turn.to_array(*finest.shear.T)) * scale
-    forces = np.column_stack([*across, -pressed * scale])
+    points, forces = _place_contact(finest, path, place, depth, scale)
     missing = state_missing_fields(path, place.pose) if path.fields else ""
     shear = forces[:, :2].sum(axis=0)
     return Indentation(
@@ -421,24 +421,40 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
             *([missing] if missing else []),
         ),
         seconds=seconds + time.perf_counter() - started,
-        grid_values=_list_grid_values(grids, place, peak),
+        grid_values={
+            name: tuple(float(quantity(each)) for each in grids)
+            for name, quantity in (
+                quantities | {"contact_area": attrgetter("area"), "size": attrgetter("size")}
+            ).items()
+        },
     )
 
 
-def _list_grid_values(grids: Sequence[GridSolution], place: Place, peak: int) -> dict[str, tuple[float, ...]]:
-    """List force, depth, the force on the texel of index `peak`, contact area and element size of each grid."""
-    quantities: dict[str, Callable[[GridSolution], float]] = {
-        "size": lambda each: each.size,
-        "total_force": lambda each: each.total_force,
-        "depth": lambda each: each.depth,
-        "peak_texel": lambda each: float(each.base_forces(place.array, place.pose)[peak]),
-        "contact_area": lambda each: each.area,
-    }
-    return {name: tuple(float(quantity(each)) for each in grids) for name, quantity in quantities.items()}
+def _place_contact(
+    finest: GridSolution, path: LoadingPath, place: Place, depth: float, scale: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the contact points and the forces on the cover there, in the frame of the array, shape (m, 3) each.
+
+    Args:
+        finest: Solution on the finest grid.
+        path: Cover and indenter.
+        place: Array, and pose of the indenter.
+        depth: Approach of the indenter [m].
+        scale: Total force of the result over that of the contact forces [-].
+    """
+    x, y, pressed = finest.contact.T
+    # Points of the contact lie on the indenter; those beside a flat face, middles of cut cells, count to the face.
+    height = path.indenter.gap(x, y)
+    points = np.column_stack(
+        [*place.pose.to_array(x, y), path.cover.thickness - depth + np.where(np.isfinite(height), height, 0.0)]
+    )
+    turn = replace(place.pose, point=(0.0, 0.0, 0.0))
+    across = np.zeros((2, len(x))) if finest.shear is None else np.array(turn.to_array(*finest.shear.T)) * scale
+    return points, np.column_stack([*across, -pressed * scale])
 
 
 def _estimate_errors(
-    study: GridStudy, number: int, grids: Sequence[GridSolution], place: Place, peak: int
+    study: GridStudy, number: int, quantities: Mapping[str, Quantity], place: Place, peak: int
 ) -> dict[str, float]:
     """Estimate the relative errors of force, depth and the force on the texel of index `peak` [-].
 
@@ -447,33 +463,24 @@ def _estimate_errors(
     Args:
         study: Solutions of every target, and properties of the three grids.
         number: Index of the target.
-        grids: Solutions of the target, with the base forces of the place.
+        quantities: Functions that return force, depth and the force on the texel of a solution, by name.
         place: Array, and pose of the indenter.
         peak: Index of the texel with the largest force.
     """
-    overlap = max(grids[-1].overlap, study.least_overlap)
+    overlap = max(study.solutions[number][-1].overlap, study.least_overlap)
     errors = {
         "total_force": _FORCE_PER_OVERLAP * overlap,
         "depth": overlap,
         "peak_texel": _FORCE_PER_OVERLAP * overlap,
     }
-    quantities: dict[str, Callable[[GridSolution], float]] = {
-        "total_force": lambda each: each.total_force,
-        "depth": lambda each: each.depth,
-        "peak_texel": lambda each: float(each.base_forces(place.array, place.pose)[peak]),
-    }
-    parts = [(study, grids)]
-    corrected = study.accurate
-    while corrected is not None:
-        parts.append((corrected, _fix_place(corrected.solutions[number], place)))
-        corrected = corrected.accurate
-    for part, solutions in parts:
+    part: GridStudy | None = study
+    while part is not None:
+        grids = part.solutions[number]
         for name, quantity in quantities.items():
-            errors[name] += part.estimate_error(solutions, quantity)
-        finest = solutions[-1]
-        if finest.base_error is not None:
-            share = quantities["peak_texel"](finest) / finest.total_force
-            errors["peak_texel"] += finest.base_error(place, peak, share)
+            errors[name] += part.estimate_error(grids, quantity)
+        share = quantities["peak_texel"](grids[-1]) / grids[-1].total_force
+        errors["peak_texel"] += grids[-1].base.estimate_error(place, peak, share)
+        part = part.accurate
     return errors
 
 
@@ -487,16 +494,6 @@ def _estimate_area_error(study: GridStudy, grids: Sequence[GridSolution], path: 
     if path.indenter.is_flat and spread < _LEAST_AREA_ERROR:
         return _LEAST_AREA_ERROR
     return max(spread, study.least_error, study.least_area_error, _LEAST_AREA_ERROR)
-
-
-def _fix_place(grids: Sequence[GridSolution], place: Place) -> list[GridSolution]:
-    """Compute the base forces of solutions once for a place; they are needed for the result and for its error."""
-    return [replace(each, base_forces=_keep(each.base_forces(place.array, place.pose))) for each in grids]
-
-
-def _keep(values: FloatArray) -> BaseForces:
-    """Return a function that returns the same forces for the one array and pose that they were computed for."""
-    return lambda _array, _pose: values
 
 
 def _warn_of_instability(path: LoadingPath, depth: float) -> tuple[str, ...]:

@@ -14,15 +14,13 @@ import numpy as np
 
 from fem_reference.elements.grading import grade_contact, grade_outward
 from fem_reference.elements.line import Line
-from fem_reference.elements.taylor_hood import MixedElements, prepare_elements
+from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.fields.cover_fields import CoverFields, recover_fields
-from fem_reference.finite_strain.block_path import Block, find_constrained, mesh_block
+from fem_reference.finite_strain.block_path import Block, find_constrained, lay_out_cover, mesh_block
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import LoadingPath, Units
-from fem_reference.indentation.finite_cover import lay_out_cover
-from fem_reference.indentation.rounding import SolidGrid
-from fem_reference.linear_response import axisymmetric
+from fem_reference.linear_response.axisymmetric import RadialCover
 from fem_reference.linear_response.surface_compliance import choose_linear_reach, choose_solid_reach
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from fem_reference.sparse_solver import ConstrainedSystem
@@ -86,22 +84,17 @@ def state_missing_fields(path: LoadingPath, pose: Pose) -> str:
 def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, depth: float) -> CoverFields:
     """Solve for the fields around the axis of an indenter of revolution, in its frame."""
     units = path.units
-    cover = units.scale_cover(path.cover)
     r = np.hypot(contact[:, 0], contact[:, 1]) / units.length
     radius = float(r.max())
     reach = choose_linear_reach(path.cover, radius * units.length) / units.length
     size = min(1 / _COUNT, radius / _ACROSS)
     radii = grade_outward(size, _FINE_REGION * radius, reach, 1 + _GROWTH / _COUNT)
-    mesh, region = axisymmetric.mesh_cover(cover, _COUNT, radii, surface_size=size)
-    elements = prepare_elements(mesh, region=region, axisymmetric=True)
-    position, z = elements.nodes.T
-    top = np.flatnonzero(z > 1 - _ON_BOUNDARY)
-    top = top[np.argsort(position[top])]
+    radial = RadialCover.mesh(path.cover, _COUNT, radii, surface_size=size)
+    elements, top = radial.elements, radial.top
     load = np.zeros(elements.displacements + elements.pressures)
     load[2 * top + 1] = -(Line(edges=radii, order=2).at(r).T @ contact[:, 2]) / units.force
-    constrained = axisymmetric.find_constrained(cover, position, z, reach)
-    under = top[position[top] < path.indenter.footprint[0] / units.length + _ON_BOUNDARY]
-    return _solve(path, elements, load, constrained, _Sticking(nodes=under, depth=depth / units.length))
+    under = top[elements.nodes[top, 0] < path.indenter.footprint[0] / units.length + _ON_BOUNDARY]
+    return _solve(path, elements, load, radial.constrained, _Sticking(nodes=under, depth=depth / units.length))
 
 
 def _solve_wide_block(path: LoadingPath, contact: FloatArray, depth: float) -> CoverFields:
@@ -125,7 +118,7 @@ def _solve_wide_block(path: LoadingPath, contact: FloatArray, depth: float) -> C
 def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: Pose, depth: float) -> CoverFields:
     """Solve for the fields in a whole cover of limited size, in the frame of the array."""
     size = min(path.cover.thickness, *np.ptp(contact[:, :2], axis=0)) / _SOLID_COUNT
-    block = lay_out_cover(path, pose, contact[:, :2], SolidGrid(count=_SOLID_COUNT, fillet=size))
+    block = lay_out_cover(path, pose, contact[:, :2], elements_per_thickness=_SOLID_COUNT, fillet=size)
     return _solve_block(path, np.column_stack([*pose.to_array(*contact[:, :2].T), contact[:, 2]]), block, depth)
 
 

@@ -7,28 +7,24 @@ solution.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import lru_cache, partial
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from fem_reference import result_store
-from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.finite_strain.loading_path import LoadingPath, Progress
 from fem_reference.grid_convergence import grid_convergence
-from fem_reference.indentation.grid_solution import GridSolution, GridStudy, scale_solution
+from fem_reference.indentation.grid_solution import Base, GridSolution, GridStudy, scale_solution
+from fem_reference.linear_response.axisymmetric import point_spread
 from fem_reference.linear_response.finite_cover import solid_influence
-from fem_reference.linear_response.point_spread import TexelInfluence, point_spread, superpose
+from fem_reference.linear_response.point_spread import TexelInfluence, superpose
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
-from meshes import Cover, Indenter
+from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, Pose
-
-#: Function that is called with a line of text about the progress of a solution, or None.
-Progress = Callable[[str], None] | None
 
 #: Number of cells across the contact on all grids, coarsest first; three neighbouring grids give a result and its
 #: error.  The numbers are multiples of 16, the smallest number of cells of the pattern that all grids repeat [-].
@@ -65,11 +61,6 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
     )
 
 
-def count_refinements() -> int:
-    """Return how often the grids of `study_path` can be refined."""
-    return len(CELLS) - 3
-
-
 def solve_path(
     path: LoadingPath, place: Place | None, progress: Progress, refinement: int = 0
 ) -> list[list[GridSolution]]:
@@ -86,12 +77,12 @@ def solve_path(
     Returns:
         For each target the solutions on the three grids, coarsest first.
     """
-    base_response = _solve_base_response(path, place, progress)
+    response = _solve_response(path, place, progress)
 
     def solve(target: LoadingPath) -> list[GridSolution]:
         """Solve a loading path of one target on the three grids."""
         return [
-            _build_solution(_solve_contact(target, place, progress, grid), path.indenter, base_response)
+            _build_solution(_solve_contact(target, place, progress, grid), path.indenter, response)
             for grid in range(refinement, refinement + 3)
         ]
 
@@ -116,9 +107,9 @@ def solve_coarse(path: LoadingPath, progress: Progress) -> list[GridSolution]:
     Returns:
         One solution for each target.
     """
-    base_response = _solve_base_response(path, None, progress)
+    response = _solve_response(path, None, progress)
     each = (replace(path, targets=(target,)) for target in path.targets)
-    return [_build_solution(_solve_contact(one, None, progress, 0), path.indenter, base_response) for one in each]
+    return [_build_solution(_solve_contact(one, None, progress, 0), path.indenter, response) for one in each]
 
 
 def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress) -> FloatArray:
@@ -132,7 +123,31 @@ def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress)
     return np.column_stack([patch.x, patch.y])
 
 
-def _build_solution(patch: ContactPatch, indenter: Indenter, base_response: TexelInfluence) -> GridSolution:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PressedCells(Base):
+    """Load on the base under forces on cells of the top.
+
+    Attributes:
+        contact: Columns x, y in the frame of the indenter [m] and force [N] of m cells, shape (m, 3).
+        response: Texel forces per unit point load on the cover.
+    """
+
+    contact: FloatArray
+    response: TexelInfluence
+
+    def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
+        """Superpose the responses, see `Base.forces`."""
+        return superpose(self.contact, self.response, array, pose)
+
+    def estimate_error(self, place: Place, texel: int, share: float) -> float:
+        """Estimate the error from the three grids of the response, see `Base.estimate_error`."""
+        force = self.contact[:, 2].sum()
+        forces = [superpose(self.contact, each, place.array, place.pose) for each in self.response.on_grids[:-1]]
+        coarse = [float(each[texel] / force) for each in forces]
+        return grid_convergence([*coarse, share], self.response.sizes) / abs(share) if share else 0.0
+
+
+def _build_solution(patch: ContactPatch, indenter: Indenter, response: TexelInfluence) -> GridSolution:
     """Build the solution on one grid from a solved contact."""
     contact = np.column_stack([patch.x, patch.y, patch.force])
     gap = indenter.gap(patch.x, patch.y)
@@ -144,23 +159,12 @@ def _build_solution(patch: ContactPatch, indenter: Indenter, base_response: Texe
         area=patch.area,
         overlap=0.0,
         contact=contact,
-        base_forces=partial(superpose, contact, base_response),
-        base_error=partial(_estimate_base_error, contact, base_response),
+        base=PressedCells(contact=contact, response=response),
         energy=float(patch.force @ work) / 2,
     )
 
 
-def _estimate_base_error(
-    contact: FloatArray, base_response: TexelInfluence, place: Place, texel: int, share: float
-) -> float:
-    """Estimate the relative error of a texel's share of the force due to the base response on its three grids [-]."""
-    force = contact[:, 2].sum()
-    forces = [superpose(contact, each, place.array, place.pose) for each in base_response.on_grids[:-1]]
-    coarse = [float(each[texel] / force) for each in forces]
-    return grid_convergence([*coarse, share], base_response.sizes) / abs(share) if share else 0.0
-
-
-def _solve_base_response(path: LoadingPath, place: Place | None, progress: Progress) -> TexelInfluence:
+def _solve_response(path: LoadingPath, place: Place | None, progress: Progress) -> TexelInfluence:
     """Solve for the texel forces per unit point load on the cover, or read them from the result store."""
     if path.cover.size is None:
         return point_spread(path.cover, progress=progress)
@@ -180,29 +184,21 @@ def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, g
     target = path.targets[0]
     load, depth = (target, None) if path.control == "load" else (None, target)
 
-    def compute() -> dict[str, Any]:
+    def compute() -> ContactPatch:
         if progress is not None:
             progress(f"contact on {cells} x {cells} cells or more")
         reach = max(3.0 * float(np.hypot(*bound_contact(indenter, cover.thickness))), 4 * decay_length(cover))
         surface = _tabulate_surface(replace(cover, size=None), reach)
         with np.errstate(over="ignore", invalid="ignore"):  # an extreme load pierces the cover; `press` refuses it
             if cover.size is None:
-                patch = solve_contact(surface, indenter, cells=cells, load=load, depth=depth)
-            else:
-                pose = _require_place(place).pose
-                patch = _touch_near_sides(surface, path, pose, cells=cells, load=load, depth=depth)
-        return {
-            "cells": np.column_stack([patch.x, patch.y, patch.force]),
-            "scalars": np.array([*patch.cell, patch.depth, patch.area]),
-        }
+                return solve_contact(surface, indenter, cells=cells, load=load, depth=depth)
+            pose = _require_place(place).pose
+            return _touch_near_sides(surface, path, pose, cells=cells, load=load, depth=depth)
 
     inputs = {"cover": cover, "indenter": indenter, path.control: target, "cells": cells}
     if cover.size is not None:
         inputs["pose"] = _require_place(place).pose
-    data = result_store.fetch("contact", inputs, compute)
-    x, y, force = data["cells"].T
-    width, height, approach, area = (float(value) for value in data["scalars"])
-    return ContactPatch(x=x, y=y, force=force, cell=(width, height), depth=approach, area=area)
+    return result_store.recall("contact", inputs, compute)
 
 
 @lru_cache(maxsize=4)

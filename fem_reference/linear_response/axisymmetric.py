@@ -13,16 +13,22 @@ the loaded point, and the dual solution is smooth at this point.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 import skfem
 from scipy.interpolate import CubicSpline
 
+from fem_reference import result_store
 from fem_reference.elements.grading import grade_outward, layer_heights
 from fem_reference.elements.line import Line, recover_pressure
-from fem_reference.elements.taylor_hood import assemble_linear, mesh_layers, prepare_elements
+from fem_reference.elements.taylor_hood import MixedElements, assemble_linear, mesh_layers, prepare_elements
+from fem_reference.finite_strain.loading_path import Units
+from fem_reference.linear_response.point_spread import GRIDS, PointSpread
+from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover
 from meshes.array_types import FloatArray, IntArray
@@ -34,6 +40,9 @@ class AxisymmetricSettings:
 
     #: Radius, over the cover thickness, within which the mesh of a point load has elements of equal size [-].
     even: float = 4.0
+    #: Radius of the outer boundary of that mesh over the decay length of the cover's response, whose slowest mode has
+    #: decayed to 1e-5 there [-].
+    reach: float = 16.0
     #: Size ratio of neighbouring elements outside this radius, minus one, times the number of elements through the
     #: cover [-].
     growth: float = 1.2
@@ -49,48 +58,81 @@ _TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class BaseResponse:
-    """Base pressure of an axisymmetric load, per unit load or for the whole load.
+class RadialCover:
+    """Laterally wide cover, meshed in the r-z plane in units of its thickness and of its top layer's shear modulus.
 
     Attributes:
-        radius: Distances of m points from the axis, ascending, shape (m,) [m].
-        pressure: Base pressure at these points, shape (m,), per unit load [1/m2] or for the whole load [Pa].
-        reaction: Sum of the base reactions, per unit load [-] or for the whole load [N].
+        cover: The cover [SI units].
+        elements: Elements.
+        reach: Radius of the outer boundary, where all displacements are zero on a bonded base [thicknesses].
     """
 
-    radius: FloatArray
-    pressure: FloatArray
-    reaction: float
+    cover: Cover
+    elements: MixedElements
+    reach: float
 
-    def pack(self, key: str, reach: float) -> dict[str, Any]:
-        """Extend the base pressure to the axis by symmetry, and to zero at the outer boundary, radius `reach` [m].
+    @classmethod
+    def mesh(cls, cover: Cover, count: int, radii: FloatArray, *, surface_size: float | None = None) -> RadialCover:
+        """Mesh a cover.
 
-        Returns:
-            `radius_KEY` and `pressure_KEY`, shape (m + 2,) each, and `reaction_KEY`, for the result store.
+        Args:
+            cover: The cover.
+            count: Number of elements through the whole cover; each layer gets at least two [-].
+            radii: Element edges along the radius [thicknesses].
+            surface_size: Height of the elements at the top, if smaller than the regular one [thicknesses].
         """
-        r, p = self.radius, self.pressure
+        mesh, region = mesh_cover(Units.of(cover).scale_cover(cover), count, radii, surface_size=surface_size)
+        elements = prepare_elements(mesh, region=region, axisymmetric=True)
+        return cls(cover=cover, elements=elements, reach=float(radii[-1]))
+
+    @cached_property
+    def base(self) -> IntArray:
+        """Nodes of the base, from the axis outwards."""
+        return self._sort_nodes(0.0)
+
+    @cached_property
+    def top(self) -> IntArray:
+        """Nodes of the top, from the axis outwards."""
+        return self._sort_nodes(1.0)
+
+    @property
+    def constrained(self) -> IntArray:
+        """Indices of the displacements that are zero."""
+        r, z = self.elements.nodes.T
+        return find_constrained(self.cover, r, z, self.reach)
+
+    @cached_property
+    def stiffness(self) -> sp.csr_matrix:
+        """Matrix of linear elasticity with the properties of the layers at zero load."""
+        return assemble_linear(self.elements, *Units.of(self.cover).scale_moduli(self.cover))
+
+    def recover_base(self, forces: FloatArray, load: float) -> PointSpread:
+        """Compute the base pressure per load from the normal reactions of the base nodes.
+
+        The pressure is extended to the axis by symmetry, and to zero at the outer boundary.
+
+        Args:
+            forces: Normal reactions of `base`, each of a whole circle [units of force].
+            load: The load [units of force].
+        """
+        line = Line(edges=self.elements.nodes[self.base[::2], 0], order=2)
+        r, unit = _find_accurate_radii(line), self.cover.thickness
+        p = line.at(r) @ recover_pressure([line], forces, axisymmetric=True)
         around_axis = CubicSpline(np.r_[-r[3::-1], r[:4]], np.r_[p[3::-1], p[:4]])
-        return {
-            f"radius_{key}": np.r_[0.0, r, reach],
-            f"pressure_{key}": np.r_[around_axis(0.0), p, 0.0],
-            f"reaction_{key}": self.reaction,
-        }
+        return PointSpread(
+            radius=np.r_[0.0, r, self.reach] * unit,
+            pressure_per_force=np.r_[around_axis(0.0), p, 0.0] / (load * unit**2),
+            reaction=float(forces.sum()) / load,
+            thickness=unit,
+        )
+
+    def _sort_nodes(self, height: float) -> IntArray:
+        r, z = self.elements.nodes.T
+        nodes = np.flatnonzero(np.abs(z - height) < _TOLERANCE)
+        return nodes[np.argsort(r[nodes])]
 
 
-def recover_base_response(nodes: FloatArray, forces: FloatArray) -> BaseResponse:
-    """Compute the axisymmetric base pressure from the normal reactions of the base nodes.
-
-    Args:
-        nodes: Radii of the m base nodes, ascending; ends and middles of element edges alternate, shape (m,) [m].
-        forces: Normal reactions of the nodes, each of a whole circle, shape (m,) [N].
-    """
-    line = Line(edges=nodes[::2], order=2)
-    pressure = recover_pressure([line], forces, axisymmetric=True)
-    radius = _find_accurate_radii(line)
-    return BaseResponse(radius=radius, pressure=line.at(radius) @ pressure, reaction=float(forces.sum()))
-
-
-def solve_point_load(cover: Cover, *, elements_per_thickness: int, reach: float) -> BaseResponse:
+def solve_point_load(cover: Cover, *, elements_per_thickness: int, reach: float) -> PointSpread:
     """Solve for the base pressure under a unit point load on the axis.
 
     Args:
@@ -98,25 +140,42 @@ def solve_point_load(cover: Cover, *, elements_per_thickness: int, reach: float)
         elements_per_thickness: Number of elements through the whole cover; each layer gets at least two [-].
         reach: Radius of the outer boundary, where all displacements are zero [m].
     """
-    # Units of length and stress are the cover thickness and the shear modulus of the top layer: numbers near 1 make
-    # the matrix well conditioned.
-    unit, modulus = cover.thickness, cover.layers[-1].material.shear_modulus
-    size = unit / elements_per_thickness
-    radii = grade_outward(size, _SETTINGS.even * unit, reach, growth=1 + _SETTINGS.growth / elements_per_thickness)
-    mesh, region = mesh_cover(cover, elements_per_thickness, radii)
-    elements = prepare_elements(mesh.scaled(1 / unit), region=region, axisymmetric=True)
-    shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / modulus
-    compliance = np.array([modulus / layer.material.bulk_modulus for layer in cover.layers])
-    matrix = assemble_linear(elements, shear, compliance)
-    r, z = elements.nodes.T
-    system = ConstrainedSystem(find_constrained(cover, r, z, reach / unit)).factorise(matrix)
-    load = np.zeros(matrix.shape[0])
-    load[2 * int(np.argmin(np.hypot(r, z - 1))) + 1] = -1.0
-    solution = system.solve(load)
-    base = np.flatnonzero(np.abs(z) < _TOLERANCE)
-    base = base[np.argsort(r[base])]
-    found = recover_base_response(r[base], system.reaction(solution, load)[2 * base + 1])
-    return BaseResponse(radius=found.radius * unit, pressure=found.pressure / unit**2, reaction=found.reaction)
+    n = elements_per_thickness
+    radii = grade_outward(1 / n, _SETTINGS.even, reach / cover.thickness, growth=1 + _SETTINGS.growth / n)
+    radial = RadialCover.mesh(cover, n, radii)
+    system = ConstrainedSystem(radial.constrained).factorise(radial.stiffness)
+    load = np.zeros(radial.stiffness.shape[0])
+    load[2 * radial.top[0] + 1] = -1.0
+    reactions = system.reaction(system.solve(load), load)
+    return radial.recover_base(reactions[2 * radial.base + 1], 1.0)
+
+
+def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None) -> PointSpread:
+    """Solve for the point spread function of a cover on three grids, or read it from the result store.
+
+    The differences between the grids give the error estimate.
+
+    Args:
+        cover: Laterally wide cover; hyperelastic materials are linearised at zero load.
+        progress: Called with a line of text before each solve.
+
+    Raises:
+        ValueError: If the cover has free side edges.
+    """
+    if cover.size is not None:
+        raise ValueError("free side edges are not supported by the axisymmetric solve; leave out cover.size")
+    reach = _SETTINGS.reach * decay_length(cover)
+
+    def compute() -> PointSpread:
+        grids = []
+        for n in GRIDS:
+            if progress is not None:
+                progress(f"axisymmetric solve, {n} elements through the cover")
+            grids.append(solve_point_load(cover, elements_per_thickness=n, reach=reach))
+        return replace(grids[-1], coarse=tuple(grids[:-1]))
+
+    inputs = {"cover": cover, "reach": reach, "grids": GRIDS, "settings": _SETTINGS}
+    return result_store.recall("point-spread", inputs, compute)
 
 
 def find_constrained(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -> IntArray:

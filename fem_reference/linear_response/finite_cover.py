@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,7 @@ from fem_reference import result_store
 from fem_reference.elements.grading import fill_by_spacing, layer_heights
 from fem_reference.elements.line import Line, interpolation_matrix, line_matrix
 from fem_reference.elements.tensor_product import TensorSolid
+from fem_reference.finite_strain.loading_path import Units
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.point_spread import load_texel
 from fem_reference.linear_response.surface_compliance import decay_length
@@ -167,13 +168,13 @@ def build_solid(
         order: Polynomial order of the displacement [-].
         breaks: Indices of elements along x and along y at whose lower edge the pressure may jump.
     """
-    modulus = cover.layers[-1].material.shear_modulus
     sideways = 1 if cover.base == "bonded" else 0
+    shear, compliance = Units.of(cover).scale_moduli(cover)
     return TensorSolid(
         edges=edges,
         layer=layer,
-        shear_modulus=np.array([each.material.shear_modulus for each in cover.layers]) / modulus,
-        bulk_compliance=np.array([modulus / each.material.bulk_modulus for each in cover.layers]),
+        shear_modulus=shear,
+        bulk_compliance=compliance,
         order=order,
         first=(sideways, sideways, 1),
         breaks=breaks,
@@ -444,32 +445,23 @@ def solid_influence(
     Raises:
         ValueError: If the array is not planar, or if the cover is too wide for the memory.
     """
-    if not array.planar:
-        raise ValueError("a planar cover needs a planar array: all texels at z = 0 looking along +z")
+    array.require_planar()
 
     resolutions = choose_grids(cover, array)
 
-    def compute() -> dict[str, Any]:
-        out: dict[str, Any] = {}
-        for number, resolution in enumerate(resolutions):
+    def compute() -> list[AdjointSolution]:
+        out = []
+        for resolution in resolutions:
             if progress is not None:
                 unknowns = _count_unknowns(cover, array, resolution)
                 patience = "; this takes minutes" if unknowns > _SETTINGS.many else ""
                 progress(f"solid, {resolution.through} elements through the cover, {unknowns} unknowns{patience}")
-            found = solve_adjoint(cover, array, resolution)
-            out |= {f"texels_{number}": found.texels, f"whole_{number}": found.whole}
+            out.append(solve_adjoint(cover, array, resolution))
         return out
 
-    texels = {"centres": array.centres, "texel_size": array.texel_size}
-    grids = [(r.across, r.through, r.order) for r in resolutions]
-    data = result_store.fetch(
-        "solid-influence", {"cover": cover, "texels": texels, "grids": grids, "settings": _SETTINGS}, compute
-    )
-    solutions = []
-    for number, resolution in enumerate(resolutions):
-        x, y, _ = mesh_quarter(cover, array, resolution).lines
-        solutions.append(AdjointSolution(x=x, y=y, texels=data[f"texels_{number}"], whole=data[f"whole_{number}"]))
-    return SolidInfluence(cover=cover, array=array, grids=tuple(solutions))
+    inputs = {"cover": cover, "centres": array.centres, "texel_size": array.texel_size, "grids": resolutions}
+    grids = result_store.recall("solid-influence", {**inputs, "settings": _SETTINGS}, compute)
+    return SolidInfluence(cover=cover, array=array, grids=tuple(grids))
 
 
 def _count_unknowns(cover: Cover, array: TexelArray, resolution: Resolution) -> int:

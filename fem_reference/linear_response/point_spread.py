@@ -1,10 +1,8 @@
 """Compute the point spread function of a laterally wide cover: texel forces per unit point load on the top.
 
-A wide cover is so large that its edges have no effect, so the base pressure around a point load is axisymmetric.  The
-pressure is solved on three grids, and the differences between the grids give the error estimate.  Texel forces are
-integrals of the base pressure over rectangles, interpolated in a table.
-
-Integrate an axisymmetric base pressure over the texels of an array and over the base outside the texels.
+A wide cover is so large that its edges have no effect, so the base pressure around a point load is axisymmetric
+(`axisymmetric.point_spread` solves for it).  Texel forces are integrals of the base pressure over rectangles,
+interpolated in a table.
 
 The force on a texel is the sum of four values of a table: the integral of the pressure over the rectangle between the
 axis and a corner of the texel.  The force on the union of all active texels follows from a second table, which is
@@ -22,23 +20,20 @@ a regular grid of points that have the same effect on every polynomial of the po
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.interpolate import BSpline, CubicSpline, RectBivariateSpline
 
-from fem_reference import result_store
 from fem_reference.elements.grading import growing_steps
 from fem_reference.elements.line import gauss_points
 from fem_reference.grid_convergence import grid_convergence
-from fem_reference.linear_response.axisymmetric import solve_point_load
-from fem_reference.linear_response.surface_compliance import decay_length
-from meshes import Cover, TexelArray
+from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import Pose
 
@@ -47,9 +42,6 @@ from meshes.pose import Pose
 class PointSpreadSettings:
     """Numbers of the point spread function, of its integrals over texels and of sums of many forces."""
 
-    #: Distance of the outer boundary from the load over the decay length of the cover's response, whose slowest mode
-    #: has decayed to 1e-5 there [-].
-    reach: float = 16.0
     #: Gauss points along a side of a texel per cover thickness, for uniform pressure on the texel [-].
     texel_points: int = 6
     #: Smallest number of these points [-].
@@ -119,23 +111,6 @@ class PointSpread:
     thickness: float
     coarse: tuple[PointSpread, ...] = ()
 
-    @classmethod
-    def unpack(cls, data: Mapping[str, Any], key: str, *, thickness: float, force: float = 1.0) -> PointSpread:
-        """Build the base pressure per unit load from arrays that `BaseResponse.pack` returned.
-
-        Args:
-            data: Arrays by name.
-            key: Suffix of their names.
-            thickness: Thickness of the cover [m].
-            force: Force under which the stored pressure was computed [N]; 1 if it is per unit load [-].
-        """
-        return cls(
-            radius=data[f"radius_{key}"],
-            pressure_per_force=data[f"pressure_{key}"] / force,
-            reaction=float(data[f"reaction_{key}"]) / force,
-            thickness=thickness,
-        )
-
     @property
     def reach(self) -> float:
         """Distance from the load beyond which the base pressure is set to zero [m]."""
@@ -159,7 +134,10 @@ class PointSpread:
         Raises:
             ValueError: If the array is not planar.
         """
-        return self._base.on_texels(array, np.atleast_2d(np.asarray(positions, dtype=float)))
+        x, y, texel = _find_edges(array)
+        places = np.atleast_2d(np.asarray(positions, dtype=float))
+        corner = self._corners.at(x[:, None] - places[:, :1, None], y - places[:, 1:, None])
+        return np.where(array.active, _difference(corner, texel), 0.0)
 
     def base_forces(self, array: TexelArray, x: FloatArray, y: FloatArray, loads: FloatArray) -> FloatArray:
         """Compute the forces on the base under point loads on a grid of positions.
@@ -173,7 +151,15 @@ class PointSpread:
         Returns:
             Force on each texel, then the force outside the active texels, shape (n + 1,) [N].
         """
-        return self._base.sum_loads(array, x, y, loads)
+        edges_x, edges_y, texel = _find_edges(array)
+        corner = self._corners.sum_loads((edges_x, edges_y), (x, y, loads))
+        texels = np.where(array.active, _difference(corner, texel), 0.0)
+        edges_x, edges_y, vertical, level = _find_outline(array)
+        beside = self._outlines.sum_loads((edges_x, edges_y), (x, y, loads))
+        on_texels = (np.diff(beside, axis=1) * vertical).sum()
+        beside = self._outlines.sum_loads((edges_y, edges_x), (y, x, loads.T)).T
+        on_texels += (np.diff(beside, axis=0) * level).sum()
+        return np.append(texels, self.reaction * loads.sum() - on_texels)
 
     def texel_response(
         self, array: TexelArray, load: Literal["point", "uniform"] = "point", texel: int | None = None
@@ -203,7 +189,12 @@ class PointSpread:
         Returns:
             Part of the load for each position, shape (k,) [-].
         """
-        return self._base.outside(array, np.atleast_2d(np.asarray(positions, dtype=float)))
+        x, y, vertical, level = _find_outline(array)
+        places = np.atleast_2d(np.asarray(positions, dtype=float))
+        dx, dy = x[:, None] - places[:, :1, None], y - places[:, 1:, None]
+        on_texels = (np.diff(self._outlines.at(dx, dy), axis=2) * vertical).sum(axis=(1, 2))
+        on_texels += (np.diff(self._outlines.at(dy, dx), axis=1) * level).sum(axis=(1, 2))
+        return np.asarray(self.reaction - on_texels)
 
     @property
     def on_grids(self) -> tuple[PointSpread, ...]:
@@ -227,7 +218,7 @@ class PointSpread:
         peaks = [float(grid.texel_response(patch)[0]) for grid in grids]
         widths = [grid.half_width for grid in grids]
         return {
-            "total_force": abs(self._base.integral - 1),
+            "total_force": abs(float(2 * np.pi * self._within[-1]) - 1),
             "peak_texel": grid_convergence(peaks, sizes) / peaks[-1],
             "sigma": grid_convergence(widths, sizes) / widths[-1],
         }
@@ -247,41 +238,46 @@ class PointSpread:
         return CubicSpline(self.radius, self.pressure_per_force, bc_type="clamped")
 
     @cached_property
-    def _base(self) -> RadialPressure:
-        """Integrals of the base pressure per unit load over texels."""
-        return RadialPressure(
-            pressure=self.pressure, radius=self.radius, thickness=self.thickness, reaction=self.reaction
-        )
+    def _corners(self) -> _OddTable:
+        """Integral of the pressure over the rectangle from the axis to (x, y), per unit load [-]."""
+        edges = _cut_panels(self.thickness, float(self.radius[-1]))
+        points, share = gauss_points(edges, 4)
+        density = self.pressure(np.hypot(points[:, None], points)) * np.outer(share, share)
+        cells = density.reshape(len(edges) - 1, 4, len(edges) - 1, 4).sum(axis=(1, 3))
+        total = np.zeros((len(edges), len(edges)))
+        total[1:, 1:] = cells.cumsum(axis=0).cumsum(axis=1)
+        return _OddTable.tabulate(edges, total)
 
+    @cached_property
+    def _outlines(self) -> _OddTable:
+        """Force on the triangle of the axis, (x, 0) and (x, y): x times the integral of Q / r^2 from 0 to y."""
+        edges = _cut_panels(self.thickness, _SETTINGS.farthest * float(self.radius[-1]))
+        points, share = gauss_points(edges, 6)
+        density = self._enclosed(np.hypot(edges[:, None], points)) * share
+        cells = density.reshape(len(edges), -1, 6).sum(axis=2)
+        line = np.zeros((len(edges), len(edges)))
+        line[:, 1:] = cells.cumsum(axis=1)
+        return _OddTable.tabulate(edges, edges[:, None] * line)
 
-def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None) -> PointSpread:
-    """Solve for the point spread function of a cover on three grids, or read it from the result store.
+    @cached_property
+    def _within(self) -> FloatArray:
+        """Integral of pressure times distance from the axis to each of `radius`, shape (m,)."""
+        points, share = gauss_points(self.radius, 4)
+        parts = (share * points * self.pressure(points)).reshape(-1, 4).sum(axis=1)
+        return np.append(0.0, parts.cumsum())
 
-    Args:
-        cover: Laterally wide cover; hyperelastic materials are linearised at zero load.
-        progress: Called with a line of text before each solve.
+    def _enclosed(self, distance: FloatArray) -> FloatArray:
+        """Evaluate Q(r) / r^2, half the mean pressure within a circle of radius r."""
+        r = np.minimum(distance, self.radius[-1])
+        return np.asarray(self._half_mean(r) * (r / np.maximum(distance, r)) ** 2) if distance.size else distance
 
-    Raises:
-        ValueError: If the cover has free side edges.
-    """
-    if cover.size is not None:
-        raise ValueError("free side edges are not supported by the axisymmetric solve; leave out cover.size")
-    reach = _SETTINGS.reach * decay_length(cover)
-
-    def compute() -> dict[str, Any]:
-        out: dict[str, Any] = {}
-        for n in GRIDS:
-            if progress is not None:
-                progress(f"axisymmetric solve, {n} elements through the cover")
-            response = solve_point_load(cover, elements_per_thickness=n, reach=reach)
-            out |= response.pack(f"{n}", reach)
-        return out
-
-    data = result_store.fetch(
-        "point-spread", {"cover": cover, "reach": reach, "grids": GRIDS, "settings": _SETTINGS}, compute
-    )
-    *coarse, finest = (PointSpread.unpack(data, f"{n}", thickness=cover.thickness) for n in GRIDS)
-    return replace(finest, coarse=tuple(coarse))
+    @cached_property
+    def _half_mean(self) -> CubicSpline:
+        """Spline of Q(r) / r^2 from the axis to the reach of the pressure."""
+        with np.errstate(invalid="ignore"):
+            value = self._within / self.radius**2
+        value[0] = float(self.pressure(np.zeros(1))[0]) / 2
+        return CubicSpline(self.radius, value, bc_type=("clamped", "not-a-knot"))
 
 
 def load_texel(
@@ -377,130 +373,6 @@ class _OddTable:
         return left[:, kept] * root, right[kept].T * root
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RadialPressure:
-    """Axisymmetric base pressure around a vertical axis.
-
-    Attributes:
-        pressure: Function from the distance from the axis [m] to the base pressure.
-        radius: Distances from the axis between which the pressure is smooth, from 0 to its reach, shape (m,) [m].
-        thickness: Thickness of the cover, over which the pressure varies [m].
-        reaction: Force on the whole base.
-    """
-
-    pressure: Callable[[FloatArray], FloatArray]
-    radius: FloatArray
-    thickness: float
-    reaction: float
-
-    @property
-    def integral(self) -> float:
-        """Integral of the pressure over the whole base."""
-        return float(2 * np.pi * self._total)
-
-    def on_texels(self, array: TexelArray, places: FloatArray) -> FloatArray:
-        """Compute the force on every texel for each position of the axis.
-
-        Args:
-            array: Planar array; inactive texels get 0.
-            places: k positions of the axis in the frame of the array, shape (k, 2) [m].
-
-        Returns:
-            Force on each of n texels, shape (k, n).
-
-        Raises:
-            ValueError: If the array is not planar.
-        """
-        x, y, texel = _find_edges(array)
-        corner = self._corners.at(x[:, None] - places[:, :1, None], y - places[:, 1:, None])
-        return np.where(array.active, _difference(corner, texel), 0.0)
-
-    def outside(self, array: TexelArray, places: FloatArray) -> FloatArray:
-        """Compute the force outside the active texels for each position of the axis, independently of `on_texels`.
-
-        Args:
-            array: Planar array.
-            places: k positions of the axis in the frame of the array, shape (k, 2) [m].
-
-        Returns:
-            Force outside the active texels, shape (k,).
-        """
-        x, y, vertical, level = _find_outline(array)
-        dx, dy = x[:, None] - places[:, :1, None], y - places[:, 1:, None]
-        on_texels = (np.diff(self._outlines.at(dx, dy), axis=2) * vertical).sum(axis=(1, 2))
-        on_texels += (np.diff(self._outlines.at(dy, dx), axis=1) * level).sum(axis=(1, 2))
-        return np.asarray(self.reaction - on_texels)
-
-    def sum_loads(self, array: TexelArray, x: FloatArray, y: FloatArray, loads: FloatArray) -> FloatArray:
-        """Sum the base forces over a grid of axes.
-
-        Args:
-            array: Planar array with n texels.
-            x: Positions of the axes along x in the frame of the array, shape (m,) [m].
-            y: Positions of the axes along y, shape (p,) [m].
-            loads: Factor on the pressure around each axis, shape (m, p).
-
-        Returns:
-            Force on each texel, then the force outside the active texels, shape (n + 1,).
-        """
-        edges_x, edges_y, texel = _find_edges(array)
-        corner = self._corners.sum_loads((edges_x, edges_y), (x, y, loads))
-        texels = np.where(array.active, _difference(corner, texel), 0.0)
-        edges_x, edges_y, vertical, level = _find_outline(array)
-        beside = self._outlines.sum_loads((edges_x, edges_y), (x, y, loads))
-        on_texels = (np.diff(beside, axis=1) * vertical).sum()
-        beside = self._outlines.sum_loads((edges_y, edges_x), (y, x, loads.T)).T
-        on_texels += (np.diff(beside, axis=0) * level).sum()
-        return np.append(texels, self.reaction * loads.sum() - on_texels)
-
-    @cached_property
-    def _corners(self) -> _OddTable:
-        """Integral of the pressure over the rectangle from the axis to (x, y)."""
-        edges = _cut_panels(self.thickness, float(self.radius[-1]))
-        points, share = gauss_points(edges, 4)
-        density = self.pressure(np.hypot(points[:, None], points)) * np.outer(share, share)
-        cells = density.reshape(len(edges) - 1, 4, len(edges) - 1, 4).sum(axis=(1, 3))
-        total = np.zeros((len(edges), len(edges)))
-        total[1:, 1:] = cells.cumsum(axis=0).cumsum(axis=1)
-        return _OddTable.tabulate(edges, total)
-
-    @cached_property
-    def _outlines(self) -> _OddTable:
-        """Force on the triangle of the axis, (x, 0) and (x, y): x times the integral of Q / r^2 from 0 to y."""
-        edges = _cut_panels(self.thickness, _SETTINGS.farthest * float(self.radius[-1]))
-        points, share = gauss_points(edges, 6)
-        density = self._enclosed(np.hypot(edges[:, None], points)) * share
-        cells = density.reshape(len(edges), -1, 6).sum(axis=2)
-        line = np.zeros((len(edges), len(edges)))
-        line[:, 1:] = cells.cumsum(axis=1)
-        return _OddTable.tabulate(edges, edges[:, None] * line)
-
-    @cached_property
-    def _total(self) -> float:
-        """Integral of pressure times distance over all distances from the axis."""
-        return float(self._within[-1])
-
-    @cached_property
-    def _within(self) -> FloatArray:
-        """Integral of pressure times distance from the axis to each of `radius`, shape (m,)."""
-        points, share = gauss_points(self.radius, 4)
-        parts = (share * points * self.pressure(points)).reshape(-1, 4).sum(axis=1)
-        return np.append(0.0, parts.cumsum())
-
-    def _enclosed(self, distance: FloatArray) -> FloatArray:
-        """Evaluate Q(r) / r^2, half the mean pressure within a circle of radius r."""
-        r = np.minimum(distance, self.radius[-1])
-        return np.asarray(self._half_mean(r) * (r / np.maximum(distance, r)) ** 2) if distance.size else distance
-
-    @cached_property
-    def _half_mean(self) -> CubicSpline:
-        """Spline of Q(r) / r^2 from the axis to the reach of the pressure."""
-        with np.errstate(invalid="ignore"):
-            value = self._within / self.radius**2
-        value[0] = float(self.pressure(np.zeros(1))[0]) / 2
-        return CubicSpline(self.radius, value, bc_type=("clamped", "not-a-knot"))
-
-
 def _cut_panels(thickness: float, reach: float) -> FloatArray:
     """Compute the edges of integration panels from 0 to `reach`, equal near the axis and growing away from it [m]."""
     step = thickness / _SETTINGS.per_thickness
@@ -530,8 +402,7 @@ def _find_edges(array: TexelArray) -> tuple[FloatArray, FloatArray, IntArray]:
     Raises:
         ValueError: If the array is not planar.
     """
-    if not array.planar:
-        raise ValueError("a planar cover needs a planar array: all texels at z = 0 looking along +z")
+    array.require_planar()
     grain = min(array.texel_size) * _SETTINGS.same_edge
     positions, indices = [], []
     for axis in range(2):

@@ -5,27 +5,31 @@ rings, from one factorisation.  The contact is then solved for the tractions of 
 in steps, because slip depends on the loading history.  In each step an active set of open, sticking and sliding rings
 is found: no ring pulls, open rings do not penetrate, sticking rings do not move along the indenter, and the shear of
 sliding rings is the coefficient of friction times the pressure and opposes the slip (Wriggers, Computational Contact
-Mechanics, 2006, sections 4.2 and 5.2).
+Mechanics, 2006, sections 4.2 and 5.2).  The solution corrects the accurate frictionless one, see `correction`.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 
+from fem_reference import result_store
 from fem_reference.elements.grading import grade_around_edge, growing_steps
 from fem_reference.elements.line import Line
-from fem_reference.elements.taylor_hood import prepare_elements
 from fem_reference.errors import ConvergenceError
-from fem_reference.fields.cover_fields import CoverFields, recover_fields
+from fem_reference.fields.cover_fields import recover_fields
+from fem_reference.finite_strain.contact import divide_rings
 from fem_reference.finite_strain.hyperelastic import Solid
-from fem_reference.finite_strain.loading_path import Control, Units
-from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
+from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress, Units, name_grid
+from fem_reference.indentation import small_strain
+from fem_reference.indentation.correction import SolvedPair, correct_path, pair_grids
+from fem_reference.indentation.grid_solution import GridSolution, GridStudy, RadialBase
+from fem_reference.linear_response.axisymmetric import RadialCover
 from fem_reference.linear_response.surface_compliance import choose_friction_reach
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Indenter
@@ -55,11 +59,15 @@ class RingSettings:
     all_at_once: int = 40
     #: Largest number of exchanges [-].
     exchanges: int = 2000
+    #: Smallest estimated error of a result [-].
+    least_error: float = 5e-4
 
 
 _SETTINGS = RingSettings()
 
 
+#: Number of elements through the cover on all grids; three neighbouring grids give a result and its error [-].
+GRIDS = (6, 9, 13, 19, 28)
 #: Gauss points across a ring.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 #: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
@@ -68,31 +76,6 @@ _ON_BOUNDARY = 1e-9
 _TINY = 1e-300
 #: Conditions of a ring; a sliding ring has the sign of its shear on the cover.
 _OPEN, _STICKS, _OUTWARD, _INWARD = 0, 1, 2, 3
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RingState:
-    """Contact at one target load or depth.
-
-    Attributes:
-        depth: Approach of the indenter from first touch [m].
-        load: Normal force on the indenter [N].
-        area: Contact area [m2].
-        rings: Radius [m], force along -z and radial force on the cover [N] of k rings of the contact, shape (k, 3).
-        base: Pressure on the base of the cover over the radius.
-        reach: Radius of the outer boundary of the mesh [m].
-        energy: Elastic energy stored in the cover [J].
-        fields: Displacement and stress in the cover, if asked for.
-    """
-
-    depth: float
-    load: float
-    area: float
-    rings: FloatArray
-    base: BaseResponse
-    reach: float
-    energy: float
-    fields: CoverFields | None
 
 
 class _Step(NamedTuple):
@@ -117,11 +100,6 @@ class _Step(NamedTuple):
     closing: FloatArray
 
 
-def count_rings(count: int) -> int:
-    """Return the number of rings across the largest contact, for a number of elements through the cover."""
-    return _SETTINGS.rings * count
-
-
 class RingContact:
     """Compliance of the top of a wide cover to tractions on rings, in units of its thickness and top shear modulus.
 
@@ -139,15 +117,8 @@ class RingContact:
         self._radius = contact_radius / unit
         self._reach = choose_friction_reach(cover, contact_radius) / unit
         self._edges, radii = self._grade()
-        thin = self._units.scale_cover(cover)
-        mesh, region = mesh_cover(thin, count, radii, surface_size=float(np.diff(self._edges).min()))
-        self._elements = prepare_elements(mesh, region=region, axisymmetric=True)
-        self._solid = Solid.from_cover(self._elements, cover, self._units)
-        r, z = self._elements.nodes.T
-        self._base, self._top = (np.flatnonzero(np.abs(z - height) < _ON_BOUNDARY) for height in (0.0, 1.0))
-        self._base, self._top = (each[np.argsort(r[each])] for each in (self._base, self._top))
-        self._system = ConstrainedSystem(find_constrained(thin, r, z, self._reach))
-        self._system = self._system.factorise(self._solid.linearise_at_rest().stiffness)
+        self._radial = RadialCover.mesh(cover, count, radii, surface_size=float(np.diff(self._edges).min()))
+        self._system = ConstrainedSystem(self._radial.constrained).factorise(self._radial.stiffness)
         self._load_shapes(radii)
 
     def _grade(self) -> tuple[FloatArray, FloatArray]:
@@ -158,7 +129,7 @@ class RingContact:
         if self._indenter.is_flat:
             radii = grade_around_edge(_SETTINGS.edge * rim / self._count**2, coarse, rim, self._reach, growth)
             return radii[: int(np.argmin(np.abs(radii - rim))) + 1], radii
-        width = self._radius / count_rings(self._count)
+        width = self._radius / (_SETTINGS.rings * self._count)
         rings = int(np.ceil(min(_SETTINGS.margin * self._radius, rim) / width - _ON_BOUNDARY))
         edges = width * np.arange(rings + 1)
         beyond = growing_steps(
@@ -178,13 +149,14 @@ class RingContact:
         weights = np.zeros((owner.size, rings))
         weights[np.arange(owner.size), owner] = self._area_weights.ravel()
         on_nodes = np.asarray(Line(edges=radii, order=2).at(self._points.ravel()).T @ weights)
-        self._shapes = np.zeros((self._elements.displacements + self._elements.pressures, 2 * rings))
-        self._shapes[2 * self._top + 1, :rings] = -on_nodes
-        self._shapes[2 * self._top, rings:] = on_nodes
+        elements, top = self._radial.elements, self._radial.top
+        self._shapes = np.zeros((elements.displacements + elements.pressures, 2 * rings))
+        self._shapes[2 * top + 1, :rings] = -on_nodes
+        self._shapes[2 * top, rings:] = on_nodes
         self._response = self._system.solve(self._shapes)
         self._reactions = np.column_stack(
             [
-                self._system.reaction(self._response[:, column], self._shapes[:, column])[2 * self._base + 1]
+                self._system.reaction(self._response[:, column], self._shapes[:, column])[2 * self._radial.base + 1]
                 for column in range(2 * rings)
             ]
         )
@@ -194,7 +166,7 @@ class RingContact:
 
     def press(
         self, targets: Sequence[float], control: Control, *, friction: float, depth: float, fields: bool = False
-    ) -> list[RingState]:
+    ) -> list[GridSolution]:
         """Press the indenter to every target load [N] or depth [m], ascending.
 
         Args:
@@ -214,7 +186,7 @@ class RingContact:
 
         plan = self._plan_depths(depth / self._units.length, 1 if friction == 0 else _SETTINGS.steps * self._count)
         following = next(plan)
-        reached: list[RingState] = []
+        reached: list[GridSolution] = []
         for target in (each / unit for each in targets):
             while self._measure(ahead := self._advance(here, following, friction), control) < target:
                 here, following = ahead, next(plan)
@@ -223,7 +195,7 @@ class RingContact:
             elif ahead.depth > target:
                 ahead = self._advance(here, target, friction)
             here = ahead
-            reached.append(self._describe(here, fields=fields))
+            reached.append(self._describe(here, rubs=friction > 0, fields=fields))
         return reached
 
     def _plan_depths(self, last: float, steps: int) -> Iterator[float]:
@@ -307,28 +279,32 @@ class RingContact:
             out[n + slides] = sign * out[slides]
         return out
 
-    def _describe(self, step: _Step, *, fields: bool) -> RingState:
+    def _describe(self, step: _Step, *, rubs: bool, fields: bool) -> GridSolution:
         """Convert a solved step to SI units."""
-        n, units = len(self._area), self._units
+        n, units, radial = len(self._area), self._units, self._radial
         pressure, shear = step.traction[:n], step.traction[n:]
-        below = recover_base_response(self._elements.nodes[self._base, 0], self._reactions @ step.traction)
+        load = float(self._area @ pressure)
         closed = pressure > 0
         middle = (self._area_weights * self._points).sum(axis=1) / self._area
-        state = self._response @ step.traction
-        return RingState(
+        rings = np.column_stack([middle, self._area * pressure, self._area * shear])[closed]
+        points = divide_rings(rings * [units.length, units.force, units.force])
+        found = None
+        if fields:
+            solid = Solid.from_cover(radial.elements, self._cover, units)
+            found = recover_fields(solid, self._response @ step.traction, units, linear=True)
+        return GridSolution(
+            size=1 / self._count,
+            total_force=load * units.force,
             depth=step.depth * units.length,
-            load=float(self._area @ pressure) * units.force,
             area=np.pi * self._find_edge(step) ** 2 * units.length**2,
-            rings=np.column_stack([middle, self._area * pressure, self._area * shear])[closed]
-            * [units.length, units.force, units.force],
-            base=BaseResponse(
-                radius=below.radius * units.length,
-                pressure=below.pressure * units.stress,
-                reaction=below.reaction * units.force,
+            overlap=0.0,
+            contact=points[:, :3],
+            shear=points[:, 3:] if rubs else None,
+            base=RadialBase(
+                spread=radial.recover_base(self._reactions @ step.traction, load), force=load * units.force
             ),
-            reach=self._reach * units.length,
             energy=float(step.traction @ self._compliance @ step.traction) / 2 * units.force * units.length,
-            fields=recover_fields(self._solid, state, units, linear=True) if fields else None,
+            fields=found,
         )
 
     def _find_edge(self, step: _Step) -> float:
@@ -391,3 +367,53 @@ def _exchange(condition: IntArray, pressure: FloatArray, shear: FloatArray, fric
     # A ring that would have to pull in order to stick may still press when it slides.
     pulls = (pressure <= 0) & ((condition > _STICKS) | ((condition == _STICKS) & np.isinf(friction)))
     return np.where(pulls, _OPEN, after)
+
+
+def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> GridStudy:
+    """Solve a loading path with friction on three grids.
+
+    Args:
+        path: Wide cover, indenter of revolution, target loads or depths, and friction.
+        progress: Called with a line of text before each solve.
+        refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
+
+    Returns:
+        The solutions of every target, and how they converge.
+    """
+    accurate = small_strain.study_path(path, None, progress)
+    grids = GRIDS[refinement : refinement + 3]
+    smooth = accurate.solutions[-1][-1]
+
+    def solve(part: LoadingPath, _approaches: Sequence[float]) -> SolvedPair:
+        """Solve a part of the path without and with friction on the grids, or read both from the result store."""
+        part = replace(part, load_scale=1.0)
+
+        def compute() -> SolvedPair:
+            pairs = []
+            for count in grids:
+                tell = name_grid(progress, count)
+                if tell is not None:
+                    tell("rings with friction")
+                contact = RingContact(
+                    part.cover, part.indenter, contact_radius=(smooth.area / np.pi) ** 0.5, count=count
+                )
+                fields = part.fields and count == grids[-1]
+                pairs.append(
+                    [
+                        contact.press(part.targets, part.control, friction=each, depth=smooth.depth, fields=wanted)
+                        for each, wanted in ((0.0, False), (part.friction, fields))
+                    ]
+                )
+            return pair_grids(pairs)
+
+        return result_store.recall("friction-rings", {"path": part, "grids": grids}, compute)
+
+    return GridStudy(
+        solutions=correct_path(path, accurate.solutions, solve),
+        least_order=1.0,
+        least_error=_SETTINGS.least_error,
+        # The edge of the contact is found within half a ring, a change of the area by the width of the ring.
+        least_area_error=0.0 if path.indenter.is_flat else 1 / (_SETTINGS.rings * grids[-1]),
+        accurate=accurate,
+        assumptions={},
+    )

@@ -1,7 +1,7 @@
 """Solve a flat punch without slip on a cover at small strain: in the r-z plane, or in three dimensions.
 
-Every point of the cover under the face moves down by the depth and not sideways, so the problem is linear and one
-factorisation solves it.
+The contact area is the whole face, and every point of the cover under it moves down by the depth and not sideways, so
+the problem is linear and one factorisation solves it.
 
 In the r-z plane elements shrink geometrically towards the edge of the punch, where the stress is singular.
 
@@ -13,6 +13,7 @@ other face is represented by the nodes that it covers, on a mesh of equal elemen
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -20,17 +21,29 @@ from itertools import pairwise
 import numpy as np
 import scipy.sparse as sp
 
+from fem_reference import result_store
 from fem_reference.elements.grading import fill_by_spacing, grade_around_edge
-from fem_reference.elements.taylor_hood import assemble_linear, prepare_elements
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.linear_response.axisymmetric import BaseResponse, find_constrained, mesh_cover, recover_base_response
+from fem_reference.finite_strain.block_path import BlockReactions
+from fem_reference.finite_strain.contact import divide_rings
+from fem_reference.finite_strain.loading_path import LoadingPath, Progress, Units
+from fem_reference.indentation import small_strain
+from fem_reference.indentation.grid_solution import (
+    GridSolution,
+    GridStudy,
+    RadialBase,
+    correct_solution,
+    extrapolate_solutions,
+    scale_solution,
+)
+from fem_reference.linear_response.axisymmetric import RadialCover
 from fem_reference.linear_response.surface_compliance import choose_friction_reach
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Box, Cover, FlatPunch
 from meshes.array_types import FloatArray, IntArray
 from meshes.indenters.shapes import PolygonalPunch
-from meshes.pose import Pose
+from meshes.pose import Place, Pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +77,14 @@ class NoSlipSettings:
     thin_top: float = 4.0
     #: Factor on the number of elements across a face without mirror symmetry, to limit the computing time [-].
     unsymmetric: float = 0.6
+    #: Tensile part of the contact force, over the whole force, above which a face separates from the cover [-].
+    separates: float = 2e-3
+    #: Smallest estimated error of axisymmetric solutions [-].
+    least_disk: float = 5e-5
+    #: The same in three dimensions, of faces with sides on mesh lines [-].
+    least_on_lines: float = 1.5e-3
+    #: The same of other faces, which are represented by whole nodes [-].
+    least_off_lines: float = 3e-3
     #: Distance from the outline of a face, over the smaller of its half width and the cover thickness, within which
     #: tensile forces count as discretisation error of the singular stress at the edge [-].
     at_edge: float = 0.1
@@ -72,70 +93,48 @@ class NoSlipSettings:
 _SETTINGS = NoSlipSettings()
 
 
-#: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
-_ON_BOUNDARY = 1e-9
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PressedDisk:
-    """Contact of a flat punch of revolution without slip, per unit depth.
-
-    Attributes:
-        force: Normal force on the punch [N/m].
-        base: Base pressure over the radius [Pa/m].
-        reach: Radius of the outer boundary [m].
-        rings: For the circle through each of m nodes under the punch, its radius [m] and the force of the punch on the
-            cover along -z and along the radius [N/m], shape (m, 3).
-        tension: Tensile part of the contact force away from the edge, over the whole force [-].
-    """
-
-    force: float
-    base: BaseResponse
-    reach: float
-    rings: FloatArray
-    tension: float
-
-
-def press_stuck_disk(cover: Cover, radius: float, *, elements_per_thickness: int) -> PressedDisk:
-    """Press a flat-ended rigid cylinder without slip into a laterally wide cover by a unit depth.
+def press_stuck_disk(cover: Cover, radius: float, *, elements_per_thickness: int) -> tuple[GridSolution, float]:
+    """Press a flat-ended rigid cylinder without slip into a laterally wide cover by a depth of 1 m.
 
     Args:
         cover: Cover; its layers have their linear elastic properties at zero load.
         radius: Radius of the cylinder [m].
         elements_per_thickness: Number of elements through the cover away from the punch; each layer gets at least
             two [-].
+
+    Returns:
+        The solution, and the tensile part of the contact force away from the edge, over the whole force [-].
     """
-    # Units of length and stress are the cover thickness and the shear modulus of the top layer.
-    unit, modulus = cover.thickness, cover.layers[-1].material.shear_modulus
-    size = min(unit, radius) / elements_per_thickness
-    fine = _SETTINGS.disk_edge * min(radius, cover.layers[-1].thickness)
-    reach = choose_friction_reach(cover, radius)
-    radii = grade_around_edge(fine, size, radius, reach, 1 + _SETTINGS.disk_growth / elements_per_thickness)
-    mesh, region = mesh_cover(cover, elements_per_thickness, radii, surface_size=fine)
-    elements = prepare_elements(mesh.scaled(1 / unit), region=region, axisymmetric=True)
-    shear = np.array([layer.material.shear_modulus for layer in cover.layers]) / modulus
-    compliance = np.array([modulus / layer.material.bulk_modulus for layer in cover.layers])
-    matrix = assemble_linear(elements, shear, compliance)
-    r, z = elements.nodes.T
-    under = np.flatnonzero((z > 1 - _ON_BOUNDARY) & (r < radius / unit * (1 + _ON_BOUNDARY)))
-    under = under[np.argsort(r[under])]
-    displacement = np.zeros(len(matrix.indptr) - 1)
+    units = Units.of(cover)
+    unit, rim, n = units.length, radius / units.length, elements_per_thickness
+    fine = _SETTINGS.disk_edge * min(radius, cover.layers[-1].thickness) / unit
+    reach = choose_friction_reach(cover, radius) / unit
+    radii = grade_around_edge(fine, min(1.0, rim) / n, rim, reach, 1 + _SETTINGS.disk_growth / n)
+    radial = RadialCover.mesh(cover, n, radii, surface_size=fine)
+    r = radial.elements.nodes[:, 0]
+    under = radial.top[r[radial.top] < rim * (1 + _SETTINGS.same)]
+    displacement = np.zeros(radial.stiffness.shape[0])
     displacement[2 * under + 1] = -1.0
-    fixed = np.unique(np.concatenate([find_constrained(cover, r, z, reach / unit), 2 * under, 2 * under + 1]))
-    system = ConstrainedSystem(fixed).factorise(matrix)
+    fixed = np.unique(np.concatenate([radial.constrained, 2 * under, 2 * under + 1]))
+    system = ConstrainedSystem(fixed).factorise(radial.stiffness)
     load = np.zeros_like(displacement)
-    reaction = system.reaction(system.solve(load, displacement[fixed]), load) * modulus * unit
-    rings = np.column_stack([r[under] * unit, -reaction[2 * under + 1], reaction[2 * under]])
-    base = np.flatnonzero(z < _ON_BOUNDARY)
-    base = base[np.argsort(r[base])]
-    found = recover_base_response(r[base] * unit, reaction[2 * base + 1])
-    return PressedDisk(
-        force=float(rings[:, 1].sum()),
-        base=found,
-        reach=reach,
-        rings=rings,
-        tension=measure_tension(rings[:, 1], radius - rings[:, 0], min(radius, unit)),
+    reaction = system.reaction(system.solve(load, displacement[fixed]), load)
+    per_depth = units.force / unit
+    rings = np.column_stack([r[under] * unit, -reaction[2 * under + 1] * per_depth, reaction[2 * under] * per_depth])
+    points, force = divide_rings(rings), float(rings[:, 1].sum())
+    spread = radial.recover_base(reaction[2 * radial.base + 1], force / per_depth)
+    solution = GridSolution(
+        size=1 / n,
+        total_force=force,
+        depth=1.0,
+        area=float(np.pi * radius**2),
+        overlap=0.0,
+        contact=points[:, :3],
+        shear=points[:, 3:],
+        energy=force / 2,
+        base=RadialBase(spread=spread, force=force),
     )
+    return solution, measure_tension(rings[:, 1], radius - rings[:, 0], min(radius, unit))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,26 +157,14 @@ class FaceGrid:
     order: int = 2
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PressedFace:
-    """Contact of a flat face with a cover, with or without slip, per unit depth.
-
-    Attributes:
-        force: Normal force on the face [N/m].
-        lines: Positions of the nodes of the meshed part along x, shape (m,), and along y, shape (n,) [m].
-        base: Normal reactions of the base at these nodes, shape (m, n) [N/m].
-        contact: Columns x, y [m], force on the cover along -z, x and y [N/m] of the k nodes of the meshed part that the
-            face touches, shape (k, 5).
-        symmetric: Whether x = 0 and y = 0 are planes of symmetry; the mesh then ends at the plane.
-        tension: Tensile part of the contact force away from the sides of the face, over the whole force [-].
-    """
-
-    force: float
-    lines: tuple[FloatArray, FloatArray]
-    base: FloatArray
-    contact: FloatArray
-    symmetric: tuple[bool, bool]
-    tension: float
+#: Number of elements through the cover on the three axisymmetric grids [-].
+DISK_GRIDS = (3, 4, 6)
+#: The three grids in three dimensions.
+FACE_GRIDS = (
+    FaceGrid(through=2, edge=0.04, growth=1.2, across=8),
+    FaceGrid(through=3, edge=0.02, growth=1.0, across=12),
+    FaceGrid(through=4, edge=0.01, growth=0.8, across=16),
+)
 
 
 def lies_on_lines(face: FlatPunch, pose: Pose) -> bool:
@@ -194,10 +181,10 @@ def lies_on_lines(face: FlatPunch, pose: Pose) -> bool:
     )
 
 
-def press_face(cover: Cover, face: FlatPunch, pose: Pose, grid: FaceGrid) -> tuple[PressedFace, PressedFace]:
-    """Press a flat face into a cover by a unit depth, without friction and without slip, on one grid.
+def press_face(cover: Cover, face: FlatPunch, pose: Pose, grid: FaceGrid) -> list[tuple[GridSolution, float]]:
+    """Press a flat face into a cover by a depth of 1 m, without friction and without slip, on one grid.
 
-    Contact is two-sided: a face that would separate from the cover has a `tension` above zero.
+    Contact is two-sided: a face that would separate from the cover has a tension above zero.
 
     Args:
         cover: Cover; its layers have their linear elastic properties at zero load.
@@ -206,17 +193,19 @@ def press_face(cover: Cover, face: FlatPunch, pose: Pose, grid: FaceGrid) -> tup
         grid: Element sizes.
 
     Returns:
-        The contact without friction, and the contact without slip.
+        The solution without friction and that without slip, each with the tensile part of the contact force away from
+        the sides of the face, over the whole force [-].  Contact areas are set to zero.
     """
-    unit, modulus = cover.thickness, cover.layers[-1].material.shear_modulus
-    symmetric = find_mirror_planes(face, pose)
+    units = Units.of(cover)
+    unit, symmetric = units.length, find_mirror_planes(face, pose)
     lines = _Lines(cover=cover, face=face, pose=pose, grid=grid)
     heights, layer = lines.along_z()
+    shear, compliance = units.scale_moduli(cover)
     solid = TensorSolid(
         edges=(lines.across(0), lines.across(1), heights),
         layer=layer,
-        shear_modulus=np.array([each.material.shear_modulus for each in cover.layers]) / modulus,
-        bulk_compliance=np.array([modulus / each.material.bulk_modulus for each in cover.layers]),
+        shear_modulus=shear,
+        bulk_compliance=compliance,
         order=grid.order,
     )
     upper = solid.assemble_upper()
@@ -238,21 +227,25 @@ def press_face(cover: Cover, face: FlatPunch, pose: Pose, grid: FaceGrid) -> tup
         displacement[top[-1]] = -1.0
         system = ConstrainedSystem(fixed).factorise(matrix)
         load = np.zeros_like(displacement)
-        reaction = system.reaction(system.solve(load, displacement[fixed]), load) * modulus * unit
+        reaction = system.reaction(system.solve(load, displacement[fixed]), load) * units.force / unit
         shear_x, shear_y, normal = (reaction[each[:, :, -1][touched]] for each in number)
         if len(held) == 1:
             shear_x, shear_y = np.zeros_like(normal), np.zeros_like(normal)
-        out.append(
-            PressedFace(
-                force=-float(normal.sum()) * (1 + symmetric[0]) * (1 + symmetric[1]),
-                lines=(x, y),
-                base=reaction[number[2][:, :, 0]],
-                contact=np.column_stack([*positions, -normal, shear_x, shear_y]),
-                symmetric=symmetric,
-                tension=measure_tension(-normal, inside[touched], min(unit, *face.footprint)),
-            )
+        force = -float(normal.sum()) * (1 + symmetric[0]) * (1 + symmetric[1])
+        reactions = BlockReactions(
+            lines=(x, y),
+            forces=reaction[number[2][:, :, 0]],
+            contact=np.column_stack([*positions, -normal, shear_x, shear_y]),
+            symmetric=symmetric,
+            pose=pose,
+            free=cover.size is not None,
         )
-    return out[0], out[1]
+        size = grid.edge if lines.on_lines else 1 / grid.across
+        solution = reactions.describe(
+            rubs=True, size=size, total_force=force, depth=1.0, area=0.0, overlap=0.0, energy=force / 2
+        )
+        out.append((solution, measure_tension(-normal, inside[touched], min(unit, *face.footprint))))
+    return out
 
 
 def _find_constrained(number: list[IntArray], symmetric: tuple[bool, bool], *, bonded: bool, wide: bool) -> IntArray:
@@ -294,7 +287,7 @@ class _Lines:
     grid: FaceGrid
 
     @cached_property
-    def _on_lines(self) -> bool:
+    def on_lines(self) -> bool:
         """Whether the sides of the face lie on mesh lines."""
         return lies_on_lines(self.face, self.pose)
 
@@ -324,7 +317,7 @@ class _Lines:
         low, high = float(corners.min()), float(corners.max())
         symmetric = find_mirror_planes(self.face, self.pose)
         start, end = self._find_ends(axis, low, high)
-        marks = np.unique(corners) if self._on_lines else np.array([low, high])
+        marks = np.unique(corners) if self.on_lines else np.array([low, high])
         marks = marks[np.append(True, np.diff(marks) > _SETTINGS.same)]
         if symmetric[axis]:
             start, marks = 0.0, marks[marks > _SETTINGS.same]
@@ -357,7 +350,7 @@ class _Lines:
         """
         outside = np.maximum(np.maximum(ends[0] - x, x - ends[1]), 0.0)
         regular = min(1.0, 2 * self._half) / self.grid.through
-        if self._on_lines:
+        if self.on_lines:
             nearest = np.abs(x[:, None] - marks).min(axis=1)
             inward = _SETTINGS.inward * np.maximum(nearest - 1, 0)
             size = regular + np.where(outside > 0, _SETTINGS.outward * outside, inward)
@@ -378,7 +371,7 @@ class _Lines:
             thickness = each.thickness / self.cover.thickness
             z = _sample(bottom, bottom + thickness)
             spacing = np.full_like(z, thickness / max(1, round(thickness * self.grid.through)))
-            if self._on_lines and number == len(self.cover.layers) - 1:
+            if self.on_lines and number == len(self.cover.layers) - 1:
                 spacing = np.minimum(spacing, self._edge + self.grid.growth * (z[-1] - z))
             part = fill_by_spacing(z, spacing, least=2)[1:]
             edges.append(part)
@@ -407,3 +400,87 @@ def measure_tension(forces: FloatArray, inside: FloatArray, size: float) -> floa
     """
     away = inside > _SETTINGS.at_edge * size
     return float(-np.minimum(forces[away], 0.0).sum() / forces.sum())
+
+
+def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy | None:
+    """Solve a loading path of a flat face without slip on three grids.
+
+    Args:
+        path: Cover, indenter with a flat face, and target loads or depths.
+        place: Array, and pose of the indenter.
+        progress: Called with a line of text before each solve.
+
+    Returns:
+        The solutions of every target, or None if a part of the face would separate from the cover, so that the contact
+        area is not known beforehand.
+    """
+    cover, face = path.cover, path.indenter
+    wide = cover.size is None
+    if wide and face.axisymmetric:
+        return _study_disk(path, progress)
+    assert isinstance(face, FlatPunch)  # noqa: S101 -- for the type checker
+    pose = Pose() if wide else place.pose
+    accurate = small_strain.study_path(path, None if wide else place, progress)
+
+    def compute() -> list[list[tuple[GridSolution, float]]]:
+        pairs = []
+        for grid in FACE_GRIDS:
+            if progress is not None:
+                progress(f"no slip, {grid.through} elements through the cover")
+            pairs.append(press_face(cover, face, pose, grid))
+        return pairs
+
+    inputs = {"cover": cover, "indenter": face, "pose": pose, "grids": FACE_GRIDS}
+    pairs = result_store.recall("no-slip-face", inputs, compute)
+    if max(tension for pair in pairs for _, tension in pair) > _SETTINGS.separates:
+        return None
+
+    def correct(limit: GridSolution, pair: Sequence[tuple[GridSolution, float]], target: float) -> GridSolution:
+        """Multiply an accurate frictionless solution at a target by the effect of no slip on one grid."""
+        baseline, full = (
+            scale_solution(each, target / (each.depth if path.control == "depth" else each.total_force))
+            for each, _ in pair
+        )
+        return correct_solution(limit, baseline=baseline, full=full, control=path.control, area=limit.area)
+
+    on_lines = lies_on_lines(face, pose)
+    return GridStudy(
+        solutions=[
+            [correct(extrapolate_solutions(grids), pair, target) for pair in pairs]
+            for target, grids in zip(path.targets, accurate.solutions, strict=True)
+        ],
+        least_order=1.0,
+        most_order=1.0 if on_lines else 4.0,  # the singular stress at the sides limits the order of convergence
+        least_error=_SETTINGS.least_on_lines if on_lines else _SETTINGS.least_off_lines,
+        accurate=accurate,
+        assumptions={},
+    )
+
+
+def _study_disk(path: LoadingPath, progress: Progress) -> GridStudy | None:
+    """Solve a flat punch of revolution without slip on a wide cover on three grids."""
+    cover, radius = path.cover, path.indenter.footprint[0]
+
+    def compute() -> list[tuple[GridSolution, float]]:
+        out = []
+        for count in DISK_GRIDS:
+            if progress is not None:
+                progress(f"no slip, {count} elements through the cover")
+            out.append(press_stuck_disk(cover, radius, elements_per_thickness=count))
+        return out
+
+    found = result_store.recall("no-slip-disk", {"cover": cover, "radius": radius, "grids": DISK_GRIDS}, compute)
+    if max(tension for _, tension in found) > _SETTINGS.separates:
+        return None
+    return GridStudy(
+        solutions=[
+            [
+                scale_solution(each, target if path.control == "depth" else target / each.total_force)
+                for each, _ in found
+            ]
+            for target in path.targets
+        ],
+        least_order=1.0,
+        least_error=_SETTINGS.least_disk,
+        assumptions={},
+    )

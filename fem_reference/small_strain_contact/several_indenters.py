@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem_reference.linear_response.point_spread import point_spread, superpose
+from fem_reference.linear_response.axisymmetric import point_spread
+from fem_reference.linear_response.point_spread import superpose
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
 from fem_reference.small_strain_contact.frictionless import guess_touching

@@ -15,13 +15,22 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.fft import fht, fhtoffset
+from scipy.interpolate import CubicSpline
 
-from fem_reference.closed_form.influence import superpose, tabulate_excess
+from fem_reference.closed_form.contact import LOGARITHMIC_HALF_WIDTH, LOGARITHMIC_POINTS
+from fem_reference.closed_form.influence import tabulate_texel_response
+from fem_reference.closed_form.layer import transfer
 from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Pose
 from tests.exact.active_set import solve_active_set
 
+#: Exponent of the power law that weights the integrand of the Hankel transform, so that it vanishes at both ends [-].
+_BIAS = -0.5
+#: Product of wave number and thickness of the top layer beyond which the cover responds like a half space: exp(-2 x 30)
+#: = 1e-26 [-].
+_DEEP = 30.0
 #: Distance of the two Gauss points on a side of a cell from the middle of the side, over the length of the side [-].
 _GAUSS = 0.5 / np.sqrt(3)
 #: Half width of the grid over that of the contact, and range of their ratio outside which the grid is changed [-].
@@ -34,6 +43,65 @@ _SAMPLES = 4001
 _LARGEST = 7.2
 #: Gauss points along each side of a cell for the superposition of texel forces [-].
 _TEXEL_POINTS = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Excess:
+    """Displacement of the top of a cover under a unit point load, less that of a half space of the top layer.
+
+    Attributes:
+        half_space: Displacement times distance on the half space, (1 - nu) / (2 pi mu) [m2/N].
+        table: Excess over the logarithm of the distance from the load [m/N].
+    """
+
+    half_space: float
+    table: CubicSpline
+
+    def __call__(self, distance: FloatArray) -> FloatArray:
+        """Evaluate the excess at distances r >= 0 from the load, any shape [m/N]."""
+        logarithm = np.log(np.maximum(distance, np.exp(self.table.x[0])))
+        return np.asarray(self.table(np.minimum(logarithm, self.table.x[-1])))
+
+
+def tabulate_excess(cover: Cover) -> Excess:
+    """Tabulate the displacement of a wide cover's top under a unit point load, beyond that of a half space.
+
+    (1 / 2 pi) int (C(k) - c / k) J0(k r) k dk, with the compliance C of the cover and c = (1 - nu) / mu of its top
+    layer.  The integrand is -c at k = 0; the transform -c / sqrt(r^2 + b^2) of -c exp(-b k) is separated to make it
+    vanish there.
+
+    Args:
+        cover: Cover; its layers have their linear elastic properties at zero load.
+    """
+    top = cover.layers[-1]
+    plane = (1 - top.material.poisson_ratio) / top.material.shear_modulus
+    step = 2 * LOGARITHMIC_HALF_WIDTH / LOGARITHMIC_POINTS
+    middle = 1 / np.sqrt(top.thickness * cover.thickness)
+    k = middle * np.exp(step * (np.arange(LOGARITHMIC_POINTS) + 0.5) - LOGARITHMIC_HALF_WIDTH)
+    deep = k * top.thickness > _DEEP
+    known = transfer(cover, np.where(deep, _DEEP / top.thickness, k)).compliance
+    excess = np.where(deep, 0.0, known * k - plane)
+    offset = fhtoffset(step, 0.0, bias=_BIAS)
+    shifted = fht(excess + plane * np.exp(-k * cover.thickness), step, 0.0, offset=offset, bias=_BIAS)
+    r = np.exp(offset) / k[::-1]
+    value = (shifted / r - plane / np.hypot(r, cover.thickness)) / (2 * np.pi)
+    inside = (r > 1e-4 * top.thickness) & (r < 1e4 * cover.thickness)
+    return Excess(half_space=plane / (2 * np.pi), table=CubicSpline(np.log(r[inside]), value[inside]))
+
+
+def superpose(cover: Cover, array: TexelArray, x: FloatArray, y: FloatArray, force: FloatArray) -> FloatArray:
+    """Compute the forces on the n texels of an array under point loads on a wide cover, shape (n,) [N].
+
+    Args:
+        cover: Cover; its layers have their linear elastic properties at zero load.
+        array: Array with the texels.
+        x: x coordinates of the m loads in the frame of the array, shape (m,) [m].
+        y: y coordinates of the loads, shape (m,) [m].
+        force: Loads, shape (m,) [N].
+    """
+    response = tabulate_texel_response(cover, array.texel_size)
+    out = np.array([response(x - cx, y - cy) @ force for cx, cy in array.centres[:, :2]])
+    return np.where(array.active, out, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,7 +3,7 @@
 The face is a set of quadrangles, which shrink toward the edges of the face, where the pressure is singular.  The
 pressure is constant on each.  Displacement and depth are compared at the centres.  The compliance of the cover is
 that of a half space, whose integral over a polygon is exact (a sum over its sides: Johnson, Contact Mechanics, 1985,
-section 3.3), plus a smooth excess (`influence`), integrated with Gauss points.  Where the contact would have to pull,
+section 3.3), plus a smooth excess (`boundary`), integrated with Gauss points.  Where the contact would have to pull,
 the face separates from the cover.
 """
 
@@ -14,12 +14,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from fem_reference.closed_form.influence import Excess, tabulate_excess
 from meshes import Box, Cover, Indenter
 from meshes.array_types import FloatArray
 from meshes.indenters.shapes import PolygonalPunch
 from tests.exact.active_set import solve_active_set
-from tests.exact.boundary import PressedCells, collect_rectangles, measure_areas, place_gauss_points
+from tests.exact.boundary import (
+    Excess,
+    PressedCells,
+    collect_rectangles,
+    measure_areas,
+    place_gauss_points,
+    tabulate_excess,
+)
 
 #: Gauss points along each side of a quadrangle: for distances above `_NEAR` diagonals, and for smaller ones [-].
 _FAR_POINTS, _NEAR_POINTS = 2, 6

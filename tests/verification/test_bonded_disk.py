@@ -9,8 +9,8 @@ import pytest
 
 from fem_reference import closed_form
 from fem_reference.closed_form.disk import _Edge, _evaluate_edge_fields, _evaluate_squeeze_film
-from fem_reference.finite_strain.bonded_disk import Disk, compress_disk
 from meshes import Material
+from tests.exact.bonded_disk import Disk, compress_disk, gent_lindley
 
 FACTORS = [0.25, 0.5, 1.0, 2.0, 3.0]
 
@@ -30,7 +30,7 @@ def test_series_converges_from_above_near_gent_and_lindley(factor):
     found = [closed_form.bonded_disk(factor, terms=n) for n in (20, 40, 80)]
     assert found[1] == pytest.approx(found[2], rel=5e-5)
     assert abs(found[1] - found[2]) < abs(found[0] - found[2])
-    assert 0.01 < abs(closed_form.gent_lindley(factor) / found[2] - 1) < 0.07
+    assert 0.01 < abs(gent_lindley(factor) / found[2] - 1) < 0.07
 
 
 def test_series_fields_obey_betti():
@@ -85,7 +85,7 @@ def test_disks_are_squeezed_by_fifteen_percent(factor, nu):
     assert (squeezed.error_estimate < 0.03).all()
     if nu == 0.5:
         assert apparent(squeezed, radius)[0] == pytest.approx(closed_form.bonded_disk(factor), rel=5e-3)
-        assert apparent(squeezed, radius)[0] == pytest.approx(closed_form.gent_lindley(factor), rel=0.07)
+        assert apparent(squeezed, radius)[0] == pytest.approx(gent_lindley(factor), rel=0.07)
 
 
 def test_estimates_cover_the_error_at_small_strain():
@@ -94,3 +94,32 @@ def test_estimates_cover_the_error_at_small_strain():
         squeezed = compress_disk(rubber(), radius=4e-3 * factor, height=2e-3, strains=[1e-4])
         true = abs(apparent(squeezed, 4e-3 * factor)[0] / closed_form.bonded_disk(factor) - 1)
         assert true <= squeezed.error_estimate[0] < 5 * true
+
+
+@pytest.fixture(scope="module")
+def disk():
+    return Disk.mesh(rubber(), 2.0, 4)
+
+
+def test_plate_and_middle_plane_move_as_prescribed(disk):
+    reached = disk.compress([0.1])[0]
+    r, z = disk.solid.elements.nodes.T
+    along_r, along_z = reached.state[: disk.solid.elements.displacements].reshape(-1, 2).T
+    top, middle = z > 1 - 1e-9, z < 1e-9
+    assert along_z[top] == pytest.approx(np.full(top.sum(), -0.1), rel=1e-9)
+    assert np.abs(along_z[middle]).max() < 1e-12
+    assert np.abs(along_r[top | (r < 1e-9)]).max() < 1e-12
+    assert along_r[middle & (r > 1.9)].min() > 0
+
+
+def test_the_middle_plane_carries_the_force_of_the_plate(disk):
+    reached = disk.compress([0.1])[0]
+    middle = np.flatnonzero(disk.solid.elements.nodes[:, 1] < 1e-9)
+    assert reached.reaction[2 * middle + 1].sum() == pytest.approx(reached.load, rel=1e-6)
+
+
+def test_disks_of_one_shape_scale_with_size_and_modulus():
+    one = compress_disk(rubber(), radius=1e-3, height=2e-3, strains=[0.1])
+    large = compress_disk(rubber(), radius=3e-3, height=6e-3, strains=[0.1])
+    assert large.force == pytest.approx(9 * one.force, rel=1e-9)
+    assert large.energy == pytest.approx(27 * one.energy, rel=1e-9)

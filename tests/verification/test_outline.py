@@ -9,7 +9,6 @@ import pytest
 
 from fem_reference import closed_form
 from fem_reference.closed_form import indent
-from fem_reference.closed_form.influence import tabulate_excess
 from meshes import (
     Box,
     Cone,
@@ -105,7 +104,7 @@ def test_excess_equals_its_integral(bonded, base):
     from scipy.special import j0
 
     cover = bonded(0.4, base=base)
-    excess = tabulate_excess(cover)
+    excess = boundary.tabulate_excess(cover)
     k, weight = closed_form.layer.hankel_nodes(cover, 8e-3)
     known = closed_form.transfer(cover, k).compliance - closed_form.half_space_compliance(cover.layers[-1], k)
     for r in (0.0, 1e-3, 8e-3):
@@ -153,7 +152,7 @@ def test_texel_forces_of_a_body_of_revolution(bonded):
     ring, angle = np.diff(found.force_within(edges)), 2 * np.pi * np.arange(24) / 24
     r = (edges[1:] + edges[:-1])[:, None] / 2
     x, y = (1e-3 + r * np.cos(angle)).ravel(), (0.5e-3 + r * np.sin(angle)).ravel()
-    superposed = closed_form.influence.superpose(cover, array, x, y, np.repeat(ring / 24, 24))
+    superposed = boundary.superpose(cover, array, x, y, np.repeat(ring / 24, 24))
     assert superposed == pytest.approx(forces, abs=1e-4 * forces.max())
     masked = found.texel_forces(replace(array, active=np.arange(array.count) != array.middle))
     assert masked[array.middle] == 0

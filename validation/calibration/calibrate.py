@@ -40,7 +40,7 @@ from validation.calibration.uncertainty import (
     estimate_uncertainty,
     measure_scatter,
 )
-from validation.data_sets.data_set import Keys, describe_files
+from validation.data_sets.data_set import describe_files
 from validation.data_sets.images import Image, observe, read_images
 from validation.errors import InputError, nearest
 from validation.extras import require
@@ -49,6 +49,7 @@ from validation.parameters import find_parameters
 from validation.recordings.importing import list_modules
 from validation.results import Array, Indices, Result, result_model
 from validation.schema import read_raw
+from validation.schema.data_set import CommonKeys
 from validation.schema.sensor import SensorTables
 from validation.sensor_file import BUILT_IN, SensorDescription, parse
 
@@ -491,8 +492,9 @@ def draw_hold_out(hold_out: HoldOut, array: TexelArray, path: Path, *, most: int
 def calibrate_recordings(
     paths: Sequence[Path],
     sensor: SensorDescription,
-    keys: Keys,
+    keys: CommonKeys,
     *,
+    moved: bool = False,
     method: str = "default",
     heights: bool = False,
     tip: float | None = None,
@@ -506,6 +508,7 @@ def calibrate_recordings(
         paths: Recordings, or one data-set file, which states tool, pose, threshold and window itself.
         sensor: The sensor; its cover gives the share of each texel.
         keys: Tool, pose, pressed array, threshold and window of the recordings.
+        moved: Whether each recording has a pose of its own.
         method: Contact method: `default`, one of `fastmodel.METHODS`, or `reference` for finite elements.
         heights: Whether a seating height is fitted to each texel.
         tip: Radius of a rounded tip on one texel, whose slope is fitted per trial; None for an array [m].
@@ -525,7 +528,7 @@ def calibrate_recordings(
         raise InputError(f"--method: unknown contact method {method!r}; {nearest(method, accepted)}")
     if (tip is None) != (texel is None):
         raise InputError("--tip, --texel: give both to calibrate one texel with a rounded tip, or neither")
-    images, left_out = _read_images(paths, sensor, keys, method="" if tip else method, draws=draws)
+    images, left_out = _read_images(paths, sensor, keys, moved=moved, method="" if tip else method, draws=draws)
     found: Calibration | PointLoadCalibration
     if tip is not None and texel is not None:
         # Recordings with a force channel are a trial each; recordings under single loads are one trial together.
@@ -544,7 +547,7 @@ def calibrate_recordings(
 
 
 def _read_images(
-    paths: Sequence[Path], sensor: SensorDescription, keys: Keys, *, method: str, draws: bool
+    paths: Sequence[Path], sensor: SensorDescription, keys: CommonKeys, *, moved: bool, method: str, draws: bool
 ) -> tuple[list[Image], tuple[str, ...]]:
     """Read the images that may be fitted, and one sentence for each recording that cannot be used.
 
@@ -552,6 +555,7 @@ def _read_images(
         paths: Recordings, or one data-set file.
         sensor: The sensor.
         keys: Options for recordings.
+        moved: Whether each recording has a pose of its own.
         method: Contact method; empty for the finite elements under a tip.
         draws: Whether a picture will be drawn.
 
@@ -570,7 +574,7 @@ def _read_images(
 
     if not any(path.suffix == ".toml" for path in paths):
         require_modules(paths)
-    data_set = describe_files(paths, keys, sensor.array)
+    data_set = describe_files(paths, keys, sensor.array, moved=moved)
     require_modules([file.path for file in data_set.files])
     images, problems = read_images(data_set, sensor.array)
     left_out = (*data_set.problems, *problems)

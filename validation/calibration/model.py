@@ -12,7 +12,7 @@ on the counts before the firmware subtracts its threshold.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import astuple, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,7 +48,7 @@ class Pose:
     @property
     def vector(self) -> FloatArray:
         """The five numbers, shape (5,) [m, m, rad, rad, rad]."""
-        return np.array([self.x, self.y, self.yaw, self.tilt_x, self.tilt_y])
+        return np.array(astuple(self))
 
     def named(self) -> dict[str, float]:
         """Return the five numbers by names that end in the units."""
@@ -361,19 +361,22 @@ class CountCurve:
         """
         if self.heights.any():
             forces = seat_unevenly(forces, self.heights)
-        warmer = np.nan_to_num(temperatures - self.reference_temperature)
-        crept = self._creep_at(np.nan_to_num(ages, nan=self.reference_age)) / self._creep_at(self.reference_age)
-        offset = thresholds - self.sensitivity * (self.dead_force + self.dead_temperature * warmer)
-        factor = (1 + self.gain_temperature * warmer) * crept
+        factor, offset = self._find_line(temperatures, ages, thresholds)
         signal = self.gains * (factor[:, None] * (self.sensitivity * forces + offset[:, None])) - thresholds[:, None]
         signal = np.maximum(signal, 0.0)
         if not np.isfinite(self.output_max):
             return np.asarray(signal)
         return np.asarray(saturate(signal, self.output_max, self.saturation_band))
 
-    def _creep_at(self, age: float | FloatArray) -> FloatArray:
-        """Return C(t) at times since loading [s]."""
-        return np.asarray(1 + self.creep * np.log(age / CREEP_START))
+    def _find_line(
+        self, temperatures: FloatArray, ages: FloatArray, thresholds: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the factor of temperature and creep on all counts, and the offset before it, shape (m,) each [-]."""
+        warmer = np.nan_to_num(temperatures - self.reference_temperature)
+        ages = np.nan_to_num(ages, nan=self.reference_age)
+        crept, at_reference = (1 + self.creep * np.log(age / CREEP_START) for age in (ages, self.reference_age))
+        offset = thresholds - self.sensitivity * (self.dead_force + self.dead_temperature * warmer)
+        return (1 + self.gain_temperature * warmer) * (crept / at_reference), offset
 
     def electronics(self, rate_hz: float, *, temperature: float, age: float, threshold: float) -> Electronics:
         """Return the curve at one temperature [degC] and time under load [s] as electronics of the fast model.
@@ -384,19 +387,17 @@ class CountCurve:
             age: Time since loading; NaN for t0 [s].
             threshold: Counts that the firmware subtracts [-].
         """
-        warmer = float(np.nan_to_num(temperature - self.reference_temperature))
-        crept = self._creep_at(self.reference_age if np.isnan(age) else age) / self._creep_at(self.reference_age)
-        factor = (1 + self.gain_temperature * warmer) * crept
-        offset = threshold - self.sensitivity * (self.dead_force + self.dead_temperature * warmer)
-        largest = 4095 if not np.isfinite(self.output_max) else round(self.output_max)
+        factor, offset = (float(each[0]) for each in self._find_line(*np.array([[temperature], [age], [threshold]])))
+        saturates = bool(np.isfinite(self.output_max))
+        largest = round(self.output_max) if saturates else 4095
         return Electronics(
             rate_hz=rate_hz,
-            sensitivity=self.sensitivity * float(factor),
-            offset=offset * float(factor),
+            sensitivity=self.sensitivity * factor,
+            offset=offset * factor,
             output_max=largest,
-            bits=max(12, int(largest).bit_length()),
+            bits=max(12, largest.bit_length()),
             threshold=threshold,
-            saturation_band=self.saturation_band if np.isfinite(self.output_max) else 0.0,
+            saturation_band=self.saturation_band if saturates else 0.0,
             gains=tuple(self.gains.tolist()),
         )
 

@@ -14,7 +14,6 @@ from fastmodel import Electronics
 from validation.calibration.model import Observations
 from validation.calibration.uncertainty import Estimate, estimate_mean
 from validation.derivation.contact_range import compute_tip_share, linearise
-from validation.derivation.kernel import Influence
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 
@@ -95,6 +94,9 @@ def calibrate_point_load(
         ValueError: If the texel does not measure, or a trial has fewer than two loads below saturation.
         ConvergenceError: If the finite elements did not converge.
     """
+    from fem_reference import point_spread
+    from fem_reference.linear_response.finite_cover import solid_influence
+
     if not 0 <= texel < sensor.array.count or not sensor.array.active[texel]:
         raise ValueError(
             f"texel {texel} is not an active texel of {sensor.name}; accepted: 0..{sensor.array.count - 1}"
@@ -112,7 +114,9 @@ def calibrate_point_load(
         bits=32,
         calibrated=f"through the cover, tip {1e3 * radius:.9g} mm",
     )
-    share = compute_tip_share(sensor.layered_cover, sensor.array, _solve_influence(sensor), electronics)
+    cover, array = sensor.layered_cover, sensor.array
+    influence = point_spread(linearise(cover)) if cover.size is None else solid_influence(cover, array)
+    share = compute_tip_share(cover, array, influence, electronics)
     if share is None:
         raise RuntimeError("a characteristic through the cover has a share")
     slopes = np.array([line.slope for line in lines])
@@ -132,15 +136,6 @@ def calibrate_point_load(
         trials=lines,
         estimates={name: each for name, each in found.items() if each is not None},
     )
-
-
-def _solve_influence(sensor: SensorDescription) -> Influence:
-    """Compute the response of the texels to loads on the cover by finite elements."""
-    from fem_reference import point_spread
-    from fem_reference.linear_response.finite_cover import solid_influence
-
-    cover = sensor.layered_cover
-    return point_spread(linearise(cover)) if cover.size is None else solid_influence(cover, sensor.array)
 
 
 def _fit_trial(name: str, trial: Observations, texel: int) -> Trial:

@@ -168,42 +168,25 @@ def estimate_uncertainty(fit: ForwardFit, *, confidence: float = 0.95) -> Uncert
     prior = np.diag(fit.layout.prior)
     bread = np.asarray(np.linalg.pinv(fit.jacobian.T @ fit.jacobian + prior, hermitian=True), dtype=np.float64)
     errors = _measure_errors(fit, bread)
-    shared = bread @ (errors.directions.T @ errors.directions) @ bread * errors.variance
-    own = bread @ errors.texel_information @ bread * errors.texel_variance
-    parts = [np.diag(each) for each in (shared, own)]
-    total = np.maximum(parts[0] + parts[1], 1e-300)
-    freedom = total**2 / np.maximum(parts[0] ** 2 / errors.freedom + parts[1] ** 2 / errors.texel_freedom, 1e-300)
+    parts = [variance * bread @ meat @ bread for meat, variance, _ in errors]
+    variances = [np.diag(each) for each in parts]
+    total = np.maximum(sum(variances), 1e-300)
+    of_parts = sum(each**2 / freedom for each, (*_, freedom) in zip(variances, errors, strict=True))
+    freedom = total**2 / np.maximum(of_parts, 1e-300)
     quantiles = np.asarray(student.ppf(0.5 + confidence / 2, np.maximum(freedom, 1.0)), dtype=np.float64)
-    return Uncertainty(covariance=shared + own + bread @ prior @ bread, quantiles=quantiles)
+    return Uncertainty(covariance=sum(parts) + bread @ prior @ bread, quantiles=quantiles)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Errors:
-    """Variances of the errors of k recordings and of texels.
-
-    Attributes:
-        directions: Derivatives of the weighted residuals along a common relative error, shape (k, p).
-        variance: Variance of that relative error [-].
-        freedom: Degrees of freedom of `variance` [-].
-        texel_information: Jacobian^T D Jacobian with the relative variances D of the texels' errors, shape (p, p).
-        texel_variance: Variance of the residual of a texel in an image of weight one [-].
-        texel_freedom: Degrees of freedom of `texel_variance` [-].
-    """
-
-    directions: FloatArray
-    variance: float
-    freedom: float
-    texel_information: FloatArray
-    texel_variance: float
-    texel_freedom: float
-
-
-def _measure_errors(fit: ForwardFit, bread: FloatArray) -> _Errors:
+def _measure_errors(fit: ForwardFit, bread: FloatArray) -> list[tuple[FloatArray, float, float]]:
     """Estimate the variances of relative errors of recordings and of errors of texels from the residuals.
 
     The residuals are (I - H) e for errors e and the hat matrix H of the fit.  What remains of them after projection on
     the directions that relative errors of recordings leave gives the variance of the texels.  What they hold in
     those directions gives the variance of the recordings.  Texels that are predicted to read zero are left out.
+
+    Returns:
+        For the relative errors of recordings [-], then for the errors of texels in an image of weight one: Jacobian^T D
+        Jacobian with the covariance D of unit errors, shape (p, p), the variance, and its degrees of freedom [-].
     """
     lit = np.abs(fit.jacobian).sum(axis=1) > 0
     jacobian, residual = fit.jacobian[lit], fit.residual[lit]
@@ -227,20 +210,14 @@ def _measure_errors(fit: ForwardFit, bread: FloatArray) -> _Errors:
     own = (relative @ leave(span) ** 2) / np.maximum(sizes, 1e-300) ** 2
     texels = relative.sum() - 2 * np.trace(bread @ weighted) + np.trace(hat @ bread @ weighted)
     texels -= own @ sizes**2
-    freedom = max(1.0, float(len(residual) - 2 * np.trace(hat) + np.sum(hat * hat.T) - span.shape[1]))
+    texel_freedom = max(1.0, float(len(residual) - 2 * np.trace(hat) + np.sum(hat * hat.T) - span.shape[1]))
     rest = float(residual @ residual - np.sum((span.T @ residual) ** 2))
     texel_variance = max(rest / max(float(texels), 1e-12), (NUMBERS.rounding / fit.scale) ** 2)
     clear = sizes > NUMBERS.clear * max(float(sizes.max(initial=0.0)), 1e-300)
     squares = (span.T @ residual)[clear] ** 2 / sizes[clear] ** 2
-    variance, common_freedom = _estimate_variance(squares, texel_variance * own[clear])
-    return _Errors(
-        directions=images.T @ jacobian,
-        variance=variance,
-        freedom=common_freedom,
-        texel_information=weighted,
-        texel_variance=texel_variance,
-        texel_freedom=freedom,
-    )
+    variance, freedom = _estimate_variance(squares, texel_variance * own[clear])
+    directions = images.T @ jacobian
+    return [(directions.T @ directions, variance, freedom), (weighted, texel_variance, texel_freedom)]
 
 
 def _estimate_variance(squares: FloatArray, known: FloatArray) -> tuple[float, float]:

@@ -9,21 +9,18 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache, singledispatch
+from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
-from meshes import Cover, Pose, TexelArray
-from validation.campaign.case import Case, name_positions
-from validation.errors import InputError, nearest
+from meshes import Pose
+from validation.campaign.case import Case
+from validation.errors import InputError
+from validation.places import Places
 from validation.schema import parse, read_raw
-from validation.schema.campaign import CampaignTables, CaseTable, LoadsForTable
-from validation.text.indenter import read_position, read_tilt, read_yaw
-
-if TYPE_CHECKING:
-    from validation.sensor_file import SensorDescription
+from validation.schema.campaign import CampaignTables, CaseTable
 
 #: Number of cases of `--quick` if the file marks none [-].
 _QUICK = 6
@@ -106,102 +103,6 @@ class Campaign:
             "cases": [case.name for case in self.cases],
             "left_out": list(self.left_out),
         }
-
-
-class Places(Protocol):
-    """Named places on a cover, and the default campaign of this kind of cover."""
-
-    @property
-    def default(self) -> str:
-        """Name of the file with the default campaign."""
-
-    def read(self, given: Mapping[str, Any], place: str) -> Pose:
-        """Read the pose of a case: `at`, `yaw`, `tilt`, and what else this kind of cover has.
-
-        Values that are no texts are left out; the schema refuses them.
-
-        Args:
-            given: The table of the case.
-            place: Place of the table in the file.
-
-        Raises:
-            InputError: With one line per fault.
-        """
-
-    def scale_loads(self, table: LoadsForTable, source: str) -> float:
-        """Return the factor on the loads of a campaign that is written for another cover.
-
-        Raises:
-            InputError: If loads are not scaled for this kind of cover.
-        """
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class FlatPlaces:
-    """Places on planar layers.
-
-    Attributes:
-        array: The array, which defines the named positions of the indenter.
-    """
-
-    array: TexelArray
-    default: str = "default.toml"
-
-    def read(self, given: Mapping[str, Any], place: str) -> Pose:
-        """Read `at`, `yaw` and `tilt` of a case; see `Places`."""
-        faults = []
-        if "direction" in given:
-            faults.append(
-                f"{place}.direction: is for curved covers; a flat one is pressed along -z, `tilt` turns the body"
-            )
-        readers: dict[str, Callable[..., Any]] = {"at": self._read_at, "yaw": read_yaw, "tilt": read_tilt}
-        parts = {}
-        for key, read in readers.items():
-            try:
-                if isinstance(given.get(key), str):
-                    parts[key] = read(given[key], place=f"{place}.{key}")
-            except InputError as error:
-                faults += error.faults
-        if faults:
-            raise InputError(*faults)
-        return Pose.planar(**parts)
-
-    def scale_loads(self, table: LoadsForTable, source: str) -> float:
-        """Refuse to scale the loads; see `Places`."""
-        del table
-        raise InputError(f"{source}: loads_for: is for curved covers; remove it, and write the loads as they are")
-
-    def _read_at(self, text: str, *, place: str) -> tuple[float, float]:
-        named = name_positions(self.array)
-        if text in named:
-            return named[text]
-        if not any(character.isdigit() for character in text):
-            raise InputError(
-                f"{place}: unknown position {text[:80]!r}; {nearest(text[:80], named)}, or x,y such as '1mm,-2mm'"
-            )
-        return read_position(text, place=place)
-
-
-@singledispatch
-def find_places(cover: object, sensor: SensorDescription, progress: Callable[[str], None] | None = None) -> Places:
-    """Return the places on a cover; each kind of cover registers its own.
-
-    Args:
-        cover: The cover of the sensor.
-        sensor: The sensor.
-        progress: Called with a line of text before each step.
-
-    Raises:
-        TypeError: If no function is registered for the cover.
-    """
-    del sensor, progress
-    raise TypeError(f"no campaign is registered for {type(cover).__name__}")
-
-
-@find_places.register(Cover)
-def _(cover: Cover, sensor: SensorDescription, progress: Callable[[str], None] | None = None) -> Places:
-    del cover, progress
-    return FlatPlaces(array=sensor.array)
 
 
 def read_campaign(path: Path | None, places: Places) -> Campaign:
@@ -292,8 +193,9 @@ def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], b
         table = parse(data, CaseTable, place=("case", number))
     except InputError as error:
         faults += error.faults
+    texts = {key: given[key] for key in ("at", "direction", "yaw", "tilt") if isinstance(given.get(key), str)}
     try:
-        pose = places.read(given, f"case[{number}]")
+        pose = places.find(places.parse({"at": "centre", **texts}, f"case[{number}]."))
     except InputError as error:
         faults += error.faults
     if faults:

@@ -7,12 +7,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from meshes import Indenter, Pose, TexelArray, tilt_indenter
+from meshes import Indenter, Pose, tilt_indenter
 from validation.text.indenter import read_indenter, read_load, read_position, read_yaw
-
-#: Distances along x and y from a texel's centre or the array's centre, over the pitch: 0.7 mm and 1.1 mm on a pitch of
-#: 3.4 mm.  An indenter there is not symmetric to the grid of texels [-].
-_OFF_GRID_X, _OFF_GRID_Y = 0.206, 0.324
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -122,24 +118,6 @@ def describe_pose(pose: Pose) -> str:
 def tabulate_pose(pose: Pose) -> dict[str, Any]:
     """Return a pose as a dictionary of JSON values: `at` [m], `direction` [-], `yaw` and `tilt` [rad]."""
     return {"at": list(pose.point), "direction": list(pose.direction), "yaw": pose.yaw, "tilt": list(pose.tilt)}
-
-
-def name_positions(array: TexelArray) -> dict[str, tuple[float, float]]:
-    """Return the positions (x, y) that a campaign file can name, in the frame of an array [m].
-
-    They are the centre of the array, the centre of a texel, a point less than half a pitch beside the array's centre,
-    a point over an edge and a point near a corner.
-    """
-    right, top = array.centres[array.active, :2].max(axis=0).tolist()
-    middle_x, middle_y = array.centres[array.middle, :2].tolist()
-    pitch_x, pitch_y = array.pitch
-    return {
-        "centre": (0.0, 0.0),
-        "texel": (middle_x, middle_y),
-        "off grid": (_OFF_GRID_X * pitch_x, -_OFF_GRID_Y * pitch_y),
-        "edge": (right, _OFF_GRID_X * pitch_y),
-        "corner": (right - _OFF_GRID_Y * pitch_x, top - _OFF_GRID_Y * pitch_y),
-    }
 
 
 def _format_number(value: float) -> str:

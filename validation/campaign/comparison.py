@@ -1,14 +1,17 @@
-"""Comparison of the finite-element model and the fast model in MuJoCo in one indentation."""
+"""Comparison of the finite-element model and the fast model in one indentation."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
-from meshes import tilt_indenter
+from fem_reference.errors import IncompletePathError, UnsupportedError
+from meshes import SolidCover
 from validation.campaign.case import Case, tabulate_pose
 from validation.campaign.results import Reference, score_forces
+from validation.cover_meshes import describe_mesh
 from validation.errors import InputError
 from validation.metrics import Score
 from validation.sensor_file import SensorDescription
@@ -32,13 +35,14 @@ class Comparison:
 
     Attributes:
         sensor: The sensor that is pressed, or the parameters of the sensor's fast model if its cover is not known.
-        case: The indentation.  If a depth was given, the load of the case is the finite elements' force at that depth.
+        case: The indentation.  Its load is the finite elements' force if they were computed.
         fem: Result of the finite elements; None unless `models` contains `fem` or a depth was given.
         fast: Result of the fast model; None unless `models` contains `fast`.
         score: Score of the fast model against the finite elements; None unless there are results of both models.
-        models: Names of the models that the user chose, some of `MODELS`.
+        models: Names of the models that were chosen, some of `MODELS`.
         wanted: Load [N] or depth [m] that was asked for, under the name `load` or `depth`.
         stopped: How far the finite elements came and why they stopped early; empty if they did not.
+        note: Why a chosen model was left out; empty if none was.
     """
 
     sensor: SensorDescription | Parameters
@@ -49,25 +53,28 @@ class Comparison:
     models: Sequence[str]
     wanted: Mapping[str, float]
     stopped: str = ""
+    note: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """Return the results as a dictionary, under the names that the command line prints as JSON."""
         sensor, image = self.sensor, self.sensor.array.image
         models: dict[str, Any] = {}
         if self.fem is not None and "fem" in self.models:
+            mesh = self.fem.mesh
             models["fem"] = Reference.of(self.fem).as_json() | {
                 "texel_forces": image(self.fem.texel_forces),
-                "mesh": None,
+                "mesh": None if mesh is None else describe_mesh(mesh),
             }
         if self.fast is not None:
+            fast, along = self.fast, self.fast.total_force * self.case.pose.towards
             models["fast"] = {
-                "texel_forces": image(self.fast.texel_forces),
-                "contact_forces": image(self.fast.contact_forces),
+                "texel_forces": image(fast.texel_forces),
+                "contact_forces": image(fast.contact_forces),
                 # With rigid boxes as texels the depth is None: the penetration depends on a setting of MuJoCo.
-                **{name: getattr(self.fast, name) for name in ("outside", "total_force", "method", "depth", "seconds")},
-                "force": [0.0, 0.0, -self.fast.total_force],
+                **{name: getattr(fast, name) for name in ("outside", "total_force", "method", "depth", "seconds")},
+                "force": along if fast.force is None else fast.force,
                 "misplaced_force": None if self.score is None else self.score.misplaced_force,
-                "warnings": list(self.fast.warnings),
+                "warnings": list(fast.warnings),
             }
         return {
             "sensor": sensor.array.name,
@@ -88,11 +95,13 @@ def compare_models(
     *,
     parameters: Parameters | None = None,
     depth: float | None = None,
-    friction: float = 0.0,
+    friction: float | None = None,
+    strain: Literal["small", "finite"] | None = None,
     accuracy: float | None = None,
     models: Sequence[str] = MODELS,
     method: str = "default",
     fields: bool = False,
+    as_far: bool = False,
     progress: Progress | None = None,
 ) -> Comparison:
     """Compute one indentation by the chosen models, and score the fast model if both are chosen.
@@ -102,106 +111,103 @@ def compare_models(
         case: The indentation: indenter, pose and load.
         parameters: Parameters of the sensor's fast model; required if `models` contains `fast`.
         depth: Approach of the indenter, which replaces the load; the fast model's load is then that force [m].
-        friction: Coulomb friction coefficient between indenter and cover for finite elements, inf for no slip; the
-            fast model has none, which its warnings then say [-].
+        friction: Coulomb friction coefficient between indenter and cover for finite elements, inf for no slip; that of
+            the sensor if None.  The fast model has none, which its warnings then say [-].
+        strain: Strains of the finite elements; what the solver prefers if None.
         accuracy: Wanted relative error of the finite elements; None for the usual grids [-].
         models: Names of the models, some of `MODELS`.
         method: Contact method of the fast model, one of `METHODS`.
         fields: Whether the finite elements also return displacement and stress in the cover.
+        as_far: Whether finite elements that stop early give the comparison at the largest load that they reached,
+            without a fast model; its `stopped` says why.
         progress: Called with a line of text before each step.
 
     Raises:
-        ValueError: If the finite elements are chosen without a description, or the fast model without parameters.
+        ValueError: If the fast model is chosen without parameters.
+        InputError: If the finite elements are chosen without a description, or cannot do what is asked for.
         ConvergenceError: If the finite-element solver did not converge.
         FastModelError: If the method needs cover data that the sensor's parameters lack.
     """
-    tell = progress or (lambda _: None)
-    wanted = _name_target(case, depth)
-    fem, fast = None, None
+    tell, stopped, note = progress or (lambda _: None), "", ""
+    wanted = {"load": case.load} if depth is None else {"depth": depth}
+    coefficient = getattr(sensor, "friction", 0.0) if friction is None else friction
+    fem, fast, score = None, None, None
+    if "fast" in models and parameters is None:
+        raise ValueError("the fast model needs its parameters")
+    if parameters is not None and parameters.surface is None and isinstance(getattr(sensor, "cover", None), SolidCover):
+        note = "the meshes of this cover are too fine for the fast model; --model fem leaves it out"
+        if "fem" not in models:
+            raise InputError("--model: the meshes of this cover are too fine for the fast model; write --model fem")
+        models = ("fem",)
+    if "fast" in models and parameters is not None:
+        from fastmodel.attachment import choose_method
+
+        choose_method(method, parameters)  # refuses methods that the cover does not have, before the long part
     if "fem" in models or depth is not None:
         tell("indentation by finite elements")
-        fem = _press(sensor, case, depth=depth, friction=friction, accuracy=accuracy, fields=fields, tell=tell)
+        options: dict[str, Any] = {"strain": strain, "accuracy": accuracy, "fields": fields, "friction": coefficient}
+        with name_unsupported(sensor, friction):
+            fem, stopped = _press_as_far(sensor, case, depth, tell, **options)
+        if stopped and not as_far:
+            raise IncompletePathError(stopped, [fem])
+        models = ("fem",) if stopped else models
         case = dataclasses.replace(case, load=fem.total_force)
-    if "fast" in models:
+    if "fast" in models and parameters is not None:
         from fastmodel import indent
 
-        if parameters is None:
-            raise ValueError("the fast model needs its parameters")
         tell("indentation by the fast model")
-        indenter = tilt_indenter(case.indenter, case.pose.tilt)
-        fast = indent(parameters, indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw, method=method)
-        if friction:
+        fast = indent(parameters, case.indenter, load=case.load, pose=case.pose, method=method)
+        if coefficient:
             use = "not used" if fem is None else "used by the finite elements alone"
-            sentence = f"the fast model has no friction; {describe_friction(friction)} is {use}"
+            sentence = f"the fast model has no friction; {describe_friction(coefficient)} is {use}"
             fast = dataclasses.replace(fast, warnings=(*fast.warnings, sentence))
-    score = None
-    if fem is not None and fast is not None and parameters is not None:
-        score = score_forces(fem, fast.texel_forces, fast.outside, case.load, parameters)
-    return Comparison(sensor=sensor, case=case, fem=fem, fast=fast, score=score, models=tuple(models), wanted=wanted)
+        if fem is not None:
+            score = score_forces(fem, fast.texel_forces, fast.outside, case.load, parameters)
+    return Comparison(
+        sensor=sensor, case=case, fem=fem, fast=fast, score=score, models=tuple(models), wanted=wanted,
+        stopped=stopped, note=note,
+    )  # fmt: skip
 
 
-def compare_models_as_far(
+def _press_as_far(
     sensor: SensorDescription | Parameters,
     case: Case,
-    **options: Any,  # noqa: ANN401 -- those of `compare_models`
-) -> Comparison:
-    """Compare the models as `compare_models` does; return what the finite elements reached if they stop early.
-
-    Returns:
-        The comparison.  If its `stopped` is not empty, it is that of the largest load that the finite elements reached,
-        and has no fast model.
-
-    Raises:
-        ConvergenceError: If the finite elements reached nothing, and as for `compare_models`.
-    """
-    from fem_reference import IncompletePathError
-
-    try:
-        return compare_models(sensor, case, **options)
-    except IncompletePathError as error:
-        if not error.reached:
-            raise
-        return Comparison(
-            sensor=sensor,
-            case=dataclasses.replace(case, load=error.reached[-1].total_force),
-            fem=error.reached[-1],
-            fast=None,
-            score=None,
-            models=("fem",),
-            wanted=_name_target(case, options.get("depth")),
-            stopped=str(error),
-        )
-
-
-def _name_target(case: Case, depth: float | None) -> dict[str, float]:
-    """Return the load of a case [N], or the depth that replaces it [m], by its name."""
-    return {"load": case.load} if depth is None else {"depth": depth}
-
-
-def _press(
-    sensor: SensorDescription | Parameters,
-    case: Case,
-    *,
     depth: float | None,
     tell: Progress,
     **options: Any,  # noqa: ANN401 -- those of `press`
-) -> Indentation:
-    """Compute one indentation by finite elements, at the depth if it is given and else at the load of the case."""
-    from fem_reference.errors import UnsupportedError
+) -> tuple[Indentation, str]:
+    """Return the result at the load or depth, or the one at the largest that was reached and why it stopped there."""
     from fem_reference.indentation.press import press
 
-    if not isinstance(sensor, SensorDescription):
-        raise InputError("the finite elements need the description of the cover")
+    target: dict[str, Any] = {"load": case.load} if depth is None else {"depth": depth}
     try:
         return press(
-            sensor.cover,
-            sensor.array,
-            case.indenter,
-            load=case.load if depth is None else None,
-            depth=depth,
-            pose=case.pose,
+            find_cover(sensor), sensor.array, case.indenter, case.pose, **target, **options,
             progress=lambda text: tell(f"finite elements, {text}"),
-            **options,
-        )
+        ), ""  # fmt: skip
+    except IncompletePathError as error:
+        if not error.reached:
+            raise
+        return error.reached[-1], str(error)
+
+
+def find_cover(sensor: SensorDescription | Parameters) -> Any:  # noqa: ANN401 -- a cover of any kind
+    """Return the cover of a sensor.
+
+    Raises:
+        InputError: If only the parameters of its fast model are known.
+    """
+    if not isinstance(sensor, SensorDescription):
+        raise InputError("the finite elements need the description of the cover")
+    return sensor.cover
+
+
+@contextlib.contextmanager
+def name_unsupported(sensor: SensorDescription | Parameters, friction: float | None) -> Iterator[None]:
+    """Begin what a solver says that it cannot do with the option, or the key of the sensor file, that asks for it."""
+    try:
+        yield
     except UnsupportedError as error:
-        raise InputError(f"--{error.argument}: {error}") from None
+        of_file = error.argument == "friction" and friction is None
+        place = f"{getattr(sensor, 'source', '')}: contact.friction" if of_file else f"--{error.argument}"
+        raise InputError(f"{place}: {error}") from None

@@ -16,15 +16,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from validation.campaign.bench import LayeredBench, plan_cases, prepare_bench
-from validation.campaign.campaign_file import Campaign, find_places, read_campaign
+from validation.campaign.bench import LayeredBench, prepare_bench
+from validation.campaign.campaign_file import Campaign, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.results import CampaignResult, Verdict, judge
-from validation.campaign.run import run_campaign
+from validation.campaign.run import plan_cases, run_campaign
 from validation.campaign.solid_bench import SolidBench
 from validation.credibility.evidence import Evidence, gather_evidence
 from validation.derivation.derive import Derivation, derive
 from validation.errors import InputError
+from validation.places import find_places
 from validation.sensor_file import SensorDescription
 from validation.text.friction import describe_friction
 
@@ -145,7 +146,7 @@ def evaluate(
     clock.append(time.perf_counter())
     plan = campaign or read_plan(None, sensor, progress)
     plan = plan if cases is None else dataclasses.replace(plan, cases=tuple(cases))
-    cost = plan_cases(sensor.cover, sensor, plan.cases, progress)
+    cost = plan_cases(sensor.cover, sensor.array, plan.cases, friction=sensor.friction)
     if announce:
         announce(cost.describe())
     derivation = derive(sensor, progress=progress)

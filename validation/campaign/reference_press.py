@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from meshes import Cover, SolidCover, TexelArray
 from validation.campaign.case import Case
+from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fem_reference.indentation.result import Indentation
@@ -24,19 +25,18 @@ def press_reference(cover: Cover | SolidCover, array: TexelArray, case: Case, *,
 
     Raises:
         ValueError: If the indenter would pierce the cover, or the case does not fit the cover.
+        InputError: If the solver of this kind of cover cannot do what is asked for.
         ConvergenceError: If the solver does not converge.
     """
+    from fem_reference.errors import UnsupportedError
     from fem_reference.indentation.press import press_path
 
     loads = case.path or (case.load,)
-    results = press_path(
-        cover,
-        array,
-        case.indenter,
-        loads=loads,
-        pose=case.pose,
-        friction=friction,
-    )
+    try:
+        results = press_path(cover, array, case.indenter, loads=loads, pose=case.pose, friction=friction)
+    except UnsupportedError as error:
+        key = "contact.friction" if error.argument == "friction" else error.argument
+        raise InputError(f"{key}: {error}") from None
     return results[loads.index(case.load)]
 
 

@@ -1,18 +1,21 @@
 """Run of a campaign: indentations (cases) are computed by finite elements and by the fast model, which is scored.
 
-A case that a model cannot compute is named and left out.  An interrupted run keeps the cases that are finished.
+A case that a model cannot compute is named and left out.  An interrupted run keeps the cases that are finished.  What
+is missing from the store of results, and about how long it takes, is known before.
 """
 
 from __future__ import annotations
 
-import dataclasses
+import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from validation.campaign.bench import Clock, Plan
+from meshes import Cover, SolidCover, TexelArray
 from validation.campaign.case import Case
+from validation.campaign.reference_press import find_stored_reference
 from validation.campaign.results import (
     MODELS,
     SKILL_METRICS,
@@ -35,21 +38,6 @@ if TYPE_CHECKING:
 Progress = Callable[[int, int, str], None]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Run:
-    """Cases of a run.
-
-    Attributes:
-        results: The scored cases.
-        skipped: The cases without scores.
-        interrupted: Whether the run was interrupted.
-    """
-
-    results: Sequence[CaseResult]
-    skipped: Sequence[SkippedCase]
-    interrupted: bool
-
-
 def run_campaign(
     bench: Bench, cases: Sequence[Case], *, plan: Plan | None = None, progress: Progress | None = None
 ) -> CampaignResult:
@@ -70,38 +58,20 @@ def run_campaign(
         ValueError: If a published model was fitted to one of the cases.
         KeyboardInterrupt: If the run is interrupted before the first case is finished.
     """
-    if bench.comparison is not None:
-        bench.comparison.check_unseen(cases)
-    run = run_cases(cases, bench.solve, Clock(plan or bench.plan(cases)), progress)
-    return summarise(run.results, run.skipped, bench.comparison, interrupted=run.interrupted, models=bench.models)
-
-
-def run_cases(
-    cases: Sequence[Case], solve: Callable[[Case], CaseResult], clock: Clock, progress: Progress | None = None
-) -> Run:
-    """Compute cases one after the other; name those that fail, and keep what is finished if the run is interrupted.
-
-    Args:
-        cases: The indentations.
-        solve: Function that computes and scores one case.
-        clock: Estimates the time left.
-        progress: As for `run_campaign`.
-
-    Raises:
-        InputError: If no case can be computed.
-        KeyboardInterrupt: If the run is interrupted before the first case is finished.
-    """
     from fem_reference import ConvergenceError
 
+    if bench.comparison is not None:
+        bench.comparison.check_unseen(cases)
+    clock = Clock(plan or plan_cases(bench.cover, bench.parameters.array, cases, friction=bench.friction))
+    tell = progress or (lambda *_: None)
     results: list[CaseResult] = []
     skipped: list[SkippedCase] = []
     number, interrupted = 0, False
     try:
         for number, case in enumerate(cases):
-            if progress:
-                progress(number, len(cases), clock.describe(number, case.name))
+            tell(number, len(cases), clock.describe(number, case.name))
             try:
-                results.append(solve(case))
+                results.append(bench.solve(case))
             except (ValueError, ConvergenceError) as error:
                 converged = not isinstance(error, ConvergenceError)
                 skipped.append(SkippedCase.of(case, str(error), converged=converged))
@@ -110,11 +80,10 @@ def run_cases(
             raise
         interrupted = True
         skipped += [SkippedCase.of(case, "interrupted") for case in cases[number:]]
-    if progress:
-        progress(len(cases), len(cases), "")
+    tell(len(cases), len(cases), "")
     if not results:
         raise InputError(*(f"{each.name} ({each.indenter}): {each.reason}" for each in skipped))
-    return Run(results=results, skipped=skipped, interrupted=interrupted)
+    return summarise(results, skipped, bench.comparison, interrupted=interrupted, models=bench.models)
 
 
 def summarise(
@@ -165,4 +134,132 @@ def summarise(
         published=tuple(published),
         interrupted=interrupted,
         models=models,
+    )
+
+
+_SOLID = "solid cover"
+#: Time of one missing solution by the kind of problem, on one core of a computer of 2020 [s].  `foil` are covers with a
+#: layer that is much stiffer than another one; `solid` are faces and other bodies that are not round.
+_SECONDS = {
+    "small strain": 2.0,
+    "finite strain, round": 10.0,
+    "finite strain, solid": 25.0,
+    "finite strain, solid on foil": 300.0,
+    "friction, round": 20.0,
+    "friction, solid": 200.0,
+    _SOLID: 8.0,
+}
+#: Ratio of the moduli of two layers above which a cover counts as one with a foil [-].
+_FOIL = 100.0
+#: Time of one case besides the missing solution: fast model, published models, scores [s].
+_PER_CASE = 0.7
+#: Time of everything besides the cases: fits, verification, uncertainty, the page [s]; of a solid cover without and
+#: with stored responses of its texels.
+_REST, _SOLID_REST, _STORED_SOLID_REST = 15.0, 150.0, 60.0
+#: Seconds per minute, and number of seconds from which minutes are printed.
+_MINUTE, _LONG = 60.0, 100.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What a campaign has to compute.
+
+    Attributes:
+        cases: Number of cases [-].
+        missing: Whether the solution of each case is missing from the store; cases that share one count once.
+        seconds: Expected time of each case [s].
+        rest: Expected time of everything besides the cases [s].
+    """
+
+    cases: int
+    missing: tuple[bool, ...]
+    seconds: tuple[float, ...]
+    rest: float = _REST
+
+    @property
+    def total(self) -> float:
+        """Expected time of the whole evaluation [s]."""
+        return sum(self.seconds) + self.rest
+
+    def describe(self) -> str:
+        """Say in one line how many solutions are missing and about how long the evaluation takes."""
+        count = sum(self.missing)
+        what = (
+            f"all reference solutions of {self.cases} cases are in the store"
+            if not count
+            else f"{self.cases} cases, {count} reference solutions missing from the store"
+        )
+        return f"{what}; about {format_time(self.total)}"
+
+
+class Clock:
+    """Time left of a campaign, from the plan and from the time that the finished cases took."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._started = time.perf_counter()
+
+    def describe(self, done: int, name: str) -> str:
+        """Return the name of the next case with the time left.
+
+        Args:
+            done: Number of finished cases [-].
+            name: Name of the next case.
+        """
+        expected = sum(self._plan.seconds[:done])
+        elapsed = time.perf_counter() - self._started
+        # The finished cases tell how fast this computer is; before the first the plan is all there is.
+        factor = elapsed / expected if expected else 1.0
+        return f"{name}, about {format_time(factor * sum(self._plan.seconds[done:]))} left"
+
+
+def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Case], *, friction: float = 0.0) -> Plan:
+    """Find out which reference solutions are missing from the store, and how long the cases take.
+
+    Args:
+        cover: The cover.
+        array: The array.
+        cases: The indentations.
+        friction: Coulomb friction coefficient between indenter and cover, inf for no slip [-].
+    """
+    seen: list[Case] = []
+    missing, seconds, rest = [], [], _REST
+    for case in cases:
+        kind = classify(cover, case, friction)
+        absent = find_stored_reference(cover, array, case, friction=friction) is None
+        if kind != _SOLID:
+            absent = absent and not any(_share_solution(cover, case, other) for other in seen)
+        else:
+            rest = max(rest, _SOLID_REST if absent else _STORED_SOLID_REST)
+        seen.append(case)
+        missing.append(absent)
+        seconds.append(_PER_CASE + (_SECONDS[kind] if absent else 0.0))
+    return Plan(cases=len(cases), missing=tuple(missing), seconds=tuple(seconds), rest=rest)
+
+
+def classify(cover: Cover | SolidCover, case: Case, friction: float) -> str:
+    """Return the kind of problem that the reference of a case is, a key of the table of times."""
+    if not isinstance(cover, Cover):
+        return _SOLID
+    form = "round" if case.indenter.axisymmetric and not any(case.pose.tilt) else "solid"
+    if friction:
+        return f"friction, {form}"
+    if cover.small_strain_only:
+        return "small strain"
+    moduli = [layer.material.youngs_modulus for layer in cover.layers]
+    foil = " on foil" if form == "solid" and max(moduli) > _FOIL * min(moduli) else ""
+    return f"finite strain, {form}{foil}"
+
+
+def format_time(seconds: float) -> str:
+    """Return a time in whole seconds below 100 s, else in whole minutes."""
+    return f"{max(seconds, 1):.0f} s" if seconds < _LONG else f"{seconds / _MINUTE:.0f} min"
+
+
+def _share_solution(cover: Cover | SolidCover, case: Case, other: Case) -> bool:
+    """Whether the references of two cases share their solution: the same body and load at two poses of a wide cover."""
+    return (
+        cover.size is None
+        and (case.load, case.path, case.pose.tilt) == (other.load, other.path, other.pose.tilt)
+        and case.has_shape_of(other)
     )

@@ -6,23 +6,18 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from fem_reference.curved_cover.responses import find_top
-from fem_reference.result_store import NotStoredError, stored_only
-from meshes import SolidCover
 from meshes.array_types import FloatArray
-from validation.campaign.bench import Bench, Plan, plan_cases, prepare_bench
-from validation.campaign.campaign_file import Inputs, find_places
+from validation.campaign.bench import Bench, ModelForces, prepare_bench
+from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
-from validation.campaign.results import CaseResult, Reference, predict
+from validation.campaign.results import CaseResult
 from validation.credibility.uncertainty import InputUncertainty
 from validation.credibility.verification import Check, check_finer_mesh, check_shell
-from validation.curved.fast import press_fast
-from validation.curved.places import CurvedPlaces
-from validation.curved.press import make_meshes, press_case
 from validation.derivation.solid import SolidDerivation
 from validation.errors import InputError
 
@@ -30,9 +25,6 @@ if TYPE_CHECKING:
     from fastmodel import Parameters
     from fastmodel.surface import CoverPoints
     from meshes import Pose
-    from meshes.solids import SolidMesh
-    from validation.schema.campaign import LoadsForTable
-    from validation.sensor_file import SensorDescription
 
 #: Names of the scored models of a curved cover, with a description of each for tables.
 CURVED_MODELS: Mapping[str, str] = {
@@ -47,8 +39,6 @@ _FIRST = 0.01
 #: Angle from the normal above which a direction counts as oblique [rad], depth over the thickness that divides two
 #: groups of cases [-].
 _OBLIQUE, _DEEP = math.radians(10), 0.08
-#: Time of a press that is not stored, and of one that is, and of everything else without and with stored responses [s].
-_PRESS, _STORED_PRESS, _REST, _STORED_REST = 8.0, 0.5, 150.0, 60.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +47,6 @@ class SolidBench(Bench):
 
     Attributes:
         derivation: Responses of the texels, and the Gaussian that is fitted to them.
-        fast: Parameters of the fast model; those of the derivation if None.
     """
 
     models = CURVED_MODELS
@@ -109,17 +98,6 @@ class SolidBench(Bench):
         "Nothing is compared with the solution of a laterally wide layer: this cover is none.",
     )
     derivation: SolidDerivation
-    fast: Parameters | None = None
-
-    @property
-    def meshes(self) -> tuple[SolidMesh, ...]:
-        """Meshes of the cover, coarsest first."""
-        return tuple(grid.mesh for grid in self.derivation.responses.grids)
-
-    @property
-    def parameters(self) -> Parameters:
-        """Parameters of the fast model."""
-        return self.fast or self.derivation.parameters
 
     def require_fast_model(self) -> CoverPoints:
         """Return the arrays of the fast model.
@@ -137,40 +115,24 @@ class SolidBench(Bench):
             )
         return surface
 
-    def plan(self, cases: Sequence[Case]) -> Plan:
-        """Find out which presses are missing from the store, and how long the cases take."""
-        return plan_presses(self.derivation.sensor, cases)
-
-    def solve(self, case: Case) -> CaseResult:
-        """Compute one case by finite elements and by all models, and score the models.
-
-        Raises:
-            ValueError: If a model cannot compute the case.
-            ConvergenceError: If the finite elements did not converge.
-        """
-        reference = Reference.of(press_case(self.derivation.sensor, case))
-        forces = self._compute_models(case)
-        predictions = predict(
-            reference, {name: (each, 0.0) for name, each in forces.items()}, case.load, self.parameters
-        )
-        return CaseResult(case=case, reference=reference, predictions=predictions, warnings=())
-
     def verify(self, results: Sequence[CaseResult]) -> Iterator[tuple[str, Callable[[], Sequence[Check]]]]:
         """Yield the checks of the elements: a shell with a closed form, and a finer mesh of the cover."""
-        sensor = self.derivation.sensor
-        material, thickness = sensor.cover.layers[0].material, sensor.cover.thickness
+        material, thickness = self.cover.material, self.cover.thickness
+        meshes = tuple(grid.mesh for grid in self.derivation.responses.grids)
         yield "verification of the elements on a shell", lambda: [check_shell(material, thickness)]
-        yield "verification on a finer mesh", partial(check_finer_mesh, sensor, self.meshes, results)
+        yield "verification on a finer mesh", partial(check_finer_mesh, self.derivation.sensor, meshes, results)
 
     def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
         """Propagate modulus, position and yaw through the fast model, by plus and minus one standard uncertainty each.
 
         A linear cover of modulus c E under the load F has c times the forces of one of modulus E under F / c.
         """
+        from fastmodel.contact.points import press_points
+
         cover, pose, load = self.require_fast_model(), case.pose, case.load
 
         def press(where: Pose, factor: float = 1.0) -> FloatArray:
-            return factor * press_fast(cover, case.indenter, where, load / factor).texel_forces
+            return factor * press_points(cover, case.indenter, where, load=load / factor).texel_forces
 
         def move(direction: FloatArray) -> Callable[[float], FloatArray]:
             return lambda by: press(replace(pose, point=tuple((pose.position + by * direction).tolist())))
@@ -192,7 +154,7 @@ class SolidBench(Bench):
 
     def classify(self, result: CaseResult) -> Mapping[str, str]:
         """Return shape, direction and depth of a case as words."""
-        deep = result.reference.depth > _DEEP * self.derivation.sensor.cover.thickness
+        deep = result.reference.depth > _DEEP * self.cover.thickness
         return {
             "shape": result.case.shape.split(":")[0],
             "direction": "oblique" if measure_obliquity(result) > _OBLIQUE else "along the normal",
@@ -203,17 +165,17 @@ class SolidBench(Bench):
         """Return load, depth, contact area and the angle between the motion and the normal of the cover."""
         return {
             "load_N": result.case.load,
-            "depth_over_thickness": result.reference.depth / self.derivation.sensor.cover.thickness,
+            "depth_over_thickness": result.reference.depth / self.cover.thickness,
             "contact_area_m2": result.reference.contact_area,
             "obliquity_rad": measure_obliquity(result),
         }
 
-    def _compute_models(self, case: Case) -> dict[str, FloatArray]:
-        """Compute the texel forces of each model, shape (n,) [N]."""
-        from fastmodel.contact.points import find_first_contact
+    def compute_models(self, case: Case) -> ModelForces:
+        """Compute one case by the fast model, simpler ones and null models."""
+        from fastmodel.contact.points import find_first_contact, press_points
 
-        cover, array, gaussian = self.require_fast_model(), self.derivation.sensor.array, self.derivation.gaussian
-        fast = press_fast(cover, case.indenter, case.pose, case.load)
+        cover, array, gaussian = self.require_fast_model(), self.parameters.array, self.derivation.gaussian
+        fast = press_points(cover, case.indenter, case.pose, load=case.load)
         pressed = np.flatnonzero(fast.forces)
         spread = gaussian.spread(array, cover.points[pressed], cover.normals[pressed])
         first = find_first_contact(cover, case.indenter, case.pose, case.pose.towards, within=_FIRST * cover.thickness)
@@ -222,13 +184,14 @@ class SolidBench(Bench):
         share = case.load / float(-(normals @ case.pose.towards).sum())
         apart = np.linalg.norm(points[:, None] - array.centres[None], axis=2)
         nearest = np.bincount(apart.argmin(axis=1), minlength=array.count)
-        return {
+        forces = {
             "fast": fast.texel_forces,
             "gaussian": fast.forces[pressed] @ spread,
             "rigid": share * gaussian.spread(array, points, normals).sum(axis=0),
             "no-spread": share * nearest * array.active,
             "zeros": np.zeros(array.count),
         }
+        return ModelForces({name: (each, 0.0) for name, each in forces.items()})
 
 
 def measure_obliquity(result: CaseResult) -> float:
@@ -236,73 +199,6 @@ def measure_obliquity(result: CaseResult) -> float:
     pose, top = result.case.pose, find_top(result.reference.found.mesh)
     normal = top.normals[int(np.argmin(np.linalg.norm(top.nodes - pose.position, axis=1)))]
     return float(np.arccos(np.clip(-normal @ pose.towards, -1.0, 1.0)))
-
-
-@plan_cases.register(SolidCover)
-def _(
-    cover: SolidCover, sensor: SensorDescription, cases: Sequence[Case], progress: Callable[[str], None] | None = None
-) -> Plan:
-    del cover, progress
-    return plan_presses(sensor, cases)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SolidPlaces:
-    """Places on a solid cover, for campaign files.
-
-    Attributes:
-        cover: The cover, for whose stiffness loads are scaled.
-        places: The places on its finest mesh.
-    """
-
-    cover: SolidCover
-    places: CurvedPlaces
-    default: str = "curved.toml"
-
-    def read(self, given: Mapping[str, Any], place: str) -> Pose:
-        """Read `at`, `direction`, `yaw` and `tilt` of a case; see `Places`."""
-        faults = []
-        if "path" in given:
-            faults.append(f"{place}.path: a curved cover has no friction, so earlier loads do not matter; write loads")
-        texts = {key: given[key] for key in ("at", "direction", "yaw", "tilt") if isinstance(given.get(key), str)}
-        pose = self.places.read(texts, place, faults)
-        if faults or pose is None:
-            raise InputError(*faults)
-        return pose
-
-    def scale_loads(self, table: LoadsForTable, source: str) -> float:
-        """Return modulus times thickness squared of the cover, over those of the table; see `Places`."""
-        del source
-        stiffness = self.cover.material.youngs_modulus * self.cover.thickness**2
-        return stiffness / (table.modulus * table.thickness**2)
-
-
-@find_places.register(SolidCover)
-def _(cover: SolidCover, sensor: SensorDescription, progress: Callable[[str], None] | None = None) -> SolidPlaces:
-    return SolidPlaces(cover=cover, places=CurvedPlaces(mesh=make_meshes(sensor, progress)[-1], texels=sensor.array))
-
-
-def plan_presses(sensor: SensorDescription, cases: Sequence[Case]) -> Plan:
-    """Find out which presses are missing from the store, and how long the cases take.
-
-    Args:
-        sensor: A sensor with a curved cover.
-        cases: The indentations.
-    """
-    missing = []
-    for case in cases:
-        try:
-            with stored_only():
-                press_case(sensor, case)
-            missing.append(False)
-        except NotStoredError:
-            missing.append(True)
-    return Plan(
-        cases=len(cases),
-        missing=tuple(missing),
-        seconds=tuple(_PRESS if absent else _STORED_PRESS for absent in missing),
-        rest=_REST if any(missing) else _STORED_REST,
-    )
 
 
 @prepare_bench.register(SolidDerivation)
@@ -316,6 +212,12 @@ def _(
     del cases  # nothing is fitted to other presses
     if progress:
         progress("fast model, compliance of the surface")
-    bench = SolidBench(derivation=derivation, fast=parameters)
+    sensor = derivation.sensor
+    bench = SolidBench(
+        cover=sensor.cover,
+        parameters=parameters or derivation.parameters,
+        friction=sensor.friction,
+        derivation=derivation,
+    )
     bench.require_fast_model()
     return bench

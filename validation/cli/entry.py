@@ -11,11 +11,11 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token, UnknownCommandError, convert
 
-import validation
 from fem_reference.errors import ConvergenceError
 from validation.cli.output import forget_notes, say, say_notes
 from validation.errors import InputError, nearest
@@ -86,7 +86,7 @@ app = App(
         "Start with `softcover demo`, or with `softcover init` and `softcover derive sensor.toml`."
     ),
     help_format="markdown",
-    version=lambda: validation.__version__,
+    version=lambda: metadata.version("softcover"),
     default_parameter=Parameter(negative=(), converter=_convert),
     suppress_keyboard_interrupt=False,
 )
@@ -163,15 +163,20 @@ def _run(words: Sequence[str]) -> int:
 
 def _report_error(raised: Exception, words: Sequence[str]) -> int:
     """Print what went wrong, and return the exit status; raise a programming error again."""
-    if isinstance(raised, ImportError) and _is_interrupt(raised):
-        return _report_interrupt()
+    cause: BaseException | None = raised if isinstance(raised, ImportError) else None
+    while cause is not None:  # a compiled module turns Ctrl-C while it loads into an ImportError
+        if isinstance(cause, KeyboardInterrupt):
+            return _report_interrupt()
+        cause = cause.__cause__ or cause.__context__
     error = _clarify(raised, words)
     explanation = explain(error)
     if explanation is None or os.environ.get("SOFTCOVER_TRACEBACK"):
         raise raised
-    for line in _shorten(explanation.lines):
-        see = f"; see: softcover {_command(words)}--help" if isinstance(error, CycloptsError) else ""
+    see = f"; see: softcover {_command(words)}--help" if isinstance(error, CycloptsError) else ""
+    for line in explanation.lines[:_MOST_LINES]:
         say(f"softcover: {line.removesuffix('.')}{see}" if see else f"softcover: {line}")
+    if (rest := len(explanation.lines) - _MOST_LINES) > 0:  # a damaged file may have a fault in each of its lines
+        say(f"softcover: ... and {rest} more faults; mend these first")
     forget_notes()
     return explanation.status
 
@@ -181,19 +186,6 @@ def _report_interrupt() -> int:
     sys.stderr.write("softcover: interrupted\n")
     forget_notes()
     return INTERRUPTED
-
-
-def _is_interrupt(error: BaseException | None) -> bool:
-    """Return whether an error was raised from Ctrl-C: a compiled module turns it into an ImportError while it loads."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
-
-
-def _shorten(lines: Sequence[str]) -> list[str]:
-    """Return the first lines, and how many more there are; a damaged file may have a fault in each of its lines."""
-    rest = len(lines) - _MOST_LINES
-    return list(lines) if rest <= 0 else [*lines[:_MOST_LINES], f"... and {rest} more faults; mend these first"]
 
 
 def _drop_output() -> None:
@@ -266,36 +258,29 @@ def explain(error: Exception) -> Explanation | None:
     Returns:
         The lines to print and the exit status; None for a programming error, which only a traceback explains.
     """
+    text, status = " ".join(str(error).split()), BAD_INPUT
     match error:
         case ImportError():
             missing = _find_missing_extra(error)
-            return None if missing is None else Explanation(lines=(str(missing),), status=OUTSIDE_FAILED)
+            if missing is None:
+                return None
+            text, status = str(missing), OUTSIDE_FAILED
         case ConvergenceError():
-            return Explanation(lines=(_join_lines(error),), status=NOT_CONVERGED)
-        case OSError() | MemoryError():
-            status = BAD_INPUT if _is_path_fault(error) else OUTSIDE_FAILED
-            return Explanation(lines=(_describe_outside(error),), status=status)
+            status = NOT_CONVERGED
+        case MemoryError():
+            text, status = "not enough memory for this input", OUTSIDE_FAILED
+        case OSError():
+            reason = str(error.strerror or error)
+            text = f"{error.filename}: {reason}" if error.filename else reason
+            of_path = any(getattr(each, "errno", None) in _PATH_FAULTS for each in (error, error.__cause__))
+            status = BAD_INPUT if of_path else OUTSIDE_FAILED
         case InputError():
-            return Explanation(lines=error.faults, status=BAD_INPUT)
+            return Explanation(lines=error.faults, status=status)
         case CycloptsError() | ValueError():  # all packages of softcover raise subclasses of ValueError for bad input
-            return Explanation(lines=(_join_lines(error),), status=BAD_INPUT)
-    return None
-
-
-def _describe_outside(error: OSError | MemoryError) -> str:
-    if isinstance(error, MemoryError):
-        return "not enough memory for this input"
-    return f"{error.filename}: {error.strerror or error}" if error.filename else str(error.strerror or error)
-
-
-def _is_path_fault(error: BaseException) -> bool:
-    """Return whether an error, or the one that it was raised from, is due to the text of a path."""
-    return any(getattr(each, "errno", None) in _PATH_FAULTS for each in (error, error.__cause__))
-
-
-def _join_lines(error: Exception) -> str:
-    """Return the text of an error on one line."""
-    return " ".join(str(error).split())
+            pass
+        case _:
+            return None
+    return Explanation(lines=(text,), status=status)
 
 
 def _find_missing_extra(error: BaseException | None) -> MissingExtraError | None:

@@ -27,13 +27,16 @@ class LiveImage(contextlib.ExitStack):
         quiet: Whether to show nothing at all.
     """
 
-    def __init__(self, *, columns: int, full_scale: int, quiet: bool = False) -> None:
+    def __init__(self, *, columns: int = 1, full_scale: int = 1, quiet: bool = False) -> None:
         super().__init__()
-        self._columns = columns
-        self._full_scale = full_scale
+        self.set_up(columns, full_scale)
         self._quiet = quiet
         self._live: Live | None = None
         self._next = time.monotonic()
+
+    def set_up(self, columns: int, full_scale: int) -> None:
+        """Set the number of texels in a row [-] and the number of counts of the brightest colour."""
+        self._columns, self._full_scale = columns, full_scale
 
     def __enter__(self) -> Self:
         """Start the display if standard error is a terminal."""

@@ -34,7 +34,13 @@ def explain_comparison(comparison: Comparison) -> Iterator[str]:
     elif fast is not None:
         yield "No finite elements were computed: `--model fem,fast` shows how far the fast model is right here."
     if fem is not None and "fem" in comparison.models:
-        yield explain_error(fem.error_estimate.values(), "`--accuracy 1%` adds finer grids")
+        remedy = "`--accuracy 1%` adds finer grids" if fem.mesh is None else "take it as their uncertainty"
+        yield explain_error(fem.error_estimate.values(), remedy)
+        if fem.mesh is not None:
+            yield (
+                "The force on a texel is the resultant on it along its own normal, so forces on a curved base do not "
+                "sum to the load; the balance is that of the forces on cover and base."
+            )
 
 
 def explain_verdict(changes: Mapping[str, float]) -> str:

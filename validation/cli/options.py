@@ -6,9 +6,9 @@ The help of an option that only one command has stands under `Args` in the docst
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -17,10 +17,8 @@ from validation.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from validation.recordings.recording import Recording, Setup
+    from validation.recordings.recording import Recording
     from validation.sensor_file import SensorDescription
-
-T = TypeVar("T")
 
 SensorFile = Annotated[
     str,
@@ -37,19 +35,6 @@ Sensor = Annotated[
 ]
 #: A text that may begin with a minus sign, so that a negative quantity is refused as such and not as an option.
 Quantity = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
-MaterialName = Annotated[
-    str | None, Parameter(name="--material", help="Replaces the cover's material; see `softcover materials`.")
-]
-Thickness = Annotated[Quantity, Parameter(name="--thickness", help="Replaces the cover's thickness, e.g. 2mm.")]
-Layers = Annotated[
-    list[str] | None,
-    Parameter(
-        name="--layer",
-        help="Changes one layer of the cover, 1 being the bottom one: 2:thickness=1mm,youngs_modulus=3GPa. "
-        "Keys: thickness, material, youngs_modulus, poisson_ratio, hardness, model and its parameters. "
-        "May be given several times.",
-    ),
-]
 Json = Annotated[
     bool, Parameter(name="--json", help="Print one JSON object on standard output, and nothing else there.")
 ]
@@ -71,21 +56,27 @@ PressedArrayIndex = Annotated[
 ]
 
 
-def collect(faults: list[str], read: Callable[[], T]) -> T | None:
-    """Read one option and collect its faults, so that the faults of all options are reported together.
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class CoverChanges:
+    """Options that change the cover of a sensor: `--material`, `--thickness`, `--layer`."""
 
-    Args:
-        faults: List to which the faults of the option are appended.
-        read: Function that reads the option.
+    material: Annotated[str | None, Parameter(help="Replaces the cover's material; see `softcover materials`.")] = None
+    thickness: Annotated[Quantity, Parameter(help="Replaces the cover's thickness, e.g. 2mm.")] = None
+    layers: Annotated[
+        tuple[str, ...],
+        Parameter(
+            name="--layer",
+            negative=(),
+            help="Changes one layer of the cover, 1 being the bottom one: 2:thickness=1mm,youngs_modulus=3GPa. "
+            "Keys: thickness, material, youngs_modulus, poisson_ratio, hardness, model and its parameters. "
+            "May be given several times.",
+        ),
+    ] = ()
 
-    Returns:
-        The value that `read` returns; None if `read` raised an `InputError`.
-    """
-    try:
-        return read()
-    except InputError as error:
-        faults.extend(error.faults)
-        return None
+
+#: The cover of the sensor as it is.
+UNCHANGED = CoverChanges()
 
 
 def check_range(option: str, value: float | None, most: float = math.inf) -> None:
@@ -115,17 +106,6 @@ def check_choice(option: str, kind: str, value: str, choices: tuple[str, ...]) -
         raise InputError(f"{option}: unknown {kind} {value!r}; {nearest(value, choices)}")
 
 
-def check_array_index(recording: Recording, index: int) -> None:
-    """Refuse an index of an array that a recording does not have.
-
-    Raises:
-        InputError: If the recording has no array of this index.
-    """
-    count = len(recording.arrays)
-    if not 0 <= index < count:
-        raise InputError(f"--array: {recording.path} has {count} arrays; accepted: 0..{count - 1}, not {index}")
-
-
 def choose_array(recording: Recording, index: int | None) -> int:
     """Return the index of the array to show: the given one, or the one that is pressed most.
 
@@ -134,10 +114,10 @@ def choose_array(recording: Recording, index: int | None) -> int:
     """
     from validation.recordings.recording import find_pressed_array
 
-    if index is None:
-        return find_pressed_array(recording)
-    check_array_index(recording, index)
-    return index
+    count = len(recording.arrays)
+    if index is not None and not 0 <= index < count:
+        raise InputError(f"--array: {recording.path} has {count} arrays; accepted: 0..{count - 1}, not {index}")
+    return find_pressed_array(recording) if index is None else index
 
 
 def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:
@@ -166,31 +146,10 @@ def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:
     return span
 
 
-def read_setup(indenter: str, load: str | None, note: str) -> Setup:
-    """Read the options that describe how a recording was made; the result is stored in the recording.
-
-    Args:
-        indenter: Shape of the indenter, for example `sphere:radius=5mm`; empty if unknown.
-        load: Load or weight with its unit; None if unknown.
-        note: Any other text.
-
-    Raises:
-        InputError: If the indenter or the load cannot be read.
-    """
-    from validation.recordings.recording import Setup
-    from validation.text.indenter import read_indenter, read_load
-
-    if indenter:
-        read_indenter(indenter)
-    return Setup(indenter=indenter, load=None if load is None else read_load(load), note=note)
-
-
 def read_sensor(
     sensor: str,
+    changes: CoverChanges = UNCHANGED,
     *,
-    material: str | None = None,
-    thickness: str | None = None,
-    layers: Sequence[str] | None = None,
     curved: bool = False,
 ) -> SensorDescription | Parameters:
     """Read a sensor as `validation.load` does, for a command that needs only the fast model.
@@ -203,16 +162,16 @@ def read_sensor(
     from validation import api
     from validation.sensor_file import SensorDescription
 
-    found = api.load(sensor, material=material, thickness=thickness, layers=layers or ())
-    return _accept(found, curved=curved) if isinstance(found, SensorDescription) else found
+    found = api.load(sensor, **vars(changes))
+    if isinstance(found, SensorDescription):
+        _check_description(found, curved=curved)
+    return found
 
 
 def read_description(
     sensor: str,
+    changes: CoverChanges = UNCHANGED,
     *,
-    material: str | None = None,
-    thickness: str | None = None,
-    layers: Sequence[str] | None = None,
     curved: bool = False,
     instead: str = "",
 ) -> SensorDescription:
@@ -220,9 +179,7 @@ def read_description(
 
     Args:
         sensor: Path of a sensor file, or name of a built-in sensor.
-        material: Name of a material that replaces the cover's material.
-        thickness: Thickness with its unit that replaces the cover's thickness.
-        layers: Changes of single layers, values of the option `--layer`.
+        changes: Changes of the cover.
         curved: Whether the command can treat curved covers.
         instead: What the user can do with a folder of parameters, for the error message.
 
@@ -232,12 +189,13 @@ def read_description(
     """
     from validation import api
 
-    changes = {"material": material, "thickness": thickness}
-    return _accept(api.describe(sensor, **changes, layers=layers or (), instead=instead), curved=curved)
+    found = api.describe(sensor, **vars(changes), instead=instead)
+    _check_description(found, curved=curved)
+    return found
 
 
-def _accept(found: SensorDescription, *, curved: bool) -> SensorDescription:
-    """Return a description that a command can treat; keep a note on what is assumed about its electronics."""
+def _check_description(found: SensorDescription, *, curved: bool) -> None:
+    """Refuse a curved cover that a command cannot treat; keep a note on what is assumed about the electronics."""
     if not curved:
         _ = found.layered_cover  # a solid is refused
     if assumed := ", ".join(found.assumed_electronics):
@@ -245,7 +203,6 @@ def _accept(found: SensorDescription, *, curved: bool) -> SensorDescription:
             f"{found.source} does not state all of [electronics]; assumed: {assumed}; counts and images follow from "
             "that, forces do not"
         )
-    return found
 
 
 def tell_unused(sensor: SensorDescription | Parameters, more: str = "") -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import sys
 import textwrap
 import threading
@@ -200,10 +201,10 @@ _ESTIMATED = {"peak_texel": "largest texel", "sigma": "width of the kernel"}
 
 
 def describe_errors(estimates: Mapping[str, float]) -> str:
-    """Describe error estimates by the names of their quantities; fractions become percent."""
-    return ", ".join(
-        f"{_ESTIMATED.get(name, name.replace('_', ' '))} {100 * value:.2g} %" for name, value in estimates.items()
-    )
+    """Describe error estimates by the names of their quantities in percent; NaN is none."""
+    known = {_ESTIMATED.get(name, name.replace("_", " ")): value for name, value in estimates.items()}
+    texts = [f"{name} {100 * value:.2g} %" for name, value in known.items() if not math.isnan(value)]
+    return ", ".join(texts) or "none: there is one mesh only"
 
 
 def describe_vector(force: Sequence[float] | FloatArray) -> str:

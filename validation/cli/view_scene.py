@@ -61,14 +61,21 @@ class Scene:
         spec.option.timestep = TIMESTEP
         spec.option.gravity[:] = [0, 0, -STANDARD_GRAVITY]
         spec.visual.headlight.ambient[:] = [0.4, 0.4, 0.4]
-        sky: dict[str, Any] = {
-            "type": mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-            "builtin": mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        }
+        skybox, gradient = mujoco.mjtTexture.mjTEXTURE_SKYBOX, mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
+        sky: dict[str, Any] = {"type": skybox, "builtin": gradient}
         spec.add_texture(name="sky", **sky, rgb1=[0.9, 0.93, 0.96], rgb2=[0.6, 0.65, 0.7], width=64, height=64)
         self.sensor = fastmodel.attach(spec, "world", parameters, contact=method)
         self._radius = RADIUS_FRACTION * float((np.ptp(array.centres[:, :2], axis=0) + array.texel_size).min())
-        _add_guided_indenter(spec, indenter, load, height=float(array.centres[:, 2].max()) + GAP)
+        body = add_indenter(spec, indenter, load, height=float(array.centres[:, 2].max()) + GAP)
+        (vertical,) = body.joints
+        # Newer versions of MuJoCo take the damping of a joint as coefficients of a polynomial, older ones as a number.
+        damping = load / FALLING_SPEED
+        vertical.damping = [damping, 0.0, 0.0] if np.ndim(vertical.damping) else damping
+        for axis in ((1, 0, 0), (0, 1, 0)):
+            body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+        for geom in body.geoms:
+            geom.condim = 1
+            geom.rgba = COLOUR
         self.model: mujoco.MjModel = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.sensor.bind(self.model)
@@ -116,23 +123,3 @@ class Scene:
         radius = self._radius * share**2 * (3 - 2 * share)
         angle = 2 * math.pi * since / REVOLUTION_TIME
         return radius * np.array([math.cos(angle), math.sin(angle)])
-
-
-def _add_guided_indenter(spec: mujoco.MjSpec, indenter: Indenter, load: float, *, height: float) -> None:
-    """Add an indenter to a MuJoCo model, with slide joints along z, x and y and a damper along z.
-
-    Args:
-        spec: The MuJoCo model.
-        indenter: Shape of the indenter.
-        load: Weight of the indenter [N].
-        height: Height of the indenter's lowest point at the start [m].
-    """
-    body = add_indenter(spec, indenter, load, height=height)
-    (vertical,) = body.joints
-    # Newer versions of MuJoCo take the damping of a joint as coefficients of a polynomial, older ones as one number.
-    vertical.damping = [load / FALLING_SPEED, 0.0, 0.0] if np.ndim(vertical.damping) else load / FALLING_SPEED
-    for axis in ((1, 0, 0), (0, 1, 0)):
-        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-    for geom in body.geoms:
-        geom.condim = 1
-        geom.rgba = COLOUR

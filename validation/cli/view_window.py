@@ -115,7 +115,9 @@ class Window(contextlib.ExitStack):
 
         started = time.monotonic()
         parameters = self._scene.sensor.parameters
-        image = _enlarge(counts.reshape(-1, parameters.array.columns), parameters.electronics.output_max)
+        image = to_colours(counts.reshape(-1, parameters.array.columns)[::-1] / parameters.electronics.output_max)
+        pixels = max(1, IMAGE_HEIGHT // max(image.shape))  # texels are equal squares
+        image = image.repeat(pixels, axis=0).repeat(pixels, axis=1)
         rectangle = mujoco.MjrRect(MARGIN, MARGIN, image.shape[1], image.shape[0])
         self._viewer.set_images((rectangle, image))
         self._viewer.set_texts((None, mujoco.mjtGridPos.mjGRID_TOPLEFT, text.strip(), ""))
@@ -123,17 +125,3 @@ class Window(contextlib.ExitStack):
         # On slow machines the next drawing is delayed, so that drawing takes at most a quarter of the time.
         now = time.monotonic()
         self._next = now + max(DRAW_INTERVAL, 3 * (now - started))
-
-
-def _enlarge(counts: npt.NDArray[np.integer], full_scale: int) -> npt.NDArray[np.uint8]:
-    """Make a picture of a tactile image, with equal squares of pixels for its texels.
-
-    Args:
-        counts: Counts of the texels, shape (rows, columns); row 0 is drawn at the bottom.
-        full_scale: Number of counts that is drawn with the brightest colour [counts].
-
-    Returns:
-        Red, green and blue of the pixels, the upper row first, shape (height, width, 3).
-    """
-    pixels = max(1, IMAGE_HEIGHT // max(counts.shape))
-    return to_colours(counts[::-1] / full_scale).repeat(pixels, axis=0).repeat(pixels, axis=1)

@@ -20,8 +20,9 @@ import numpy as np
 from fastmodel.surface import CoverCells
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
+from validation.campaign.reference_press import press_reference
 from validation.campaign.results import CaseResult, Pooled, pool
-from validation.credibility.uncertainty import linearise
+from validation.derivation.contact_range import linearise
 from validation.results import Number, Result, result_model
 
 if TYPE_CHECKING:
@@ -88,7 +89,9 @@ def _score_case(cover: Cover, parameters: Parameters, cells: CoverCells, result:
     array, load = parameters.array, result.case.load
     fast, outside = result.predictions["fast"].texel_forces, result.predictions["fast"].outside
     true = result.reference.found
-    linear = true if cover.small_strain_only else _press_linear(cover, array, result)
+    linear = true
+    if not cover.small_strain_only:
+        linear = press_reference(linearise(cover), array, replace(result.case, path=()))
     spread = spread_contact(cells, array, linear, load)
     counted = count_back(parameters, fast)
     images = {
@@ -101,14 +104,6 @@ def _score_case(cover: Cover, parameters: Parameters, cells: CoverCells, result:
         stage: float(np.abs(a - b).sum() + abs(out_a - out_b)) / (2 * load)
         for stage, (a, out_a, b, out_b) in images.items()
     }
-
-
-def _press_linear(cover: Cover, array: TexelArray, result: CaseResult) -> Indentation:
-    """Press the case on the cover with its linear properties at zero load."""
-    from validation.campaign.reference_press import press_reference
-
-    layers = tuple(replace(each, material=linearise(each.material)) for each in cover.layers)
-    return press_reference(replace(cover, layers=layers), array, replace(result.case, path=()))
 
 
 def spread_contact(cells: CoverCells, array: TexelArray, reference: Indentation, load: float) -> FloatArray:

@@ -16,9 +16,9 @@ whose cover and pose are known within the stated uncertainties.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
@@ -28,6 +28,7 @@ from meshes.array_types import FloatArray
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.campaign.results import CaseResult, texel_error
+from validation.derivation.contact_range import linearise, linearise_material
 from validation.metrics import centre_of_pressure, second_moments
 from validation.results import Array, Bound, Column, Number, Result, result_model
 
@@ -150,20 +151,15 @@ def list_inputs(cover: Cover, inputs: Inputs) -> Iterator[tuple[str, float, Chan
         spread = _spread_modulus(material) if material.spread or material.spread_above else inputs.modulus
         poisson = material.poisson_spread * _OF_HALF_WIDTH if material.poisson_spread else inputs.poisson_ratio
         named: tuple[tuple[str, float, Change], ...] = (
-            (f"modulus{of} [relative]", spread, _change_layer(index, "modulus")),
-            (f"Poisson ratio{of} [-]", poisson, _change_layer(index, "poisson")),
-            (f"thickness{of} [relative]", inputs.thickness, _change_layer(index, "thickness")),
+            (f"modulus{of} [relative]", spread, partial(_change_layer, index, "modulus")),
+            (f"Poisson ratio{of} [-]", poisson, partial(_change_layer, index, "poisson")),
+            (f"thickness{of} [relative]", inputs.thickness, partial(_change_layer, index, "thickness")),
         )
         yield from (each for each in named if each[1])
-    for axis, name in enumerate(("x", "y")):
-        if inputs.position:
-            yield f"position {name} [m]", inputs.position, _move(axis)
-    if inputs.yaw:
-        yield (
-            "yaw [rad]",
-            inputs.yaw,
-            lambda cover, case, by: (cover, replace(case, pose=replace(case.pose, yaw=case.pose.yaw + by))),
-        )
+    of_pose = (("position x [m]", inputs.position), ("position y [m]", inputs.position), ("yaw [rad]", inputs.yaw))
+    for axis, (name, uncertainty) in enumerate(of_pose):
+        if uncertainty:
+            yield name, uncertainty, partial(_change_pose, axis)
 
 
 def _spread_modulus(material: Material) -> float:
@@ -177,62 +173,40 @@ def _spread_modulus(material: Material) -> float:
     return math.log(high / low) / 2 * _OF_HALF_WIDTH
 
 
-def _change_layer(index: int, what: str) -> Change:
-    def change(cover: Cover, case: Case, by: float) -> tuple[Cover, Case]:
-        layer = cover.layers[index]
-        material = layer.material
-        modulus, poisson, thickness = material.youngs_modulus, material.poisson_ratio, layer.thickness
-        if what == "modulus":
-            modulus *= math.exp(by)
-        elif what == "poisson":
-            # Young's modulus is held; 0.5 is the limit
-            poisson = min(max(poisson + by, 0.0), _INCOMPRESSIBLE)
-        else:
-            thickness *= 1 + by
-        linear = Material(
-            name=material.name,
-            model="linear-elastic",
-            parameters={"youngs_modulus": modulus},
-            poisson_ratio=poisson,
-        )
-        layers = list(cover.layers)
-        layers[index] = replace(layer, thickness=thickness, material=linear)
-        return replace(cover, layers=tuple(layers)), case
-
-    return change
+def _change_layer(index: int, what: str, cover: Cover, case: Case, by: float) -> tuple[Cover, Case]:
+    """Change a layer: the logarithm of its `modulus`, its `poisson` ratio, or its `thickness` over the thickness."""
+    layer = cover.layers[index]
+    material, thickness = linearise_material(layer.material), layer.thickness
+    if what == "modulus":
+        material = replace(material, parameters={"youngs_modulus": material.youngs_modulus * math.exp(by)})
+    elif what == "poisson":
+        # Young's modulus is held; 0.5 is the limit
+        material = replace(material, poisson_ratio=min(max(material.poisson_ratio + by, 0.0), _INCOMPRESSIBLE))
+    else:
+        thickness *= 1 + by
+    layers = list(cover.layers)
+    layers[index] = replace(layer, thickness=thickness, material=material)
+    return replace(cover, layers=tuple(layers)), case
 
 
-def _move(axis: int) -> Change:
-    def change(cover: Cover, case: Case, by: float) -> tuple[Cover, Case]:
-        x, y, z = case.pose.point
-        point = (x + by, y, z) if axis == 0 else (x, y + by, z)
-        return cover, replace(case, pose=replace(case.pose, point=point))
-
-    return change
+def _change_pose(axis: int, cover: Cover, case: Case, by: float) -> tuple[Cover, Case]:
+    """Change x, y or yaw of a case, which are the axes 0, 1 and 2."""
+    x, y, yaw = (by if axis == each else 0.0 for each in range(3))
+    at_x, at_y, z = case.pose.point
+    return cover, replace(case, pose=replace(case.pose, point=(at_x + x, at_y + y, z), yaw=case.pose.yaw + yaw))
 
 
 def _find_effects(cover: Cover, array: TexelArray, case: Case, inputs: Inputs) -> Iterator[tuple[str, FloatArray]]:
     """Yield the name of each input besides friction and the change of the image by one standard uncertainty."""
     for name, uncertainty, change in list_inputs(cover, inputs):
-        high, low = (simulate_image(*_apply(change, cover, case, sign * uncertainty, array)) for sign in (1, -1))
+        changed = [change(cover, case, sign * uncertainty) for sign in (1, -1)]
+        high, low = (simulate_image(each, array, moved) for each, moved in changed)
+        span = 2 * uncertainty
         if name.startswith("Poisson ratio"):
-            ratios = [_find_ratio(change, cover, case, sign * uncertainty) for sign in (1, -1)]
             # At the limit of 0.5 only one side is left, and the difference spans less than two uncertainties.
-            span = max(ratios[0] - ratios[1], np.finfo(float).eps)
-            yield name, (high - low) * uncertainty / span
-        else:
-            yield name, (high - low) / 2
-
-
-def _apply(change: Change, cover: Cover, case: Case, by: float, array: TexelArray) -> tuple[Cover, TexelArray, Case]:
-    changed, moved = change(cover, case, by)
-    return changed, array, moved
-
-
-def _find_ratio(change: Change, cover: Cover, case: Case, by: float) -> float:
-    """Return the sum of the Poisson ratios of a changed cover [-]."""
-    changed, _ = change(cover, case, by)
-    return sum(layer.material.poisson_ratio for layer in changed.layers)
+            above, below = (sum(layer.material.poisson_ratio for layer in each.layers) for each, _ in changed)
+            span = max(above - below, np.finfo(float).eps)
+        yield name, (high - low) * uncertainty / span
 
 
 def simulate_image(cover: Cover, array: TexelArray, case: Case) -> FloatArray:
@@ -309,10 +283,9 @@ def _find_friction_effect(cover: Cover, array: TexelArray, case: Case, friction:
         if not body.is_flat:
             return None
         body = Cylinder(radius=math.sqrt(_measure_face(case) / math.pi))
-    linear = replace(cover, layers=tuple(replace(each, material=linearise(each.material)) for each in cover.layers))
     try:
         stuck, free = (
-            press(linear, array, body, load=case.load, pose=case.pose, friction=each).texel_forces
+            press(linearise(cover), array, body, load=case.load, pose=case.pose, friction=each).texel_forces
             for each in (friction, 0.0)
         )
     except (ConvergenceError, ValueError):
@@ -329,18 +302,6 @@ def _measure_face(case: Case) -> float:
         (np.arange(points) + 0.5) / points * 2 * half_y - half_y,
     )
     return float(np.isfinite(case.indenter.gap(x, y)).mean() * 4 * half_x * half_y)
-
-
-def linearise(material: Material) -> Material:
-    """Return the linear material with the properties of a material at zero load."""
-    if material.small_strain_only:
-        return material
-    return Material(
-        name=material.name,
-        model="linear-elastic",
-        parameters={"youngs_modulus": material.youngs_modulus},
-        poisson_ratio=material.poisson_ratio,
-    )
 
 
 #: Grid convergence index over the standard uncertainty, for an error that is skewed to one side (ASME V&V 20-2009,
@@ -429,43 +390,33 @@ def compare_quantities(
     peak[np.argmax(reference)] = 1.0
     # The quantities are weighted sums of the texel forces; those of a centre of pressure are divided by their sum.
     weights = {"largest texel [mN]": peak, "all texels [mN]": sums}
-    out = []
+    # The values S and D, u_num and u_input of each quantity.
+    found: dict[str, tuple[float, float, float, float]] = {}
     for name, weight in weights.items():
-        values = float(weight @ fast), float(weight @ reference)
-        u_num = math.hypot(estimate * values[1], _ITERATION * load)
-        u_input = _add_squares(inputs.of(weight.dot))
-        out.append(_build(result, name, values, (u_num, u_input, data * abs(values[1]))))
-    if min(reference.sum(), fast.sum(), inputs.image.sum()) <= 0:
-        return out
-    # The shares of all texels have the relative error of the largest; the lever is the width of the image.
-    width = max((value for value in second_moments(reference, positions) if not math.isnan(value)), default=0.0)
-    middle = centre_of_pressure(inputs.image, positions)
-    for axis, name in enumerate(("x", "y")):
-        values = (
-            float(centre_of_pressure(fast, positions)[axis]),
-            float(centre_of_pressure(reference, positions)[axis]),
+        value = float(weight @ reference)
+        u_num = math.hypot(estimate * value, _ITERATION * load)
+        found[name] = (float(weight @ fast), value, u_num, _add_squares(inputs.of(weight.dot)))
+    if min(reference.sum(), fast.sum(), inputs.image.sum()) > 0:
+        # The shares of all texels have the relative error of the largest; the lever is the width of the image.
+        width = max((value for value in second_moments(reference, positions) if not math.isnan(value)), default=0.0)
+        u_num = math.hypot(estimate, _ITERATION) * width
+        ours, true, middle = (centre_of_pressure(each, positions) for each in (fast, reference, inputs.image))
+        for axis, name in enumerate(("centre of pressure x [mm]", "centre of pressure y [mm]")):
+            lever = (positions[:, axis] - middle[axis]) / float(inputs.image.sum())
+            found[name] = (float(ours[axis]), float(true[axis]), u_num, _add_squares(inputs.of(lever.dot)))
+    return [
+        ComparisonError(
+            case=result.case.name,
+            quantity=name,
+            factor=1e3,
+            fast=fast_value,
+            reference=value,
+            u_num=u_num,
+            u_input=u_input,
+            u_data=data * abs(value) if name in weights else 0.0,
         )
-        lever = (positions[:, axis] - middle[axis]) / float(inputs.image.sum())
-        u_num, u_input = math.hypot(estimate, _ITERATION) * width, _add_squares(inputs.of(lever.dot))
-        out.append(_build(result, f"centre of pressure {name} [mm]", values, (u_num, u_input, 0.0)))
-    return out
-
-
-def _build(
-    result: CaseResult, name: str, values: Sequence[float], uncertainties: tuple[float, float, float]
-) -> ComparisonError:
-    """Build the comparison error of a quantity that is printed in mN or mm."""
-    u_num, u_input, u_data = uncertainties
-    return ComparisonError(
-        case=result.case.name,
-        quantity=name,
-        factor=1e3,
-        fast=values[0],
-        reference=values[1],
-        u_num=u_num,
-        u_input=u_input,
-        u_data=u_data,
-    )
+        for name, (fast_value, value, u_num, u_input) in found.items()
+    ]
 
 
 def _add_squares(contributions: Mapping[str, float]) -> float:

@@ -10,7 +10,7 @@ import fnmatch
 import os
 import shlex
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ from validation.schema.data_set import (
     SeriesTable,
     SplitTable,
 )
-from validation.text.indenter import read_indenter, read_position, read_yaw
+from validation.text.indenter import read_indenter
 
 #: First and last time after loading between which frames are averaged, if the file does not say [s].
 DEFAULT_WINDOW = (6.0, 9.0)
@@ -103,29 +103,23 @@ def build_data_set(tables: DataSetTables, *, source: Path, folder: Path) -> Data
         folder: Folder that the paths and patterns of the file are relative to.
     """
     problems: list[str] = []
-    files: list[DataFile] = []
-    empty: list[str] = []
-    for series in tables.series:
-        found = _list_files(series, tables, folder, problems)
-        files += found
-        if not found:
-            empty.append(f"{source.name}: series {series.name!r}: no recordings in {folder}; it is left out")
+    found = {series.name: _list_files(series, tables, folder, problems) for series in tables.series}
+    files = tuple(file for each in found.values() for file in each)
     if files:
-        problems += empty
-    splits = []
-    for table in tables.split:
-        fault = _find_fault_of_split(table, tables.series)
-        if fault:
-            problems.append(f"{source.name}: split {table.name!r}: {fault}; it is left out")
-        else:
-            splits.append(table)
+        problems += [
+            f"{source.name}: series {name!r}: no recordings in {folder}; it is left out"
+            for name, each in found.items()
+            if not each
+        ]
+    faults = {table.name: _find_fault_of_split(table, tables.series) for table in tables.split}
+    problems += [f"{source.name}: split {name!r}: {fault}; it is left out" for name, fault in faults.items() if fault]
     return DataSet(
         name=tables.name or source.stem,
         source=tables.source,
         sensor=tables.sensor or "",
         folder=folder,
-        files=tuple(files),
-        splits=tuple(splits) if tables.split else propose_splits(files),
+        files=files,
+        splits=tuple(each for each in tables.split if not faults[each.name]) if faults else propose_splits(files),
         problems=tuple(problems),
     )
 
@@ -172,114 +166,88 @@ def _find_fault_of_split(table: SplitTable, series: Sequence[SeriesTable]) -> st
 def _list_files(series: SeriesTable, tables: DataSetTables, folder: Path, problems: list[str]) -> list[DataFile]:
     """List the recordings of a series in the order of their paths, and add a line to `problems` for each fault."""
     place = f"series {series.name!r}"
-    text = series.indenter or tables.indenter
-    if text is None:
+    keys = {
+        name: common if (own := getattr(series, name)) is None else own
+        for name, common in dict(tables).items()
+        if name in CommonKeys.model_fields
+    }
+    if keys["indenter"] is None:
         problems.append(f"{place}: no indenter; write for example indenter = 'box:size=10mmx10mmx5mm'; it is left out")
         return []
     try:
-        indenter = read_indenter(text, place=f"{place}: indenter")
+        indenter = read_indenter(keys["indenter"], place=f"{place}: indenter")
     except InputError as error:
         problems.extend(error.faults)
         return []
-    shared = _merge(series, tables)
     listed = list(_match_patterns(series, folder, problems)) + [(folder / each.path, each) for each in series.file]
     files: dict[Path, DataFile] = {}
     for path, table in listed:
-        if not path.exists():
+        if path.exists():
+            name = f"{series.name} {path.name if path.is_relative_to(folder) else path}"
+            files[path] = _build_file(path, table, series, keys, indenter, name=name)
+        else:
             problems.append(f"{place}: {path}: no such file")
-            continue
-        name = f"{series.name} {path.name if path.is_relative_to(folder) else path}"
-        files[path] = replace(_build_file(path, table, series, shared, indenter), name=name)
-    return [files[path] for path in sorted(files)] if not series.file else list(files.values())
-
-
-def _merge(series: SeriesTable, tables: DataSetTables) -> dict[str, Any]:
-    """Return the keys of a series, with those of the whole file where the series has none."""
-    own = {name: getattr(series, name) for name in CommonKeys.model_fields}
-    return {name: getattr(tables, name) if value is None else value for name, value in own.items()}
+    return [files[path] for path in (files if series.file else sorted(files))]
 
 
 def _match_patterns(series: SeriesTable, folder: Path, problems: list[str]) -> Iterable[tuple[Path, None]]:
+    place = f"series {series.name!r}: files"
     for pattern in series.files:
         if ".." in Path(pattern).parts:
-            problems.append(
-                f"series {series.name!r}: files: {pattern!r} leads out of {folder}; name that folder as `path`"
-            )
+            problems.append(f"{place}: {pattern!r} leads out of {folder}; name that folder as `path`")
             continue
         try:
             yield from ((path, None) for path in sorted(folder.glob(pattern)))
         except (ValueError, NotImplementedError) as error:
-            problems.append(f"series {series.name!r}: files: {pattern!r} is not a pattern below {folder}: {error}")
+            problems.append(f"{place}: {pattern!r} is not a pattern below {folder}: {error}")
 
 
 def _build_file(
-    path: Path, table: FileTable | None, series: SeriesTable, shared: dict[str, Any], indenter: Indenter
+    path: Path, table: FileTable | None, series: SeriesTable, keys: dict[str, Any], indenter: Indenter, *, name: str
 ) -> DataFile:
     """Describe one recording of a series; the keys of its own table come before those of the series."""
-    by_name = next((load for key, load in series.loads.items() if fnmatch.fnmatchcase(path.name, key)), None)
-    load = by_name if by_name is not None else shared["load"]
-    at, yaw, name = shared["at"], shared["yaw"], series.placement or series.name
+    own = {key: value for key, value in dict(table or {}).items() if value is not None}
+    by_name = [load for pattern, load in series.loads.items() if fnmatch.fnmatchcase(path.name, pattern)]
+    merged = keys | ({"load": by_name[0]} if by_name else {}) | own
+    at, yaw, tilt = merged["at"], merged["yaw"], merged["tilt"]
+    placement = series.placement or series.name
     if table is not None:
-        load = table.load if table.load is not None else load
-        moved = table.at is not None or table.yaw is not None
-        at, yaw = (table.at if table.at is not None else at), (table.yaw if table.yaw is not None else yaw)
-        name = table.placement or (f"{name}, {path.name}" if moved and table.at != FITTED else name)
+        moved = {"at", "yaw"} & own.keys() and table.at != FITTED
+        placement = table.placement or (f"{placement}, {path.name}" if moved else placement)
     fitted = at is None or at == FITTED
-    if yaw is None:
-        yaw = FITTED if fitted else 0.0
+    if yaw is None and not fitted:
+        yaw = 0.0
     return DataFile(
         path=path,
-        name="",
+        name=name,
         series=series.name,
-        load=LABELS if load is None else load,
-        temperature=None if table is None else table.temperature,
+        load=LABELS if merged["load"] is None else merged["load"],
+        temperature=own.get("temperature"),
         placement=Placement(
-            name=name,
+            name=placement,
             indenter=indenter,
-            at=None if fitted or isinstance(at, str) else at,
-            yaw=None if isinstance(yaw, str) else yaw,
-            tilt=None if shared["tilt"] == FITTED else shared["tilt"] or (0.0, 0.0),
+            at=None if fitted else at,
+            yaw=None if yaw == FITTED else yaw,
+            tilt=None if tilt == FITTED else tilt or (0.0, 0.0),
         ),
-        array=shared["array"],
-        threshold=shared["threshold"],
-        window=shared["window"] or DEFAULT_WINDOW,
-        temperature_channel=-1 if shared["temperature_channel"] is None else shared["temperature_channel"],
+        array=merged["array"],
+        threshold=merged["threshold"],
+        window=merged["window"] or DEFAULT_WINDOW,
+        temperature_channel=-1 if merged["temperature_channel"] is None else merged["temperature_channel"],
         uses=tuple(series.use),
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Keys:
-    """Options that hold for all recordings on the command line.
-
-    Attributes:
-        indenter: The tool; empty to take it from the labels of each recording.
-        at: Position of its axis as text; None to fit it.
-        yaw: Its yaw as text; None for 0 if `at` is given, else to fit it.
-        moved: Whether each recording has a pose of its own.
-        array: Index of the pressed array; None for the one that is pressed most.
-        threshold: Counts that the firmware subtracted; None for what the labels say [-].
-        window: First and last time after loading between which frames are averaged [s].
-        temperature_channel: Index of the temperature sensor.
-    """
-
-    indenter: str
-    at: str | None
-    yaw: str | None
-    moved: bool
-    array: int | None
-    threshold: float | None
-    window: tuple[float, float]
-    temperature_channel: int
-
-
-def describe_files(paths: Sequence[Path], keys: Keys, sensor: TexelArray | None = None) -> DataSet:
+def describe_files(
+    paths: Sequence[Path], keys: CommonKeys, sensor: TexelArray | None = None, *, moved: bool = False
+) -> DataSet:
     """Describe recordings as a data set of one series, or read the one data-set file among them.
 
     Args:
         paths: Recordings, or one data-set file.
-        keys: Options for recordings; a data-set file states its own.
+        keys: Options for recordings; a data-set file states its own.  Without a tool, the labels of each name it.
         sensor: Array that was recorded, for CSV files that state no layout.
+        moved: Whether each recording has a pose of its own.
 
     Raises:
         InputError: If a data-set file stands beside other files, or no tool is named.
@@ -288,44 +256,23 @@ def describe_files(paths: Sequence[Path], keys: Keys, sensor: TexelArray | None 
     if any(path.suffix == ".toml" for path in paths):
         if len(paths) > 1:
             raise InputError(f"{paths[0]}: a data-set file stands alone; it names the recordings")
-        found = find_data_set(paths[0])
-        if found is None:
+        if (found := find_data_set(paths[0])) is None:
             raise InputError(f"{paths[0]}: no data set")
         return found
     files: list[DataFile] = []
     problems: list[str] = []
     for path in paths:
         try:
-            files.append(_describe_file(path, keys, sensor))
+            text = keys.indenter or open_recording(path, sensor=sensor).setup.indenter
         except RecordingError as error:
             problems.append(f"{error}; left out")
-    return DataSet(name="files", folder=Path(), files=tuple(files), problems=tuple(problems))
-
-
-def _describe_file(path: Path, keys: Keys, sensor: TexelArray | None) -> DataFile:
-    text = keys.indenter
-    if not text:
-        text = open_recording(path, sensor=sensor).setup.indenter
+            continue
         if not text:
             raise InputError(f"{path}: its labels name no tool; give --indenter, such as box:size=10mmx10mmx5mm")
-    at = None if keys.at is None else read_position(keys.at)
-    yaw = 0.0 if at is not None else None
-    name = path.name if keys.moved else "tool"
-    return DataFile(
-        path=path,
-        name=path.name,
-        series="recordings",
-        placement=Placement(
-            name=name,
-            indenter=read_indenter(text, place="--indenter"),
-            at=at,
-            yaw=yaw if keys.yaw is None else read_yaw(keys.yaw),
-        ),
-        array=keys.array,
-        threshold=keys.threshold,
-        window=keys.window,
-        temperature_channel=keys.temperature_channel,
-    )
+        series = SeriesTable(name="recordings", placement=path.name if moved else "tool")
+        indenter = read_indenter(text, place="--indenter")
+        files.append(_build_file(path, None, series, dict(keys), indenter, name=path.name))
+    return DataSet(name="files", folder=Path(), files=tuple(files), problems=tuple(problems))
 
 
 #: Environment variable that names the folder of recordings.

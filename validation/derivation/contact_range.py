@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from fastmodel.fitting.contact_stiffness import ContactFit, FoundationFit
     from fastmodel.fitting.gaussian import Fit
     from fastmodel.parameters import Parameters
-    from fem_reference.indentation.ball_path import BallPath
+    from fem_reference.indentation.finite_strain import BallPath
     from fem_reference.indentation.result import Indentation
     from fem_reference.linear_response.membrane_tension import Stretch, StretchedResponse
     from fem_reference.linear_response.point_spread import PointSpread
@@ -101,7 +101,7 @@ def press_ball_on_array(cover: Cover, array: TexelArray, progress: Progress | No
         ConvergenceError: If no depth converges.
     """
     from fem_reference.finite_strain.loading_path import LoadingPath
-    from fem_reference.indentation.ball_path import press_ball
+    from fem_reference.indentation.finite_strain import press_ball
     from fem_reference.indentation.small_strain import solve_coarse
 
     radius = min(array.pitch)
@@ -118,7 +118,7 @@ def press_ball_on_array(cover: Cover, array: TexelArray, progress: Progress | No
             radius=radius,
             points=points,
             load=np.array([each.total_force for each in found]),
-            texel_forces=np.array([[each.base_forces(array, pose) for each in found] for pose in poses]),
+            texel_forces=np.array([[each.base.forces(array, pose) for each in found] for pose in poses]),
             path=None,
         )
     path = press_ball(cover, radius, depths, progress=progress)
@@ -468,20 +468,21 @@ def find_saturation(electronics: Electronics) -> float | None:
     return float(forces.min()) if len(forces) else None
 
 
+def linearise_material(material: Material) -> Material:
+    """Return the linear material with the properties of a material at zero load."""
+    if material.small_strain_only:
+        return material
+    return Material(
+        name=material.name,
+        model="linear-elastic",
+        parameters={"youngs_modulus": material.youngs_modulus},
+        poisson_ratio=material.poisson_ratio,
+    )
+
+
 def linearise(cover: Cover) -> Cover:
-    """Return a wide cover of the same layers with linear elastic materials of the same moduli at small strain."""
-    layers = [
-        dataclasses.replace(
-            layer,
-            material=Material(
-                name=layer.material.name,
-                model="linear-elastic",
-                parameters={"youngs_modulus": layer.material.youngs_modulus},
-                poisson_ratio=layer.material.poisson_ratio,
-            ),
-        )
-        for layer in cover.layers
-    ]
+    """Return a wide cover of the same layers with linear materials."""
+    layers = (dataclasses.replace(layer, material=linearise_material(layer.material)) for layer in cover.layers)
     return dataclasses.replace(cover, layers=tuple(layers), size=None)
 
 

@@ -9,10 +9,37 @@ from fem_reference import result_store
 from fem_reference.curved_cover import texel_responses
 from fem_reference.curved_cover.compliance import NormalCompliance
 from fem_reference.curved_cover.pressure_shapes import spread_hats
-from fem_reference.curved_cover.responses import build_solid
+from fem_reference.curved_cover.responses import build_solid, find_top
 from meshes import Material, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.solid_mesh import SolidMesh, compute_volume, measure_area
+
+#: Largest number of nodes of the top, middles of edges included, on which the fast model is derived: it needs one
+#: solution per node, and keeps the displacement of each under a force on each [-].
+MOST_NODES = 5000
+
+
+def choose_mesh(meshes: tuple[SolidMesh, ...]) -> SolidMesh | None:
+    """Choose the mesh on which the fast model is derived: the second of three, or a coarser one; None if all are large.
+
+    Args:
+        meshes: Meshes of the cover, coarsest first.
+    """
+    return next(
+        (mesh for mesh in reversed(meshes[: 1 + len(meshes) // 2]) if len(find_top(mesh).nodes) <= MOST_NODES), None
+    )
+
+
+def derive_fast_model(meshes: tuple[SolidMesh, ...], texels: TexelArray, material: Material) -> CoverPoints | None:
+    """Derive the arrays of the fast model on the chosen mesh; None if even the coarsest has too many nodes on its top.
+
+    Args:
+        meshes: Meshes of the cover, coarsest first.
+        texels: Texels on the base of the meshes.
+        material: Material of the cover.
+    """
+    mesh = choose_mesh(meshes)
+    return None if mesh is None else derive_curved_cover(mesh, texels, material)
 
 
 def derive_curved_cover(mesh: SolidMesh, texels: TexelArray, material: Material) -> CoverPoints:

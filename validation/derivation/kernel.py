@@ -340,7 +340,7 @@ def cells_with_sides(cover: Cover, array: TexelArray, influence: PointSpread | S
         array: Texels under the cover, flat and on a regular grid.
         influence: Finite-element response of the texels to loads anywhere on the cover.
     """
-    from fem_reference.linear_response.point_spread import point_spread
+    from fem_reference.linear_response.axisymmetric import point_spread
 
     wide = dataclasses.replace(cover, size=None)
     cells = cover_cells(wide, array, point_spread(wide))

@@ -10,8 +10,9 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -40,7 +41,7 @@ from validation.derivation.kernel import (
     texel_separation,
     two_point_separation,
 )
-from validation.errors import InputError
+from validation.errors import at
 from validation.results.derivation import Kernel, PointResponse, Responses
 from validation.sensor_file import SensorDescription
 
@@ -61,16 +62,9 @@ class LayeredDerivation:
     Attributes:
         sensor: Description of the sensor.
         influence: Finite-element response of the texels to loads on the cover.
-        texel_response: Forces on the texels under a unit point load over the centre of the middle texel, shape
-            (rows, columns) [-].
-        texel_response_uniform: Forces on the texels under unit force as uniform pressure over the middle texel, shape
-            (rows, columns) [-].
-        outside: Forces that no texel measures under these two loads [-].
         fit: The fitted spread kernel and its residual.
         parameters: Parameters of the fast model.
-        error_estimate: Estimated relative errors of the finite elements (`total_force`, `peak_texel`, `sigma`) [-].
         depth: Contact stiffnesses fitted to the depth of a sphere; None for a cover with free side edges.
-        undetermined: Quantities that the derivation cannot determine, one line of text each.
         tip: Share of the calibration tip's force that the texel under the tip measures; None if the characteristic was
             calibrated against the texel force, or if the finite elements failed.
         seconds: Wall time of the derivation, without the properties that are computed on first use [s].
@@ -78,44 +72,53 @@ class LayeredDerivation:
 
     sensor: SensorDescription
     influence: Influence
-    texel_response: FloatArray
-    texel_response_uniform: FloatArray
-    outside: tuple[float, float]
     fit: Fit
     parameters: Parameters
-    error_estimate: Mapping[str, float]
     depth: DepthFits | None
-    undetermined: tuple[str, ...]
     tip: TipShare | None
     seconds: float
+
+    def _respond(self, load: Literal["point", "uniform"]) -> FloatArray:
+        array = self.sensor.array
+        return np.asarray(array.image(self.influence.texel_response(array, load=load)), dtype=np.float64)
+
+    @cached_property
+    def texel_response(self) -> FloatArray:
+        """Forces on the texels under a unit point load over the middle texel's centre, shape (rows, columns) [-]."""
+        return self._respond("point")
+
+    @cached_property
+    def texel_response_uniform(self) -> FloatArray:
+        """Forces under unit force as uniform pressure over the middle texel, shape (rows, columns) [-]."""
+        return self._respond("uniform")
+
+    @cached_property
+    def outside(self) -> tuple[float, float]:
+        """Forces that no texel measures under these two loads [-].
+
+        For a wide cover they are integrated over the radius, independently of the texel forces: that the two add up to
+        the load is a check.
+        """
+        array, influence = self.sensor.array, self.influence
+        centre = array.centres[array.middle, :2]
+        points, weights = gauss_points(array.texel_size, 12)
+        return float(influence.outside(array, centre)[0]), float(weights @ influence.outside(array, centre + points))
+
+    @property
+    def error_estimate(self) -> Mapping[str, float]:
+        """Estimated relative errors of the finite elements (`total_force`, `peak_texel`, `sigma`) [-]."""
+        return self.influence.error_estimate
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Quantities that the derivation cannot determine, one line of text each."""
+        sensor = self.sensor
+        return list_undetermined(sensor.layered_cover, self.fit, self.depth, friction=sensor.friction)
 
     @property
     def point_spread(self) -> PointSpread | None:
         """Response of a wide cover as a radial profile; None with free side edges, where it depends on the position."""
         return radial_profile(self.influence)
-
-    @cached_property
-    def resolution(self) -> float | None:
-        """Smallest distance of two equal point loads with a dip of pressure at the cover's base between them [m].
-
-        NaN if no distance shows a dip; None for a cover with free side edges.
-        """
-        return None if (spread := self.point_spread) is None else two_point_separation(spread)
-
-    @cached_property
-    def resolution_on_array(self) -> float | None:
-        """Smallest distance of two equal point loads with a dip of texel values between two peaks [m].
-
-        The dip must appear at every position of the loads relative to the texels.  NaN if no distance shows the dip;
-        None for a cover with free side edges.
-        """
-        return None if (spread := self.point_spread) is None else texel_separation(spread, self.sensor.array)
-
-    @cached_property
-    def sensitivity(self) -> Mapping[str, float]:
-        """Derivatives of sigma_x as computed by `sigma_sensitivities`; empty for a cover with free side edges."""
-        spread = self.point_spread
-        return {} if spread is None else sigma_sensitivities(self.sensor.layered_cover, self.sensor.array, spread)
 
     @property
     def sigma(self) -> float:
@@ -161,7 +164,7 @@ class LayeredDerivation:
         middle = self.texel_response[array.rows // 2, array.columns // 2]
         return {"radial_profile": float(profile), "texel_response": float(abs(middle - force))}
 
-    @property
+    @cached_property
     def result(self) -> Responses:
         """What is written of the derivation."""
         sensor, fit, spread = self.sensor, self.fit, self.point_spread
@@ -184,9 +187,9 @@ class LayeredDerivation:
             if spread is None
             else PointResponse(radius_m=spread.radius, pressure_per_force=spread.pressure_per_force),
             error_estimate=self.error_estimate,
-            resolution=self.resolution,
-            resolution_on_array=self.resolution_on_array,
-            sensitivity=self.sensitivity,
+            resolution=None if spread is None else two_point_separation(spread),
+            resolution_on_array=None if spread is None else texel_separation(spread, sensor.array),
+            sensitivity={} if spread is None else sigma_sensitivities(sensor.layered_cover, sensor.array, spread),
             depth=None if self.depth is None else dataclasses.asdict(self.depth),
             validity="not stated" if self.parameters.validity is None else dataclasses.asdict(self.parameters.validity),
             undetermined=self.undetermined,
@@ -248,84 +251,76 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
         ConvergenceError: If the finite-element solver did not converge.
     """
     from fastmodel.parameters import Parameters
+    from fem_reference.linear_response.axisymmetric import point_spread
     from fem_reference.linear_response.finite_cover import solid_influence
-    from fem_reference.linear_response.point_spread import point_spread
 
     started = time.perf_counter()
     tell = progress or (lambda _: None)
     array = sensor.array
-    if not array.planar:
-        raise InputError(
-            f"{sensor.source}: array: is curved, and the reference takes planar covers only; derive a flat array of "
-            f"its pitch, then exchange the array: dataclasses.replace(fastmodel.load(folder), array=..., tables={{}})"
-        )
+    with at(f"{sensor.source}: array: "):
+        array.require_planar()
     wide = cover.size is None
     tell("point spread function by finite elements")
     influence = point_spread(cover) if wide else solid_influence(cover, array, progress=progress)
-    point, uniform = (np.asarray(influence.texel_response(array, load=load)) for load in ("point", "uniform"))
     tell("kernel fit")
     fit = fit_kernel(influence, array)
     tell("cover kernels")
     cells = None if sensor.spread else _tabulate_cells(sensor, influence)
     depth = fit_depth(cover) if wide else None
-    tip = _press_tip(sensor, influence, tell)
-    undetermined = list_undetermined(cover, fit, depth, friction=sensor.friction)
+    tip = None
+    if sensor.electronics.tip_radius is not None:
+        tell("calibration tip over a texel")
+        with _told(tell, "the share of the calibration tip's force on a texel is not known"):
+            tip = compute_tip_share(cover, array, influence, sensor.electronics)
+    profile = radial_profile(influence)
     parameters = Parameters(
         array=array,
         spread=sensor.spread or (fit.gaussian if wide else _tabulate_spread(influence, array)),
         filter=sensor.filter,
         electronics=dataclasses.replace(sensor.electronics, tip_share=None if tip is None else tip.share),
-        provenance=_describe_provenance(sensor, fit, depth, undetermined, tip),
+        provenance=describe_provenance(sensor)
+        | {
+            "estimator": "given in the sensor file" if sensor.spread else fit.estimator,
+            "residual": fit.residual,
+            "outside_kernel": fit.outside_kernel,
+            "undetermined": list_undetermined(cover, fit, depth, friction=sensor.friction),
+            "depth": None if depth is None else dataclasses.asdict(depth),
+            "calibration_tip": None if tip is None else dataclasses.asdict(tip),
+        },
         surface=cells,
-        tables=_tabulate_response(influence),
+        # The response to a point load: radius [m] and pressure per force [1/m2].
+        tables={}
+        if profile is None
+        else {
+            "point_response_radius": np.asarray(profile.radius),
+            "point_response_pressure": np.asarray(profile.pressure_per_force),
+        },
     )
+    # The range is not stated for covers with free side edges, and where the finite elements or the fast model fail.
+    if profile is not None and cells is not None:
+        tell("range of the fast model, by a ball of one pitch radius")
+        with _told(tell, "the range of the fast model is not stated"):
+            parameters = state_range(parameters, cover, profile, press_ball_on_array(cover, array, tell))
     return LayeredDerivation(
         sensor=sensor,
         influence=influence,
-        texel_response=np.asarray(array.image(point), dtype=np.float64),
-        texel_response_uniform=np.asarray(array.image(uniform), dtype=np.float64),
-        outside=_force_outside(influence, array),
         fit=fit,
-        parameters=_state_range(parameters, sensor, influence, tell),
-        error_estimate=influence.error_estimate,
+        parameters=parameters,
         depth=depth,
-        undetermined=undetermined,
         tip=tip,
         seconds=time.perf_counter() - started,
     )
 
 
-def _press_tip(sensor: SensorDescription, influence: Influence, tell: Progress) -> TipShare | None:
-    """Compute the share of the calibration tip's force on the texel; None if it is not needed or not computable."""
+@contextmanager
+def _told(tell: Progress, what: str) -> Iterator[None]:
+    """Tell why a part is missing if finite elements or the fast model cannot compute it."""
     from fem_reference.errors import ConvergenceError
 
-    if sensor.electronics.tip_radius is None:
-        return None
-    tell("calibration tip over a texel")
     try:
-        return compute_tip_share(sensor.layered_cover, sensor.array, influence, sensor.electronics)
+        yield
     except (ConvergenceError, ValueError) as error:
-        tell(f"the share of the calibration tip's force on a texel is not known: {error}")
-        return None
-
-
-def _state_range(parameters: Parameters, sensor: SensorDescription, influence: Influence, tell: Progress) -> Parameters:
-    """Add tables under load, where they are useful, and the range in which the fast model holds, where it is known.
-
-    The range is not stated for covers with free side edges, and where the finite elements or the fast model fail.
-    """
-    from fem_reference.errors import ConvergenceError
-
-    spread = radial_profile(influence)
-    if spread is None or parameters.surface is None:
-        return parameters
-    tell("range of the fast model, by a ball of one pitch radius")
-    try:
-        presses = press_ball_on_array(sensor.layered_cover, sensor.array, tell)
-        return state_range(parameters, sensor.layered_cover, spread, presses)
-    except (ConvergenceError, ValueError) as error:
-        tell(f"the range of the fast model is not stated: {error}")
-        return parameters
+        tell(f"{what}: {error}")
 
 
 def _tabulate_cells(sensor: SensorDescription, influence: Influence) -> CoverCells | None:
@@ -339,48 +334,7 @@ def _tabulate_cells(sensor: SensorDescription, influence: Influence) -> CoverCel
     return cells_with_sides(sensor.layered_cover, sensor.array, influence) if sensor.array.regular else None
 
 
-def _tabulate_response(influence: Influence) -> dict[str, FloatArray]:
-    """Return radius [m] and pressure per force [1/m2] of the point response; nothing for free side edges."""
-    if (spread := radial_profile(influence)) is None:
-        return {}
-    return {
-        "point_response_radius": np.asarray(spread.radius),
-        "point_response_pressure": np.asarray(spread.pressure_per_force),
-    }
-
-
 def _tabulate_spread(influence: Influence, array: TexelArray) -> Tabulated:
     """Tabulate the force on every texel per unit force spread uniformly over each texel, for free side edges."""
     columns = [influence.texel_response(array, load="uniform", texel=texel) for texel in range(array.count)]
     return Tabulated(matrix=np.array(columns).T, source="finite elements with free side edges")
-
-
-def _force_outside(influence: Influence, array: TexelArray) -> tuple[float, float]:
-    """Compute the force that no texel measures, under a unit load on the middle texel [-].
-
-    For a wide cover this force is integrated over the radius, independently of the texel forces: that the two add up to
-    the load is a check.
-
-    Returns:
-        The force under a point load at the texel's centre, and under uniform pressure over the texel [-].
-    """
-    centre = array.centres[array.middle, :2]
-    points, weights = gauss_points(array.texel_size, 12)
-    return float(influence.outside(array, centre)[0]), float(weights @ influence.outside(array, centre + points))
-
-
-def _describe_provenance(
-    sensor: SensorDescription,
-    fit: Fit,
-    depth: DepthFits | None,
-    undetermined: tuple[str, ...],
-    tip: TipShare | None,
-) -> dict[str, Any]:
-    return describe_provenance(sensor) | {
-        "estimator": "given in the sensor file" if sensor.spread else fit.estimator,
-        "residual": fit.residual,
-        "outside_kernel": fit.outside_kernel,
-        "undetermined": undetermined,
-        "depth": None if depth is None else dataclasses.asdict(depth),
-        "calibration_tip": None if tip is None else dataclasses.asdict(tip),
-    }

@@ -13,10 +13,10 @@ import numpy as np
 from meshes import SolidCover
 from meshes.array_types import FloatArray
 from meshes.solids.texels import tangent_axes
-from validation.curved.press import describe_mesh, make_meshes
-from validation.curved.touch import find_middle
+from validation.cover_meshes import describe_mesh, make_meshes
 from validation.derivation.base import Progress, ResponseMap, derive_cover, describe_provenance
 from validation.derivation.kernel import gauss_points
+from validation.places import find_middle
 from validation.results.derivation import Responses, SurfaceKernel
 from validation.sensor_file import SensorDescription
 
@@ -120,7 +120,7 @@ class SolidDerivation:
         """
         from fastmodel.parameters import Parameters
         from fastmodel.signal.point_spread import Tabulated
-        from validation.curved.fast import derive_fast_model
+        from validation.derivation.curved import derive_fast_model
 
         sensor = self.sensor
         return Parameters(
@@ -128,7 +128,9 @@ class SolidDerivation:
             spread=Tabulated(matrix=self.uniform.T.copy(), source="finite elements of the curved cover"),
             filter=sensor.filter,
             electronics=sensor.electronics,
-            surface=derive_fast_model(sensor, tuple(grid.mesh for grid in self.responses.grids)),
+            surface=derive_fast_model(
+                tuple(grid.mesh for grid in self.responses.grids), sensor.array, sensor.cover.layers[0].material
+            ),
             provenance=describe_provenance(sensor) | {"mesh": self.mesh.digest},
         )
 
@@ -162,7 +164,7 @@ class SolidDerivation:
             calibration={"calibrated": sensor.electronics.calibrated, "tip": None},
             error_estimate=self.error_estimate,
             meshes=tuple(describe_mesh(grid.mesh) for grid in self.responses.grids),
-            notes=sensor.cover.notes if isinstance(sensor.cover, SolidCover) else (),
+            notes=sensor.cover.notes,
             warnings=self.warnings,
             assumed_electronics=sensor.assumed_electronics,
             seconds=self.seconds,

@@ -12,16 +12,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
-from meshes import Cover, Indenter, TexelArray
-from validation.measured_force.case import FloatArray, Measurement
+from meshes import Cover, Indenter, Layer, Sphere, TexelArray
+from meshes.array_types import FloatArray
+from validation.errors import nearest
 from validation.results import Array, Result, result_model
+from validation.schema import read
+from validation.schema.measured_force import Measurement
 
+#: Measurements that come with the package, by the name on the command line, and their files.
+BUILT_IN = {"gelsight-mini": "gelsight-mini.toml"}
 #: Names of the two bounds of friction, and their coefficients [-].
 BOUNDS: Mapping[str, float] = {"frictionless": 0.0, "no slip": math.inf}
 #: Name of the row in which friction may lie anywhere between its bounds.
@@ -39,6 +46,7 @@ class ComparisonNumbers:
         uniform: Half of the width of a uniform distribution over its standard deviation [-].
         largest_shift: Largest error of the zero of depth that is considered as an explanation, over the smallest depth
             [-].
+        incompressible: Largest Poisson ratio, that of an incompressible material [-].
     """
 
     probability: float = 0.95
@@ -46,9 +54,49 @@ class ComparisonNumbers:
     allowed: float = 2.0
     uniform: float = math.sqrt(3)
     largest_shift: float = 0.5
+    incompressible: float = 0.5
 
 
 NUMBERS = ComparisonNumbers()
+
+
+def read_measured_force(path: str | Path) -> Measurement:
+    """Read a file of measured forces, or take a built-in one.
+
+    Args:
+        path: Path of a file, or a name in `BUILT_IN`.
+
+    Raises:
+        InputError: With one line per fault: the place in the file, what is wrong, and what would be accepted.
+        OSError: If the file exists and cannot be read.
+    """
+    name = str(path)
+    hint = f"or built-in measurement; {nearest(name, BUILT_IN)}, or a TOML file"
+    file = resources.files("validation.measured_force").joinpath(BUILT_IN[name]) if name in BUILT_IN else path
+    return read(Path(str(file)), Measurement, hint=hint)
+
+
+def replace_dome(measurement: Measurement) -> Indenter:
+    """Return the ball that has, on a flat top, the gap of the given ball on the domed top: curvatures add (Hertz)."""
+    ball, top = measurement.indenter, measurement.top_radius
+    flat: Indenter = (
+        ball if top is None or not isinstance(ball, Sphere) else Sphere(radius=1 / (1 / ball.radius + 1 / top))
+    )
+    return flat
+
+
+def shift_poisson_ratio(cover: Cover, sign: int) -> Cover:
+    """Move the Poisson ratio of every layer by its spread, at equal shear modulus, within 0..0.5."""
+
+    def shift(layer: Layer) -> Layer:
+        material = layer.material
+        ratio = float(np.clip(material.poisson_ratio + sign * material.poisson_spread, 0, NUMBERS.incompressible))
+        moduli = dict(material.parameters)
+        if material.small_strain_only:
+            moduli["youngs_modulus"] = 2 * material.shear_modulus * (1 + ratio)
+        return replace(layer, material=replace(material, poisson_ratio=ratio, parameters=moduli))
+
+    return replace(cover, layers=tuple(map(shift, cover.layers)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,8 +144,8 @@ def solve_curves(measurement: Measurement, progress: Callable[[str], None] | Non
         IncompletePathError: If the finite elements stop before the largest depth.
     """
     wide = replace(measurement.cover, size=None)
-    domed, flat = measurement.domed_indenter, measurement.indenter
-    depths = np.unique(measurement.depth)
+    domed, flat = replace_dome(measurement), measurement.indenter
+    depths, places = np.unique(measurement.depth, return_inverse=True)
 
     def solve(name: str, cover: Cover, indenter: Indenter, friction: float) -> tuple[FloatArray, FloatArray]:
         """Solve one curve, and return forces and relative errors at the depths of the measurement."""
@@ -106,13 +154,12 @@ def solve_curves(measurement: Measurement, progress: Callable[[str], None] | Non
         if progress is not None:
             progress(name)
         # The force does not depend on the texels.
-        array = TexelArray.grid(1, 1, pitch=measurement.depth[0])
+        array = TexelArray.grid(1, 1, pitch=depths[0])
         path = press_path(cover, array, indenter, depths=depths.tolist(), friction=friction)
-        at = np.searchsorted(depths, measurement.depth)
-        force = np.array([each.total_force for each in path])[at]
-        return force, np.array([each.error_estimate["total_force"] for each in path])[at]
+        force, error = np.array([(each.total_force, each.error_estimate["total_force"]) for each in path]).T
+        return force[places], error[places]
 
-    sides, sides_error = np.ones(len(measurement.depth)), np.zeros(len(measurement.depth))
+    sides, sides_error = np.ones(len(places)), np.zeros(len(places))
     if measurement.cover.size is not None:
         bounded, sides_error = solve("free sides", measurement.cover, flat, 0.0)
         sides = bounded / solve("wide cover", wide, flat, 0.0)[0]
@@ -120,10 +167,10 @@ def solve_curves(measurement: Measurement, progress: Callable[[str], None] | Non
     for bound, friction in BOUNDS.items():
         force, error = solve(bound, wide, domed, friction)
         varied = {}
-        if ends := measurement.poisson_ends:
+        if any(layer.material.poisson_spread for layer in wide.layers):
             low, high = (
-                solve(f"{bound}, {end} Poisson ratio", replace(cover, size=None), domed, friction)[0]
-                for end, cover in zip(("low", "high"), ends, strict=True)
+                solve(f"{bound}, {end} Poisson ratio", shift_poisson_ratio(wide, sign), domed, friction)[0]
+                for end, sign in (("low", -1), ("high", 1))
             )
             varied["Poisson ratio"] = Variation(one=sides * low, other=sides * high, width=2 * NUMBERS.uniform)
         if domed is not flat:
@@ -241,7 +288,7 @@ def _compare_bound(measurement: Measurement, name: str, curve: Curve) -> Row:
     scale = fit_scale(measurement, curve.force)
     predicted = scale * curve.force
     varied = dict(curve.varied)
-    if shift := measurement.zero_uncertainty:
+    if shift := measurement.uncertainty.zero:
         rise = interpolate_force(measurement.depth, curve.force)
         one, other = (rise(measurement.depth + sign * shift) for sign in (-1, 1))
         varied["zero of depth"] = Variation(one=one, other=other, width=2.0)
@@ -259,7 +306,7 @@ def _compare_bound(measurement: Measurement, name: str, curve: Curve) -> Row:
         else np.hypot(coverage * spread / np.sqrt(count), NUMBERS.coverage * np.linalg.norm(of_scale))
     )
     zero_shift, misfit = _fit_zero(measurement, curve.force)
-    noise = measurement.force_uncertainty or 0.0
+    noise = measurement.uncertainty.force or 0.0
     return Row(
         name=name,
         scale=scale,
@@ -300,8 +347,8 @@ def _estimate_scatter(measurement: Measurement, force: FloatArray) -> tuple[floa
     """
     use = measurement.fitted
     count = int(use.sum())
-    if measurement.force_uncertainty is not None:
-        return np.linalg.norm(measurement.force_uncertainty / measurement.force[use]) / np.sqrt(count), NUMBERS.coverage
+    if measurement.uncertainty.force is not None:
+        return np.linalg.norm(measurement.uncertainty.force / measurement.force[use]) / np.sqrt(count), NUMBERS.coverage
     if count == 1:
         return None, 0.0
     residual = np.log(measurement.force[use] / force[use])
@@ -348,27 +395,27 @@ def _judge(measurement: Measurement, rows: Sequence[Row]) -> tuple[str, ...]:
     scored = ~measurement.fitted
     bounds = [row for row in rows if row.name in BOUNDS]
     allowed = [row.name for row in bounds if (np.abs(row.error) <= NUMBERS.allowed * row.u_val)[scored].all()]
-    nearest = min(bounds, key=lambda row: float(np.abs(row.error / measurement.force)[scored].max()))
+    closest = min(bounds, key=lambda row: float(np.abs(row.error / measurement.force)[scored].max()))
     if len(allowed) == len(bounds):
         out = ["The data allow both bounds of friction: every error is within 2 u_val."]
     elif allowed:
         out = [f"The data allow {allowed[0]}, and not the other bound: its error exceeds 2 u_val."]
     else:
-        out = [f"The data allow neither bound of friction: both errors exceed 2 u_val; {nearest.name} is nearer."]
+        out = [f"The data allow neither bound of friction: both errors exceed 2 u_val; {closest.name} is nearer."]
     errors = np.array([row.error for row in bounds])
     far = np.abs(errors) > NUMBERS.allowed * np.array([row.u_val for row in bounds])
     beyond = scored & far.all(axis=0) & ((errors > 0).all(axis=0) | (errors < 0).all(axis=0))
     if beyond.any():
         at = ", ".join(f"{1e3 * depth:.3g} mm" for depth in measurement.depth[beyond])
         out.append(f"At {at}, the measured force lies more than 2 u_val outside both bounds: no friction explains it.")
-    if nearest.misfit is not None and nearest.zero_shift is not None:
-        before, after = (f"{100 * value:.2g} %" for value in nearest.misfit)
-        when = "before" if nearest.zero_shift > 0 else "after"
+    if closest.misfit is not None and closest.zero_shift is not None:
+        before, after = (f"{100 * value:.2g} %" for value in closest.misfit)
+        when = "before" if closest.zero_shift > 0 else "after"
         out.append(
-            f"For {nearest.name}, a contact that began {1e3 * abs(nearest.zero_shift):.2g} mm {when} the stated zero "
+            f"For {closest.name}, a contact that began {1e3 * abs(closest.zero_shift):.2g} mm {when} the stated zero "
             f"of depth would change the misfit of all points from {before} to {after}."
         )
-    stated = {"force": measurement.force_uncertainty, "zero of depth": measurement.zero_uncertainty}
+    stated = {"force": measurement.uncertainty.force, "zero of depth": measurement.uncertainty.zero}
     if missing := [name for name, value in stated.items() if value is None]:
         out.append(f"The uncertainty of {' and '.join(missing)} is not stated and counts as zero: u_val is too small.")
     return tuple(out)

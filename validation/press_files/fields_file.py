@@ -11,20 +11,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshes.bounded_file import pack_npz
+from meshes.solids import write_mesh
+from validation.cover_meshes import MESH_FILE
 from validation.extras import MissingExtraError
+from validation.json_values import json_text
+from validation.press_files.picture import write_picture
 
 if TYPE_CHECKING:
     from fem_reference.fields.cover_fields import CoverFields
-    from fem_reference.indentation.result import Indentation
+    from meshes.array_types import FloatArray
+    from validation.campaign.comparison import Comparison
 
 _LOG = logging.getLogger(__name__)
 
 
-def write_indentation(found: Indentation, folder: Path) -> tuple[str, ...]:
-    """Write `contact.csv` and, if the indentation has fields, `fields.npz` and, if pyvista is installed, `fields.vtu`.
+def write_press(comparison: Comparison, folder: Path) -> tuple[str, ...]:
+    """Write the finite elements' result of one indentation, and pictures where possible.
+
+    The files are `press.json`, `texels.csv`, `contact.csv`, of solid covers `mesh.npz`, of fields in the cover
+    `fields.npz` and, with pyvista, `fields.vtu`.
 
     Args:
-        found: Result of `press`.
+        comparison: Result of at least the finite elements.
         folder: An existing folder to write to.
 
     Returns:
@@ -33,29 +41,42 @@ def write_indentation(found: Indentation, folder: Path) -> tuple[str, ...]:
     Raises:
         OSError: If the folder cannot be written.
     """
-    (folder / "contact.csv").write_text(format_contact(found), encoding="utf-8")
-    files = ["contact.csv"]
-    if found.fields is None:
-        return tuple(files)
-    arrays = {name: getattr(found.fields, name) for name in found.fields.__dataclass_fields__}
-    (folder / "fields.npz").write_bytes(pack_npz(arrays))
-    files.append("fields.npz")
-    try:
-        write_vtu(found.fields, folder / "fields.vtu")
-    except ImportError:
-        _LOG.warning("no fields.vtu: %s", MissingExtraError("pyvista"))
-        return tuple(files)
-    return (*files, "fields.vtu")
+    from validation.scene.cover_scene import show_indentation
+    from validation.scene.draw import write_scene
+
+    found, array, case = comparison.fem, comparison.sensor.array, comparison.case
+    if found is None:
+        return ()
+    (folder / "press.json").write_text(json_text(comparison.as_json()), encoding="utf-8")
+    texels = np.column_stack([array.centres, array.normals, found.texel_forces])
+    _write_rows(folder / "texels.csv", ("x_m", "y_m", "z_m", "nx", "ny", "nz", "force_N"), texels)
+    touched = found.contact_forces.any(axis=1)
+    contact = np.column_stack([found.contact_points, found.contact_forces])[touched]
+    _write_rows(folder / "contact.csv", ("x_m", "y_m", "z_m", "force_x_N", "force_y_N", "force_z_N"), contact)
+    files = ["press.json", "texels.csv", "contact.csv"]
+    if found.mesh is not None:
+        write_mesh(folder / MESH_FILE, found.mesh)
+        files.append(MESH_FILE)
+    if found.fields is not None:
+        arrays = {name: getattr(found.fields, name) for name in found.fields.__dataclass_fields__}
+        (folder / "fields.npz").write_bytes(pack_npz(arrays))
+        files.append("fields.npz")
+        try:
+            write_vtu(found.fields, folder / "fields.vtu")
+            files.append("fields.vtu")
+        except ImportError:
+            _LOG.warning("no fields.vtu: %s", MissingExtraError("pyvista"))
+    title = f"{case.shape} on {array.name}, {found.total_force:.4g} N"
+    scene = show_indentation(found, array, direction=case.pose.towards, title=title)
+    return (*files, *write_picture(comparison, folder), *write_scene(scene, folder))
 
 
-def format_contact(found: Indentation) -> str:
-    """Return the contact points as CSV: position [m], and force of the indenter on the cover [N]."""
+def _write_rows(path: Path, names: tuple[str, ...], rows: FloatArray) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("x_m", "y_m", "z_m", "force_x_N", "force_y_N", "force_z_N"))
-    touched = found.contact_forces.any(axis=1)
-    writer.writerows(np.column_stack([found.contact_points, found.contact_forces])[touched].tolist())
-    return text.getvalue()
+    writer.writerow(names)
+    writer.writerows(rows.tolist())
+    path.write_text(text.getvalue(), encoding="utf-8")
 
 
 def write_vtu(fields: CoverFields, path: Path) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import IO, Any, ClassVar
+from typing import IO, Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -92,6 +92,24 @@ class Setup:
 
     device: Mapping[str, str | bool | int | float] = field(default_factory=dict)
     other: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, indenter: str, load: str | None, note: str) -> Self:
+        """Read how a recording is made.
+
+        Args:
+            indenter: Shape of the indenter, for example `sphere:radius=5mm`; empty if unknown.
+            load: Load or weight with its unit; None if unknown.
+            note: Any other text.
+
+        Raises:
+            InputError: If the indenter or the load cannot be read.
+        """
+        from validation.text.indenter import read_indenter, read_load
+
+        if indenter:
+            read_indenter(indenter)
+        return cls(indenter=indenter, load=None if load is None else read_load(load), note=note)
 
     def __post_init__(self) -> None:
         """Check the load.

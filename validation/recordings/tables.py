@@ -15,7 +15,6 @@ from __future__ import annotations
 import array
 import csv
 import io
-import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -81,25 +80,25 @@ class _Table:
         """Return the numbers of the column with this name, shape (lines,); shape (0,) if the column is missing."""
         return self.values[:, self.header.index(name)] if name in self.header else np.empty(0)
 
-    def read_note(self, key: str, default: float, *, most: int | None = None) -> float:
-        """Return the value of the line `# key = value`, a number of 0 or more; `default` if there is no line.
+    def read_note(self, key: str, least: float = 0.0, most: float = math.inf, *, whole: bool = False) -> float | None:
+        """Return the value of the line `# key = value`, a finite number between two limits; None if there is no line.
 
         Args:
             key: The key.
-            default: Value without such a line.
-            most: Largest value of a key that takes a whole number from 1 on; None for any number.
+            least: Least accepted number.
+            most: Greatest accepted number.
+            whole: Whether the number must be whole.
         """
         if key not in self.notes:
-            return default
+            return None
         start = f"{self.path}: # {key} = {self.notes[key][:40]}"
+        expected = f"expected a {'whole number' if whole else 'number'} of {least:.10g} to {most:.10g}"
         try:
             value = _parse_number(self.notes[key])
         except ValueError as error:
-            raise RecordingError(f"{start}: not a number; expected 0 or more") from error
-        if most is not None and not (value.is_integer() and 1 <= value <= most):
-            raise RecordingError(f"{start}: expected a whole number of 1 to {most}")
-        if not math.isfinite(value) or value < 0:
-            raise RecordingError(f"{start}: expected a number of 0 or more")
+            raise RecordingError(f"{start}: not a number; {expected}") from error
+        if not least <= value <= most or math.isinf(value) or (whole and not value.is_integer()):
+            raise RecordingError(f"{start}: {expected}")
         return value
 
 
@@ -122,43 +121,39 @@ def read(
     if not len(table.values):
         raise RecordingError(f"{path}: no frames; expected at least one line of numbers")
     readings = table.values[:, _find_first_texel(table.header) :]
-    full_scale = int(table.read_note("full_scale", DEFAULT_FULL_SCALE, most=MOST_FULL_SCALE))
+    full_scale = int(table.read_note("full_scale", 1, MOST_FULL_SCALE, whole=True) or DEFAULT_FULL_SCALE)
     if (largest := np.abs(readings).max(initial=0)) > full_scale:
         raise RecordingError(
             f"{path}: a count of {largest:.10g} exceeds the full scale of {full_scale}; write the largest count "
             f"of the sensor before the first line, for example `# full_scale = 65535`"
         )
-    counts, rounded = _round_counts(path, readings)
+    counts, other = _round_counts(path, readings)
     stamps, temperatures, forces = (table.get_column(name) for name in ("time", "temperature", "force"))
     times = stamps - stamps[0]
-    pitch = table.read_note("pitch", DEFAULT_PITCH)
-    if not _PITCHES[0] <= pitch <= _PITCHES[1]:
-        raise RecordingError(f"{path}: # pitch = {pitch:g}: expected {_PITCHES[0]:g}..{_PITCHES[1]:g} m")
-    known = sensor is not None and "pitch" not in table.notes
-    assumed = {} if known or "pitch" in table.notes else {PITCH_ASSUMED: f"{1e3 * DEFAULT_PITCH:g} mm"}
+    if stated := table.read_note("pitch", *_PITCHES):
+        pitch = (stated, stated)
+    elif sensor is not None:
+        pitch = sensor.pitch
+    else:
+        pitch = (DEFAULT_PITCH, DEFAULT_PITCH)
+        other[PITCH_ASSUMED] = f"{1e3 * DEFAULT_PITCH:g} mm"
+    shape = _find_shape(table, rows, columns, sensor, texels=counts.shape[1])
     digest = hash_contents(path)
     return Recording(
         path=path,
         sha256=digest,
         started=datetime.fromtimestamp(max(0.0, stamps[0]), UTC),
         times=times,
-        arrays=(
-            make_array(
-                *_find_shape(table, rows, columns, sensor, texels=counts.shape[1]),
-                counts,
-                pitch=sensor.pitch if sensor is not None and known else (pitch, pitch),
-                full_scale=full_scale,
-            ),
-        ),
+        arrays=(make_array(*shape, counts, pitch=pitch, full_scale=full_scale),),
         temperatures=temperatures.reshape(-1, 1) if temperatures.size else np.empty((0, 0)),
         temperature_times=times[: len(temperatures)],
         setup=Setup(
             indenter=table.notes.get("indenter", ""),
-            load=table.read_note("load", 0.0) if "load" in table.notes else None,
+            load=table.read_note("load"),
             note=table.notes.get("note", ""),
             source=path.name,
             source_sha256=digest,
-            other={key: value for key, value in table.notes.items() if key not in _KEYS} | rounded | assumed,
+            other={key: value for key, value in table.notes.items() if key not in _KEYS} | other,
         ),
         forces=forces,
         force_times=times[: len(forces)],
@@ -195,8 +190,8 @@ def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
     Raises:
         OSError: If the file cannot be written; an existing file then remains.
     """
-    recorded = recording.arrays[array]
-    texels, setup = recorded.texels, recording.setup
+    recorded, setup = recording.arrays[array], recording.setup
+    texels = recorded.texels
     notes = {
         "rows": texels.rows,
         "columns": texels.columns,
@@ -206,9 +201,8 @@ def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
         "load": "" if setup.load is None else setup.load,
         "note": " ".join(setup.note.split()),
     }
-    notes |= {
-        key: " ".join(value.split()) for key, value in setup.other.items() if _KEY.fullmatch(key) and key not in _KEYS
-    }
+    others = {key: value for key, value in setup.other.items() if _KEY.fullmatch(key) and key not in _KEYS}
+    notes |= {key: " ".join(value.split()) for key, value in others.items()}
     start = recording.started.timestamp()
     text = io.StringIO()
     text.writelines(f"# {key} = {value}\n" for key, value in notes.items() if value != "")
@@ -216,14 +210,14 @@ def write(recording: Recording, path: str | Path, *, array: int = 0) -> None:
     if recording.temperatures.size:
         read["temperature"] = (recording.temperature_times, recording.temperatures[:, 0])
     extra = {
-        name: np.interp(recording.times, times[known], values[known])
+        name: np.interp(recording.times, times[known], values[known]).tolist()
         for name, (times, values) in read.items()
         if (known := np.isfinite(values)).any()
     }
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["time", *extra, *(f"texel_{number}" for number in range(texels.count))])
-    for row, (time, counts) in enumerate(zip(recording.times, recorded.counts, strict=True)):
-        writer.writerow([f"{start + time:.6f}", *(repr(float(each[row])) for each in extra.values()), *counts.tolist()])
+    for time, *values, counts in zip(recording.times, *extra.values(), recorded.counts, strict=True):
+        writer.writerow([f"{start + time:.6f}", *map(repr, values), *counts.tolist()])
     atomic_file.replace(Path(path), [text.getvalue().encode()])
 
 
@@ -236,44 +230,42 @@ def _read_table(path: Path) -> _Table:
     for place, line in _read_lines(path):
         if line.startswith("#"):
             _add_note(place, line, notes)
-        elif line.strip():
-            try:
-                cells = [cell.strip() for cell in next(csv.reader([line]))]
-            except csv.Error as error:
-                raise RecordingError(f"{place}: {error}; expected numbers and commas") from error
-            if not header:
-                header = _read_header(place, cells)
-                continue
-            if len(values) + len(cells) > MOST_VALUES:
-                raise RecordingError(f"{place}: more than the {MOST_VALUES} numbers accepted")
-            numbers = _read_numbers(place, cells, header)
-            if numbers[0] < before:
-                raise RecordingError(f"{place}: time {numbers[0]:g} s comes before {before:g} s of the line above")
-            before = numbers[0]
-            values.extend(numbers)
+            continue
+        try:
+            cells = [cell.strip() for cell in next(csv.reader([line]), [])]
+        except csv.Error as error:
+            raise RecordingError(f"{place}: {error}; expected numbers and commas") from error
+        if not header:
+            header = _read_header(place, cells)
+            continue
+        if len(values) + len(cells) > MOST_VALUES:
+            raise RecordingError(f"{place}: more than the {MOST_VALUES} numbers accepted")
+        numbers = _read_numbers(place, cells, header)
+        if numbers[0] < before:
+            raise RecordingError(f"{place}: time {numbers[0]:g} s comes before {before:g} s of the line above")
+        before = numbers[0]
+        values.extend(numbers)
     if not header:
         raise RecordingError(f"{path}: empty; expected a line `time, ...` and one line per frame")
     return _Table(path, notes, header, np.frombuffer(values).reshape(-1, len(header)))
 
 
 def _read_lines(path: Path) -> Iterator[tuple[str, str]]:
-    """Yield the place of each line of a CSV file, for error messages, and its text.
+    """Yield the place of each line of a CSV file that is not empty, for error messages, and its text.
 
     Raises:
         RecordingError: If the file cannot be read, is no text in UTF-8, or has a line longer than `MOST_CHARACTERS`.
     """
     with io.TextIOWrapper(open_recorded(path), encoding="utf-8-sig") as file:
-        for number in itertools.count(1):
-            place = f"{path}, line {number}"
-            try:
-                line = file.readline(MOST_CHARACTERS + 1)
-            except UnicodeDecodeError as error:
-                raise RecordingError(f"{path}: not text; expected a CSV file") from error
-            if not line:
-                return
-            if len(line) > MOST_CHARACTERS:
-                raise RecordingError(f"{place}: more than the {MOST_CHARACTERS} characters accepted in a line")
-            yield place, line.rstrip("\n")
+        try:
+            for number, line in enumerate(iter(lambda: file.readline(MOST_CHARACTERS + 1), ""), start=1):
+                place = f"{path}, line {number}"
+                if len(line) > MOST_CHARACTERS:
+                    raise RecordingError(f"{place}: more than the {MOST_CHARACTERS} characters accepted in a line")
+                if line.strip():
+                    yield place, line.rstrip("\n")
+        except UnicodeDecodeError as error:
+            raise RecordingError(f"{path}: not text; expected a CSV file") from error
 
 
 def _add_note(place: str, line: str, notes: dict[str, str]) -> None:
@@ -292,7 +284,7 @@ def _read_header(place: str, cells: list[str]) -> list[str]:
     """Return the names of the columns in lower case: time, optional ones, and texels."""
     header = [cell.lower() for cell in cells]
     between = header[1 : _find_first_texel(header)]
-    if header[0] != "time" or any(name not in _SENSOR_COLUMNS for name in between) or len(set(header)) != len(header):
+    if header[0] != "time" or not set(between) <= set(_SENSOR_COLUMNS) or len(set(header)) != len(header):
         raise RecordingError(
             f"{place}: expected the columns `time`, optionally `force` and `temperature`, and then one column per "
             f"texel, each with a name of its own"
@@ -314,12 +306,10 @@ def _read_numbers(place: str, cells: list[str], header: list[str]) -> list[float
     """
     if len(cells) != len(header):
         raise RecordingError(f"{place}: {len(cells)} columns; expected {len(header)} as in the first line")
-    values = []
-    for cell in cells:
-        try:
-            values.append(_parse_number(cell))
-        except ValueError:
-            raise RecordingError(f"{place}: not a number: {cell[:40]!r}") from None
+    try:
+        values = [_parse_number(cell) for cell in cells]
+    except ValueError as error:
+        raise RecordingError(f"{place}: not a number: {str(error)[:80]}") from None
     if not all(map(math.isfinite, values)):
         raise RecordingError(f"{place}: all numbers must be finite")
     if max(map(abs, values[: _find_first_texel(header)])) > _LARGEST:
@@ -329,9 +319,7 @@ def _read_numbers(place: str, cells: list[str], header: list[str]) -> list[float
 
 def _parse_number(text: str) -> float:
     """Convert a text to a number; the underscores that `float` skips are no part of one."""
-    if "_" in text:
-        raise ValueError(text)
-    return float(text)
+    return float(text.replace("_", "x"))
 
 
 def _round_counts(path: Path, values: FloatArray) -> tuple[CountArray, dict[str, str]]:
@@ -351,8 +339,7 @@ def _round_counts(path: Path, values: FloatArray) -> tuple[CountArray, dict[str,
             f"{path}: values up to {largest:.4g} with fractions are no counts: rounding would change them by up to "
             f"{change:.2g}; multiply them by a factor, so that they are counts, and state it as `# factor = ...`"
         )
-    label = {_ROUNDED: f"by at most {change:.3g}"} if change else {}
-    return counts.astype(np.int32), label
+    return counts.astype(np.int32), {_ROUNDED: f"by at most {change:.3g}"} if change else {}
 
 
 def _find_shape(
@@ -363,14 +350,11 @@ def _find_shape(
     Arguments take precedence over the lines `# key = value` of the file, and these over the array of the sensor.  If
     only one of the two numbers is known, the other follows from the number of texels.
     """
-    rows = int(table.read_note("rows", 0, most=MOST_TEXELS)) if rows is None else rows
-    columns = int(table.read_note("columns", 0, most=MOST_TEXELS)) if columns is None else columns
+    rows = rows or int(table.read_note("rows", 1, MOST_TEXELS, whole=True) or 0)
+    columns = columns or int(table.read_note("columns", 1, MOST_TEXELS, whole=True) or 0)
     if sensor is not None and not rows and not columns:
         rows, columns = sensor.rows, sensor.columns
-    if rows and not columns:
-        columns = texels // rows
-    if columns and not rows:
-        rows = texels // columns
+    rows, columns = rows or texels // (columns or texels + 1), columns or texels // (rows or texels + 1)
     if not 1 <= texels <= MOST_TEXELS or rows < 1 or rows * columns != texels:
         layout = f"are not {rows} rows x {columns} columns" if rows else "in an unknown number of rows and columns"
         raise RecordingError(

@@ -6,12 +6,11 @@ unit and tolerance.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
+import re
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
@@ -21,8 +20,9 @@ from xml.etree import ElementTree as ET
 
 from validation.errors import InputError
 from validation.output_folder import write_text
-from validation.regression.experiments import Subject, describe_sensor
-from validation.regression.quantities import Reading, measure
+from validation.regression.quantities import measure
+from validation.regression.reading import Reading, Subject, describe_sensor
+from validation.render.table import Table
 from validation.schema import read
 from validation.schema.baseline import FORMAT, OF_VALUE, BaselineTables
 from validation.sensor_file import SensorDescription
@@ -53,7 +53,7 @@ class Baseline:
     readings: Mapping[str, Reading]
 
     def write(self, path: Path) -> None:
-        """Write the baseline, completely or not at all.
+        """Write the baseline with one line for each number or row of an image, completely or not at all.
 
         Raises:
             InputError: If a number is not finite.
@@ -65,7 +65,9 @@ class Baseline:
             if not all(math.isfinite(number) for row in reading.numbers.values() for number in row)
         ]:
             raise InputError(*faults)
-        write_text(path, "\n".join(self._lines()) + "\n")
+        text = json.dumps({"format": FORMAT, **self.as_json()}, indent=1)
+        rows = re.sub(r"\[[^][{}]*\]", lambda row: " ".join(row[0].split()).replace("[ ", "[").replace(" ]", "]"), text)
+        write_text(path, rows + "\n")
 
     def as_json(self) -> dict[str, Any]:
         """Return sensor, versions and quantities as a dictionary of JSON values."""
@@ -77,22 +79,7 @@ class Baseline:
             }
             for title, reading in sorted(self.readings.items())
         }
-        return {"sensor": self.sensor, "versions": dict(self.versions), "quantities": quantities}
-
-    def _lines(self) -> Iterator[str]:
-        """Yield the lines of the file."""
-        yield "{"
-        yield f' "format": {FORMAT},'
-        yield f' "sensor": {json.dumps(self.sensor)},'
-        yield ' "versions": {'
-        yield from _separate(
-            f"  {json.dumps(name)}: {json.dumps(each)}" for name, each in sorted(self.versions.items())
-        )
-        yield " },"
-        yield ' "quantities": {'
-        yield from _separate(_format_reading(title, self.readings[title]) for title in sorted(self.readings))
-        yield " }"
-        yield "}"
+        return {"sensor": self.sensor, "versions": dict(sorted(self.versions.items())), "quantities": quantities}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,7 +148,7 @@ def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -
     Args:
         stored: The stored baseline.
         measured: The readings of now.
-        failures: Why quantities could not be measured, by title.
+        failures: Why quantities could not be measured, by group.
     """
     changes = []
     for title in sorted({*stored.readings, *measured.readings}):
@@ -169,7 +156,7 @@ def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -
         if before is None:
             changes.append(Change(quantity=title, text="is not in the baseline"))
         elif now is None:
-            reason = failures.get(title, "it does not apply to this sensor any more")
+            reason = failures.get(title.partition(": ")[0], "it does not apply to this sensor any more")
             changes.append(Change(quantity=title, text=f"could not be measured: {reason}"))
         elif (change := _compare_readings(title, before, now)) is not None:
             changes.append(change)
@@ -178,20 +165,27 @@ def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -
 
 def measure_changes(stored: Baseline, measured: Baseline) -> dict[str, float]:
     """Return the largest change of each quantity over its tolerance [-], by title; infinity where it has none."""
-    return {
-        title: _find_largest(stored.readings.get(title), measured.readings.get(title))
-        for title in sorted({*stored.readings, *measured.readings})
-    }
+    ratios = {}
+    for title in sorted({*stored.readings, *measured.readings}):
+        before, now = stored.readings.get(title), measured.readings.get(title)
+        ratios[title] = math.inf
+        if before is not None and now is not None and (before.unit, before.shape) == (now.unit, now.shape):
+            ratios[title] = max((ratio for ratio, *_ in _list_changes(before, now)), default=0.0)
+    return ratios
 
 
-def _find_largest(before: Reading | None, now: Reading | None) -> float:
-    """Return the largest change of a reading's numbers over its tolerance [-]; infinity if they do not correspond."""
-    if before is None or now is None or before.unit != now.unit:
-        return math.inf
-    if {label: len(row) for label, row in before.numbers.items()} != {k: len(row) for k, row in now.numbers.items()}:
-        return math.inf
-    pairs = (pair for label, row in before.numbers.items() for pair in zip(row, now.numbers[label], strict=True))
-    return max((_measure_change(*pair, before) for pair in pairs), default=0.0)
+def _list_changes(before: Reading, now: Reading) -> list[tuple[float, str, float, float]]:
+    """List the numbers of a reading: change over the tolerance [-], label, stored and measured value."""
+    return [
+        (
+            _measure_change(stored, measured, before),
+            label if len(row) == 1 else f"{label}, column {column}",
+            stored,
+            measured,
+        )
+        for label, row in before.numbers.items()
+        for column, (stored, measured) in enumerate(zip(row, now.numbers[label], strict=True))
+    ]
 
 
 def merge(stored: Baseline | None, measured: Baseline, changes: Sequence[Change]) -> Baseline:
@@ -221,23 +215,17 @@ def merge(stored: Baseline | None, measured: Baseline, changes: Sequence[Change]
 
 def _compare_readings(title: str, before: Reading, now: Reading) -> Change | None:
     """Compare two readings; return the number that changed most, or None if all are within the tolerance."""
-    shapes = [{label: len(row) for label, row in each.numbers.items()} for each in (before, now)]
-    if shapes[0] != shapes[1] or before.unit != now.unit:
+    if (before.unit, before.shape) != (now.unit, now.shape):
         one, other = (_describe_form(each) for each in (before, now))
         return Change(quantity=title, text=f"has another form: {one} in the baseline, now {other}", unit=now.unit)
-    pairs = [
-        (label if len(row) == 1 else f"{label}, column {column}", stored, measured)
-        for label, row in before.numbers.items()
-        for column, (stored, measured) in enumerate(zip(row, now.numbers[label], strict=True))
-    ]
-    ratios = [_measure_change(stored, measured, before) for _, stored, measured in pairs]
-    moved = sum(ratio > 1 for ratio in ratios)
+    changes = _list_changes(before, now)
+    moved = sum(ratio > 1 for ratio, *_ in changes)
     if not moved:
         return None
-    label, stored, measured = pairs[ratios.index(max(ratios))]
+    _, label, stored, measured = max(changes, key=lambda each: each[0])
     return Change(
         quantity=title,
-        text=_describe_change(label, stored, measured, before, f"{moved} of {len(pairs)}"),
+        text=_describe_change(label, stored, measured, before, f"{moved} of {len(changes)}"),
         label=label,
         before=stored,
         now=measured if math.isfinite(measured) else None,
@@ -269,7 +257,7 @@ def _describe_change(label: str, stored: float, now: float, before: Reading, cou
 
 def _describe_form(reading: Reading) -> str:
     """Describe unit and number of labels and numbers of a reading."""
-    lengths = sorted({len(row) for row in reading.numbers.values()})
+    lengths = sorted(set(reading.shape.values()))
     numbers = lengths[0] if len(lengths) == 1 else f"{lengths[0]} to {lengths[-1]}" if lengths else 0
     names = ", ".join(list(reading.numbers)[:3])
     return f"{len(reading.numbers)} x {numbers} numbers [{reading.unit}]" + (f" ({names} ...)" if names else "")
@@ -281,35 +269,10 @@ def _format_tolerance(reading: Reading) -> float | str:
 
 
 def _unpack_rows(numbers: Mapping[str, tuple[float, ...]]) -> Any:  # noqa: ANN401 -- JSON
-    """Return a number if it is the only one, else a number or a list of numbers by label."""
-    single = {label: row[0] if len(row) == 1 else list(row) for label, row in numbers.items()}
+    """Return a number if it is the only one, else a number or a list of numbers by label; to ten digits."""
+    rows = {label: [float(f"{number:.10g}") for number in row] for label, row in numbers.items()}
+    single = {label: row[0] if len(row) == 1 else row for label, row in rows.items()}
     return single[""] if list(single) == [""] else single
-
-
-def _format_reading(title: str, reading: Reading) -> str:
-    """Format an entry of the file: one line for a number, else a line for each label."""
-    form = f'"unit": {json.dumps(reading.unit)}, "tolerance": {json.dumps(_format_tolerance(reading))}'
-    head = f'  {json.dumps(title)}: {{{form}, "value": '
-    if list(reading.numbers) == [""]:
-        return f"{head}{_format_row(reading.numbers[''])}}}"
-    rows = (f"   {json.dumps(label)}: {_format_row(row)}" for label, row in reading.numbers.items())
-    return f"{head}{{\n" + "\n".join(_separate(rows)) + "\n  }}"
-
-
-def _format_row(row: tuple[float, ...]) -> str:
-    texts = [f"{number:.10g}" for number in row]
-    return texts[0] if len(row) == 1 else f"[{', '.join(texts)}]"
-
-
-def _separate(lines: Iterator[str]) -> Iterator[str]:
-    """Yield lines with a comma after each but the last."""
-    before = None
-    for line in lines:
-        if before is not None:
-            yield f"{before},"
-        before = line
-    if before is not None:
-        yield before
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -319,7 +282,7 @@ class Regression:
     Attributes:
         now: The readings of now.
         stored: The stored baseline; None if there is none yet.
-        failures: Why quantities could not be measured, by title.
+        failures: Why quantities could not be measured, by group.
         seconds: Duration of the check [s].
     """
 
@@ -351,13 +314,9 @@ class Regression:
 
     def to_csv(self) -> str:
         """Return `ratios` as CSV."""
-        out = io.StringIO()
-        rows = [
-            ("quantity", "change_over_tolerance"),
-            *((title, f"{value:.6g}") for title, value in self.ratios.items()),
-        ]
-        csv.writer(out, lineterminator="\n").writerows(rows)
-        return out.getvalue()
+        return Table(
+            ("quantity", "change_over_tolerance"), [(title, f"{value:.6g}") for title, value in self.ratios.items()]
+        ).to_csv()
 
 
 def check_sensor(

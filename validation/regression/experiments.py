@@ -1,4 +1,4 @@
-"""Experiments of the regression check that need no finite elements, each from a sensor to values of quantities by name.
+"""Experiments of the regression check that need no finite elements, each from a sensor to readings by name.
 
 Electronics: forces on all texels at once, which bypass contact, filter and point spread.  Metrics: scores of fixed
 images and pooled scores of fixed numbers.  Contact methods: an off-centre H and a ball on the sensor, and a block on
@@ -12,7 +12,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import mujoco
@@ -39,73 +38,9 @@ from fastmodel.signal.frame import Frame
 from meshes import Box, Indenter, LetterH, Pose, Sphere, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.texels import tangent_axes
-from validation.campaign.results import CampaignResult, pool, skill
-from validation.derivation.derive import Derivation
+from validation.campaign.results import pool, skill
 from validation.metrics import score, score_images
-
-#: Value of a quantity, in SI units: a number, numbers by label, or an image as rows of numbers by label.  None where
-#: the quantity does not apply to a sensor.
-Value = float | Mapping[str, float | Sequence[float]] | None
-#: What an experiment returns: values of quantities by name.
-Values = Mapping[str, Value]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Subject:
-    """The sensor that is measured.
-
-    Attributes:
-        parameters: Parameters of its fast model.
-        derivation: Derivation of the parameters by finite elements; None for a folder of parameters.
-        seed: Seed of all random numbers in the experiments.
-        progress: Called with the number of finished cases, the number of all cases and the name of the next case.
-    """
-
-    parameters: Parameters
-    derivation: Derivation | None = None
-    seed: int = 0
-    progress: Callable[[int, int, str], None] | None = None
-
-    @cached_property
-    def campaign(self) -> CampaignResult | None:
-        """Scores of the fast model in the default list of cases; None for a folder of parameters."""
-        if self.derivation is None:
-            return None
-        from validation.campaign.bench import prepare_bench
-        from validation.campaign.evaluation import read_plan
-        from validation.campaign.run import run_campaign
-
-        sensor = replace(self.derivation.sensor, friction=0.0)
-        derivation = replace(self.derivation, sensor=sensor)  # type: ignore[type-var]
-        cases = read_plan(None, sensor).cases
-        bench = prepare_bench(derivation, cases, parameters=self.parameters)
-        return run_campaign(bench, cases, progress=self.progress)
-
-
-def describe_sensor(name: str, array: TexelArray, *, derived: bool) -> str:
-    """Describe in one line what must be equal in two measurements that are compared: name, texels, and origin.
-
-    Args:
-        name: Name of the sensor.
-        array: Its texels.
-        derived: Whether the parameters are derived by finite elements for the measurement.
-    """
-    x, y = (1e3 * pitch for pitch in array.pitch)
-    origin = "with" if derived else "without"
-    return f"{name}: {array.rows} rows x {array.columns} columns, pitch {x:.6g} x {y:.6g} mm, {origin} finite elements"
-
-
-def list_rows(image: npt.ArrayLike) -> dict[str, list[float]]:
-    """Convert an image, shape (rows, columns), to lists of numbers by the label of the row."""
-    rows = np.asarray(image, dtype=np.float64)
-    digits = len(str(len(rows) - 1))
-    return {f"row {index:0{digits}}": row for index, row in enumerate(rows.tolist())}
-
-
-def list_texels(array: TexelArray, values: npt.ArrayLike) -> dict[str, list[float]]:
-    """Convert values of n texels, shape (n,), to lists of numbers by the label of the row."""
-    return list_rows(array.image(values))
-
+from validation.regression.reading import Readings, Subject, find_unit, list_rows, read
 
 #: Lightest and heaviest force at which the characteristic is evaluated, wide enough for any sensor [N].  They must not
 #: depend on the sensor's own sensitivity: a changed sensitivity would then hide itself.
@@ -131,7 +66,7 @@ STAGES: Mapping[str, Mapping[str, Any]] = {
 }
 
 
-def measure_characteristic(subject: Subject) -> Values:
+def measure_characteristic(subject: Subject) -> Readings:
     """Measure force thresholds, sensitivity, largest count and counts of every texel of the sensor itself."""
     array, electronics = subject.parameters.array, subject.parameters.electronics
     functions = ChainFunctions(replace(subject.parameters, filter=None), electronics.rate_hz, spreads=False)
@@ -149,29 +84,29 @@ def measure_characteristic(subject: Subject) -> Values:
     forces = {f"{100 * level:.0f} % of full scale": _find_force(average, level * largest) for level in _LEVELS}
     first, last, half = (forces[f"{level} % of full scale"] for level in (25, 75, 50))
     return {
-        "force": forces,
-        "sensitivity": 0.5 * largest / (last - first),
-        "largest count (saturation)": float(count(_HEAVIEST).max()),
-        "counts of each texel": list_texels(array, count(half)),
-        "frame rate": electronics.rate_hz,
-        "noise": electronics.noise,
+        "force": read(forces, "mN", "0.2 % of each"),
+        "sensitivity": read(0.5 * largest / (last - first), "counts/N", "0.5 % of each"),
+        "largest count (saturation)": read(float(count(_HEAVIEST).max()), "counts", 1.5),
+        "counts of each texel": read(list_rows(array.image(count(half))), "counts", 1.5),
+        "frame rate": read(electronics.rate_hz, "Hz", "0.01 % of each"),
+        "noise": read(electronics.noise, "mN", "0.1 % of largest"),
     }
 
 
-def measure_stages(subject: Subject) -> Values:  # noqa: ARG001 -- every experiment takes the sensor
+def measure_stages(subject: Subject) -> Readings:  # noqa: ARG001 -- every experiment takes the sensor
     """Measure the counts of each stage of the electronics under fixed forces, and their grey levels."""
-    values: dict[str, dict[str, list[float]]] = {}
+    readings: Readings = {}
     for stage, changes in STAGES.items():
         functions = ChainFunctions(_make_row(replace(_LINE, **changes)), _LINE.rate_hz, spreads=False)
         state = functions.settle(np.zeros(len(_LOADING)))
-        outputs = {}
+        outputs: dict[str, list[float]] = {}
         for name, share in (("loading", 1.0), ("unloading", 0.7)):
             state = functions.take(state, share * np.array(_LOADING))
             state, output = functions.frame(state)
             outputs[name] = output.counts.tolist()
             outputs[f"{name}, grey"] = output.image.ravel().tolist()
-        values[stage] = outputs
-    return values
+        readings[stage] = read(outputs, "counts", 0.5)
+    return readings
 
 
 def _make_row(electronics: Electronics) -> Parameters:
@@ -204,7 +139,7 @@ _LOAD, _OUTSIDE = 4.0, (0.30, 0.42)
 _ERRORS, _COMPARISON = (0.02, 0.05, 0.01, 0.08, 0.03), (0.10, 0.07, float("nan"), 0.21, 0.05)
 
 
-def score_fixed_images(subject: Subject) -> Values:  # noqa: ARG001 -- every experiment takes the sensor
+def score_fixed_images(subject: Subject) -> Readings:  # noqa: ARG001 -- every experiment takes the sensor
     """Score a fixed prediction against a fixed reference by every metric; one texel is masked."""
     active = np.ones(_SHAPE, dtype=bool)
     active[3, 1] = False
@@ -215,14 +150,17 @@ def score_fixed_images(subject: Subject) -> Values:  # noqa: ARG001 -- every exp
     )
     levels = np.arange(array.count)
     images = score_images(5 * levels, np.where(levels % 3, 5 * levels, 7 * levels), active=array.active)
-    return {**asdict(scores), "fixed images": {name: float(value) for name, value in asdict(images).items()}}
+    readings = {name: read(value, find_unit(name), "0.1 % of each") for name, value in asdict(scores).items()}
+    return {**readings, "fixed images": read(asdict(images), "-", "0.1 % of each")}
 
 
-def pool_fixed_scores(subject: Subject) -> Values:  # noqa: ARG001 -- every experiment takes the sensor
+def pool_fixed_scores(subject: Subject) -> Readings:  # noqa: ARG001 -- every experiment takes the sensor
     """Pool fixed errors over cases, with their interval and the skill of one model against the other."""
     found = {"mean": pool(_COMPARISON), "skill": skill(_ERRORS, _COMPARISON)}
     return {
-        name: {"value": each.mean, "low end": each.low, "high end": each.high, "cases": float(each.cases)}
+        name: read(
+            {"value": each.mean, "low end": each.low, "high end": each.high, "cases": each.cases}, "-", "0.1 % of each"
+        )
         for name, each in found.items()
     }
 
@@ -240,8 +178,8 @@ METHODS_OF: Mapping[str | None, tuple[str, ...]] = {
     "cover": ("boxes", "area", "foundation", "cover"),
     "curved": ("curved",),
 }
-#: Contact methods that compute the area under a ball.
-AREA_METHODS = ("foundation", "cover", "curved")
+#: Contact methods that compute the area under a ball, and those whose contact gives forces after spread alone.
+AREA_METHODS, SPREADING = ("foundation", "cover", "curved"), ("cover", "curved")
 #: Mean pressure below the H: that of 500 g on an H of 12 x 16 mm with bars of 4 mm [Pa].
 LETTER_PRESSURE = 34e3
 #: Largest width and height of the H [pitches], and the same over columns and rows; width of its bars over the smaller
@@ -289,36 +227,37 @@ def lay_flat(parameters: Parameters) -> Parameters:
     return replace(parameters, array=flat, surface=None)
 
 
-def place(array: TexelArray, at: tuple[float, float], yaw: float = 0.0) -> Pose:
-    """Place an indenter along the normal: in the frame of a planar array, else beside the middle texel's centre."""
-    if array.planar:
-        return Pose.planar(at=at, yaw=yaw)
-    normal = array.normals[array.middle]
-    point = array.centres[array.middle] + np.array(at) @ tangent_axes(array.normals)[array.middle]
-    return Pose.facing(point, -normal, spin=yaw)
+def find_origin(array: TexelArray) -> FloatArray:
+    """Return the point from which indenters are placed, shape (3,) [m]: of a curved array the middle texel's centre."""
+    return np.zeros(3) if array.planar else array.centres[array.middle]
 
 
-def press_letter(subject: Subject) -> Values:
+def press_letter(subject: Subject) -> Readings:
     """Press the H on the sensor, by every contact method that its parameters allow."""
-    letter, load, at, yaw = lay_letter_h(subject.parameters.array)
-    return _press(subject.parameters, letter, load=load, at=at, yaw=yaw)
+    array = subject.parameters.array
+    letter, load, at, yaw = lay_letter_h(array)
+    return _press(subject.parameters, letter, load=load, origin=find_origin(array), at=at, yaw=yaw)
 
 
-def press_ball(subject: Subject) -> Values:
+def press_ball(subject: Subject) -> Readings:
     """Press a ball on the sensor, beside a texel's centre, by the methods that compute the area under a ball."""
     array = subject.parameters.array
-    x, y = array.centres[array.middle, :2].tolist() if array.planar else (0.0, 0.0)
-    at = (x + _BESIDE[0] * array.pitch[0], y + _BESIDE[1] * array.pitch[1])
-    load = LETTER_PRESSURE * float(np.prod(array.pitch))
-    return _press(subject.parameters, Sphere(radius=_BALL * min(array.pitch)), load=load, at=at, among=AREA_METHODS)
+    return _press(
+        subject.parameters,
+        Sphere(radius=_BALL * min(array.pitch)),
+        load=LETTER_PRESSURE * float(np.prod(array.pitch)),
+        origin=array.centres[array.middle],
+        at=(_BESIDE[0] * array.pitch[0], _BESIDE[1] * array.pitch[1]),
+        among=AREA_METHODS,
+    )
 
 
-def press_oblong(subject: Subject) -> Values:  # noqa: ARG001 -- every experiment takes the sensor
+def press_oblong(subject: Subject) -> Readings:  # noqa: ARG001 -- every experiment takes the sensor
     """Press a block on a fixed array with oblong texels, a masked one, and a fixed cover, by every contact method."""
-    return _press(make_oblong(), Box(size=_BLOCK), load=_BLOCK_LOAD, at=_BLOCK_AT, yaw=_BLOCK_YAW)
+    return _press(make_oblong(), Box(size=_BLOCK), load=_BLOCK_LOAD, origin=np.zeros(3), at=_BLOCK_AT, yaw=_BLOCK_YAW)
 
 
-def measure_spread(subject: Subject) -> Values:
+def measure_spread(subject: Subject) -> Readings:
     """Measure where the point spread of the sensor brings the force on the middle and on the last texel."""
     array = subject.parameters.array
     operator = subject.parameters.spread.operator(array)
@@ -332,11 +271,13 @@ def measure_spread(subject: Subject) -> Values:
     }
     shares = {name: float(image[place]) for name, place in beside.items() if min(place) >= 0}
     lost = 1.0 - operator.sum(axis=0)
+    outside = {"of the middle texel": float(lost[array.middle]), "of the last texel": float(lost[-1])}
     surface = subject.parameters.surface
+    foundation = surface.foundation_modulus() if isinstance(surface, CoverCells) else None
     return {
-        "share": shares,
-        "share outside": {"of the middle texel": float(lost[array.middle]), "of the last texel": float(lost[-1])},
-        "foundation modulus": surface.foundation_modulus() if isinstance(surface, CoverCells) else None,
+        "share": read(shares, "%", 0.1),
+        "share outside": read(outside, "%", 0.1),
+        "foundation modulus": read(foundation, "N/mm3", "0.5 % of each"),
     }
 
 
@@ -375,23 +316,38 @@ def _press(
     indenter: Indenter,
     *,
     load: float,
+    origin: FloatArray,
     at: tuple[float, float],
     yaw: float = 0.0,
-    among: Container[str] = (*METHODS_OF["cover"], *METHODS_OF["curved"]),
-) -> dict[str, Value]:
-    """Press an indenter by several contact methods, and take forces and depth."""
-    values: dict[str, Value] = {}
-    pose = place(parameters.array, at, yaw)
+    among: Container[str] = tuple(METHODS),
+) -> Readings:
+    """Press an indenter along the normal of the middle texel by several contact methods, and take forces and depth.
+
+    Args:
+        parameters: The sensor.
+        indenter: The indenter.
+        load: Load [N].
+        origin: Point from which `at` is counted, shape (3,) [m].
+        at: Position of the axis along the tangent axes of the middle texel [m].
+        yaw: Rotation of the indenter [rad].
+        among: Names of the contact methods.
+    """
+    readings: Readings = {}
+    array = parameters.array
+    tangents, normal = tangent_axes(array.normals)[array.middle], array.normals[array.middle]
+    pose = Pose.facing(origin + np.array(at) @ tangents, -normal, spin=yaw)
     for method in (each for each in list_methods(parameters) if each in among):
         pressed = indent(parameters, indenter, load=load, pose=pose, method=method)
-        # before spread, which has quantities of its own; `cover` computes the forces after spread by itself
-        forces = pressed.texel_forces if method in {"cover", "curved"} else pressed.contact_forces
-        values[f"{method}, force of each texel"] = list_texels(parameters.array, forces)
-        values[f"{method}, largest force after spread"] = float(pressed.texel_forces.max())
-        values[f"{method}, load carried"] = pressed.total_force
-        values[f"{method}, force outside"] = pressed.outside / load
-        values[f"{method}, depth"] = pressed.depth
-    return values
+        # before spread, which has quantities of its own
+        forces = pressed.texel_forces if method in SPREADING else pressed.contact_forces
+        readings |= {
+            f"{method}, force of each texel": read(list_rows(array.image(forces)), "mN", "1 % of largest"),
+            f"{method}, largest force after spread": read(float(pressed.texel_forces.max()), "mN", "0.5 % of each"),
+            f"{method}, load carried": read(pressed.total_force, "N", "0.2 % of each"),
+            f"{method}, force outside": read(pressed.outside / load, "% of load", 0.05),
+            f"{method}, depth": read(pressed.depth, "mm", "1 % of each"),
+        }
+    return readings
 
 
 #: Weight of the ball [N].
@@ -434,7 +390,7 @@ class _Recorded:
     totals: FloatArray
 
 
-def measure_load_step(subject: Subject) -> Values:
+def measure_load_step(subject: Subject) -> Readings:
     """Measure rise time and overshoot of the total force after a load step, with the own filter and with fixed ones."""
     parameters = lay_flat(subject.parameters)
     own = parameters.filter
@@ -450,14 +406,16 @@ def measure_load_step(subject: Subject) -> Values:
         name: recorded.totals[rest:] / _WEIGHT - 1.0
         for name, recorded in _simulate(parameters, sensors, loads, timestep).items()
     }
+    rises = {name: timestep * _count_rise(response) for name, response in responses.items()}
+    ends = {name: _WEIGHT * (1 + float(response[-1])) for name, response in responses.items()}
     return {
-        "rise time": {name: timestep * _count_rise(response) for name, response in responses.items()},
-        "overshoot": {name: float(response.max()) - 1.0 for name, response in responses.items()},
-        "force after the step": {name: _WEIGHT * (1 + float(response[-1])) for name, response in responses.items()},
+        "rise time": read(rises, "ms", "1 % of each"),
+        "overshoot": read({name: float(response.max()) - 1.0 for name, response in responses.items()}, "%", 0.2),
+        "force after the step": read(ends, "N", "0.2 % of each"),
     }
 
 
-def measure_frames(subject: Subject) -> Values:
+def measure_frames(subject: Subject) -> Readings:
     """Measure times of frames, and by how much the forces in them lag behind a load that rises at a constant rate."""
     parameters = lay_flat(subject.parameters)
     rate = parameters.electronics.rate_hz
@@ -470,15 +428,16 @@ def measure_frames(subject: Subject) -> Values:
     late = made[made >= rest + 1]
     slope = _WEIGHT / ramp / _TIMESTEP
     lags = (_WEIGHT + loads[late] - own.totals[late]) / slope
+    first = {f"frame {number}": time for number, time in enumerate(times[:_FRAMES].tolist())}
     return {
-        "time of the first frames": {f"frame {number}": time for number, time in enumerate(times[:_FRAMES].tolist())},
-        "frames per second": 1.0 / float(np.diff(times).mean()),
-        "delay of the force": float(lags.mean()),
-        "delay of the time": float((_TIMESTEP * (made + 1) - times).max()),
+        "time of the first frames": read(first, "ms", 0.01),
+        "frames per second": read(1.0 / float(np.diff(times).mean()), "Hz", "0.1 % of each"),
+        "delay of the force": read(float(lags.mean()), "ms", 0.1),
+        "delay of the time": read(float((_TIMESTEP * (made + 1) - times).max()), "ms", 0.01),
     }
 
 
-def measure_noise(subject: Subject) -> Values:
+def measure_noise(subject: Subject) -> Readings:
     """Measure the noise of running sensors: its size, and whether it depends on seed, sensor, texel and frame."""
     parameters = lay_flat(subject.parameters)
     array = parameters.array
@@ -493,19 +452,20 @@ def measure_noise(subject: Subject) -> Values:
     counts = {name: np.array([frame.counts for frame in run.frames]) for name, run in runs.items()}
     active = array.active
     first, same, other = ((counts[name] - counts["quiet"])[:, active] / _WIDE.sensitivity for name in seeds)
+    correlations = {
+        "of two seeds": _correlate(first, other),
+        "of two frames": _correlate(first[1:], first[:-1]),
+        "of two texels": _correlate(first[:, 1:], first[:, :-1]) if first.shape[1] > 1 else 0.0,
+    }
     return {
-        "standard deviation": float(first.std()),
-        "mean": float(first.mean()),
-        "difference for the same seed": float(np.abs(first - same).max()),
-        "correlation": {
-            "of two seeds": _correlate(first, other),
-            "of two frames": _correlate(first[1:], first[:-1]),
-            "of two texels": _correlate(first[:, 1:], first[:, :-1]) if first.shape[1] > 1 else 0.0,
-        },
+        "standard deviation": read(float(first.std()), "mN", "5 % of each"),
+        "mean": read(float(first.mean()), "mN", 5.0),
+        "difference for the same seed": read(float(np.abs(first - same).max()), "mN", 0.5),
+        "correlation": read(correlations, "-", 0.1),
     }
 
 
-def measure_reset(subject: Subject) -> Values:
+def measure_reset(subject: Subject) -> Readings:
     """Measure counts after resets of a sensor with hysteresis and filter; the first and the last are at equal load."""
     parameters = lay_flat(subject.parameters)
     electronics = replace(_WIDE, hysteresis_share=0.5, hysteresis_width=_PLAY)
@@ -515,20 +475,22 @@ def measure_reset(subject: Subject) -> Values:
     for load in _RESET_LOADS:
         sensor.reset(load)
         means.append(float(sensor.frame().counts[parameters.array.active].mean()))
-    return {"counts after a reset": means[0], "trace of the load before": means[2] - means[0]}
+    return {
+        "counts after a reset": read(means[0], "counts", "0.1 % of each"),
+        "trace of the load before": read(means[2] - means[0], "counts", 1.5),
+    }
 
 
-def measure_letter(subject: Subject) -> Values:
+def measure_letter(subject: Subject) -> Readings:
     """Press an off-centre, turned H on the sensor by the default method, and take its image and net force."""
     parameters = subject.parameters
     indenter, load, at, yaw = lay_letter_h(parameters.array)
-    if not parameters.array.planar:
-        at = (parameters.array.centres[parameters.array.middle, :2] + at).tolist()
+    x, y = (find_origin(parameters.array)[:2] + at).tolist()
     below = LETTER_PRESSURE * float(np.prod(parameters.array.pitch))
     electronics = Electronics(rate_hz=100.0, sensitivity=_LETTER_GREY / below, output_max=255, bits=8)
     spec = _make_spec(_TIMESTEP)
     height = float(parameters.array.centres[:, 2].max())
-    add_indenter(spec, indenter, load, at=at, height=height, yaw=yaw)
+    add_indenter(spec, indenter, load, at=(x, y), height=height, yaw=yaw)
     sensor = attach(spec, "world", replace(parameters, electronics=electronics, filter=None), name=_NAME)
     model = _compile(spec)
     data = mujoco.MjData(model)
@@ -539,10 +501,10 @@ def measure_letter(subject: Subject) -> Values:
     frame = sensor.frame()
     force, torque = (np.zeros(3) if each is None else each for each in (frame.net_force, frame.net_torque))
     return {
-        "image": list_rows(frame.image),
-        "net force": dict(zip("xyz", force.tolist(), strict=True)),
-        "net torque": dict(zip("xyz", torque.tolist(), strict=True)),
-        "force outside": sensor.outside() / load,
+        "image": read(list_rows(frame.image), "grey levels", 2.0),
+        "net force": read(dict(zip("xyz", force.tolist(), strict=True)), "N", "0.5 % of largest"),
+        "net torque": read(dict(zip("xyz", torque.tolist(), strict=True)), "N mm", "0.5 % of largest"),
+        "force outside": read(sensor.outside() / load, "% of load", 0.05),
     }
 
 

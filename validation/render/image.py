@@ -6,25 +6,23 @@ Row 0, the row of smallest y, is drawn at the bottom; only the drawing is flippe
 from __future__ import annotations
 
 import html
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.distance import pdist
 
 from fastmodel.fitting.gaussian import unroll_from
 from meshes import TexelArray
-from meshes.array_types import FloatArray, IntArray
-from validation.curved.touch import find_middle
+from meshes.array_types import FloatArray
+from validation.places import find_middle
 
-#: Edge length of a texel in the units of the drawing, and on the page [px]; the page may show it smaller or larger.
-_CELL, _SHOWN = 15, 26
-#: Size of the printed values in the units of the drawing, and largest number of characters of a value [-].
-_FONT, _LONGEST = 5.6, 5
-#: Of unrolled arrays: longest edge of the drawing and its margin in its own units, and largest width and height on the
-#: page [px]: three drawings stand side by side.
-_SIZE, _MARGIN, _WIDEST, _HIGHEST = 200.0, 2.0, 190.0, 270.0
+#: Longest edge of the drawing and its margin in its own units, and largest width and height on the page [px]: three
+#: drawings stand side by side.
+_SIZE, _MARGIN, _WIDEST, _HIGHEST = 200.0, 2.0, 190.0, 370.0
 #: Edge of a square over the smallest distance of two texels, and size of the printed value over the edge [-].
 _EDGE, _SHARE = 0.94, 0.36
+#: Largest number of characters of a printed value [-].
+_LONGEST = 5
 #: Colours of forces from zero to the peak, with increasing lightness.
 _FORCE = ("#1b1340", "#3b2f74", "#3f5a94", "#36839a", "#3aa78d", "#79c66a", "#c9dd4b", "#fdf3a1")
 #: Colours of differences from the negative to the positive peak, white at zero.
@@ -65,58 +63,47 @@ class Scale:
 
 @dataclass(frozen=True, kw_only=True)
 class _Frame:
-    """Where the texels of an array are drawn, in the units of the drawing.
+    """Where an array is drawn: the surface is unrolled about the middle texel.
 
     Attributes:
+        places: Middle of each of n texels in the drawing, shape (n, 2).
+        edge: Edge of the square of a texel.
+        low: Left lower corner of the drawing on the unrolled surface, shape (2,) [m].
+        origin: Middle texel's centre, from which the surface is unrolled, shape (3,) [m].
+        factor: Units of the drawing per length [1/m].
         size: Width and height of the drawing.
-        zoom: Pixels on the page per unit.
-        texels: Indices of the m texels that are drawn.
-        corners: Left upper corner of each, shape (m, 2).
-        edge: Edge of a square.
-        font: Size of the printed values.
-        labels: Name of each texel.
     """
 
-    size: tuple[float, float]
-    zoom: float
-    texels: IntArray
-    corners: FloatArray
+    places: FloatArray
     edge: float
-    font: float
-    labels: tuple[str, ...]
+    low: FloatArray
+    origin: FloatArray
+    factor: float
+    size: tuple[float, float]
 
     @classmethod
     def of(cls, array: TexelArray) -> _Frame:
-        """Place the texels of a planar array as rows and columns, those of a curved one unrolled about the middle."""
-        if array.planar:
-            row, column = np.divmod(np.arange(array.count), array.columns)
-            return cls(
-                size=(array.columns * _CELL, array.rows * _CELL),
-                zoom=_SHOWN / _CELL,
-                texels=np.arange(array.count),
-                corners=_CELL * np.column_stack([column, array.rows - 1 - row]).astype(float),
-                edge=_CELL,
-                font=_FONT,
-                labels=tuple(f"[{i}, {j}]" for i, j in zip(row.tolist(), column.tolist(), strict=True)),
-            )
-        shown = np.flatnonzero(array.active)
+        """Place the texels of an array."""
         middle = find_middle(array)
-        unrolled = np.asarray(unroll_from(array, array.centres[[middle]], array.normals[[middle]])[0])[shown]
+        unrolled = np.asarray(unroll_from(array, array.centres[[middle]], array.normals[[middle]])[0])
         edge = _EDGE * (float(pdist(unrolled, "chebyshev").min()) if len(unrolled) > 1 else 1.0)
         low, high = unrolled.min(axis=0) - edge / 2, unrolled.max(axis=0) + edge / 2
         factor = (_SIZE - 2 * _MARGIN) / float((high - low).max())
         width, height = (factor * (high - low) + 2 * _MARGIN).tolist()
-        x, y = (_MARGIN + factor * (unrolled - low)).T
-        half = factor * edge / 2
-        return cls(
+        frame = cls(
+            places=unrolled,
+            edge=factor * edge,
+            low=low,
+            origin=array.centres[middle],
+            factor=factor,
             size=(round(width, 1), round(height, 1)),
-            zoom=min(_WIDEST / width, _HIGHEST / height),
-            texels=shown,
-            corners=np.column_stack([x - half, height - y - half]),
-            edge=2 * half,
-            font=2 * half * _SHARE,
-            labels=tuple(f"texel {each}" for each in shown.tolist()),
         )
+        return replace(frame, places=frame.draw(unrolled))
+
+    def draw(self, unrolled: FloatArray) -> FloatArray:
+        """Return points of the unrolled surface, shape (m, 2) [m], in the drawing, whose y points down."""
+        x, y = (_MARGIN + self.factor * (unrolled - self.low)).T
+        return np.column_stack([x, self.size[1] - y])
 
 
 def tactile_image(
@@ -129,7 +116,7 @@ def tactile_image(
 ) -> str:
     """Draw a tactile image, one coloured square per texel with its value, as an SVG element with a label.
 
-    The surface of a curved array is unrolled about its middle texel: lengths are true along arcs through this texel on
+    The surface is unrolled about its middle texel: lengths are true on planes, and along arcs through this texel on
     cylinders and spheres; elsewhere the drawing is a map like any other of a round body.
 
     Args:
@@ -141,42 +128,42 @@ def tactile_image(
         name: What the image shows, for its label.
     """
     frame = _Frame.of(array)
-    squares = zip(frame.texels.tolist(), frame.corners.tolist(), frame.labels, strict=True)
+    rows, columns = np.divmod(np.arange(array.count), array.columns)
+    labels = [f"[{row}, {column}]" for row, column in zip(rows.tolist(), columns.tolist(), strict=True)]
     cells = "".join(
-        _draw_cell(frame, (x, y), label, float(values[texel]) if array.active[texel] else None, scale)
-        for texel, (x, y), label in squares
+        _draw_cell(frame, (x, y), label, value if active else None, scale)
+        for (x, y), label, value, active in zip(
+            frame.places.tolist(), labels, values.tolist(), array.active.tolist(), strict=True
+        )
     )
-    largest = int(np.argmax(np.abs(np.where(array.active[frame.texels], values[frame.texels], 0.0))))
-    shown = f"{int(array.active.sum())} texels; largest {values[frame.texels[largest]] * scale.factor:.4g} {scale.unit}"
-    where = (
-        f"in row {largest // array.columns}, column {largest % array.columns}"
-        if array.planar
-        else (f"on {frame.labels[largest]}")
-    )
+    largest = int(np.argmax(np.abs(np.where(array.active, values, 0.0))))
+    shown = f"{int(array.active.sum())} texels; largest {values[largest] * scale.factor:.4g} {scale.unit}"
+    where = f"in row {rows[largest]}, column {columns[largest]}"
+    line = ""
+    if outline is not None:
+        corners = frame.draw(outline - frame.origin[:2])
+        line = f'<polygon points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in corners)}" class="outline"/>'
     width, height = frame.size
-    line = "" if outline is None else _line(array, outline)
+    zoom = min(_WIDEST / width, _HIGHEST / height)
     return (
-        f'<svg class="tactile" viewBox="0 0 {width:g} {height:g}" width="{frame.zoom * width:.0f}" '
-        f'height="{frame.zoom * height:.0f}" role="img" aria-label="{html.escape(f"{name}: {shown} {where}")}">'
+        f'<svg class="tactile" viewBox="0 0 {width:g} {height:g}" width="{zoom * width:.0f}" '
+        f'height="{zoom * height:.0f}" role="img" aria-label="{html.escape(f"{name}: {shown} {where}")}">'
         f"{cells}{line}</svg>"
     )
 
 
-def _draw_cell(frame: _Frame, corner: tuple[float, float], label: str, value: float | None, scale: Scale) -> str:
+def _draw_cell(frame: _Frame, place: tuple[float, float], label: str, value: float | None, scale: Scale) -> str:
     """Draw one texel; None for a masked one."""
-    x, y = corner
+    (x, y), edge, font = place, frame.edge, frame.edge * _SHARE
     colour = _MASKED if value is None else scale.colour(value)
     title = f"{label} no texel" if value is None else f"{label} {value * scale.factor:.4g} {scale.unit}"
-    square = f'x="{_trim(x)}" y="{_trim(y)}" width="{_trim(frame.edge)}" height="{_trim(frame.edge)}"'
-    text = (
-        ""
-        if value is None
-        else (
-            f'<text x="{_trim(x + frame.edge / 2)}" y="{_trim(y + frame.edge / 2 + frame.font / 3)}" '
-            f'font-size="{_trim(frame.font)}" fill="{choose_ink(colour)}" text-anchor="middle">'
-            f"{shorten(value * scale.factor)}</text>"
+    square = f'x="{_trim(x - edge / 2)}" y="{_trim(y - edge / 2)}" width="{_trim(edge)}" height="{_trim(edge)}"'
+    text = ""
+    if value is not None:
+        text = (
+            f'<text x="{_trim(x)}" y="{_trim(y + font / 3)}" font-size="{_trim(font)}" fill="{choose_ink(colour)}" '
+            f'text-anchor="middle">{shorten(value * scale.factor)}</text>'
         )
-    )
     return f'<rect {square} fill="{colour}"><title>{title}</title></rect>{text}'
 
 
@@ -224,10 +211,3 @@ def measure_luminance(colour: str) -> float:
     channels = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]  # noqa: PLR2004 -- sRGB
     return float(np.dot(linear, (0.2126, 0.7152, 0.0722)))
-
-
-def _line(array: TexelArray, outline: FloatArray) -> str:
-    low = array.centres[:, :2].min(axis=0) - np.array(array.pitch) / 2
-    x, y = ((outline - low) / array.pitch).T
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x * _CELL, (array.rows - y) * _CELL, strict=True))
-    return f'<polygon points="{points}" class="outline"/>'

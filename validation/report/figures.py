@@ -1,4 +1,4 @@
-"""Figures of the report: interactive ones as data for plotly.js, and pictures of the cases.
+"""Figures: plots that plotly.js draws in the report and matplotlib in files, and pictures of the cases.
 
 What only one kind of cover has is registered by the type of its derivation; a new kind has none at first.
 """
@@ -10,7 +10,7 @@ import logging
 from collections.abc import Mapping
 from functools import singledispatch
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from validation.campaign.results import CampaignResult, CaseResult
 from validation.derivation.layers import LayeredDerivation
 from validation.derivation.solid import SolidDerivation
 from validation.extras import MissingExtraError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _LOG = logging.getLogger(__name__)
 
@@ -45,25 +48,124 @@ class Pictures:
     missing: str = ""
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Line:
+    """A line of a plot.
+
+    Attributes:
+        name: Its name in the legend.
+        x, y: Its points, shape (m,) each, in the units of the axes.
+        colour: Its colour, `#rrggbb` or `ink`, the colour of the text.
+        dash: `solid`, `dot` or `dash`.
+        marker: `circle`, `diamond` or `square`; empty for none.
+    """
+
+    name: str
+    x: FloatArray
+    y: FloatArray
+    colour: str
+    dash: str = "solid"
+    marker: str = ""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Plot:
+    """A plot of lines.
+
+    Attributes:
+        caption: What it shows.
+        x, y: Labels of the axes with their units.
+        lines: Its lines.
+    """
+
+    caption: str
+    x: str
+    y: str
+    lines: tuple[Line, ...]
+
+    def to_plotly(self) -> dict[str, Any]:
+        """Return the plot as data for plotly.js."""
+        data = [
+            {"type": "scatter", "mode": "lines+markers" if line.marker else "lines", "name": line.name}
+            | {"x": line.x, "y": line.y, "line": {"color": line.colour, "dash": line.dash}}
+            | ({"marker": {"symbol": line.marker, "size": 7}} if line.marker else {})
+            for line in self.lines
+        ]
+        return {"data": data, "layout": _layout(self.x, self.y)}
+
+    def draw(self, axes: Axes) -> None:
+        """Draw the plot by matplotlib."""
+        styles = {"solid": "-", "dot": ":", "dash": "--"}
+        markers = {"": "", "circle": "o", "diamond": "D", "square": "s"}
+        for line in self.lines:
+            colour = "black" if line.colour == _INK else line.colour
+            axes.plot(
+                line.x, line.y, linestyle=styles[line.dash], marker=markers[line.marker], color=colour, label=line.name
+            )
+        axes.set(xlabel=self.x, ylabel=self.y)
+        axes.legend(frameon=False, fontsize="small")
+
+
 @singledispatch
-def list_figures(derivation: object) -> dict[str, tuple[dict[str, Any], str]]:
-    """Return the figures of a derivation: data and caption by name."""
+def plot_responses(derivation: object) -> dict[str, Plot]:
+    """Return the plots of a derivation by name; a new kind of cover has none at first."""
     del derivation
     return {}
 
 
-@list_figures.register(LayeredDerivation)
-def _(derivation: LayeredDerivation) -> dict[str, tuple[dict[str, Any], str]]:
-    return {
-        "texel-plot": (
-            texel_profile_figure(derivation),
-            "Forces on the middle column of texels. The kernel is fitted to the uniform load on one texel.",
+@plot_responses.register(LayeredDerivation)
+def _(derivation: LayeredDerivation) -> dict[str, Plot]:
+    """Plot the forces on a column of texels and, of a wide cover, the pressure under a point load."""
+    from fem_reference.closed_form import point_response
+
+    array, sensor = derivation.sensor.array, derivation.sensor
+    column, offset = array.columns // 2, np.arange(array.rows, dtype=np.float64) - array.rows // 2
+    kernel = array.image(derivation.fit.gaussian.operator(array)[:, array.middle])
+    forces = (
+        ("reference, uniform texel load", derivation.texel_response_uniform, _COLOURS["fast"], "circle"),
+        ("reference, point load", derivation.texel_response, _INK, "diamond"),
+        ("fitted kernel", kernel, _COLOURS["no-spread"], "square"),
+    )
+    texels = Plot(
+        caption="Forces on the middle column of texels. The kernel is fitted to the uniform load on one texel.",
+        x="texels from the loaded one, along y",
+        y="force on the texel [% of the load]",
+        lines=tuple(
+            Line(
+                name=name,
+                x=offset,
+                y=100 * np.asarray(image, dtype=np.float64)[:, column],
+                colour=colour,
+                marker=marker,
+            )
+            for name, image, colour, marker in forces
         ),
-        "psf-plot": (
-            point_spread_figure(derivation),
-            "Pressure on the base under a point load. The Gaussian is fitted to uniform loads on whole texels.",
+    )
+    spread = derivation.point_spread
+    if spread is None:
+        return {"texel-plot": texels}
+    radius = np.linspace(0, min(spread.reach, 6 * sensor.cover.thickness), 300)
+    sigma = derivation.sigma
+    pressures = (
+        ("finite elements", spread.pressure(radius), _COLOURS["fast"], "solid"),
+        ("exact layer solution", point_response(sensor.layered_cover, radius), _INK, "dot"),
+        (
+            "fitted Gaussian (to uniform texel load)",
+            np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2),
+            _COLOURS["no-spread"],
+            "dash",
         ),
-    }
+    )
+    pressure = Plot(
+        caption="Pressure on the base under a point load. The Gaussian is fitted to uniform loads on whole texels.",
+        x="distance from the load [mm]",
+        y="base pressure per force [1/mm\u00b2]",
+        lines=tuple(
+            Line(name=name, x=1e3 * radius, y=1e-6 * values, colour=colour, dash=dash)
+            for name, values, colour, dash in pressures
+        ),
+    )
+    return {"texel-plot": texels, "psf-plot": pressure}
 
 
 @singledispatch
@@ -100,7 +202,7 @@ def draw_cases(derivation: object, evaluation: Evaluation, folder: Path) -> Pict
 @draw_cases.register(SolidDerivation)
 def _(derivation: SolidDerivation, evaluation: Evaluation, folder: Path) -> Pictures:
     """Draw contact pressure, section, and forces on the texels."""
-    from validation.scene.cover_scene import show_curved
+    from validation.scene.cover_scene import show_indentation
     from validation.scene.rendering import RenderingError
 
     results = evaluation.campaign.cases
@@ -111,11 +213,12 @@ def _(derivation: SolidDerivation, evaluation: Evaluation, folder: Path) -> Pict
         for index, result in enumerate(results[:_MOST_PICTURES]):
             case, name = result.case, f"case-{index + 1:02d}.png"
             title = f"{case.name}: {case.shape}, {case.load:.3g} N"
-            scene = show_curved(
+            scene = show_indentation(
                 result.reference.found, derivation.sensor.array, direction=case.pose.towards, title=title
             )
-            write_picture(scene, folder / name)
-            files[case.name] = name
+            if scene is not None:
+                write_picture(scene, folder / name)
+                files[case.name] = name
     except ImportError:
         missing = str(MissingExtraError("pyvista"))
     except RenderingError as error:
@@ -125,76 +228,6 @@ def _(derivation: SolidDerivation, evaluation: Evaluation, folder: Path) -> Pict
         return Pictures(files=files, missing=f"{left} further cases are not drawn" if left else "")
     _LOG.warning("no pictures in the report: %s", missing)
     return Pictures(missing=f"no pictures in three dimensions: {missing}")
-
-
-def point_spread_figure(derivation: LayeredDerivation) -> dict[str, Any]:
-    """Make the figure of base pressure over distance from a unit point load: finite elements, closed form and Gaussian.
-
-    Raises:
-        ValueError: If the cover has free side edges, so that there is no radial profile.
-    """
-    from fem_reference.closed_form import point_response
-
-    spread = derivation.point_spread
-    if spread is None:
-        raise ValueError("a cover with free side edges has no radial profile")
-    radius = np.linspace(0, min(spread.reach, 6 * derivation.sensor.cover.thickness), 300)
-    gaussian = gaussian_pressure(derivation, radius)
-    exact = point_response(derivation.sensor.layered_cover, radius)
-    lines = (
-        ("finite elements", spread.pressure(radius), {"color": _COLOURS["fast"], "width": 3}),
-        ("exact layer solution", exact, {"color": _INK, "dash": "dot"}),
-        ("fitted Gaussian (to uniform texel load)", gaussian, {"color": _COLOURS["no-spread"], "dash": "dash"}),
-    )
-    return {
-        "data": [
-            {"type": "scatter", "mode": "lines", "name": name, "x": 1e3 * radius, "y": 1e-6 * y, "line": line}
-            for name, y, line in lines
-        ],
-        "layout": _layout("distance from the load [mm]", "base pressure per force [1/mm²]"),
-    }
-
-
-def gaussian_pressure(derivation: LayeredDerivation, radius: FloatArray) -> FloatArray:
-    """Compute the pressure per unit force of the fitted Gaussian at distances from its centre, with sigma along x.
-
-    Args:
-        derivation: The derivation, which holds the fitted Gaussian.
-        radius: Distances from the centre, any shape [m].
-
-    Returns:
-        Pressures per unit force, same shape [1/m2].
-    """
-    sigma = derivation.fit.gaussian.sigma_x * derivation.sensor.array.pitch[0]
-    return np.asarray(np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2))
-
-
-def texel_profile_figure(derivation: LayeredDerivation) -> dict[str, Any]:
-    """Make the figure of the forces on the middle column of texels: finite elements and the fitted kernel."""
-    array = derivation.sensor.array
-    column = array.columns // 2
-    offset = np.arange(array.rows) - array.rows // 2
-    kernel = array.image(derivation.fit.gaussian.operator(array)[:, array.middle])[:, column]
-    lines = (
-        ("reference, uniform texel load", derivation.texel_response_uniform[:, column], _COLOURS["fast"], "circle"),
-        ("reference, point load", derivation.texel_response[:, column], _INK, "diamond"),
-        ("fitted kernel", kernel, _COLOURS["no-spread"], "square"),
-    )
-    return {
-        "data": [
-            {
-                "type": "scatter",
-                "mode": "lines+markers",
-                "name": name,
-                "x": offset,
-                "y": 100 * values,
-                "line": {"color": colour},
-                "marker": {"symbol": symbol, "size": 7},
-            }
-            for name, values, colour, symbol in lines
-        ],
-        "layout": _layout("texels from the loaded one, along y", "force on the texel [% of the load]"),
-    }
 
 
 def campaign_figure(campaign: CampaignResult) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from validation.json_values import json_text
 from validation.metrics import TABULATED
 from validation.render.image import Scale, colour_bar, tactile_image
 from validation.report import tables
-from validation.report.figures import Pictures, campaign_figure, find_outline, list_figures
+from validation.report.figures import Pictures, campaign_figure, find_outline, plot_responses
 
 #: Name of the division of the recordings into fitted and scored weights whose score is shown at the top of the page:
 #: the parameters are fitted to light weights and scored on heavy ones.  This extrapolation separates a model from a
@@ -41,8 +41,8 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         pictures: Pictures of the cases in three dimensions.
     """
     campaign, derivation, evidence = evaluation.campaign, evaluation.derivation, evaluation.evidence
-    figures = list_figures(derivation)
-    drawn = {"campaign-plot": campaign_figure(campaign)} | {name: figure for name, (figure, _) in figures.items()}
+    plots = plot_responses(derivation)
+    drawn = {"campaign-plot": campaign_figure(campaign)} | {name: plot.to_plotly() for name, plot in plots.items()}
     return {
         "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "sensor": evaluation.sensor,
@@ -66,7 +66,7 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         "input_list": tables.list_inputs(evidence),
         "limits": tables.name_limits(evidence),
         "splits": _show_splits(evaluation.recordings, evaluation.recorded.array) if evaluation.recordings else [],
-        "plots": {name: text for name, (_, text) in figures.items()},
+        "plots": {name: plot.caption for name, plot in plots.items()},
         "reference_error": describe_reference_error(campaign),
         "percent": lambda value, digits=2: "\u2013" if math.isnan(value) else f"{100 * value:.{digits}g}",
         # The figures' data stand in a script element of the page; a text "</" in the data would end this element.

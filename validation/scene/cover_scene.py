@@ -80,17 +80,23 @@ class CoverScene:
     limits: float = float("inf")
 
 
-def show_indentation(found: Indentation, texels: TexelArray, *, title: str = "") -> CoverScene | None:
-    """Prepare the picture of an indentation of a flat cover; None if the indentation has no fields.
+def show_indentation(
+    found: Indentation, texels: TexelArray, *, direction: FloatArray, title: str = ""
+) -> CoverScene | None:
+    """Prepare the picture of an indentation; None if the result has neither a mesh nor fields.
 
-    The surface is coloured by the pressure -sigma_zz, which is the contact pressure under the indenter, and the section
-    by the von Mises stress.
+    On a mesh the surface is coloured by the contact pressure and the section by the displacement.  With fields the
+    surface is coloured by the pressure -sigma_zz, which is the contact pressure under the indenter, and the section by
+    the von Mises stress.
 
     Args:
-        found: Result of `press` with `fields=True`.
+        found: Result of `press`.
         texels: Texels of the array.
+        direction: Unit direction of the load, shape (3,).
         title: Text above the picture.
     """
+    if found.mesh is not None:
+        return _show_solid(found, texels, direction, title)
     if found.fields is None:
         return None
     fields = found.fields
@@ -119,15 +125,8 @@ def show_indentation(found: Indentation, texels: TexelArray, *, title: str = "")
     )
 
 
-def show_curved(found: Indentation, texels: TexelArray, *, direction: FloatArray, title: str = "") -> CoverScene:
-    """Prepare the picture of an indentation of a curved cover, coloured by the contact pressure.
-
-    Args:
-        found: Result of `press` on a solid.
-        texels: Texels of the array.
-        direction: Unit direction of the load, shape (3,).
-        title: Text above the picture.
-    """
+def _show_solid(found: Indentation, texels: TexelArray, direction: FloatArray, title: str) -> CoverScene:
+    """Prepare the picture of an indentation of a solid."""
     from fem_reference.curved_cover.responses import find_top
     from meshes.solids.facets import area_vectors, split_facet
     from meshes.solids.solid_mesh import compute_volume, measure_area

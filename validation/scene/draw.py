@@ -1,4 +1,4 @@
-"""Draws covers with pyvista: three views in one PNG, glTF for other programs, and a window.
+"""Draws covers with pyvista: three views in one PNG, and glTF for other programs.
 
 The views are the deformed surface, a section through the contact, and the forces on the texels.
 """
@@ -18,7 +18,7 @@ from meshes.array_types import FloatArray
 from meshes.solids.texels import tangent_axes
 from validation.extras import MissingExtraError
 from validation.scene.cover_scene import CoverScene
-from validation.scene.rendering import RenderingError, draw_on_display, draw_without_display, import_pyvista
+from validation.scene.rendering import RenderingError, import_pyvista, open_plotter
 
 _LOG = logging.getLogger(__name__)
 
@@ -90,23 +90,18 @@ def write_picture(scene: CoverScene, path: Path) -> None:
         RenderingError: If this machine can draw no picture.
         OSError: If the file cannot be written.
     """
-    with draw_without_display():
-        plotter = _draw(scene, off_screen=True)
-        try:
-            plotter.screenshot(str(path))
-        finally:
-            plotter.close()
-
-
-def show_window(scene: CoverScene) -> None:
-    """Show a scene in a window, and wait until the user closes it.
-
-    Raises:
-        ImportError: If pyvista is not installed.
-        RenderingError: If there is no display, or no window can be opened on it.
-    """
-    with draw_on_display():
-        _draw(scene, off_screen=False).show()
+    views = [_draw_surface, _draw_section]
+    if scene.texels is not None:
+        views.append(_draw_texels)
+    size = (_STYLE.width * len(views), _STYLE.height)
+    with open_plotter(shape=(1, len(views)), window_size=size, border=False) as plotter:
+        plotter.set_background("white", all_renderers=True)
+        plotter.enable_anti_aliasing("ssaa", all_renderers=True)
+        for column, draw in enumerate(views):
+            plotter.subplot(0, column)
+            draw(plotter, scene)
+            plotter.add_axes(color="black", line_width=2, viewport=(0.0, 0.0, 0.16, 0.16))
+        plotter.screenshot(str(path))
 
 
 def write_gltf(scene: CoverScene, path: Path) -> None:
@@ -123,26 +118,18 @@ def write_gltf(scene: CoverScene, path: Path) -> None:
         RenderingError: If this machine can draw no picture.
         OSError: If the file cannot be written.
     """
-    pyvista = import_pyvista()
-
-    with draw_without_display():
-        plotter = pyvista.Plotter(off_screen=True)
-        try:
-            surface = _deform(_crop(make_grid(scene), scene, 1.0), 1.0).extract_surface(algorithm="dataset_surface")
-            # Viewers of glTF know colours of points, not values on a scale.
-            values = scene.surface if scene.surface is not None else None
-            if values is None:
-                plotter.add_mesh(surface, color=_STYLE.plain)
-            else:
-                plotter.add_mesh(
-                    surface, scalars="surface", cmap=_STYLE.pressure_map, clim=_find_limits(scene, "surface")
-                )
-            if scene.texels is not None and scene.texel_forces is not None:
-                bars = make_bars(scene, 1.0)
-                plotter.add_mesh(bars, scalars="force", cmap=_STYLE.force_map, clim=_find_force_limits(scene))
-            plotter.export_gltf(str(path), inline_data=True)
-        finally:
-            plotter.close()
+    with open_plotter() as plotter:
+        surface = _crop(make_grid(scene), scene, 1.0).warp_by_vector("displacement")
+        surface = surface.extract_surface(algorithm="dataset_surface")
+        # Viewers of glTF know colours of points, not values on a scale.
+        if scene.surface is None:
+            plotter.add_mesh(surface, color=_STYLE.plain)
+        else:
+            plotter.add_mesh(surface, scalars="surface", cmap=_STYLE.pressure_map, clim=_find_limits(scene, "surface"))
+        if scene.texel_forces is not None:
+            bars = make_bars(scene, 1.0)
+            plotter.add_mesh(bars, scalars="force", cmap=_STYLE.force_map, clim=_find_force_limits(scene))
+        plotter.export_gltf(str(path), inline_data=True)
 
 
 def make_grid(scene: CoverScene, length: float = 1.0) -> Any:
@@ -153,7 +140,6 @@ def make_grid(scene: CoverScene, length: float = 1.0) -> Any:
         length: Length in the grid per metre [1/m].
     """
     pyvista = import_pyvista()
-
     corners = scene.cells.shape[1]
     kind = pyvista.CellType.HEXAHEDRON if corners == 8 else pyvista.CellType.TETRA  # noqa: PLR2004
     cells = np.column_stack([np.full(len(scene.cells), corners), scene.cells])
@@ -172,81 +158,51 @@ def make_bars(scene: CoverScene, length: float) -> Any:
         scene: A scene with texels and forces on them.
         length: Length in the grid per metre [1/m].
     """
-    pyvista = import_pyvista()
-
-    texels, forces = scene.texels, scene.texel_forces
+    texels = scene.texels
     assert texels is not None  # noqa: S101 -- stated above
-    values = np.zeros(texels.count) if forces is None else forces
-    largest = max(float(np.abs(values).max()), np.finfo(float).tiny)
-    scale = _STYLE.bar * float(np.ptp(texels.centres, axis=0).max()) / largest
+    shown = np.flatnonzero(texels.active)
+    values = np.zeros(texels.count) if scene.texel_forces is None else scene.texel_forces
+    highest = _STYLE.bar * float(np.ptp(texels.centres, axis=0).max())
+    scale = highest / max(float(np.abs(values).max()), np.finfo(float).tiny)
+    heights = np.maximum(scale * values, 0.01 * _STYLE.bar * highest)[shown, None, None]
     axes = tangent_axes(texels.normals) * (0.5 * np.array(texels.texel_size))[:, None] * 0.94
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    points: list[FloatArray] = []
-    faces: list[list[int]] = []
-    shown: list[float] = []
-    for number in np.flatnonzero(texels.active):
-        flat = texels.centres[number] + corners @ axes[number]
-        height = max(scale * float(values[number]), 0.01 * _STYLE.bar * scale * largest) * texels.normals[number]
-        start = 8 * len(shown)
-        points.append(np.concatenate([flat, flat + height]))
-        faces += [[4, *(start + corner for corner in face)] for face in _FACES]
-        shown.append(1e3 * values[number])
-    bars = pyvista.PolyData(length * np.concatenate(points), np.array(faces).ravel())
-    bars.cell_data["force"] = np.repeat(shown, len(_FACES))
+    flat = texels.centres[shown, None] + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ axes[shown]
+    points = np.concatenate([flat, flat + heights * texels.normals[shown, None]], axis=1)
+    faces = np.array(_FACES) + 8 * np.arange(len(shown))[:, None, None]
+    corners = np.insert(faces.reshape(-1, 4), 0, 4, axis=1)
+    bars = import_pyvista().PolyData(length * points.reshape(-1, 3), corners.ravel())
+    bars.cell_data["force"] = np.repeat(1e3 * values[shown], len(_FACES))
     return bars
 
 
-def _draw(scene: CoverScene, *, off_screen: bool) -> Any:
-    """Draw the views of a scene side by side."""
-    pyvista = import_pyvista()
-
-    views = [_draw_surface, _draw_section]
-    if scene.texels is not None:
-        views.append(_draw_texels)
-    plotter = pyvista.Plotter(
-        shape=(1, len(views)),
-        off_screen=off_screen,
-        window_size=(_STYLE.width * len(views), _STYLE.height),
-        border=False,
-    )
-    plotter.set_background("white", all_renderers=True)
-    if off_screen:
-        plotter.enable_anti_aliasing("ssaa", all_renderers=True)
-    factor = _find_factor(scene)
-    for column, draw in enumerate(views):
-        plotter.subplot(0, column)
-        draw(plotter, scene, factor)
-        plotter.add_axes(color="black", line_width=2, viewport=(0.0, 0.0, 0.16, 0.16))
-    return plotter
-
-
-def _draw_surface(plotter: Any, scene: CoverScene, factor: float) -> None:
+def _draw_surface(plotter: Any, scene: CoverScene) -> None:
     """Draw the deformed surface."""
-    grid = _deform(_crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES), factor)
-    surface = grid.extract_surface(algorithm="dataset_surface")
-    _add_coloured(plotter, surface, scene, "surface", _STYLE.pressure_map)
-    if scene.surface is None:
-        _add_edges(plotter, surface)
-    if scene.touched is not None:
-        _add_load(plotter, scene, surface)
+    factor = _find_factor(scene)
+    grid = _crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES)
+    surface = _add_coloured(plotter, grid, scene, "surface", _STYLE.pressure_map)
+    if scene.touched is not None:  # an arrow of the load whose tip lies where the indenter touches
+        size = 0.35 * float(np.ptp(surface.points, axis=0).max())
+        tip = _MILLIMETRES * (scene.touched - 0.05 * scene.thickness * scene.direction)
+        arrow = import_pyvista().Arrow(
+            start=tip - size * scene.direction, direction=scene.direction, scale=size,
+            tip_length=0.25, tip_radius=0.06, shaft_radius=0.02,
+        )  # fmt: skip
+        plotter.add_mesh(arrow, color="#c0392b", opacity=0.9)
     scale = "" if not scene.displacement.any() else f"; displacements x {factor:g}" if factor > 1 else "; to scale"
     _finish(plotter, scene, surface, f"{scene.title}\ncover{scale}")
 
 
-def _draw_section(plotter: Any, scene: CoverScene, factor: float) -> None:
+def _draw_section(plotter: Any, scene: CoverScene) -> None:
     """Draw the half of the deformed cover behind a plane through the contact."""
-    grid = _crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES)
     origin, normal = _find_section(scene)
-    half = _deform(grid.clip(normal=normal, origin=_MILLIMETRES * origin), factor)
-    surface = half.extract_surface(algorithm="dataset_surface")
-    _add_coloured(plotter, surface, scene, "inside", _STYLE.stress_map)
-    if scene.inside is None:
-        _add_edges(plotter, surface)
+    grid = _crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES)
+    half = grid.clip(normal=normal, origin=_MILLIMETRES * origin)
+    surface = _add_coloured(plotter, half, scene, "inside", _STYLE.stress_map)
     place = ", ".join(f"{round(1e3 * each, 2) + 0.0:g}" for each in origin)
     _finish(plotter, scene, surface, f"\nsection through ({place}) mm")
 
 
-def _draw_texels(plotter: Any, scene: CoverScene, factor: float) -> None:  # noqa: ARG001 -- as the others
+def _draw_texels(plotter: Any, scene: CoverScene) -> None:
     """Draw the forces on the texels as bars."""
     bars = make_bars(scene, _MILLIMETRES)
     if scene.texel_forces is None:
@@ -265,39 +221,20 @@ def _draw_texels(plotter: Any, scene: CoverScene, factor: float) -> None:  # noq
     _finish(plotter, scene, bars, text, height=_is_round(scene))
 
 
-def _add_coloured(plotter: Any, surface: Any, scene: CoverScene, name: str, colours: str) -> None:
-    """Add a surface in the colours of its values, or in one colour if it has none."""
+def _add_coloured(plotter: Any, grid: Any, scene: CoverScene, name: str, colours: str) -> Any:
+    """Add the deformed surface of a grid in the colours of its values, or with its edges if it has none; return it."""
+    deformed = grid.warp_by_vector("displacement", factor=_find_factor(scene))
+    surface = deformed.extract_surface(algorithm="dataset_surface")
     if getattr(scene, name) is None:
         plotter.add_mesh(surface, color=_STYLE.plain, smooth_shading=False)
-        return
+        plotter.add_mesh(surface.extract_all_edges(), color="#51606e", line_width=1)
+        return surface
     plotter.add_mesh(
-        surface,
-        scalars=name,
-        cmap=colours,
-        clim=_find_limits(scene, name),
-        log_scale=name == "inside" and scene.logarithmic,
-        scalar_bar_args=_bar(getattr(scene, f"{name}_label")),
-        ambient=_STYLE.ambient,
-        diffuse=1 - _STYLE.ambient,
-    )
-
-
-def _add_edges(plotter: Any, surface: Any) -> None:
-    plotter.add_mesh(surface.extract_all_edges(), color="#51606e", line_width=1)
-
-
-def _add_load(plotter: Any, scene: CoverScene, surface: Any) -> None:
-    """Add an arrow of the load whose tip lies where the indenter touches."""
-    pyvista = import_pyvista()
-
-    assert scene.touched is not None  # noqa: S101 -- the caller checks it
-    size = 0.35 * float(np.ptp(surface.points, axis=0).max())
-    moved = _MILLIMETRES * (scene.touched - 0.05 * scene.thickness * scene.direction)
-    arrow = pyvista.Arrow(
-        start=moved - size * scene.direction, direction=scene.direction, scale=size,
-        tip_length=0.25, tip_radius=0.06, shaft_radius=0.02,
+        surface, scalars=name, cmap=colours, clim=_find_limits(scene, name),
+        log_scale=name == "inside" and scene.logarithmic, scalar_bar_args=_bar(getattr(scene, f"{name}_label")),
+        ambient=_STYLE.ambient, diffuse=1 - _STYLE.ambient,
     )  # fmt: skip
-    plotter.add_mesh(arrow, color="#c0392b", opacity=0.9)
+    return surface
 
 
 def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: bool = True) -> None:
@@ -344,11 +281,11 @@ def _round_edge(low: float, high: float) -> tuple[float, float, int]:
 
 def _find_view(scene: CoverScene) -> FloatArray:
     """Return the unit vector from the middle of the scene to the camera."""
-    view = _VIEW.copy()
-    if _is_round(scene):
-        view = _VIEW_ROUND.copy()
-        if scene.touched is not None:
-            view = view / np.linalg.norm(view) - 1.2 * scene.direction
+    if not _is_round(scene):
+        return np.asarray(_VIEW / np.linalg.norm(_VIEW))
+    view = _VIEW_ROUND / np.linalg.norm(_VIEW_ROUND)
+    if scene.touched is not None:
+        view = view - 1.2 * scene.direction
     return np.asarray(view / np.linalg.norm(view))
 
 
@@ -359,39 +296,25 @@ def _is_round(scene: CoverScene) -> bool:
 
 def _find_section(scene: CoverScene) -> tuple[FloatArray, FloatArray]:
     """Return a point of the section and its normal, towards the half that is cut away."""
-    if scene.touched is None:
-        low, high = scene.position.min(axis=0), scene.position.max(axis=0)
-        origin = np.asarray((low + high) / 2)
-    else:
-        origin = np.asarray(scene.touched)
+    up = np.array([0.0, 0.0, 1.0]) if scene.touched is None else -scene.direction
+    middle = (scene.position.min(axis=0) + scene.position.max(axis=0)) / 2
     view = _find_view(scene)
-    along = -scene.direction if scene.touched is not None else np.array([0.0, 0.0, 1.0])
-    normal = view - (view @ along) * along
-    axis = int(np.argmax(np.abs(normal)))
-    rounded = np.zeros(3)
-    rounded[axis] = np.sign(normal[axis])
-    rounded -= (rounded @ along) * along
-    return origin, rounded / np.linalg.norm(rounded)
+    level = view - (view @ up) * up
+    axis = int(np.argmax(np.abs(level)))
+    normal = np.sign(level[axis]) * np.eye(3)[axis]
+    normal = normal - (normal @ up) * up
+    return np.asarray(middle if scene.touched is None else scene.touched), normal / np.linalg.norm(normal)
 
 
 def _crop(grid: Any, scene: CoverScene, length: float) -> Any:
     """Cut a wide cover off at some distance from the contact."""
     if scene.touched is None or not np.isfinite(scene.limits):
         return grid
-    for axis in (0, 1):
-        for sign in (1.0, -1.0):
-            edge = length * (scene.touched[axis] + sign * scene.limits)
-            if sign * (grid.points[:, axis] - edge).max() > 0 or (sign * (grid.points[:, axis] - edge) > 0).any():
-                normal = np.zeros(3)
-                normal[axis] = sign
-                origin = np.zeros(3)
-                origin[axis] = edge
-                grid = grid.clip(normal=normal, origin=origin)
+    for axis, sign in product((0, 1), (1.0, -1.0)):
+        edge, along = length * (scene.touched[axis] + sign * scene.limits), np.eye(3)[axis]
+        if (sign * (grid.points[:, axis] - edge) > 0).any():
+            grid = grid.clip(normal=sign * along, origin=edge * along)
     return grid
-
-
-def _deform(grid: Any, factor: float) -> Any:
-    return grid.warp_by_vector("displacement", factor=factor)
 
 
 def _find_factor(scene: CoverScene) -> float:

@@ -80,7 +80,7 @@ def read_raw(path: Path, schema: type[Table], *, hint: str = "") -> dict[str, An
         kind = "JSON" if schema.IS_JSON else "TOML"
         raise InputError(f"{path}: not a {kind} file that is accepted: {error}") from None
     if not isinstance(data, dict):
-        raise InputError(f"{path}: must hold a table, not {_shorten(data)}")
+        raise InputError(f"{path}: must hold a table, not {shorten(data)}")
     return data
 
 
@@ -155,7 +155,7 @@ def _list_faults(error: ValidationError, schema: type[Table], place: Sequence[in
 
 def _explain(details: ErrorDetails, schema: type[Table]) -> tuple[str, ...]:
     """Describe a fault that pydantic found, and name accepted values; several lines if a text has several faults."""
-    kind, given, place = details["type"], _shorten(details["input"]), details["loc"]
+    kind, given, place = details["type"], shorten(details["input"]), details["loc"]
     key = str(place[-1]) if place else ""
     if kind == "value_error":
         raised = details["ctx"]["error"]
@@ -213,7 +213,7 @@ def _find_tables(annotation: Any, metadata: Sequence[Any] = ()) -> Iterator[type
             yield from _find_tables(inner, [inner] if hasattr(inner, "table") else ())
 
 
-def _shorten(value: object) -> str:
-    """Return a value as text for a message, cut if it is long."""
+def shorten(value: object) -> str:
+    """Return a value as text for a message: cut if it is long, the type alone of a table or a list."""
     text = repr(value) if isinstance(value, str | int | float | bool | None) else f"a {type(value).__name__}"
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."

@@ -19,7 +19,7 @@ from validation.schema import Table
 from validation.schema.baseline import BaselineTables
 from validation.schema.campaign import CampaignTables
 from validation.schema.data_set import DataSetTables
-from validation.schema.measured_force import MeasurementTables
+from validation.schema.measured_force import Measurement
 from validation.schema.parameters import ParametersTables
 from validation.schema.sensor import SensorTables
 
@@ -28,7 +28,7 @@ FORMATS: Mapping[str, type[Table]] = {
     "sensor": SensorTables,
     "campaign": CampaignTables,
     "data-set": DataSetTables,
-    "measured-force": MeasurementTables,
+    "measured-force": Measurement,
     "parameters": ParametersTables,
     "baseline": BaselineTables,
 }

@@ -6,11 +6,14 @@ import math
 from collections.abc import Iterator
 from typing import Annotated
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import Field
 
 from meshes import Sphere
+from meshes.array_types import FloatArray
 from validation.schema import Table
-from validation.schema.sensor import FlatCoverTable
+from validation.schema.sensor import FlatCover
 from validation.schema.types import Force, Indenter, Length, choice
 
 #: Largest number of points of a measurement; the finite elements solve every depth [-].
@@ -43,7 +46,7 @@ class UncertaintyTable(Table):
     zero: Length | None = None
 
 
-class MeasurementTables(Table):
+class Measurement(Table):
     """Measured forces on an indenter that is pressed into the middle of a cover.
 
     Attributes:
@@ -58,11 +61,30 @@ class MeasurementTables(Table):
 
     name: str = Field(examples=["my pad"])
     indenter: Indenter = Field(examples=["sphere:radius=7.5mm"])
-    cover: FlatCoverTable
+    cover: FlatCover
     point: Annotated[list[PointTable], Field(max_length=_MOST_POINTS)]
     source: str = "given by the user"
     top_radius: Length | None = None
     uncertainty: UncertaintyTable = UncertaintyTable()
+
+    @property
+    def _points(self) -> list[PointTable]:
+        return sorted(self.point, key=lambda each: each.depth)
+
+    @property
+    def depth(self) -> FloatArray:
+        """Approaches from first touch, ascending, shape (n,) [m]."""
+        return np.array([each.depth for each in self._points])
+
+    @property
+    def force(self) -> FloatArray:
+        """Measured normal forces, shape (n,) [N]."""
+        return np.array([each.force for each in self._points])
+
+    @property
+    def fitted(self) -> npt.NDArray[np.bool_]:
+        """Whether the moduli are fitted to each point; the others are scored, shape (n,)."""
+        return np.array([each.use == "fit" for each in self._points])
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
         """Yield faults of points and of the indenter."""
@@ -70,10 +92,9 @@ class MeasurementTables(Table):
             yield "point", 'takes at least one with use = "fit" and one with use = "score"'
         elif len({point.depth for point in self.point}) == 1:
             yield "point", "takes points at two depths or more"
-        thickness = sum(layer.thickness for layer in self.cover.layer)
         for number, point in enumerate(self.point):
-            if point.depth >= thickness:
-                limit = f"accepted: less than its {1e3 * thickness:.4g} mm"
+            if point.depth >= self.cover.thickness:
+                limit = f"accepted: less than its {1e3 * self.cover.thickness:.4g} mm"
                 yield f"point[{number}].depth", f"{1e3 * point.depth:.4g} mm pierces the cover; {limit}"
         if not self.indenter.axisymmetric:
             yield "indenter", "takes a body of revolution: sphere, cylinder, tip or cone"

@@ -9,9 +9,10 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from fastmodel.signal.electronics import TEXEL_FORCE
+from meshes import Cover, Layer
 from meshes.surfaces.files import SURFACES, TETRAHEDRA
 from validation.errors import InputError
-from validation.schema import Table
+from validation.schema import Table, shorten
 from validation.schema.types import (
     AnyMaterial,
     Count,
@@ -23,6 +24,7 @@ from validation.schema.types import (
     LengthUnit,
     Number,
     Read,
+    TableOr,
     TexelCount,
     choice,
     number,
@@ -35,8 +37,6 @@ _WIDEST_TIP = 0.02
 #: Form of the key `calibrated` for a characteristic of the force that a tip applies through the cover: a number and a
 #: unit follow.
 _THROUGH_COVER = re.compile(r"through the cover, tip (\S{1,20} ?[a-zA-Z\u00b5\u03bc]{1,20})")
-#: Largest length of a wrong value in a message, which leaves room for what is accepted [characters].
-_LONGEST = 80
 #: Number of coefficients of the electronics' characteristic, a polynomial of degree 5 [-].
 _COEFFICIENTS = 6
 
@@ -51,7 +51,7 @@ def _read_mask(value: object) -> list[list[str]]:
 
 def _refuse_free_edges(value: object) -> None:
     raise ValueError(
-        f"a cover with a size has free side edges, one without is wide; remove the key, not {str(value)[:_LONGEST]!r}"
+        f"a cover with a size has free side edges, one without is wide; remove the key, not {shorten(value)}"
     )
 
 
@@ -69,14 +69,12 @@ def _refuse_other_degrees(coefficients: list[float]) -> list[float]:
 
 def _read_calibration(value: object) -> str:
     """Read what a characteristic was calibrated against, and return it as `Electronics.calibrated` has it."""
-    accepted = f"accepted: '{TEXEL_FORCE}' or 'through the cover, tip 1 mm' (radius of the tip's hemispherical end)"
     if value == TEXEL_FORCE:
         return TEXEL_FORCE
+    accepted = f"accepted: '{TEXEL_FORCE}' or 'through the cover, tip 1 mm' (radius of the tip's hemispherical end)"
     tip = _THROUGH_COVER.fullmatch(value) if isinstance(value, str) else None
     if tip is None:
-        text = repr(value)
-        text = text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
-        raise ValueError(f"{text} is not what a characteristic can be calibrated against; {accepted}")
+        raise ValueError(f"{shorten(value)} is not what a characteristic can be calibrated against; {accepted}")
     try:
         radius = read_quantity(tip[1], "length")
     except InputError as error:
@@ -153,6 +151,15 @@ class FlatCoverTable(Table):
     size: Lengths | None = None
     free_edges: Annotated[None, Read(_refuse_free_edges, {"not": {}})] = None
 
+    def make(self) -> Cover:
+        """Make the cover that the table describes."""
+        layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in self.layer)
+        return Cover(layers=layers, base=self.base, size=self.size)
+
+
+#: A cover of flat layers.
+FlatCover = Annotated[Cover, TableOr(FlatCoverTable, lambda value, read_table: read_table(value).make())]
+
 
 class CurvedCoverTable(Table):
     """A cover of one material whose shape is in files.
@@ -195,7 +202,7 @@ class CurvedCoverTable(Table):
             kinds = (".npz", *TETRAHEDRA) if name == "mesh" else SURFACES
             value = getattr(self, name)
             if value is not None and not value.lower().endswith(kinds):
-                yield name, f"{value[:_LONGEST]!r} has an unknown ending; accepted: {', '.join(kinds)}"
+                yield name, f"{shorten(value)} has an unknown ending; accepted: {', '.join(kinds)}"
 
 
 class ContactTable(Table):

@@ -19,7 +19,7 @@ from meshes.catalogue import MATERIALS
 from meshes.hardness import HardnessModulus
 from meshes.material import MODELS, Material
 from validation.errors import InputError, match_name, nearest
-from validation.schema import Table
+from validation.schema import Table, shorten
 from validation.text.friction import read_friction
 from validation.text.hardness import material_from_hardness, read_hardness
 from validation.text.indenter import read_indenter, read_load
@@ -77,25 +77,25 @@ class Read:
 
 @dataclass(frozen=True, eq=False)
 class TableOr:
-    """Annotation: a table, or a text that stands for one.
+    """Annotation: a table from which the value is made, or something shorter that stands for it.
 
     Attributes:
         table: Class of the table.
         read: Converts the value, given a function that reads a table.
-        json: What the JSON Schema says about the text.
+        json: What the JSON Schema says about the shorter form; empty if there is none.
     """
 
     table: type[Table]
     read: Callable[[Any, Callable[[Any], Any]], Any]
-    json: Mapping[str, Any] = field(default_factory=lambda: _TEXT)
+    json: Mapping[str, Any] = field(default_factory=dict)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
         """Return the schema with which pydantic calls the function."""
         return core_schema.no_info_wrap_validator_function(self.read, handler.generate_schema(self.table))
 
     def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Return the JSON Schema of the text or the table."""
-        return {"anyOf": [dict(self.json), handler(core)]}
+        """Return the JSON Schema of the shorter form or the table."""
+        return {"anyOf": [dict(self.json), handler(core)]} if self.json else handler(core)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ def number(least: float, most: float, note: str = "", *, whole: bool = False) ->
 
     def check(value: object) -> float:
         if isinstance(value, bool) or not isinstance(value, int if whole else int | float):
-            raise InputError(f"must be a{' whole' * whole} number {limits}, not {_shorten(value)}")
+            raise InputError(f"must be a{' whole' * whole} number {limits}, not {shorten(value)}")
         if not least <= value <= most:
             raise ValueError(f"must lie {limits}, not {value:.10g}")
         return value if whole else float(value)
@@ -192,7 +192,7 @@ def choice(*names: str) -> Read:
 
     def check(value: object) -> str:
         if not isinstance(value, str) or value not in names:
-            raise ValueError(f"{_shorten(value)} is unknown; {nearest(str(value)[: LIMITS.name], names)}")
+            raise ValueError(f"{shorten(value)} is unknown; {nearest(str(value)[: LIMITS.name], names)}")
         return value
 
     return Read(check, {"enum": list(names)})
@@ -208,7 +208,7 @@ def text(read: Callable[..., Any], example: str) -> Read:
 
     def convert(value: object) -> Any:  # noqa: ANN401 -- what the function returns
         if not isinstance(value, str):
-            raise InputError(f"must be a text, not {_shorten(value)}; write for example {example!r}")
+            raise InputError(f"must be a text, not {shorten(value)}; write for example {example!r}")
         try:
             return read(value, place="")
         except InputError as error:
@@ -229,7 +229,7 @@ def read_percentage(value: object) -> float:
     except ValueError:
         share = -1.0
     if not 0 <= share < float("inf"):
-        raise ValueError(f"{_shorten(value)} is no percentage; write for example '3 %'")
+        raise ValueError(f"{shorten(value)} is no percentage; write for example '3 %'")
     return share
 
 
@@ -247,7 +247,7 @@ def percentage(most: float = float("inf")) -> Read:
 
 def _read_name(value: object) -> str:
     if not isinstance(value, str) or not value.strip() or len(value) > LIMITS.name:
-        raise ValueError(f"must be a text of 1 to {LIMITS.name} characters, not {_shorten(value)}")
+        raise ValueError(f"must be a text of 1 to {LIMITS.name} characters, not {shorten(value)}")
     return value.strip()
 
 
@@ -255,14 +255,14 @@ def _read_pair(value: object) -> tuple[float, float]:
     """Read a pair of lengths along x and y, given as one length for the two directions or as a list [m]."""
     pair = value if isinstance(value, list) else [value, value]
     if len(pair) != 2:  # noqa: PLR2004 -- x and y
-        raise ValueError(f"must be one length or [x, y], not {_shorten(value)}")
+        raise ValueError(f"must be one length or [x, y], not {shorten(value)}")
     x, y = (_LENGTH.read(part) for part in pair)
     return (x, y)
 
 
 def _read_number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < abs(value) <= LIMITS.exponent:
-        raise ValueError(f"must be a number other than 0, or a list of them, not {_shorten(value)}")
+        raise ValueError(f"must be a number other than 0, or a list of them, not {shorten(value)}")
     return float(value)
 
 
@@ -272,11 +272,6 @@ def _terms(read_one: Callable[[object], float], one: Mapping[str, Any]) -> Read:
         lambda value: tuple(read_one(part) for part in (value if isinstance(value, list) else [value])),
         {"anyOf": [dict(one), {"type": "array", "items": dict(one)}]},
     )
-
-
-def _shorten(value: object) -> str:
-    shown = repr(value)
-    return shown if len(shown) <= LIMITS.name else f"{shown[: LIMITS.name]}..."
 
 
 _LENGTH = quantity("length")
@@ -401,7 +396,7 @@ def read_material_name(value: str) -> Material:
     """
     name = match_name(value, MATERIALS)
     if name not in MATERIALS:
-        raise ValueError(f"unknown material {_shorten(value)}; {nearest(name[: LIMITS.name], MATERIALS)}")
+        raise ValueError(f"unknown material {shorten(value)}; {nearest(name[: LIMITS.name], MATERIALS)}")
     return MATERIALS[name]
 
 

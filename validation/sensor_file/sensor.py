@@ -14,7 +14,7 @@ import numpy as np
 from fastmodel.signal.butterworth import Butterworth
 from fastmodel.signal.electronics import WTS_0614_34, Electronics
 from fastmodel.signal.point_spread import Gaussian
-from meshes import Cover, Layer, SolidCover, TexelArray
+from meshes import Cover, SolidCover, TexelArray
 from meshes.catalogue import ARRAYS, ASSUMED_COVER
 from meshes.solids import fingertip, flat_pad, phalanx
 from meshes.solids.covers import make_swept_cover
@@ -168,14 +168,6 @@ def load(
     return dataclasses.replace(description, cover=cover)
 
 
-def has_curved_cover(sensor: str) -> bool:
-    """Return whether a text names a sensor with a curved cover; False for a sensor that cannot be read."""
-    try:
-        return isinstance(load(sensor).cover, SolidCover)
-    except (InputError, OSError):
-        return False  # reported when the sensor is read
-
-
 def read_template() -> str:
     """Return the text of a sensor file of a home-made sensor, with all keys explained."""
     return resources.files("validation.sensor_file").joinpath("template.toml").read_text(encoding="utf-8")
@@ -238,8 +230,7 @@ def _build_cover(tables: SensorTables, array: TexelArray, folder: Path) -> tuple
         return project_texels(array, solid) if tables.array.project else array, solid
     if tables.array.project:
         raise InputError("array.project: is for curved covers; leave it out")
-    layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in table.layer)
-    cover = Cover(layers=layers, base=table.base, size=table.size)
+    cover = table.make()
     _refuse_uncovered(array, cover)
     return array, cover
 

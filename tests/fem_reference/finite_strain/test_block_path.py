@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fem_reference.finite_strain.block_path import (
-    BlockState,
-    describe_state,
+    BlockReactions,
+    GaussBase,
     find_constrained,
     lay_out_block,
     mesh_block,
-    recover_gauss_pressure,
-    recover_nodal_pressure,
 )
-from fem_reference.finite_strain.contact_problem import ContactEquilibrium
 from fem_reference.finite_strain.loading_path import LoadingPath, Units
-from meshes import Box, Roller
+from meshes import Box, Roller, TexelArray
+from meshes.pose import Pose
 from tests.support.rubber import make_cover
 
 COVER = make_cover(0.45)
@@ -32,38 +28,12 @@ def lay_out(shape, count=2):
     return lay_out_block(path, elements_per_thickness=count, contact_half=shape.footprint, fillet=0.4e-3, reach=15e-3)
 
 
-def make_state(lines, forces, symmetric=(False, False)):
-    return BlockState(
-        depth=1e-4,
-        load=1.0,
-        area=1e-6,
-        overlap=0.0,
-        lines=lines,
-        forces=forces,
-        symmetric=symmetric,
-        contact=np.empty((0, 5)),
-        energy=0.0,
-    )
-
-
-class Wedge:
-    """A surface that rises along x."""
-
-    axisymmetric = False
-    is_flat = False
-    mirror_symmetry = (False, True)
-    footprint = (1e-3, 1e-3)
-
-    def gap(self, x, y):
-        return 0.1 * (x + 1e-3) + 0 * y
-
-
-def test_half_a_symmetric_side_is_meshed_and_all_of_another():
-    block = lay_out(Wedge())
-    assert block.symmetric == (False, True)
-    assert block.sides[0] == pytest.approx(-block.sides[0][::-1])
-    assert block.sides[1][0] == 0
-    assert block.multiple == 2
+def recover(lines, forces, *, symmetric=(False, False), free=True):
+    """The base pressure at points along x and y."""
+    found = BlockReactions(
+        lines=lines, forces=forces, contact=np.empty((0, 5)), symmetric=symmetric, pose=Pose(), free=free
+    ).recover_base()
+    return found, found.x, found.y, found.pressure
 
 
 def test_base_sides_and_planes_of_symmetry_are_constrained():
@@ -88,25 +58,9 @@ def test_base_sides_and_planes_of_symmetry_are_constrained():
 def test_every_reaction_belongs_to_the_node_it_acts_on(shape, count):
     """Nodes on one mesh line differ by rounding; a reaction must not move to a neighbouring node for that."""
     block = lay_out(shape, count)
-    elements = mesh_block(block, UNITS.scale_cover(COVER), count)
-    x, y, _ = elements.nodes.T
-    reaction = np.zeros(elements.displacements + elements.pressures)
-    reaction[2 : elements.displacements : 3] = 10 * x + y
-    contact = SimpleNamespace(
-        area=0.0,
-        overlap=0.0,
-        pressure=np.zeros((1, 1)),
-        weight=np.ones((1, 1)),
-        position=np.zeros((1, 1, 3)),
-        traction=None,
-    )
-    reached = ContactEquilibrium(
-        state=np.zeros_like(reaction), depth=0.1, load=1.0, reaction=reaction, iterations=1, contact=contact
-    )
-    solid = SimpleNamespace(elements=elements, energy=lambda _: 0.0)
-    state = describe_state(solid, UNITS, reached, block)
-    expected = 10 * state.lines[0][:, None] + state.lines[1]
-    assert state.forces / UNITS.force == pytest.approx(expected / UNITS.length, abs=1e-9)
+    x, y, _ = mesh_block(block, UNITS.scale_cover(COVER), count).nodes.T
+    for line, index, place in zip(block.lines, block.find_nodes(x, y), (x, y), strict=True):
+        assert line.nodes[index] == pytest.approx(place, abs=1e-9)
 
 
 @settings(max_examples=30, deadline=None)
@@ -116,9 +70,11 @@ def test_nodal_pressure_integrates_to_the_reactions_and_is_mirrored(seed, symmet
     edges = [np.concatenate([[0.0], np.cumsum(rng.uniform(0.2, 1.0, n))]) for n in (4, 3)]
     lines = tuple(np.sort(np.concatenate([e, (e[1:] + e[:-1]) / 2])) for e in edges)
     forces = rng.standard_normal((9, 7))
-    x, y, pressure = recover_nodal_pressure(make_state(lines, forces, symmetric))
+    base, x, y, pressure = recover(lines, forces, symmetric=symmetric)
     total = _integrate(x) @ pressure @ _integrate(y)
     assert total == pytest.approx(forces.sum() * (1 + symmetric[0]) * (1 + symmetric[1]))
+    felt = base.forces(TexelArray.grid(2, 3, (0.7, 0.9)), Pose())
+    assert felt.sum() == pytest.approx(total, abs=1e-9)
     if symmetric[0]:
         assert pressure == pytest.approx(pressure[::-1])
     if symmetric[1]:
@@ -132,7 +88,7 @@ def test_a_bilinear_pressure_is_recovered_at_gauss_points(a, b, c):
     nodes = np.linspace(0, 2, 9)
     value = 1 + a * nodes[:, None] + b * nodes + c * nodes[:, None] * nodes
     mass = _mass(nodes)
-    x, y, pressure = recover_gauss_pressure(make_state((nodes, nodes), mass @ value @ mass))
+    _, x, y, pressure = recover((nodes, nodes), mass @ value @ mass, free=False)
     assert pressure == pytest.approx(1 + a * x[:, None] + b * y + c * x[:, None] * y, abs=1e-10)
 
 
@@ -149,3 +105,25 @@ def _mass(nodes):
 def _integrate(nodes):
     """Simpson weights of quadratic elements, shape (n,)."""
     return _mass(nodes).sum(axis=0)
+
+
+ARRAY = TexelArray.grid(2, 3, (4e-3, 5e-3), active=np.arange(6) != 4, texel_size=(3e-3, 4.4e-3))
+
+
+def pressure(x, y):
+    return 1e3 * (2 + 100 * x - 50 * y + 2e4 * x * y + 3e4 * x**2)
+
+
+@pytest.mark.parametrize("pose", [Pose.planar(at=(0.3e-3, -0.2e-3), yaw=0.3), Pose.planar(at=(5e-3, 0.0))])
+def test_a_polynomial_pressure_is_integrated_over_oblong_texels_and_the_rest(pose):
+    grid = np.linspace(-8e-3, 8e-3, 21), np.linspace(-7e-3, 7e-3, 15)
+    felt = GaussBase(x=grid[0], y=grid[1], pressure=pressure(*np.meshgrid(*grid, indexing="ij"))).forces(ARRAY, pose)
+    assert felt.shape == (7,)
+    steps = [((np.arange(200) + 0.5) / 200 - 0.5) * edge for edge in ARRAY.texel_size]
+    for force, centre, active in zip(felt, ARRAY.centres, ARRAY.active, strict=False):
+        x, y = pose.to_indenter(*np.meshgrid(centre[0] + steps[0], centre[1] + steps[1]))
+        inside = (np.abs(x) < 8e-3) & (np.abs(y) < 7e-3)
+        expected = np.where(inside, pressure(x, y), 0.0).mean() * np.prod(ARRAY.texel_size)
+        assert force == pytest.approx(expected if active else 0.0, rel=1e-4 if inside.all() else 0.08)
+    whole = 1e3 * (2 * 16e-3 * 14e-3 + 3e4 * 14e-3 * 2 * (8e-3) ** 3 / 3)
+    assert felt.sum() == pytest.approx(whole)

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fem_reference.fields.cover_fields import CoverFields
-from fem_reference.finite_strain.block_path import BlockState
+from fem_reference.finite_strain.block_path import NodalBase
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.indentation import finite_cover, finite_strain
-from fem_reference.indentation.correction import BlockModel, correct_path, solve_block_pair
+from fem_reference.indentation import finite_strain
+from fem_reference.indentation.correction import correct_path
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, extrapolate_solutions
-from fem_reference.indentation.rounding import SOLID_GRIDS, SolidGrid
+from fem_reference.indentation.rounding import SOLID_GRIDS
 from meshes import Box, Roller, TexelArray
 from meshes.pose import Place, Pose
+from tests.support.indentations import FixedBase
 from tests.support.rubber import make_cover
 
 FACE, ROLLER = Box(size=(4e-3, 4e-3, 4e-3)), Roller(radius=4e-3, length=6e-3)
@@ -33,7 +32,7 @@ def make_solution(force, depth, size=1.0):
         area=1.0,
         overlap=0.0,
         contact=np.zeros((1, 3)),
-        base_forces=lambda array, pose: np.array([force, 0.0]),
+        base=FixedBase(values=np.array([force, 0.0])),
         energy=force * depth / 2,
     )
 
@@ -122,62 +121,6 @@ def test_the_limit_is_extrapolated_under_faces_that_do_not_rub_and_else_that_of_
     assert (expected == pytest.approx(1.01)) == (limit == 1.01)
 
 
-def test_solutions_on_blocks_are_read_in_units_of_the_indenter_and_fields_on_the_finest_grid(monkeypatch):
-    """Both loading paths are solved at their load scale, and their results are divided by it."""
-    pose = Pose.planar(at=(3e-3, -1e-3), yaw=0.3)
-    path = LoadingPath(
-        cover=make_cover(0.45), indenter=ROLLER, targets=(1e-4, 2e-4), control="depth", friction=0.3, fields=True
-    )
-    place, push = np.array([[1e-3, 2e-3]]), np.array([[0.1, -0.2]])  # in the frame of the indenter
-
-    def make_state(path, target, count):
-        """A state whose numbers are those of its target and grid."""
-        value = path.load_scale * target * count
-        x, y = pose.to_array(*place.T)
-        shear = replace(pose, point=(0.0, 0.0, 0.0)).to_array(*push.T)
-        return SimpleNamespace(
-            load=2 * value, depth=value, area=1e-6 * count, overlap=0.01 * value, energy=path.load_scale**2 * 5 * count,
-            contact=np.column_stack([x, y, [3 * value], value * shear[0], value * shear[1]]), base=4 * value,
-            fields=make_fields(target * count) if path.fields else None,
-        )  # fmt: skip
-
-    received = []
-
-    def press(path, block, approaches, *, elements_per_thickness, coarser, progress):
-        received.append((block, approaches, coarser))
-        states = [[make_state(each, target, elements_per_thickness) for target in path.targets]
-                  for each in (replace(path.baseline, fields=False), path)]  # fmt: skip
-        return *states, f"pair on {elements_per_thickness}"
-
-    monkeypatch.setattr("fem_reference.indentation.correction.press_paired", press)
-    grids = [SolidGrid(count=count, fillet=1e-4 / count) for count in SOLID_GRIDS]
-    model = BlockModel(
-        kind="blocks with known answers", inputs={}, pose=pose, grids=grids, lay_out=lambda grid: grid.fillet,
-        recover_pressure=lambda state: (np.zeros(1), np.zeros(1), np.array([[state.base]])),
-        integrate=lambda base: lambda array, pose: base[2][0],
-    )  # fmt: skip
-    for _ in range(2):  # computed, then read from the store
-        baseline, full = solve_block_pair(path, [1.1e-4, 2.2e-4], model, None)
-        for target, *both in zip(path.targets, baseline, full, strict=True):
-            for count, *solutions in zip(SOLID_GRIDS, *both, strict=True):
-                value = target * count
-                for found in solutions:
-                    assert (found.size, found.area, found.overlap) == pytest.approx((1 / count, 1e-6 * count, 0.01))
-                    assert (found.total_force, found.depth) == pytest.approx((2 * value, value))
-                    assert found.energy == pytest.approx(5 * count)
-                    assert found.contact == pytest.approx(np.column_stack([place, [3 * value]]))
-                    assert found.base_forces(None, None) == pytest.approx([4 * value])
-                assert solutions[0].shear is None
-                assert solutions[1].shear == pytest.approx(value * push)
-                assert solutions[0].fields is None
-                assert (solutions[1].fields is not None) == (count == SOLID_GRIDS[-1])
-            assert (both[1][-1].fields.stress == target * SOLID_GRIDS[-1]).all()
-    pairs = [None, *(f"pair on {count}" for count in SOLID_GRIDS[:-1])]
-    assert received == [(grid.fillet, [1.1e-4, 2.2e-4], pair) for grid, pair in zip(grids, pairs, strict=True)]
-    bare = solve_block_pair(replace(path, fields=False), [1.1e-4, 2.2e-4], model, None)[1]
-    assert [each.fields for grids in bare for each in grids] == [None] * 6
-
-
 def test_each_pose_on_a_cover_of_limited_size_and_each_indenter_on_a_wide_one_is_solved_once(monkeypatch, tmp_path):
     monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
     accurate = GridStudy(solutions=[make_grids(2e-4)], least_order=1.0, assumptions={})
@@ -187,10 +130,7 @@ def test_each_pose_on_a_cover_of_limited_size_and_each_indenter_on_a_wide_one_is
     def press(path, block, approaches, *, elements_per_thickness, coarser, progress):
         solved.append(block)
         nodes = np.linspace(0, 1e-3, 5)
-        state = BlockState(
-            load=2 * path.load_scale, depth=2e-4 * path.load_scale, area=1e-6, overlap=0.0, energy=path.load_scale**2,
-            lines=(nodes, nodes), forces=np.ones((5, 5)), symmetric=block.symmetric, contact=np.zeros((1, 5)),
-        )  # fmt: skip
+        state = replace(make_solution(2.0, 2e-4), base=NodalBase(x=nodes, y=nodes, pressure=np.ones((5, 5))))
         return [state], [state], None
 
     monkeypatch.setattr("fem_reference.indentation.correction.press_paired", press)
@@ -199,17 +139,9 @@ def test_each_pose_on_a_cover_of_limited_size_and_each_indenter_on_a_wide_one_is
     array, grids = TexelArray.grid(2, 2, pitch=3e-3), len(SOLID_GRIDS)
     for number, at in enumerate([(0.0, 0.0), (1e-3, 0.0), (0.0, 1e-3)], start=1):
         for _ in range(2):
-            finite_cover.study_path(bounded, Place(array=array, pose=Pose.planar(at=at)), None)
+            finite_strain.study_path(bounded, Place(array=array, pose=Pose.planar(at=at)), None)
             assert len(solved) == number * grids
     for number, shape in enumerate([FACE, Box(size=(4e-3, 3e-3, 4e-3))], start=4):
         for _ in range(2):
-            finite_strain.study_path(replace(path, indenter=shape), None)
+            finite_strain.study_path(replace(path, indenter=shape), Place(array=array, pose=Pose()), None)
             assert len(solved) == number * grids
-
-
-def make_fields(stress):
-    """The same stress at the corners of one hexahedron."""
-    return CoverFields(
-        position=np.zeros((8, 3)), displacement=np.zeros((8, 3)), stress=np.full((8, 3, 3), stress),
-        cells=np.arange(8)[None], layer=np.zeros(1, int), axisymmetric=False,
-    )  # fmt: skip

@@ -18,6 +18,7 @@ from fem_reference.indentation.grid_solution import (
 )
 from meshes import TexelArray
 from meshes.pose import Pose
+from tests.support.indentations import FixedBase
 
 ARRAY = TexelArray.grid(2, 2, pitch=3e-3)
 SIZES = (1 / 4, 1 / 6, 1 / 9)
@@ -33,14 +34,14 @@ def make_solution(force=1.0, depth=1.0, *, area=1.0, shares=(0.4, 0.3, 0.2, 0.05
         area=area,
         overlap=overlap,
         contact=np.array([[0.0, 1.0, force / 2], [2.0, 3.0, force / 2]]),
-        base_forces=lambda array, pose: force * np.append(shares, 1 - sum(shares)),
+        base=FixedBase(values=force * np.append(shares, 1 - sum(shares))),
         energy=force * depth / 2,
         shear=np.array([[0.1, 0.0], [-0.1, 0.2]]) * force,
     )
 
 
 def read_texels(solution):
-    return solution.base_forces(ARRAY, Pose())[:4]
+    return solution.base.forces(ARRAY, Pose())[:4]
 
 
 @given(force=POSITIVE, depth=POSITIVE, first=POSITIVE, second=POSITIVE)
@@ -67,7 +68,7 @@ def test_refinements_in_turn_add_up_and_so_do_their_errors(radius, elements):
     solutions = add_refinements(grids)
     force = 2 + radius / 2 + elements / 3
     assert [each.total_force for each in solutions] == pytest.approx([*forces[:2], force])
-    assert float(solutions[-1].base_forces(ARRAY, Pose()).sum()) == pytest.approx(force)
+    assert float(solutions[-1].base.forces(ARRAY, Pose()).sum()) == pytest.approx(force)
     estimate = study.estimate_error(solutions, lambda each: each.total_force)
     assert estimate == pytest.approx((3.0 * abs(radius) / 2 + 1.25 * abs(elements) / 3) / force, abs=1e-12)
 
@@ -148,7 +149,7 @@ def test_forces_that_balance_on_every_grid_balance_in_the_result(forces, swings)
         for force, swing, size in zip(forces, swings, SIZES, strict=True)
     ]
     for study in (make_study(), make_study(extrapolate=True)):
-        base = study.combine(grids, lambda each: each.base_forces(ARRAY, Pose()))
+        base = study.combine(grids, lambda each: each.base.forces(ARRAY, Pose()))
         assert base.sum() == pytest.approx(float(study.combine(grids, read_force)), rel=1e-12, abs=1e-12)
 
 

@@ -10,6 +10,7 @@ from fem_reference.indentation.grid_solution import GridSolution, GridStudy
 from fem_reference.indentation.layered import _combine_grids
 from meshes import Box, Sphere, TexelArray
 from meshes.pose import Place, Pose
+from tests.support.indentations import FixedBase
 
 SIZES = (4.0, 2.0, 1.0)
 SHARES = np.array([0.2, 0.5, 0.1, 0.1])
@@ -27,7 +28,7 @@ def make_study(*, force=0.0, depth=0.0, texel=0.0, areas=(1.0, 1.0, 1.0), overla
         overlap: Mean penetration over the depth.
         lost: Share of the force that the base forces lack.
     """
-    base_error = options.pop("base_error", None)
+    error = {"error": options.pop("base_error")} if "base_error" in options else {}
     solutions = []
     for size, area in zip(SIZES, areas, strict=True):
         total, shares = 3.0 * (1 + force * size**2), SHARES * (1 + texel * size**2)
@@ -40,9 +41,8 @@ def make_study(*, force=0.0, depth=0.0, texel=0.0, areas=(1.0, 1.0, 1.0), overla
                 area=area,
                 overlap=overlap,
                 contact=np.array([[0.0, 0.0, total / 2], [1e-3, 1e-3, total / 2]]),
-                base_forces=lambda _array, _pose, base=base: base,
+                base=FixedBase(values=base, **error),
                 energy=1e-4,
-                base_error=base_error,
             )
         )
     return GridStudy(solutions=[solutions], least_order=1.0, assumptions={}, **options)

@@ -30,8 +30,8 @@ def test_a_flat_face_at_another_load_is_the_first_solution_scaled(control):
         for name in ("total_force", "depth", "area"):
             assert getattr(scaled, name) == pytest.approx(getattr(solved, name), rel=1e-6)
         assert scaled.contact == pytest.approx(solved.contact, rel=1e-6)
-        forces = scaled.base_forces(ARRAY, POSE)
-        assert forces == pytest.approx(solved.base_forces(ARRAY, POSE), rel=1e-6)
+        forces = scaled.base.forces(ARRAY, POSE)
+        assert forces == pytest.approx(solved.base.forces(ARRAY, POSE), rel=1e-6)
         assert forces.sum() == pytest.approx(scaled.total_force, rel=1e-4)
 
 
@@ -45,8 +45,8 @@ def ball():
 @given(x=st.floats(-8e-3, 8e-3), y=st.floats(-8e-3, 8e-3))
 def test_a_mirrored_pose_mirrors_the_base_forces(ball, x, y):
     finest = ball[1][-1]
-    here = ARRAY.image(finest.base_forces(ARRAY, Pose.planar(at=(x, y)))[:-1])
-    there = ARRAY.image(finest.base_forces(ARRAY, Pose.planar(at=(-x, -y)))[:-1])
+    here = ARRAY.image(finest.base.forces(ARRAY, Pose.planar(at=(x, y)))[:-1])
+    there = ARRAY.image(finest.base.forces(ARRAY, Pose.planar(at=(-x, -y)))[:-1])
     assert there[::-1, ::-1] == pytest.approx(here, abs=1e-4 * finest.total_force)
 
 

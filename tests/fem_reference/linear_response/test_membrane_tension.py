@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fem_reference.linear_response.axisymmetric import point_spread
 from fem_reference.linear_response.membrane_tension import Stretch, StretchedResponse
-from fem_reference.linear_response.point_spread import PointSpread, point_spread
+from fem_reference.linear_response.point_spread import PointSpread
 from fem_reference.linear_response.surface_compliance import membrane_length
 from meshes import Cover, Layer, Material
 from tests.support.rubber import make_cover

@@ -53,7 +53,8 @@ def test_the_modulus_does_not_change_the_response_and_the_thickness_scales_it(bo
         for h, e in ((1.0, 1.0), (thickness, modulus))
     )
     assert found.radius == pytest.approx(unit.radius * thickness)
-    assert found.pressure * thickness**2 == pytest.approx(unit.pressure, abs=1e-8 * unit.pressure.max())
+    pressure = unit.pressure_per_force
+    assert found.pressure_per_force * thickness**2 == pytest.approx(pressure, abs=1e-8 * pressure.max())
     assert found.reaction == pytest.approx(unit.reaction, abs=1e-9)
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from meshes.bounded_file import parse_toml
-from validation.campaign.campaign_file import FlatPlaces, Inputs, parse_campaign, read_campaign
-from validation.campaign.case import Case, name_positions
+from validation.campaign.campaign_file import Inputs, parse_campaign, read_campaign
+from validation.campaign.case import Case
 from validation.errors import InputError
+from validation.places import FlatPlaces
 from validation.schema.campaign import METRICS, CampaignTables, CaseTable, RequiredTable
 
 GOOD = """
@@ -114,7 +115,7 @@ def test_quick_takes_the_marked_cases_or_the_first_six(wts):
         ("load = '-5 N'", "case[1].load: must be positive"),
         ("load = 'nan N'", "case[1].load: "),
         ("loads = ['1 N', '1 N']\nload = ''", "case[1].load: give one of"),
-        ("at = 'center'", "case[1].at: unknown position 'center'; did you mean 'centre'?"),
+        ("at = 'center'", "case[1].at: unknown place 'center'; did you mean 'centre'?"),
         ("at = '1mm'", "case[1].at: "),
         ("yaw = '45'", "case[1].yaw: "),
         ("tilt = '45deg,0deg'", "case[1].tilt: "),
@@ -206,7 +207,7 @@ def test_a_missing_file_and_no_toml_are_named(wts, tmp_path):
 
 
 def test_named_positions_are_those_of_the_array(wts):
-    named = name_positions(wts)
+    named = FlatPlaces(array=wts).named
     cases = read_campaign(None, FlatPlaces(array=wts)).cases
     assert {case.pose.at for case in cases} == set(named.values())
     assert all(isinstance(case, Case) for case in cases)
@@ -217,4 +218,4 @@ def test_the_documentation_names_every_key_position_and_metric(wts):
     shown = set(re.findall(r"[a-z_0-9]+", text.split("## How the verdict is made")[0]))
     keys = {key for table in (CampaignTables, RequiredTable, CaseTable) for key in table.model_fields} | set(METRICS)
     assert keys | {field.name for field in dataclasses.fields(Inputs)} <= shown
-    assert all(f"`{name}`" in text for name in name_positions(wts))
+    assert all(f"`{name}`" in text for name in FlatPlaces(array=wts).named)

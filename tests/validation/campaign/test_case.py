@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from meshes.catalogue import ARRAYS
-from validation.campaign.campaign_file import FlatPlaces, read_campaign
+from validation.campaign.campaign_file import read_campaign
+from validation.places import FlatPlaces
 
 
 @pytest.mark.parametrize("name", ["wts-0614-34", "sdh2-distal"])

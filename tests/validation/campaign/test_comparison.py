@@ -16,7 +16,7 @@ def comparison(wts_derivation):
 
 
 def test_a_comparison_scores_like_a_campaign(comparison, wts_derivation):
-    result = LayeredBench(cover=wts_derivation.sensor.cover, fast=wts_derivation.parameters).solve(CASE)
+    result = LayeredBench(cover=wts_derivation.sensor.cover, parameters=wts_derivation.parameters).solve(CASE)
     assert comparison.score.as_json() == pytest.approx(result.predictions["fast"].score.as_json())
 
 

@@ -4,9 +4,9 @@ import dataclasses
 
 import pytest
 
-from validation.campaign.bench import Clock, LayeredBench, Plan, classify, plan_solves
+from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
-from validation.campaign.run import run_campaign
+from validation.campaign.run import Clock, Plan, classify, plan_cases, run_campaign
 
 CASES = (
     Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),
@@ -18,26 +18,26 @@ CASES = (
 def test_missing_solutions_are_counted_once_and_stored_ones_not(bonded, wts, tmp_path, monkeypatch):
     monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
     cover = bonded(0.49)
-    plan = plan_solves(cover, wts, CASES)
+    plan = plan_cases(cover, wts, CASES)
     assert plan.missing == (True, False, True)
     assert "3 cases, 2 reference solutions missing" in plan.describe()
     from validation.campaign.reference_press import press_reference
 
     press_reference(cover, wts, CASES[0])
-    after = plan_solves(cover, wts, CASES)
+    after = plan_cases(cover, wts, CASES)
     assert after.missing == (False, False, True)
     assert after.total < plan.total
 
 
 def test_nothing_is_computed_to_find_out(bonded, wts, tmp_path, monkeypatch):
     monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
-    plan_solves(bonded(0.49), wts, CASES)
+    plan_cases(bonded(0.49), wts, CASES)
     assert list(tmp_path.glob("*.entry")) == []
 
 
 def test_time_left_follows_the_finished_cases(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("validation.campaign.bench.time.perf_counter", lambda: now[0])
+    monkeypatch.setattr("validation.campaign.run.time.perf_counter", lambda: now[0])
     clock = Clock(Plan(cases=3, missing=(True,) * 3, seconds=(10.0, 10.0, 20.0)))
     assert clock.describe(0, "a") == "a, about 40 s left"
     now[0] = 30.0  # three times as long as expected
@@ -64,7 +64,7 @@ def test_kinds_of_problems(bonded):
 
 def test_an_interrupted_run_keeps_the_finished_cases(wts_derivation, monkeypatch):
     cover, parameters = wts_derivation.sensor.cover, wts_derivation.parameters
-    finished = LayeredBench(cover=cover, fast=parameters).solve(CASES[0])
+    finished = LayeredBench(cover=cover, parameters=parameters).solve(CASES[0])
 
     def run(_bench, case):
         if case is not CASES[0]:
@@ -72,7 +72,7 @@ def test_an_interrupted_run_keeps_the_finished_cases(wts_derivation, monkeypatch
         return finished
 
     monkeypatch.setattr("validation.campaign.bench.LayeredBench.solve", run)
-    result = run_campaign(LayeredBench(cover=cover, fast=parameters), CASES)
+    result = run_campaign(LayeredBench(cover=cover, parameters=parameters), CASES)
     assert result.interrupted
     assert [each.case.name for each in result.cases] == ["sphere"]
     assert [(each.name, each.reason) for each in result.skipped] == [
@@ -87,4 +87,4 @@ def test_a_run_without_a_finished_case_is_interrupted(wts_derivation, monkeypatc
 
     monkeypatch.setattr("validation.campaign.bench.LayeredBench.solve", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        run_campaign(LayeredBench(cover=wts_derivation.sensor.cover, fast=wts_derivation.parameters), CASES)
+        run_campaign(LayeredBench(cover=wts_derivation.sensor.cover, parameters=wts_derivation.parameters), CASES)

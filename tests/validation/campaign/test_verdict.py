@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from validation.campaign.bench import LayeredBench
-from validation.campaign.campaign_file import Criterion, FlatPlaces, read_campaign
+from validation.campaign.campaign_file import Criterion, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.results import SkippedCase, judge, score_forces
 from validation.campaign.run import run_campaign, summarise
+from validation.places import FlatPlaces
 
 CASES = (
     Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),
@@ -20,7 +21,7 @@ CASES = (
 
 @pytest.fixture(scope="module")
 def result(wts_derivation):
-    return run_campaign(LayeredBench(cover=wts_derivation.sensor.cover, fast=wts_derivation.parameters), CASES)
+    return run_campaign(LayeredBench(cover=wts_derivation.sensor.cover, parameters=wts_derivation.parameters), CASES)
 
 
 @pytest.fixture(scope="module")

@@ -12,5 +12,5 @@ def without_reference(monkeypatch):
     def fail(*_, **__):
         raise AssertionError("the finite elements were asked")
 
-    module = importlib.import_module("fem_reference.linear_response.point_spread")
+    module = importlib.import_module("fem_reference.linear_response.axisymmetric")
     monkeypatch.setattr(module, "point_spread", fail)

@@ -8,7 +8,7 @@ import pytest
 
 from fem_reference import ConvergenceError, result_store
 from validation.campaign.bench import LayeredBench
-from validation.campaign.campaign_file import FlatPlaces, Inputs, read_campaign
+from validation.campaign.campaign_file import Inputs, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.run import summarise
 from validation.credibility import evidence
@@ -24,6 +24,7 @@ from validation.credibility.uncertainty import (
 )
 from validation.credibility.verification import observe_order, verify_solutions
 from validation.metrics import centre_of_pressure
+from validation.places import FlatPlaces
 
 BALL = Case.read("ball", "sphere:radius=5mm", "300 g", at="0.7mm,-1.1mm")
 BLOCK = Case.read("block", "box:size=6mmx10mmx5mm", "300 g", at="0.7mm,-1.1mm", yaw="30deg")
@@ -36,8 +37,8 @@ def only(**inputs):
 
 @pytest.fixture(scope="module")
 def results(wts_derivation):
-    sensor = wts_derivation.sensor
-    return [LayeredBench(cover=sensor.cover, fast=wts_derivation.parameters).solve(case) for case in (BALL, BLOCK)]
+    bench = LayeredBench(cover=wts_derivation.sensor.cover, parameters=wts_derivation.parameters)
+    return [bench.solve(case) for case in (BALL, BLOCK)]
 
 
 def test_the_coarse_image_is_near_the_reference(results, wts_derivation):
@@ -217,7 +218,7 @@ def test_solutions_are_listed_on_three_grids(results):
 
 
 def test_errors_are_grouped_and_the_range_is_that_of_the_cases(results, wts_derivation):
-    bench = LayeredBench(cover=wts_derivation.sensor.cover, fast=wts_derivation.parameters)
+    bench = LayeredBench(cover=wts_derivation.sensor.cover, parameters=wts_derivation.parameters)
     groups = group_errors(bench, results)
     assert set(groups) == {"load", "shape", "pose"}
     assert groups["load"]["2 N and more"]["misplaced_force"].cases == 2
@@ -267,7 +268,7 @@ def test_a_case_whose_inputs_cannot_be_propagated_costs_its_comparison_and_a_lin
     monkeypatch.setattr(input_uncertainty, "propagate_inputs", propagate)
     monkeypatch.setattr("validation.credibility.verification.verify_code", lambda *_: ())
     sensor = wts_derivation.sensor
-    bench = LayeredBench(cover=sensor.cover, fast=wts_derivation.parameters)
+    bench = LayeredBench(cover=sensor.cover, parameters=wts_derivation.parameters)
     gathered = evidence.gather_evidence(
         bench, read_campaign(None, FlatPlaces(array=sensor.array)), summarise(results, (), None)
     )

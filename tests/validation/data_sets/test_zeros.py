@@ -7,16 +7,15 @@ import pytest
 
 from tests.support.laboratory import ARRAY, draw_gains, make_curve, press, uniform_method, write
 from validation.calibration.model import Pose
-from validation.data_sets.data_set import Keys, describe_files
+from validation.data_sets.data_set import describe_files
 from validation.data_sets.images import find_rest, read_image
 from validation.recordings.recording import RecordingError
+from validation.schema.data_set import CommonKeys
 
 METHOD = uniform_method()
 CURVE = make_curve(draw_gains(np.random.default_rng(1)))
 POSE = Pose(2e-3, -1e-3)
-KEYS = Keys(
-    indenter="", at=None, yaw=None, moved=False, array=None, threshold=None, window=(2.0, 4.0), temperature_channel=-1
-)
+KEYS = CommonKeys(window=[2, 4])
 
 
 def record(change=lambda counts, _times: counts, load=10.0, **options):

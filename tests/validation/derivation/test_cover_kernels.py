@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fem_reference.linear_response.point_spread import point_spread
+from fem_reference.linear_response.axisymmetric import point_spread
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from meshes import Cover, Layer, TexelArray
 from validation.derivation.derive import derive

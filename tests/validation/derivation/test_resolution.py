@@ -21,7 +21,7 @@ def thicker():
 def test_resolution_is_that_of_two_touches_on_the_exact_layer(derivation):
     """Base pressure between two point loads, superposed from the exact solution: a dip beyond the resolution only."""
     for factor, dips in ((0.97, False), (1.03, True)):
-        apart = factor * derivation.resolution
+        apart = factor * derivation.result.resolution
         place = np.linspace(0, apart, 201)
         pressure = point_response(derivation.sensor.cover, place)
         pressure = pressure + pressure[::-1]
@@ -31,7 +31,7 @@ def test_resolution_is_that_of_two_touches_on_the_exact_layer(derivation):
 def test_resolution_on_the_array_is_that_of_two_touches_on_real_texels(derivation):
     """Two touches on the array's own middle row, at every alignment: a texel between reads less than both sides."""
     array, spread = derivation.sensor.array, derivation.point_spread
-    apart, row = derivation.resolution_on_array, array.centres[array.middle, 1]
+    apart, row = derivation.result.resolution_on_array, array.centres[array.middle, 1]
 
     def dips(separation):
         found = []
@@ -48,8 +48,8 @@ def test_resolution_on_the_array_is_that_of_two_touches_on_real_texels(derivatio
 
 
 def test_resolution_scales_with_the_cover(derivation, thicker):
-    assert two_point_separation(thicker) == pytest.approx(1.05 * derivation.resolution, rel=0.01)
-    assert derivation.resolution_on_array >= 2 * derivation.sensor.array.pitch[0] - 1e-9
+    assert two_point_separation(thicker) == pytest.approx(1.05 * derivation.result.resolution, rel=0.01)
+    assert derivation.result.resolution_on_array >= 2 * derivation.sensor.array.pitch[0] - 1e-9
 
 
 @dataclasses.dataclass

@@ -17,7 +17,7 @@ def thicker():
 def test_sensitivity_to_thickness_predicts_a_thicker_cover(derivation, thicker):
     own = derivation.fit.estimates["least-squares-uniform-uncut"][0]
     change = uncut_sigma(thicker, derivation.sensor.array) - own
-    assert change == pytest.approx(derivation.sensitivity["thickness"] * 1e-4, rel=0.1)
+    assert change == pytest.approx(derivation.result.sensitivity["thickness"] * 1e-4, rel=0.1)
 
 
 def cover(*layers):
@@ -71,7 +71,7 @@ def test_sensitivities_of_two_layers_are_those_of_real_runs():
 
 
 def test_youngs_modulus_drops_out_of_the_point_spread(derivation):
-    assert derivation.sensitivity["youngs_modulus"] == 0
+    assert derivation.result.sensitivity["youngs_modulus"] == 0
     stiff, soft = derivation.point_spread, point_spread(cover((2e-3, 1e4, 0.49)))
     assert derivation.sensor.cover.layers[0].material.youngs_modulus > 1e5
     np.testing.assert_allclose(soft.pressure_per_force, stiff.pressure_per_force, rtol=1e-6, atol=1e-6)

@@ -7,8 +7,7 @@ import pytest
 
 import fastmodel
 from fem_reference import point_spread
-from fem_reference.indentation.ball_path import press_ball
-from fem_reference.linear_response.finite_cover import SolidInfluence
+from fem_reference.indentation.finite_strain import press_ball
 from fem_reference.linear_response.membrane_tension import Stretch, StretchedResponse
 from fem_reference.linear_response.surface_compliance import membrane_length
 from meshes import Cover, Layer, Material, Sphere, TexelArray
@@ -21,7 +20,6 @@ from validation.derivation.contact_range import (
     press_ball_on_array,
     state_range,
 )
-from validation.derivation.layers import _state_range
 
 FOIL = Material(name="foil", model="linear-elastic", parameters={"youngs_modulus": 3e9}, poisson_ratio=0.38)
 COVER = Cover(
@@ -69,16 +67,6 @@ def test_the_ball_presses_on_an_active_texel_and_off_the_grid():
     assert array.active[np.argmin(np.linalg.norm(array.centres[:, :2] - centre, axis=1))]
     assert centre == pytest.approx([0.0, -2e-3])
     assert beside - centre == pytest.approx([0.6e-3, 0.8e-3])
-
-
-def test_the_range_is_not_stated_with_free_side_edges(derivation):
-    cover = dataclasses.replace(derivation.sensor.cover, size=(30e-3, 60e-3))
-    sensor = dataclasses.replace(derivation.sensor, cover=cover)
-    parameters = dataclasses.replace(derivation.parameters, validity=None)
-    sides = SolidInfluence(cover=cover, array=sensor.array, grids=())
-    steps: list[str] = []
-    assert _state_range(parameters, sensor, sides, steps.append) is parameters
-    assert not steps  # no ball was pressed
 
 
 def test_tension_takes_force_away_and_the_contact_can_be_removed(bonded):

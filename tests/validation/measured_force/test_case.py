@@ -5,8 +5,10 @@ import pytest
 
 from meshes import Sphere
 from meshes.bounded_file import parse_toml
+from validation import schema
 from validation.errors import InputError
-from validation.measured_force.case import BUILT_IN, parse_measurement, read_measured_force
+from validation.measured_force.comparison import BUILT_IN, read_measured_force, replace_dome, shift_poisson_ratio
+from validation.schema.measured_force import Measurement
 
 TEXT = """
 name = "pad"
@@ -26,7 +28,7 @@ use = "fit"
 
 
 def parse(text):
-    return parse_measurement(parse_toml(text), source="pad.toml")
+    return schema.parse(parse_toml(text), Measurement, source="pad.toml")
 
 
 def test_points_are_sorted_and_in_si_units():
@@ -34,24 +36,27 @@ def test_points_are_sorted_and_in_si_units():
     np.testing.assert_allclose(read.depth, [0.2e-3, 0.4e-3])
     np.testing.assert_allclose(read.force, [0.05 * 9.80665, 2.0])
     assert read.fitted.tolist() == [True, False]
-    assert (read.force_uncertainty, read.zero_uncertainty, read.source) == (None, None, "given by the user")
+    assert (read.uncertainty.force, read.uncertainty.zero, read.source) == (None, None, "given by the user")
+
+
+def shift(text):
+    return [shift_poisson_ratio(parse(text).cover, sign).layers[0].material for sign in (-1, 1)]
 
 
 def test_poisson_ratio_moves_at_equal_shear_modulus_up_to_incompressible():
-    low, high = (cover.layers[0].material for cover in parse(TEXT).poisson_ends)
+    low, high = shift(TEXT)
     assert (low.poisson_ratio, high.poisson_ratio) == (pytest.approx(0.45), 0.5)
-    linear = parse(TEXT.replace('"neo-hookean", shear_modulus', '"linear-elastic", youngs_modulus'))
-    wanted = linear.cover.layers[0].material.shear_modulus
-    assert [each.layers[0].material.shear_modulus for each in linear.poisson_ends] == pytest.approx([wanted] * 2)
-    assert parse(TEXT.replace(", poisson_spread = 0.03", "")).poisson_ends is None
+    linear = TEXT.replace('"neo-hookean", shear_modulus', '"linear-elastic", youngs_modulus')
+    wanted = parse(linear).cover.layers[0].material.shear_modulus
+    assert [each.shear_modulus for each in shift(linear)] == pytest.approx([wanted] * 2)
 
 
 def test_the_ball_on_a_dome_has_the_gap_of_the_given_ball():
     domed = parse('top_radius = "60 mm"\n' + TEXT)
     x = np.array([0.3e-3])
     fall = x**2 / (2 * 60e-3)
-    assert domed.domed_indenter.gap(x, 0 * x) == pytest.approx(domed.indenter.gap(x, 0 * x) + fall, rel=1e-3)
-    assert parse(TEXT).domed_indenter == Sphere(radius=5e-3)
+    assert replace_dome(domed).gap(x, 0 * x) == pytest.approx(domed.indenter.gap(x, 0 * x) + fall, rel=1e-3)
+    assert replace_dome(parse(TEXT)) == Sphere(radius=5e-3)
 
 
 @pytest.mark.parametrize("name", BUILT_IN)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from meshes import Cover, Layer, Material, Sphere
-from validation.measured_force.case import Measurement
+from meshes import Cover, Layer, Material
+from tests.support.measured_force import make_measurement
 from validation.measured_force.comparison import Curve, Row, Variation, compare_forces, fit_scale, interpolate_force
 
 DEPTH = np.array([0.25e-3, 0.5e-3, 0.75e-3, 1e-3, 1.5e-3, 2e-3])
@@ -19,11 +19,10 @@ def rise(exponent):
     return 5 * (DEPTH / 1e-3) ** exponent
 
 
-def measure(force, **options):
+def measure(forces, *, depth=DEPTH, fitted=FITTED, **uncertainty):
     rubber = Material(name="gel", model="neo-hookean", parameters={"shear_modulus": 1e5}, poisson_ratio=0.495)
-    given = {"fitted": FITTED, "depth": DEPTH, **options}
     cover = Cover(layers=(Layer(thickness=4e-3, material=rubber),))
-    return Measurement(name="made up", source="", indenter=Sphere(radius=7e-3), cover=cover, force=force, **given)
+    return make_measurement(depth, forces, fitted, cover=cover, uncertainty=uncertainty)
 
 
 def curves(error=NONE, **varied):
@@ -51,7 +50,7 @@ def test_the_interval_covers_the_known_factor(stated):
         force = (
             force + random.normal(0, 0.02, len(force)) if stated else force * np.exp(random.normal(0, 0.05, len(force)))
         )
-        row = compare_forces(measure(force, force_uncertainty=0.02 if stated else None), curves()).rows[0]
+        row = compare_forces(measure(force, force=0.02 if stated else None), curves()).rows[0]
         covered += row.interval[0] <= 0.7 <= row.interval[1]
     assert 0.9 <= covered / 150 <= 0.99
 
@@ -60,7 +59,7 @@ def test_errors_of_scored_points_are_within_their_uncertainty_as_often_as_stated
     random, inside = np.random.default_rng(7), 0
     for _ in range(150):
         force = 0.7 * rise(2.0) + random.normal(0, 0.05, len(DEPTH))
-        row = compare_forces(measure(force, force_uncertainty=0.05), curves()).rows[0]
+        row = compare_forces(measure(force, force=0.05), curves()).rows[0]
         inside += abs(row.error[-1]) < row.u_val[-1]
     assert 0.60 <= inside / 150 <= 0.76  # 68 % of a normal distribution
 
@@ -68,7 +67,7 @@ def test_errors_of_scored_points_are_within_their_uncertainty_as_often_as_stated
 def test_an_error_of_the_zero_of_depth_is_within_its_uncertainty():
     wrong = 0.03e-3
     force = 0.7 * 5 * ((DEPTH + wrong) / 1e-3) ** 2
-    row = compare_forces(measure(force, force_uncertainty=1e-6, zero_uncertainty=wrong), curves()).rows[0]
+    row = compare_forces(measure(force, force=1e-6, zero=wrong), curves()).rows[0]
     assert np.abs(row.error[-1]) == pytest.approx(row.u_val[-1], rel=0.15)
     assert row.zero_shift == pytest.approx(wrong, rel=1e-3)
     assert row.misfit[1] < 1e-3 * row.misfit[0]
@@ -90,7 +89,7 @@ def test_only_what_the_fit_does_not_absorb_counts_as_input():
 
 
 def test_parts_add_up():
-    row = compare_forces(measure(rise(2.0), force_uncertainty=0.1), curves(error=NONE + 0.02)).rows[0]
+    row = compare_forces(measure(rise(2.0), force=0.1), curves(error=NONE + 0.02)).rows[0]
     total = row.numerical**2 + sum(part**2 for part in row.inputs.values()) + 0.1**2
     np.testing.assert_allclose(row.u_val**2, total)
     np.testing.assert_allclose(row.numerical, row.predicted * np.hypot(0.02, 0.02 / 2))
@@ -100,7 +99,7 @@ def test_parts_add_up():
 
 
 def test_friction_between_the_bounds_holds_half_their_range():
-    one, other, between = compare_forces(measure(rise(2.2), force_uncertainty=0.01), curves()).rows
+    one, other, between = compare_forces(measure(rise(2.2), force=0.01), curves()).rows
     half = np.abs(one.predicted - other.predicted) / 2
     np.testing.assert_allclose(between.inputs["friction"], half / math.sqrt(3))
     assert abs(between.error[-1]) < 2 * between.u_val[-1]
@@ -111,18 +110,18 @@ def test_friction_between_the_bounds_holds_half_their_range():
     [(2.0, "allow frictionless, and not"), (2.5, "allow no slip, and not"), (3.0, "neither bound"), (2.25, "neither")],
 )
 def test_the_verdict_names_the_bound_of_the_data(power, words):
-    verdict = compare_forces(measure(rise(power), force_uncertainty=0.005), curves()).verdict
+    verdict = compare_forces(measure(rise(power), force=0.005), curves()).verdict
     assert words in verdict[0]
     assert any("outside both bounds" in sentence for sentence in verdict) == (power == 3.0)
 
 
 def test_both_bounds_are_allowed_where_the_data_scatter_more():
-    assert "both bounds" in compare_forces(measure(rise(2.2), force_uncertainty=2.0), curves()).verdict[0]
+    assert "both bounds" in compare_forces(measure(rise(2.2), force=2.0), curves()).verdict[0]
 
 
 def test_what_is_not_stated_is_said():
     assert "force and zero of depth is not stated" in compare_forces(measure(rise(2.0)), curves()).verdict[-1]
-    stated = measure(rise(2.0), force_uncertainty=0.1, zero_uncertainty=1e-5)
+    stated = measure(rise(2.0), force=0.1, zero=1e-5)
     assert not any("not stated" in sentence for sentence in compare_forces(stated, curves()).verdict)
 
 
@@ -131,7 +130,7 @@ def test_one_fitted_point_of_unknown_uncertainty_has_no_interval():
     row = compare_forces(measure(rise(2.0), fitted=only), curves()).rows[0]
     assert row.interval is None
     assert row.scale == pytest.approx(1.0)
-    assert compare_forces(measure(rise(2.0), fitted=only, force_uncertainty=0.1), curves()).rows[0].interval is not None
+    assert compare_forces(measure(rise(2.0), fitted=only, force=0.1), curves()).rows[0].interval is not None
 
 
 def test_repeats_at_one_depth_count_each():

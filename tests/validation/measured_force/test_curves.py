@@ -7,20 +7,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from meshes import Cover, Layer, Material, Sphere
-from validation.measured_force.case import Measurement
-from validation.measured_force.comparison import solve_curves
+from meshes import Cover, Layer, Material
+from tests.support.measured_force import make_measurement
+from validation.measured_force.comparison import replace_dome, shift_poisson_ratio, solve_curves
 
 DEPTH = np.array([0.2e-3, 0.2e-3, 0.5e-3, 0.9e-3])
 
 
-def make_measurement(**options):
+def make(**options):
     gel = Material(name="gel", model="neo-hookean", parameters={"shear_modulus": 1e5}, poisson_ratio=0.48, **options)
     cover = Cover(layers=(Layer(thickness=4e-3, material=gel),), size=(20e-3, 30e-3))
-    return Measurement(
-        name="made up", source="", indenter=Sphere(radius=7e-3), cover=cover, depth=DEPTH, force=DEPTH,
-        fitted=DEPTH < 0.3e-3, top_radius=14e-3,
-    )  # fmt: skip
+    return make_measurement(DEPTH, DEPTH, DEPTH < 0.3e-3, cover=cover, uncertainty={}, top_radius=14e-3)
 
 
 def compute(cover, indenter, depth, friction):
@@ -56,16 +53,16 @@ def solved(monkeypatch):
 
 
 def test_the_force_is_multiplied_by_the_effect_of_the_sides_and_varied_by_each_input():
-    given, told = make_measurement(poisson_spread=0.05), []
+    given, told = make(poisson_spread=0.05), []
     curves = solve_curves(given, told.append)
     assert told == [
         "free sides", "wide cover",
         "frictionless", "frictionless, low Poisson ratio", "frictionless, high Poisson ratio", "frictionless, flat top",
         "no slip", "no slip, low Poisson ratio", "no slip, high Poisson ratio", "no slip, flat top",
     ]  # fmt: skip
-    wide, ball, flat = replace(given.cover, size=None), given.domed_indenter, given.indenter
+    wide, ball, flat = replace(given.cover, size=None), replace_dome(given), given.indenter
     assert ball.radius == pytest.approx(7e-3 * 14 / 21)
-    low, high = (replace(each, size=None) for each in given.poisson_ends)
+    low, high = (shift_poisson_ratio(wide, sign) for sign in (-1, 1))
     sides = np.array([compute(given.cover, flat, d, 0.0) / compute(wide, flat, d, 0.0) for d in DEPTH])
     for name, friction in (("frictionless", 0.0), ("no slip", math.inf)):
         force, at_low, at_high = (
@@ -89,8 +86,8 @@ def test_the_force_is_multiplied_by_the_effect_of_the_sides_and_varied_by_each_i
 
 
 def test_a_wide_flat_cover_of_known_poisson_ratio_has_two_indentations(solved):
-    plain = make_measurement()
-    given = replace(plain, cover=replace(plain.cover, size=None), top_radius=None)
+    plain = make()
+    given = plain.model_copy(update={"cover": replace(plain.cover, size=None), "top_radius": None})
     curves = solve_curves(given)
     assert solved == [(given.cover, given.indenter, 0.0), (given.cover, given.indenter, math.inf)]
     for curve, friction in zip(curves.values(), (0.0, math.inf), strict=True):

@@ -7,8 +7,8 @@ import pytest
 
 import fastmodel
 from validation.regression.baseline import make_baseline, measure_changes, read_baseline
-from validation.regression.experiments import Subject, describe_sensor
 from validation.regression.quantities import EXPERIMENTS, measure
+from validation.regression.reading import Subject, describe_sensor
 
 ROOT = Path(__file__).parents[3]
 #: Groups that need no finite elements, and those that the shared derivation has the results for.

@@ -8,8 +8,8 @@ import pytest
 import fastmodel
 from validation.derivation.derive import derive
 from validation.regression.baseline import check_sensor, compare, make_baseline
-from validation.regression.experiments import Subject
 from validation.regression.quantities import EXPERIMENTS, measure
+from validation.regression.reading import Subject
 
 #: Groups that the cover changes, without the campaign.
 GROUPS = ("spread", "H", "ball", "kernel")

@@ -8,10 +8,11 @@ import pytest
 from meshes.catalogue import ARRAYS
 from tests.support.indentations import make_indentation
 from tests.support.report_page import Page, is_printed
-from validation.campaign.campaign_file import FlatPlaces, read_campaign
+from validation.campaign.campaign_file import read_campaign
 from validation.campaign.results import MODELS, CampaignResult, CaseResult, Pooled, Prediction, judge
 from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores
 from validation.metrics import TABULATED, Score
+from validation.places import FlatPlaces
 from validation.report import write_report
 from validation.sensor_file import load
 

@@ -19,9 +19,9 @@ def test_row_0_is_at_the_bottom():
     values = np.zeros(84)
     values[0] = 1.0
     svg = tactile_image(array, values, Scale(peak=1.0))
-    y = {title: int(y) for y, title in re.findall(r'y="(\d+)"[^>]*><title>(\[\d+, \d+\])', svg)}
+    y = {title: float(y) for y, title in re.findall(r'y="([\d.]+)"[^>]*><title>(\[\d+, \d+\])', svg)}
     assert y["[0, 0]"] == max(y.values())
-    assert y["[13, 0]"] == 0
+    assert y["[13, 0]"] == min(y.values())
     terminal = draw_force_images(array, [("x", values)]).columns[0]._cells[1].plain.splitlines()
     assert terminal[13].split()[0] == "1000"
     assert terminal[0].split()[0] == "0"
@@ -36,7 +36,9 @@ def test_outline_lies_where_the_texels_are():
     array = ARRAYS["wts-0614-34"]
     outline = array.centres[[0, 5, 83], :2]
     svg = tactile_image(array, np.zeros(84), Scale(peak=1.0), outline=outline)
-    assert 'points="7.5,202.5 82.5,202.5 82.5,7.5"' in svg
+    squares = np.array(re.findall(r'<rect x="([\d.]+)" y="([\d.]+)" width="([\d.]+)"', svg), dtype=float)
+    points = [each.split(",") for each in re.search(r'points="([^"]+)"', svg)[1].split()]
+    np.testing.assert_allclose(np.array(points, dtype=float), squares[[0, 5, 83], :2] + squares[0, 2] / 2, atol=0.06)
 
 
 @pytest.mark.parametrize(("value", "expected"), [(0.0, "#ffffff"), (1.0, "#97142a"), (-1.0, "#0b4f8a"), (9, "#97142a")])

@@ -48,7 +48,7 @@ def test_assumed_cover_is_labelled_and_a_known_one_is_not(folder, evaluation, tm
     assert "assumed cover" in (folder / "index.html").read_text()
     known = load("wts-0614-34", material="neoprene", thickness="2mm")
     assert not known.cover.assumed
-    derivation = dataclasses.replace(evaluation.derivation, sensor=known, undetermined=())
+    derivation = dataclasses.replace(evaluation.derivation, sensor=known)
     write_report(dataclasses.replace(evaluation, derivation=derivation), tmp_path)
     assert "assumed" not in (tmp_path / "index.html").read_text()
 

@@ -6,7 +6,7 @@ import logging
 import numpy as np
 import pytest
 
-from validation.curved.press import make_meshes
+from validation.cover_meshes import make_meshes
 from validation.scene import rendering
 from validation.scene.cover_scene import average_pressure, show_mesh, split_cells
 from validation.scene.draw import lacks_picture, write_scene
@@ -52,7 +52,7 @@ def test_a_trial_picture_that_fails_says_why(monkeypatch, program, said):
     monkeypatch.setattr(rendering, "_PROBE", program)
     if "sleep" in program:
         monkeypatch.setattr(rendering, "_TIMEOUT", 0.5)
-    assert rendering._try_to_draw("", "") == said
+    assert rendering._try_to_draw("") == said
 
 
 def test_hexahedra_of_27_nodes_are_split_without_gaps(small_pad):

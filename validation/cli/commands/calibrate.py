@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from validation.cli.options import Json, PressedArrayIndex, read_time_span
+from validation.cli.options import Json, PressedArrayIndex, Quantity, read_time_span
 from validation.cli.output import Progress, print_json, print_table, say, show
 
 if TYPE_CHECKING:
@@ -18,58 +16,26 @@ if TYPE_CHECKING:
 #: Built-in sensor whose published line is printed beside the fitted one.
 _PUBLISHED = "wts-0614-34"
 
-_Files = Annotated[list[Path], Parameter(help="Recordings under known loads, or one data-set file.")]
-_Sensor = Annotated[str, Parameter(help="Sensor file or built-in sensor; its cover gives the share of each texel.")]
-_Indenter = Annotated[str, Parameter(help="Tool that pressed; as the recordings' labels say when not given.")]
-_At = Annotated[
-    str | None,
-    Parameter(
-        help="Position of the tool's axis in the array's frame; fitted when not given.", allow_leading_hyphen=True
-    ),
-]
-_Yaw = Annotated[
-    str | None,
-    Parameter(help="Yaw of the tool; fitted when neither it nor --at is given.", allow_leading_hyphen=True),
-]
-_Moved = Annotated[bool, Parameter(help="The tool was put down anew for each recording: fit a pose to each.")]
-_Method = Annotated[
-    str,
-    Parameter(
-        help="Contact method: default (finite elements where they apply), cover, area, boxes, foundation or reference."
-    ),
-]
-_Threshold = Annotated[
-    float | None, Parameter(help="Counts that the firmware subtracts; as the labels say when not given.")
-]
-_Window = Annotated[str, Parameter(help="Average the frames between these times after loading, from:to [s].")]
-_Channel = Annotated[int, Parameter(help="Index of the temperature sensor, negative from the last.")]
-_Heights = Annotated[bool, Parameter(help="Fit a seating height to each texel.")]
-_Tip = Annotated[str | None, Parameter(help="Radius of a rounded tip: fit the slope of one texel per trial.")]
-_Texel = Annotated[int | None, Parameter(help="Index of the texel under the tip, from 0, row by row.")]
-_Out = Annotated[Path | None, Parameter(help="Sensor file to write: a copy of --sensor with new [electronics].")]
-_Picture = Annotated[Path | None, Parameter(help="Draw left-out recordings and their prediction, a .png file.")]
-_Polynomial = Annotated[bool, Parameter(help="Write the characteristic of degree 5 instead of the line.")]
-
 
 def calibrate(
-    recordings: _Files,
+    recordings: list[Path],
     *,
-    sensor: _Sensor,
-    indenter: _Indenter = "",
-    at: _At = None,
-    yaw: _Yaw = None,
-    moved: _Moved = False,
-    method: _Method = "default",
+    sensor: str,
+    indenter: str = "",
+    at: Quantity = None,
+    yaw: Quantity = None,
+    moved: bool = False,
+    method: str = "default",
     array: PressedArrayIndex = None,
-    threshold: _Threshold = None,
-    window: _Window = "6:9",
-    temperature_channel: _Channel = -1,
-    heights: _Heights = False,
-    tip: _Tip = None,
-    texel: _Texel = None,
-    out: _Out = None,
-    picture: _Picture = None,
-    polynomial: _Polynomial = False,
+    threshold: float | None = None,
+    window: str = "6:9",
+    temperature_channel: int = -1,
+    heights: bool = False,
+    tip: str | None = None,
+    texel: int | None = None,
+    out: Path | None = None,
+    picture: Path | None = None,
+    polynomial: bool = False,
     json: Json = False,
 ) -> None:
     """Fit characteristic, gains, pose, saturation, noise and creep to recordings under known loads.
@@ -81,31 +47,37 @@ def calibrate(
         softcover calibrate 200g.mcap 400g.mcap 600g.mcap 800g.mcap --sensor sensor.toml
         softcover calibrate data-set.toml --sensor sensor.toml --out calibrated.toml --picture left-out.png
         softcover calibrate trial*.mcap --sensor wts-0614-34 --tip 1mm --texel 39
+
+    Args:
+        recordings: Recordings under known loads, or one data-set file.
+        sensor: Sensor file or built-in sensor; its cover gives the share of each texel.
+        indenter: Tool that pressed; as the recordings' labels say when not given.
+        at: Position of the tool's axis in the array's frame; fitted when not given.
+        yaw: Yaw of the tool; fitted when neither it nor --at is given.
+        moved: The tool was put down anew for each recording: fit a pose to each.
+        method: Contact method: default (finite elements where they apply), cover, area, boxes, foundation or
+            reference.
+        threshold: Counts that the firmware subtracts; as the labels say when not given.
+        window: Average the frames between these times after loading, from:to [s].
+        temperature_channel: Index of the temperature sensor, negative from the last.
+        heights: Fit a seating height to each texel.
+        tip: Radius of a rounded tip: fit the slope of one texel per trial.
+        texel: Index of the texel under the tip, from 0, row by row.
+        out: Sensor file to write: a copy of --sensor with new [electronics].
+        picture: Draw left-out recordings and their prediction, a .png file.
+        polynomial: Write the characteristic of degree 5 instead of the line.
     """
     from validation import api
+    from validation.calibration.calibrate import Calibration
     from validation.cli.options import read_description
 
+    description, span = read_description(sensor), read_time_span("--window", window, "6:9")
     with Progress() as progress:
         found = api.calibrate(
-            recordings,
-            read_description(sensor),
-            indenter=indenter,
-            at=at,
-            yaw=yaw,
-            moved=moved,
-            method=method,
-            array=array,
-            threshold=threshold,
-            window=read_time_span("--window", window, "6:9"),
-            temperature_channel=temperature_channel,
-            heights=heights,
-            tip=tip,
-            texel=texel,
-            out=out,
-            picture=picture,
-            polynomial=polynomial,
-            progress=progress,
-        )
+            recordings, description, indenter=indenter, at=at, yaw=yaw, moved=moved, method=method, array=array,
+            threshold=threshold, window=span, temperature_channel=temperature_channel, heights=heights, tip=tip,
+            texel=texel, out=out, picture=picture, polynomial=polynomial, progress=progress,
+        )  # fmt: skip
     for line in found.left_out:
         say(f"softcover: {line}")
     for path in (out, picture):
@@ -113,10 +85,10 @@ def calibrate(
             say(f"wrote {path}" if path.exists() else f"{path} is not written: too few recordings to leave some out")
     if json:
         print_json(found.as_json())
-    elif tip is None:
-        _show(cast("Calibration", found), sensor)
+    elif isinstance(found, Calibration):
+        _show(found, sensor)
     else:
-        _show_point(cast("PointLoadCalibration", found))
+        _show_point(found)
 
 
 def _show(found: Calibration, name: str) -> None:

@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from validation.cli.options import Json, Layers, MaterialName, Sensor, Thickness
+from validation.cli.options import UNCHANGED, CoverChanges, Json, Sensor
 from validation.cli.output import Progress, print_json, print_meaning, print_rows, say, show_wrapped
 
 if TYPE_CHECKING:
     from validation.data_sheet import DataSheet
 
-_Out = Annotated[Path | None, Parameter(help="Also write the data sheet to this file, .md or .html.")]
-
 
 def datasheet(
     sensor: Sensor,
     *,
-    material: MaterialName = None,
-    thickness: Thickness = None,
-    layer: Layers = None,
-    out: _Out = None,
+    cover: CoverChanges = UNCHANGED,
+    out: Path | None = None,
     json: Json = False,
 ) -> None:
     """Print the data sheet of a sensor: each quantity with its definition and where it comes from, or `not stated`.
@@ -32,11 +26,14 @@ def datasheet(
         softcover datasheet wts-0614-34
         softcover datasheet sensor.toml --out sensor.md
         softcover datasheet derived --json
+
+    Args:
+        out: Also write the data sheet to this file, .md or .html.
     """
     from validation import api
     from validation.cli.options import read_sensor
 
-    found = read_sensor(sensor, material=material, thickness=thickness, layers=layer)
+    found = read_sensor(sensor, cover)
     with Progress() as progress:
         sheet = api.datasheet(found, out=out, progress=progress)
     print_json(sheet.as_json()) if json else _print(sheet)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
-
-from cyclopts import Parameter
+from typing import Literal
 
 from validation.cli.entry import DONE, OUTSIDE_FAILED
 from validation.cli.meaning import explain_error
-from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness, read_description
+from validation.cli.options import UNCHANGED, CoverChanges, Json, SensorFile, read_description
 from validation.cli.output import (
     Progress,
     describe_cover,
@@ -22,18 +20,13 @@ from validation.cli.output import (
     show_wrapped,
 )
 
-_Format = Annotated[Literal["png", "svg"], Parameter(help="Format of the picture.")]
-_Out = Annotated[Path | None, Parameter(help="Folder for the files; an earlier result is replaced.")]
-
 
 def derive(
     sensor: SensorFile,
     *,
-    material: MaterialName = None,
-    thickness: Thickness = None,
-    layer: Layers = None,
-    out: _Out = None,
-    format: _Format = "png",  # noqa: A002 -- the option's name
+    cover: CoverChanges = UNCHANGED,
+    out: Path | None = None,
+    format: Literal["png", "svg"] = "png",  # noqa: A002 -- the option's name
     json: Json = False,
 ) -> int:
     """Compute the point spread function of a sensor's cover, and fit the fast model's parameters to it.
@@ -53,10 +46,14 @@ def derive(
         softcover derive sensor.toml --out derived
         softcover derive wts-0614-34 --material dragon-skin-30 --thickness 3mm --json
         softcover derive fingertip --out fingertip
+
+    Args:
+        out: Folder for the files; an earlier result is replaced.
+        format: Format of the picture.
     """
     from validation import api
 
-    description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
+    description = read_description(sensor, cover, curved=True)
     with Progress() as progress:
         found = api.derive(description, out=out, format=format, progress=progress)
     result = found.result

@@ -3,62 +3,37 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
+import functools
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from validation.cli.options import Json, PressedArrayIndex, check_range, choose_array, read_time_span
-from validation.cli.output import print_json, say
-from validation.errors import InputError, nearest
+from validation.cli.options import Json, PressedArrayIndex, Quantity, check_range, choose_array, read_time_span
+from validation.cli.output import Progress, print_json, say
+from validation.errors import InputError, at, nearest
 
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
-
     from meshes import TexelArray
     from validation.weiss.protocol import MatrixInfo
-    from validation.weiss.virtual import Misbehaviour, Source
+    from validation.weiss.virtual import Misbehaviour, VirtualSensor
 
 #: Names of the tactile images that the emulated sensor can show without a recording or a model.
 _PATTERNS = ("blob", "ramp", "corner", "zero")
 
-_Port = Annotated[
-    str | None, Parameter(help="A new name, which becomes a link to a pseudo-terminal, or an existing port.")
-]
-_Show = Annotated[
-    str,
-    Parameter(
-        help="What the sensor shows: a pattern (blob, ramp, corner, zero), a recording, or the fast model of a sensor "
-        "file, a built-in sensor or a folder that `derive --out` wrote."
-    ),
-]
-#: Indenter and load that press on the fast model if none are given.
-_DEFAULT_INDENTER, _DEFAULT_LOAD = "sphere:radius=8mm", "5N"
-_Indenter = Annotated[str, Parameter(help="Shape of the indenter that presses on the fast model.")]
-_Load = Annotated[str, Parameter(help="Largest load of that indenter.", allow_leading_hyphen=True)]
-_Rate = Annotated[float, Parameter(help="Frames per second when free-running.")]
-_Fault = Annotated[list[str] | None, Parameter(help="A fault and how often, e.g. lose=0.01; may be repeated.")]
-_Pause = Annotated[list[str] | None, Parameter(help="Send no frames in this time, e.g. 2:3 [s]; may be repeated.")]
-_Seconds = Annotated[float | None, Parameter(help="Unplug after this time [s]; until Ctrl-C when not given.")]
-_Tag = Annotated[str, Parameter(help="Name that the sensor gives as its device tag; some clients wait for one.")]
-_Seed = Annotated[int, Parameter(help="Seed of the random numbers of faults.")]
-
 
 def emulate(
-    port: _Port = None,
+    port: str | None = None,
     *,
-    show: _Show = "blob",
+    show: str = "blob",
     array: PressedArrayIndex = None,
-    indenter: _Indenter = _DEFAULT_INDENTER,
-    load: _Load = _DEFAULT_LOAD,
-    rate: _Rate = 271.0,
-    fault: _Fault = None,
-    pause: _Pause = None,
-    seconds: _Seconds = None,
-    seed: _Seed = 0,
-    tag: _Tag = "softcover",
+    indenter: str | None = None,
+    load: Quantity = None,
+    rate: float = 271.0,
+    fault: list[str] | None = None,
+    pause: list[str] | None = None,
+    seconds: float | None = None,
+    seed: int = 0,
+    tag: str = "softcover",
     json: Json = False,
 ) -> None:
     """Emulate a sensor on a serial port, for tests without the device.
@@ -68,6 +43,19 @@ def emulate(
         softcover emulate /tmp/wts
         softcover emulate /tmp/wts --show touch.mcap --fault lose=0.01
         softcover emulate /tmp/wts --show wts-0614-34 --indenter sphere:radius=5mm --load 8N
+
+    Args:
+        port: A new name, which becomes a link to a pseudo-terminal, or an existing port.
+        show: What the sensor shows: a pattern (blob, ramp, corner, zero), a recording, or the fast model of a sensor
+            file, a built-in sensor or a folder that `derive --out` wrote.
+        indenter: Shape of the indenter that presses on the fast model; sphere:radius=8mm when not given.
+        load: Largest load of that indenter; 5N when not given.
+        rate: Frames per second when free-running.
+        fault: A fault and how often, e.g. lose=0.01; may be repeated.
+        pause: Send no frames in this time, e.g. 2:3 [s]; may be repeated.
+        seconds: Unplug after this time [s]; until Ctrl-C when not given.
+        seed: Seed of the random numbers of faults.
+        tag: Name that the sensor gives as its device tag; some clients wait for one.
     """
     from validation.extras import require
 
@@ -76,13 +64,9 @@ def emulate(
 
     check_range("--seconds", seconds)
     misbehaviour = _read_misbehaviour(fault or [], pause or [], seed)
-    shown = _find_source(show, array, indenter, load)
-    try:
-        sensor = VirtualSensor(
-            shown.source, matrix=shown.matrix, active=shown.active, rate=rate, tag=tag, misbehaviour=misbehaviour
-        )
-    except ValueError as error:
-        raise InputError(str(error)) from error
+    make = functools.partial(VirtualSensor, rate=rate, tag=tag, misbehaviour=misbehaviour)
+    with at(""):
+        sensor = _make_sensor(show, array, indenter, load, make)
     with contextlib.ExitStack() as stack:
         is_device = port and ("://" in port or port.startswith(("/dev/", "COM")))
         end = SerialEnd(port) if port and is_device else PseudoTerminal(port)
@@ -110,29 +94,14 @@ def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbe
             known = f"accepted: {', '.join(FAULTS)}"
             raise InputError(f"--fault: {text!r} is no fault and how often, such as lose=0.01; {known}") from error
     spans = tuple(read_time_span("--pause", text, "2:3") for text in pauses)
-    try:
+    with at("--fault: "):
         return Misbehaviour(rates=rates, pauses=spans, seed=seed)
-    except ValueError as error:
-        raise InputError(f"--fault: {error}") from error
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Shown:
-    """What an emulated sensor shows.
-
-    Attributes:
-        source: The counts over time.
-        matrix: Description of the array.
-        active: Whether each texel exists, shape (n,); None if all do.
-    """
-
-    source: Source
-    matrix: MatrixInfo
-    active: npt.NDArray[np.bool_] | None = None
-
-
-def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Shown:
-    """Find the frames that the emulated sensor shows, and the properties of its array.
+def _make_sensor(
+    show: str, array: int | None, indenter: str | None, load: str | None, make: Callable[..., VirtualSensor]
+) -> VirtualSensor:
+    """Make the sensor with the frames that it shows and the properties of its array.
 
     Args:
         show: Name of a pattern or of a built-in sensor, or path of a recording, a sensor file or a folder that
@@ -140,6 +109,7 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
         array: Index of the array in a recording; None for the one that is pressed most.
         indenter: Shape of the indenter that presses on the fast model.
         load: Largest load of this indenter, with its unit.
+        make: Makes the sensor from its frames and its array.
 
     Raises:
         InputError: If nothing of this name exists, a recording holds no frames, or counts do not fit the protocol.
@@ -147,14 +117,14 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
     from validation.sensor_file import BUILT_IN, CURVED
     from validation.weiss.virtual import WTS_0614_34, show_frames, show_pattern, show_recording
 
-    is_pressed = show in BUILT_IN or show.endswith(".toml") or (Path(show) / "parameters.toml").exists()
+    path = Path(show)
+    is_pressed = show in BUILT_IN or show.endswith(".toml") or (path / "parameters.toml").exists()
     if (show in _PATTERNS or is_pressed) and array is not None:
         raise InputError(f"--array: is for recordings; leave it out with --show {show}")
-    if not is_pressed and (indenter, load) != (_DEFAULT_INDENTER, _DEFAULT_LOAD):
+    if not is_pressed and (indenter or load):
         raise InputError(f"--indenter, --load: press on the fast model of a sensor; leave them out with --show {show}")
     if show in _PATTERNS:
-        return _Shown(source=show_pattern(show), matrix=WTS_0614_34)
-    path = Path(show)
+        return make(show_pattern(show), matrix=WTS_0614_34)
     if show in CURVED:
         raise InputError(
             f"--show: {show} has a curved cover; run softcover derive {show} --out FOLDER and name the folder"
@@ -164,31 +134,27 @@ def _find_source(show: str, array: int | None, indenter: str, load: str) -> _Sho
         raise InputError(f"--show: no pattern, sensor, recording or folder {show!r}; {known}")
     if is_pressed:
         from validation.cli.options import read_sensor, tell_unused
-        from validation.cli.output import Progress
         from validation.parameters import find_parameters
         from validation.recordings.live_frames import simulate_frames
         from validation.text.indenter import read_indenter, read_load
 
-        found, shape, weight = read_sensor(show), read_indenter(indenter), read_load(load)
+        found = read_sensor(show)
+        shape, weight = read_indenter(indenter or "sphere:radius=8mm"), read_load(load or "5N")
         tell_unused(found)
         with Progress() as progress:
             parameters = find_parameters(found, progress)
         matrix = _make_matrix(show, parameters.array, parameters.electronics.output_max)
         frames = simulate_frames(parameters, shape, load=weight)
-        return _Shown(
-            source=show_frames(frame.counts for frame in frames), matrix=matrix, active=parameters.array.active
-        )
+        return make(show_frames(each.counts for each in frames), matrix=matrix, active=parameters.array.active)
     from validation.recordings.importing import open_recording
 
     recording = open_recording(path)
     if not len(recording.times):
         raise InputError(f"--show: {path} holds no frames to show")
     recorded = recording.arrays[choose_array(recording, array)]
-    return _Shown(
-        source=show_recording(recording.times, recorded.counts),
-        matrix=_make_matrix(show, recorded.texels, recorded.full_scale),
-        active=recorded.texels.active & recorded.enabled,
-    )
+    matrix = _make_matrix(show, recorded.texels, recorded.full_scale)
+    source = show_recording(recording.times, recorded.counts)
+    return make(source, matrix=matrix, active=recorded.texels.active & recorded.enabled)
 
 
 def _make_matrix(show: str, texels: TexelArray, full_scale: int) -> MatrixInfo:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from meshes import Material
     from meshes.hardness import HardnessModulus
 
+#: Strains in uniaxial tension at which the nominal stress is printed [-].
+_STRAINS = (-0.3, 0.1, 0.3, 1.0)
 #: Note for the user on the effect of the elastic constants on the point spread function and on the contact.
 PSF_NOTE = (
     "Young's modulus drops out of the point spread function (of several layers their ratio stays); "
@@ -52,20 +54,19 @@ def materials(
             raise InputError("--hardness: estimates a material of its own; leave out the name")
         found = read_hardness(hardness, place="--hardness", bare=True)
         print_json({**vars(found), "low": found.low, "high": found.high}) if json else _show_hardness(found)
-    elif name is not None:
-        material = read_material_name(name)
-        if out is not None:
-            from validation.report.material_curve import write_curve
-
-            write_curve(material, out)
-        print_json({"name": material.name, **_list_material(material)}) if json else _show_material(material)
-        if out is not None:
-            say(f"wrote {out}")
-    elif json:
+        return
+    if name is None:
         listed = {name: _list_material(material) for name, material in MATERIALS.items()}
-        print_json({"materials": listed, "psf": PSF_NOTE})
-    else:
-        _show_all(list(MATERIALS.values()))
+        print_json({"materials": listed, "psf": PSF_NOTE}) if json else _show_all(list(MATERIALS.values()))
+        return
+    material = read_material_name(name)
+    if out is not None:
+        from validation.report.material_curve import write_curve
+
+        write_curve(material, out)
+    print_json({"name": material.name, **_list_material(material)}) if json else _show_material(material)
+    if out is not None:
+        say(f"wrote {out}")
 
 
 def _show_all(materials: list[Material]) -> None:
@@ -78,9 +79,7 @@ def _show_all(materials: list[Material]) -> None:
             material.model.removesuffix("-elastic"),  # the table has 80 columns
             _format_pressure(material.youngs_modulus, digits=3),
             _format_spread(material),
-            f"{material.poisson_ratio:.4g}"
-            if not material.poisson_spread
-            else "{:.3g}..{:.3g}".format(*(material.poisson_ratio + k * material.poisson_spread for k in (-1, 1))),
+            "..".join(dict.fromkeys(f"{material.poisson_ratio + k * material.poisson_spread:.4g}" for k in (-1, 1))),
             f"({sources.index(source) + 1})",
         )
         for material, source in zip(materials, shortened, strict=True)
@@ -97,36 +96,38 @@ def _show_all(materials: list[Material]) -> None:
 
 
 def _show_material(material: Material) -> None:
+    import numpy as np
+
     from meshes.material import MODELS
-    from validation.cli.curve_text import draw_curve
-    from validation.report.material_curve import trace_stress
+    from validation.report.material_curve import compute_stress, trace_stress
 
     def format_parameter(name: str) -> str:
         pressure = MODELS[material.model].parameters[name].unit == "Pa"
         return ", ".join(_format_pressure(value) if pressure else f"{value:g}" for value in material.terms(name))
 
+    spread = material.poisson_spread
+    ends = [_relative_width(material.poisson_ratio + sign * spread) for sign in (-1, 1)]
+    band = " ({:.2f} to {:.2f} over its Poisson ratios)".format(*ends) if spread else ""
+    strains = [strain for strain in _STRAINS if abs(strain) <= trace_stress(material)[0][-1]]
+    stresses = compute_stress(material, np.array(strains)).tolist()
     bulk = "infinite (incompressible)" if math.isinf(material.bulk_modulus) else _format_pressure(material.bulk_modulus)
-    modulus = _format_pressure(material.youngs_modulus)
-    spread = f" ±{material.poisson_spread:g}" if material.poisson_spread else ""
-    ends = [_relative_width(material.poisson_ratio + sign * material.poisson_spread) for sign in (-1, 1)]
-    band = " ({:.2f} to {:.2f} over its Poisson ratios)".format(*ends) if material.poisson_spread else ""
     rows = {
         "model": f"{material.model}, {'small strain' if material.small_strain_only else 'finite strain'}",
         **{f"  {name}": format_parameter(name) for name in material.parameters},
         "shear modulus": f"{_format_pressure(material.shear_modulus)} at small strain",
-        "Young's modulus": f"{modulus} at small strain, {_format_spread(material)}",
+        "Young's modulus": f"{_format_pressure(material.youngs_modulus)} at small strain, {_format_spread(material)}",
         "bulk modulus": bulk,
-        "Poisson ratio": f"{material.poisson_ratio:g}{spread}",
+        "Poisson ratio": f"{material.poisson_ratio:g}" + (f" ±{spread:g}" if spread else ""),
+        "nominal stress": ", ".join(
+            f"{_format_pressure(stress, 3)} at {100 * strain:g} %"
+            for strain, stress in zip(strains, stresses, strict=True)
+        ),
         "source": material.source,
         "PSF": f"{PSF_NOTE} A bonded layer of thickness h spreads a point load over a base pressure of standard "
         f"deviation h sqrt(nu / (1 - nu)) = {_relative_width(material.poisson_ratio):.3g} h along each axis{band}; its "
         "core is much narrower, and `softcover derive` fits that.",
     }
     print_rows(rows.items(), title=material.name)
-    show("nominal stress [kPa] over strain [%], uniaxial")
-    strain, stress = trace_stress(material)
-    for line in draw_curve(100 * strain, 1e-3 * stress):
-        show(line)
     low, high = (_format_pressure(value) for value in material.modulus_range)
     meaning = (
         f"Sources give {low} to {high} (good: within 10 % of yours). Depth and contact area follow the modulus: "

@@ -5,22 +5,18 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from validation.cli.options import Json, SensorFile, Thickness
-from validation.cli.output import Progress, print_json, print_rows
-from validation.errors import InputError
+from validation.cli.entry import DONE, OUTSIDE_FAILED
+from validation.cli.options import CoverChanges, Json, Quantity, SensorFile
+from validation.cli.output import Progress, print_json, print_rows, say
 
 if TYPE_CHECKING:
     from meshes.solids import SolidMesh
     from validation.sensor_file import SensorDescription
 
-_Out = Annotated[Path | None, Parameter(help="Folder for the finest mesh, its quality and pictures.")]
 
-
-def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, json: Json = False) -> int:
+def mesh(sensor: SensorFile, *, thickness: Quantity = None, out: Path | None = None, json: Json = False) -> int:
     """Mesh a curved cover, check the meshes and the texels, and report their quality.
 
     The finest mesh is written as `mesh.npz` with its hash, source and settings.  A sensor file may name it:
@@ -30,19 +26,19 @@ def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, j
 
         softcover mesh fingertip
         softcover mesh sensor.toml --out meshed
+
+    Args:
+        thickness: Replaces the cover's thickness, e.g. 2mm.
+        out: Folder for the finest mesh, its quality and pictures.
     """
-    from meshes import SolidCover
-    from validation.cli.curved.derive import say_written
     from validation.cli.options import read_description
     from validation.extras import require
     from validation.output_folder import new_folder
 
-    description = read_description(sensor, thickness=thickness, curved=True)
-    if not isinstance(description.cover, SolidCover):
-        raise InputError(f"{description.source}: has a flat cover, which needs no mesh file")
+    description = read_description(sensor, CoverChanges(thickness=thickness), curved=True)
     require("skfem", useful=("pyvista",) if out else ())
-    from validation.curved.files import write_mesh_report
-    from validation.curved.press import describe_mesh, make_meshes
+    from validation.cover_meshes import describe_mesh, make_meshes, write_meshes
+    from validation.scene.draw import lacks_picture
 
     files: tuple[str, ...] = ()
     with contextlib.ExitStack() as stack:
@@ -50,12 +46,14 @@ def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: _Out = None, j
         with Progress() as progress:
             meshes = make_meshes(description, progress)
         if folder:
-            files = write_mesh_report(description, meshes, folder)
+            files = write_meshes(description, meshes, folder)
     if json:
         print_json({"sensor": description.name, "meshes": [describe_mesh(each) for each in meshes]})
     else:
         print_rows(_list_quality(description, meshes), title=f"Meshes of {description.name}")
-    return say_written(files, out)
+    if files:
+        say(f"wrote {', '.join(files)} to {out}")
+    return OUTSIDE_FAILED if lacks_picture(files) else DONE
 
 
 def _list_quality(sensor: SensorDescription, meshes: tuple[SolidMesh, ...]) -> Iterator[tuple[str, str]]:

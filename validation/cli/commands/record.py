@@ -4,50 +4,36 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from validation.cli.live_image import LiveImage
-from validation.cli.options import Json, Note, RecordedIndenter, RecordedLoad, check_range, read_setup
+from validation.cli.options import Json, Note, RecordedIndenter, RecordedLoad, check_range
 from validation.cli.output import print_json, say
 from validation.errors import InputError
 
 if TYPE_CHECKING:
-    from validation.recordings.capture import Captured
     from validation.weiss.protocol import Reading
     from validation.weiss.stream import Gap
 
 #: Largest values of the sensor's settings that have 16 bits (interval, threshold) and 8 bits (gain).
 _MOST_16_BIT, _MOST_8_BIT = 0xFFFF, 0xFF
 
-_Port = Annotated[str, Parameter(help="Port of the sensor, e.g. /dev/ttyACM0, or a pyserial URL.")]
-_Out = Annotated[Path, Parameter(help="New .mcap file, or a folder for a file named by the time.")]
-_Seconds = Annotated[float | None, Parameter(help="How long [s]; until Ctrl-C when not given.")]
-_Threshold = Annotated[int | None, Parameter(help="Set the sensor's threshold first [counts].")]
-_Gain = Annotated[int | None, Parameter(help="Set the sensor's front-end gain first.")]
-_Tare = Annotated[bool, Parameter(help="Let the sensor take the image at the start as zero.")]
-_RunLength = Annotated[bool, Parameter(help="Ask for run-length encoded frames, for slow lines.")]
-_Interval = Annotated[int, Parameter(help="Time between frames [ms]; 0 for as fast as the sensor can.")]
-_Reconnect = Annotated[float, Parameter(help="How long to wait for a lost port to return [s].")]
-_Baud = Annotated[int, Parameter(help="Speed of a true UART; USB ports ignore it.")]
-
 
 def record(
-    port: _Port,
+    port: str,
     *,
-    out: _Out = Path(),
-    seconds: _Seconds = None,
+    out: Path = Path(),
+    seconds: float | None = None,
     indenter: RecordedIndenter = "",
     load: RecordedLoad = None,
     note: Note = "",
-    threshold: _Threshold = None,
-    gain: _Gain = None,
-    tare: _Tare = False,
-    run_length: _RunLength = False,
-    interval_ms: _Interval = 0,
-    reconnect: _Reconnect = 0.0,
-    baud_rate: _Baud = 115_200,
+    threshold: int | None = None,
+    gain: int | None = None,
+    tare: bool = False,
+    run_length: bool = False,
+    interval_ms: int = 0,
+    reconnect: float = 0.0,
+    baud_rate: int = 115_200,
     json: Json = False,
 ) -> None:
     """Record a real sensor in an MCAP file, with a live image.
@@ -58,67 +44,43 @@ def record(
 
         softcover record /dev/ttyACM0 --indenter sphere:radius=5mm --load 500g --seconds 10
         softcover record /dev/ttyACM0 --out touch.mcap --note 'third trial' --reconnect 5
-    """
-    from validation.recordings.capture import record as capture
-    from validation.weiss.sensor import Sensor
 
-    setup = read_setup(indenter, load, note)
-    check_range("--seconds", seconds)
-    check_range("--reconnect", reconnect)
-    check_range("--interval-ms", interval_ms, _MOST_16_BIT)
+    Args:
+        port: Port of the sensor, e.g. /dev/ttyACM0, or a pyserial URL.
+        out: New .mcap file, or a folder for a file named by the time.
+        seconds: How long [s]; until Ctrl-C when not given.
+        threshold: Set the sensor's threshold first [counts].
+        gain: Set the sensor's front-end gain first.
+        tare: Let the sensor take the image at the start as zero.
+        run_length: Ask for run-length encoded frames, for slow lines.
+        interval_ms: Time between frames [ms]; 0 for as fast as the sensor can.
+        reconnect: How long to wait for a lost port to return [s].
+        baud_rate: Speed of a true UART; USB ports ignore it.
+    """
+    from validation import api
+
+    settings = {"threshold": (threshold, _MOST_16_BIT), "gain": (gain, _MOST_8_BIT)}
+    for name, (value, most) in {"interval-ms": (interval_ms, _MOST_16_BIT), **settings}.items():
+        check_range(f"--{name}", value, most)
+    for name, duration in {"seconds": seconds, "reconnect": reconnect}.items():
+        check_range(f"--{name}", duration)
     if seconds is not None and interval_ms * 1e-3 > seconds:
         raise InputError(f"--interval-ms: no frame would come within --seconds {seconds:g}; give a shorter interval")
-    check_range("--threshold", threshold, _MOST_16_BIT)
-    check_range("--gain", gain, _MOST_8_BIT)
-    path = _make_path(out)
-    with Sensor(port, baud_rate=baud_rate) as sensor:
-        if threshold is not None:
-            sensor.set_threshold(threshold)
-        if gain is not None:
-            sensor.set_gain(gain)
-        if tare:
-            sensor.tare()
-        matrix = sensor.read_matrix()
-        with LiveImage(columns=matrix.columns, full_scale=matrix.full_scale, quiet=json) as live:
-            done = capture(
-                sensor,
-                path,
-                setup=setup,
-                seconds=seconds,
-                run_length=run_length,
-                interval_ms=interval_ms,
-                reconnect=reconnect,
-                on_event=_EventDisplay(live),
-            )
-    _show_summary(done, json=json)
-
-
-def _show_summary(done: Captured, *, json: bool) -> None:
-    """Print how a recording ended, as text or as JSON."""
+    path = out if out.suffix == ".mcap" else out / time.strftime("touch-%Y%m%d-%H%M%S.mcap")
+    with LiveImage(quiet=json) as live:
+        done = api.record(
+            port, path, seconds=seconds, indenter=indenter, load=load, note=note, threshold=threshold, gain=gain,
+            tare=tare, run_length=run_length, interval_ms=interval_ms, reconnect=reconnect, baud_rate=baud_rate,
+            on_start=lambda matrix: live.set_up(matrix.columns, matrix.full_scale), on_event=_EventDisplay(live),
+        )  # fmt: skip
     if json:
         residual = {
-            f"{name}_s" if isinstance(value, float) else name: value for name, value in vars(done.residual).items()
+            f"{key}_s" if isinstance(value, float) else key: value for key, value in vars(done.residual).items()
         }
         print_json({**vars(done), "path": str(done.path), "rate_hz": done.rate, "residual": residual})
     else:
         say(f"wrote {done.path}: {done.frames} frames, {done.rate:.1f} frames/s, {done.gaps} gaps ({done.ended})")
         say(str(done.residual))
-
-
-def _make_path(out: Path) -> Path:
-    """Return the path of the new file, and make its folder.
-
-    Args:
-        out: Path of an .mcap file; or a folder, in which the file is named by date and time.
-
-    Raises:
-        InputError: If the file exists.
-    """
-    path = out if out.suffix == ".mcap" else out / time.strftime("touch-%Y%m%d-%H%M%S.mcap")
-    if path.exists():
-        raise InputError(f"--out: {path} exists; name a new file")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return path
 
 
 class _EventDisplay:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any
 
 from validation.cli.live_image import LiveImage
 from validation.cli.options import (
@@ -20,7 +18,6 @@ from validation.cli.options import (
     Topic,
     check_range,
     choose_array,
-    read_setup,
 )
 from validation.cli.output import describe_vector, note, print_json, say
 from validation.errors import InputError
@@ -28,26 +25,19 @@ from validation.errors import InputError
 if TYPE_CHECKING:
     from validation.recordings.recording import Recording, SimulatedForces
 
-_Speed = Annotated[float, Parameter(help="Speed of the replay, 1 for real time; 0 shows no frames.")]
-_Csv = Annotated[Path | None, Parameter(name="--csv", help="Also write the frames of the array as CSV.")]
-_Out = Annotated[Path | None, Parameter(help="New .mcap file; the recording's name with .mcap when not given.")]
-_Force = Annotated[Path | None, Parameter(help="Recording of a force sensor to add, .csv or a bag.")]
-_ForceDelay = Annotated[float, Parameter(help="Time by which the force sensor's clock is ahead of the array's [s].")]
 #: Largest difference of two clocks [s]: both count from 1970, or one from the first frame.
 _MOST_DELAY = 9e9
-_Rows = Annotated[int | None, Parameter(help="Texels along y, if the file does not tell.")]
-_Columns = Annotated[int | None, Parameter(help="Texels along x, if the file does not tell.")]
 
 
 def replay(
     file: RecordingFile,
     *,
     array: PressedArrayIndex = None,
-    speed: _Speed = 1.0,
-    csv: _Csv = None,
+    speed: float = 1.0,
+    csv: Path | None = None,
     topic: Topic = None,
-    rows: _Rows = None,
-    columns: _Columns = None,
+    rows: int | None = None,
+    columns: int | None = None,
     json: Json = False,
 ) -> None:
     """Show a recording of any known format in the terminal, and print its properties.
@@ -57,38 +47,45 @@ def replay(
         softcover replay touch.mcap
         softcover replay A1.dsa --array 1 --csv a1.csv
         softcover replay run.bag --json
+
+    Args:
+        speed: Speed of the replay, 1 for real time; 0 shows no frames.
+        csv: Also write the frames of the array as CSV.
+        rows: Texels along y, if the file does not tell.
+        columns: Texels along x, if the file does not tell.
     """
+    from validation import api
     from validation.recordings import tables
-    from validation.recordings.importing import open_recording
 
     check_range("--speed", speed)
     if csv is not None and csv.exists():
         raise InputError(f"--csv: {csv} exists; name a new file")
-    recording = open_recording(file, topic=topic, rows=rows, columns=columns)
+    recording = api.replay(file, topic=topic, rows=rows, columns=columns)
     shown = choose_array(recording, array)
     if csv is not None:
         csv.parent.mkdir(parents=True, exist_ok=True)
         tables.write(recording, csv, array=shown)
+    facts = _list_facts(recording)
     if json:
-        print_json({**_list_facts(recording), "shown": shown})
+        print_json({**facts, "shown": shown})
         return
     if speed and sys.stderr.isatty():
         _play(recording, shown, speed)
-    _say_facts(recording, shown)
+    _say_facts(facts, shown)
 
 
 def import_recording(
     file: RecordingFile,
     *,
-    out: _Out = None,
+    out: Path | None = None,
     indenter: RecordedIndenter = "",
     load: RecordedLoad = None,
     note: Note = "",
     topic: Topic = None,
-    force: _Force = None,
-    force_delay: _ForceDelay = 0.0,
-    rows: _Rows = None,
-    columns: _Columns = None,
+    force: Path | None = None,
+    force_delay: float = 0.0,
+    rows: int | None = None,
+    columns: int | None = None,
     json: Json = False,
 ) -> None:
     """Convert a recording of any known format to an MCAP file, with labels.
@@ -100,11 +97,19 @@ def import_recording(
         softcover import A1.dsa --indenter box:size=10.5mmx10.5mmx5mm --load 200g
         softcover import run.bag --topic /tactile/image --out run.mcap
         softcover import table.csv --rows 14 --columns 6
+
+    Args:
+        out: New .mcap file; the recording's name with .mcap when not given.
+        force: Recording of a force sensor to add, .csv or a bag.
+        force_delay: Time by which the force sensor's clock is ahead of the array's [s].
+        rows: Texels along y, if the file does not tell.
+        columns: Texels along x, if the file does not tell.
     """
     from validation.recordings import mcap_reader
     from validation.recordings.importing import add_forces, open_recording, relabel, save
+    from validation.recordings.recording import Setup
 
-    setup = read_setup(indenter, load, note)
+    setup = Setup.read(indenter, load, note)
     if force_delay and force is None:
         raise InputError("--force-delay: is for the force sensor's recording; name that with --force, or leave it out")
     if not abs(force_delay) <= _MOST_DELAY:
@@ -143,6 +148,10 @@ def tell_assumed_pitch(recording: Recording) -> None:
 
 def _list_facts(recording: Recording) -> dict[str, Any]:
     """Return the properties of a recording as a dictionary of JSON values."""
+    import numpy as np
+
+    delays = recording.arrival_delays
+    ranks = {"median_s": 50, "p95_s": 95, "largest_s": 100} if delays.size else {}
     return {
         "path": str(recording.path),
         "sha256": recording.sha256,
@@ -152,12 +161,8 @@ def _list_facts(recording: Recording) -> dict[str, Any]:
         "seconds": recording.seconds,
         "rate_hz": recording.frame_rate,
         "complete": recording.complete,
-        "gaps": list(recording.gaps),
-        "setup": {
-            **vars(recording.setup),
-            "device": dict(recording.setup.device),
-            "other": dict(recording.setup.other),
-        },
+        "gaps": recording.gaps,
+        "setup": vars(recording.setup),
         "arrays": [
             {
                 "name": array.texels.name,
@@ -171,19 +176,8 @@ def _list_facts(recording: Recording) -> dict[str, Any]:
             for array in recording.arrays
         ],
         "force_readings": len(recording.forces),
-        "arrival_delays": _list_delays(recording),
+        "arrival_delays": {name: float(np.percentile(delays, rank)) for name, rank in ranks.items()} or None,
     }
-
-
-def _list_delays(recording: Recording) -> dict[str, float] | None:
-    """Return the times from the frames' stamps to their arrival as JSON values [s]; None if they are unknown."""
-    import numpy as np
-
-    delays = recording.arrival_delays
-    if not delays.size:
-        return None
-    median, p95, largest = np.percentile(delays, (50, 95, 100)).tolist()
-    return {"median_s": median, "p95_s": p95, "largest_s": largest}
 
 
 def _list_forces(forces: SimulatedForces) -> dict[str, Any]:
@@ -196,35 +190,29 @@ def _list_forces(forces: SimulatedForces) -> dict[str, Any]:
         "largest_shear_n": np.linalg.norm(forces.net_force[:, :2], axis=1),
         "largest_pressure_pa": forces.pressures,
     }
-    found = {name: values[~np.isnan(values)].max(initial=-np.inf) for name, values in largest.items()}
-    listed = {name: None if np.isinf(value) else float(value) for name, value in found.items()}
+    known = {name: values[~np.isnan(values)] for name, values in largest.items()}
+    listed = {name: float(values.max()) if values.size else None for name, values in known.items()}
     return {**listed, "tangential_source": forces.tangential_source or None}
 
 
-def _say_facts(recording: Recording, shown: int) -> None:
-    setup = recording.setup
-    load = "" if setup.load is None else f", {setup.load:.4g} N"
-    arrays = ", ".join(
-        f"{array.texels.columns} x {array.texels.rows} (largest {array.counts.max(initial=0)})"
-        for array in recording.arrays
-    )
-    say(f"{recording.path}: {len(recording.times)} frames in {recording.seconds:.1f} s, arrays {arrays}")
-    if len(recording.arrays) > 1:
+def _say_facts(facts: dict[str, Any], shown: int) -> None:
+    setup, delays = facts["setup"], facts["arrival_delays"]
+    arrays = ", ".join("{columns} x {rows} (largest {largest})".format_map(array) for array in facts["arrays"])
+    say(f"{facts['path']}: {facts['frames']} frames in {facts['seconds']:.1f} s, arrays {arrays}")
+    if len(facts["arrays"]) > 1:
         say(f"array {shown} is shown; choose another one with --array")
-    say(f"indenter {setup.indenter or 'not known'}{load}; {setup.note or 'no note'}")
-    end = "closed properly" if recording.complete else "cut off: all but the last half second is there"
-    for number, array in enumerate(recording.arrays):
-        if array.simulated is not None:
-            say(f"array {number}, simulated: {_describe_forces(_list_forces(array.simulated))}")
-    if setup.other:
-        say("other labels: " + "; ".join(f"{key} = {value}" for key, value in setup.other.items()))
-    delays = _list_delays(recording)
+    load = "" if setup["load"] is None else f", {setup['load']:.4g} N"
+    say(f"indenter {setup['indenter'] or 'not known'}{load}; {setup['note'] or 'no note'}")
+    for number, array in enumerate(facts["arrays"]):
+        if array["simulated"] is not None:
+            say(f"array {number}, simulated: {_describe_forces(array['simulated'])}")
+    if setup["other"]:
+        say("other labels: " + "; ".join(f"{key} = {value}" for key, value in setup["other"].items()))
     if delays is not None:
-        say(
-            f"times by the device's clock; frames arrived up to {1e3 * delays['p95_s']:.1f} ms (95 %), "
-            f"{1e3 * delays['largest_s']:.1f} ms (all) later"
-        )
-    say(f"{len(recording.gaps)} gaps; {end}")
+        late = f"{1e3 * delays['p95_s']:.1f} ms (95 %), {1e3 * delays['largest_s']:.1f} ms (all)"
+        say(f"times by the device's clock; frames arrived up to {late} later")
+    end = "closed properly" if facts["complete"] else "cut off: all but the last half second is there"
+    say(f"{len(facts['gaps'])} gaps; {end}")
 
 
 def _describe_forces(forces: dict[str, Any]) -> str:
@@ -245,7 +233,7 @@ def _play(recording: Recording, array: int, speed: float) -> None:
         for number, now in enumerate(recording.times):
             time.sleep(max(0.0, now / speed - (time.monotonic() - start)))
             if live.is_due:
-                force = (
-                    "" if recorded.simulated is None else f", {describe_vector(recorded.simulated.net_force[number])}"
-                )
-                live.show(recorded.counts[number], f"{now:6.1f} of {recording.seconds:.1f} s{force}")
+                text = f"{now:6.1f} of {recording.seconds:.1f} s"
+                if recorded.simulated is not None:
+                    text += f", {describe_vector(recorded.simulated.net_force[number])}"
+                live.show(recorded.counts[number], text)

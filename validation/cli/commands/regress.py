@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
 
 from validation.cli.entry import CHECK_FAILED, DONE
 from validation.cli.meaning import explain_verdict
@@ -14,21 +11,15 @@ from validation.cli.options import Json, Sensor
 from validation.cli.output import Progress, print_json, say, show
 from validation.errors import InputError
 
-_BaselineFile = Annotated[Path, Parameter(help="File with the stored values.")]
-_Update = Annotated[bool, Parameter(help="Store the present values and print what changed, instead of checking.")]
-_Junit = Annotated[Path | None, Parameter(help="File for the verdict as JUnit XML, one test case per quantity.")]
-_Out = Annotated[Path | None, Parameter(help="Folder for regress.csv, each change over its tolerance.")]
-_Seed = Annotated[int, Parameter(help="Seed of the noise, from 0 on; no seed changes the verdict.")]
-
 
 def regress(
     sensor: Sensor,
     *,
-    baseline: _BaselineFile = Path("baseline.json"),
-    update: _Update = False,
-    junit: _Junit = None,
-    out: _Out = None,
-    seed: _Seed = 0,
+    baseline: Path = Path("baseline.json"),
+    update: bool = False,
+    junit: Path | None = None,
+    out: Path | None = None,
+    seed: int = 0,
     json: Json = False,
 ) -> int:
     """Compare what the fast model of a sensor measures with a stored baseline; exit with 1 if anything changed.
@@ -42,6 +33,13 @@ def regress(
         softcover regress wts-0614-34 --update
         softcover regress wts-0614-34 --out verdict
         softcover regress sensor.toml --baseline ci/sensor.json --junit regress.xml
+
+    Args:
+        baseline: File with the stored values.
+        update: Store the present values and print what changed, instead of checking.
+        junit: File for the verdict as JUnit XML, one test case per quantity.
+        out: Folder for regress.csv, each change over its tolerance.
+        seed: Seed of the noise, from 0 on; no seed changes the verdict.
     """
     from validation import api
     from validation.cli.options import read_sensor, tell_unused
@@ -84,15 +82,12 @@ def regress(
 
 def _check_options(baseline: Path, junit: Path | None, out: Path | None, seed: int, *, update: bool) -> None:
     """Refuse options that cannot be carried out, before the long computation."""
-    faults = []
-    for option, path in (("--junit", junit), ("--out", out)):
-        if update and path is not None:
-            faults.append(f"{option}, --update: give one of the two; --update checks nothing")
+    clashing = [name for name, path in (("--junit", junit), ("--out", out)) if update and path is not None]
+    faults = [f"{option}, --update: give one of the two; --update checks nothing" for option in clashing]
     if seed < 0:
         faults.append(f"--seed: accepted: 0 or more, not {seed}")
-    for option, path in (("--baseline", baseline if update else None), ("--junit", junit)):
-        if path is None:
-            continue
+    written = {"--baseline": baseline if update else None, "--junit": junit}
+    for option, path in ((option, path) for option, path in written.items() if path is not None):
         if path.is_dir():
             faults.append(f"{option}: {path} is a folder; name a file")
         elif not next(parent for parent in path.absolute().parents if parent.exists()).is_dir():

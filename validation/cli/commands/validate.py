@@ -1,41 +1,44 @@
-"""The commands `softcover demo` and `softcover validate`, which score a sensor's fast model and write a report."""
+"""The commands `softcover demo` and `softcover validate`, which score a sensor's fast model and write a report.
+
+With `--measured`, `softcover validate` compares the finite elements with forces that were measured at known depths.
+"""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from validation.cli.entry import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
-from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness
-from validation.cli.output import Progress, describe_cover, make_console, note, print_json, say, show, show_wrapped
+from validation.cli.options import UNCHANGED, CoverChanges, Json, SensorFile, read_description
+from validation.cli.output import (
+    Progress,
+    describe_cover,
+    note,
+    print_json,
+    print_table,
+    render,
+    say,
+    show,
+    show_wrapped,
+)
 from validation.errors import InputError
 
 if TYPE_CHECKING:
-    from validation.campaign.campaign_file import Campaign
     from validation.campaign.evaluation import Evaluation
     from validation.campaign.results import CampaignResult
     from validation.data_sets.data_set import DataSet
+    from validation.measured_force.comparison import ForceComparison, Row
     from validation.render.table import Table
+    from validation.schema.measured_force import Measurement
     from validation.sensor_file import SensorDescription
 
 _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
-_Campaign = Annotated[
-    Path | None, Parameter(name="--campaign", help="Campaign file: cases and what is required of the fast model.")
-]
 _Quick = Annotated[bool, Parameter(name="--quick", help="Six cases instead of all.")]
 _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings under known loads, or a data-set file.")]
-_DataSet = Annotated[
-    str | None, Parameter(name="--data-set", help="Data-set file, or kiechle-sdh2; that in the folder when not given.")
-]
-_Measured = Annotated[
-    str | None,
-    Parameter(
-        help="File of measured forces with their own cover, or gelsight-mini: compare the finite elements with them."
-    ),
-]
 
 #: Built-in sensor that `softcover demo` evaluates, and built-in sensor that made the recordings under known weights.
 _DEMO, _RECORDED = "wts-0614-34", "sdh2-distal"
@@ -71,14 +74,12 @@ def demo(
 def validate(
     sensor: SensorFile,
     *,
-    campaign: _Campaign = None,
+    campaign: Path | None = None,
     quick: _Quick = False,
     recordings: _Recordings = None,
-    data_set: _DataSet = None,
-    measured: _Measured = None,
-    material: MaterialName = None,
-    thickness: Thickness = None,
-    layer: Layers = None,
+    data_set: str | None = None,
+    measured: str | None = None,
+    cover: CoverChanges = UNCHANGED,
     out: _Out = Path("softcover-report"),
     json: Json = False,
 ) -> int:
@@ -96,19 +97,21 @@ def validate(
         softcover validate sensor.toml --recordings data-set.toml
         softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json
         softcover validate wts-0614-34 --measured gelsight-mini
+
+    Args:
+        campaign: Campaign file: cases and what is required of the fast model.
+        data_set: Data-set file, or kiechle-sdh2; that in the folder when not given.
+        measured: File of measured forces with their own cover, or gelsight-mini: compare the finite elements with them.
     """
     from meshes import SolidCover
-    from validation.cli.options import read_description
     from validation.data_sets.data_set import describe_unused_recordings, find_data_set
 
     if measured is not None:
-        if quick or any(given is not None for given in (campaign, recordings, data_set, material, thickness, layer)):
+        if quick or cover != UNCHANGED or any(each is not None for each in (campaign, recordings, data_set)):
             raise InputError("--measured: measured forces have a cover of their own; leave out all options but --json")
-        from validation.cli.measured_force import compare_measured_force
-
-        compare_measured_force(measured, json=json)
+        _compare_measured_force(measured, json=json)
         return DONE
-    description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
+    description = read_description(sensor, cover, curved=True)
     if isinstance(description.cover, SolidCover) and (recordings is not None or data_set is not None):
         raise InputError("--recordings, --data-set: recordings of curved covers are not scored; leave them out")
     # Recordings belong to one sensor.  Those of the environment variable may be of another sensor, so only recordings
@@ -117,17 +120,6 @@ def validate(
     if found is None and (sentence := describe_unused_recordings()):
         note(sentence)
     return _evaluate(description, campaign, out, quick=quick, recordings=found, recorded=description, json=json)
-
-
-def _read_campaign(path: Path | None, sensor: SensorDescription, *, quick: bool) -> Campaign:
-    """Read a campaign file or the default campaign, and shorten it for a quick run; faults in cases are printed."""
-    from validation.campaign.evaluation import read_plan
-
-    with Progress() as progress:
-        campaign = read_plan(path, sensor, progress)
-    for line in campaign.left_out:
-        say(f"softcover: left out: {line}")
-    return campaign.shorten() if quick else campaign
 
 
 def _evaluate(
@@ -161,46 +153,40 @@ def _evaluate(
     started = time.perf_counter()
     files = recordings.files if recordings else ()
     require("skfem", *REPORT_MODULES, *list_modules(file.path for file in files))
-    from validation.campaign.evaluation import evaluate
+    from validation.campaign.evaluation import evaluate, read_plan
     from validation.report import write_report
-
-    plan = _read_campaign(campaign, sensor, quick=quick)
-    _tell_friction(sensor)
-    with new_folder(out) as folder, Progress() as progress:
-        evaluation = evaluate(
-            sensor, campaign=plan, recordings=recordings, recorded=recorded, progress=progress, announce=say
-        )
-        progress("report")
-        write_report(evaluation, folder)
-    if json:
-        print_json(evaluation.report.as_json())
-    else:
-        _print(evaluation)
-    _tell_problems(evaluation)
-    say(f"report: {(out / 'index.html').absolute()} ({time.perf_counter() - started:.1f} s)")
-    (say if json else show)(evaluation.verdict.short)
-    return _choose_status(evaluation)
-
-
-def _choose_status(evaluation: Evaluation) -> int:
-    """Return the exit status: the first that applies of interrupted, not converged, faults in the campaign, verdict."""
-    if evaluation.campaign.interrupted:
-        return INTERRUPTED
-    if not all(each.converged for each in evaluation.campaign.skipped):
-        return NOT_CONVERGED
-    if evaluation.plan.left_out:
-        return BAD_INPUT
-    return DONE if evaluation.verdict.accepted else CHECK_FAILED
-
-
-def _tell_friction(sensor: SensorDescription) -> None:
     from validation.text.friction import describe_friction
 
+    with Progress() as progress:
+        plan = read_plan(campaign, sensor, progress)
+    for line in plan.left_out:
+        say(f"softcover: left out: {line}")
     if sensor.friction:
         say(
             f"friction {describe_friction(sensor.friction)} from {sensor.source} in the finite elements of every case, "
             "which takes minutes for each flat face; the fast model has none"
         )
+    plan = plan.shorten() if quick else plan
+    with new_folder(out) as folder, Progress() as progress:
+        found = evaluate(
+            sensor, campaign=plan, recordings=recordings, recorded=recorded, progress=progress, announce=say
+        )
+        progress("report")
+        write_report(found, folder)
+    if json:
+        print_json(found.report.as_json())
+    else:
+        _print(found)
+    _tell_problems(found)
+    say(f"report: {(out / 'index.html').absolute()} ({time.perf_counter() - started:.1f} s)")
+    (say if json else show)(found.verdict.short)
+    if found.campaign.interrupted:
+        return INTERRUPTED
+    if not all(each.converged for each in found.campaign.skipped):
+        return NOT_CONVERGED
+    if found.plan.left_out:
+        return BAD_INPUT
+    return DONE if found.verdict.accepted else CHECK_FAILED
 
 
 def _tell_problems(evaluation: Evaluation) -> None:
@@ -226,14 +212,14 @@ def _print(evaluation: Evaluation) -> None:
     show_wrapped(verdict.sentence, further="  ")
     for reason in verdict.reasons:
         show_wrapped(f"- {reason}", indent="  ", further="  ")
-    make_console().print(_tabulate(campaign).to_rich())
+    render(_tabulate(campaign))
     show_wrapped(
         f"Means over {len(campaign.cases)} cases; own error of the reference: "
         f"{describe_reference_error(campaign)}. All models and intervals are in the report."
     )
-    scores = evaluation.recordings
-    for split, notes in scores.notes.items() if scores else ():
-        show_wrapped(f"Recordings, {scores.about[split] if scores else ''}: {'; '.join(notes)}", further="  ")
+    if (scores := evaluation.recordings) is not None:
+        for split, notes in scores.notes.items():
+            show_wrapped(f"Recordings, {scores.about[split]}: {'; '.join(notes)}", further="  ")
 
 
 def _tabulate(campaign: CampaignResult) -> Table:
@@ -254,3 +240,81 @@ def _tabulate(campaign: CampaignResult) -> Table:
             for model, means in pooled.items()
         ],
     )
+
+
+def _compare_measured_force(measured: str, *, json: bool) -> None:
+    """Compare the finite elements with forces that were measured at known depths, and print the comparison.
+
+    The moduli are fitted to some of the points, and the others are scored, with the uncertainty of the comparison, both
+    without slip and without friction.
+
+    Args:
+        measured: A file of measured forces, or the name of a built-in measurement.
+        json: Whether to print JSON.
+
+    Raises:
+        InputError: If the file has faults.
+        MissingExtraError: If the finite elements are not installed.
+        OSError: If the file exists and cannot be read.
+    """
+    from validation.extras import require
+    from validation.measured_force.comparison import compare_measurement, read_measured_force
+
+    started = time.perf_counter()
+    given = read_measured_force(measured)
+    require("skfem")
+    with Progress() as progress:
+        comparison = compare_measurement(given, progress)
+    print_json(comparison.as_json()) if json else _show_measured(comparison, given)
+    say(f"compared in {time.perf_counter() - started:.1f} s")
+
+
+def _show_measured(comparison: ForceComparison, given: Measurement) -> None:
+    show(f"{given.name}: {describe_cover(given.cover)}")
+    show(f"source: {given.source}")
+    for row in comparison.rows:
+        show(f"{row.name}: {_describe_moduli(given, row)}")
+    print_table(
+        ("friction", "mm", "D [N]", "S [N]", "E", "u_val", "u_num", "u_input", "u_D"),
+        _list_points(comparison),
+        title="Measured force D, computed force S; error E = S - D and standard uncertainties in % of D",
+    )
+    show("abs(E) < u_val: the comparison cannot resolve an error of the model")
+    names = list(comparison.rows[-1].inputs)
+    print_table(("friction", "mm", *names), _list_inputs(comparison, names), title="Parts of u_input in % of D")
+    for sentence in comparison.verdict:
+        show(sentence)
+
+
+def _describe_moduli(given: Measurement, row: Row) -> str:
+    """Describe the fitted moduli with their 95 % interval: the shear modulus of a single layer, else the factor."""
+    layers = given.cover.layers
+    unit, label = (layers[0].material.shear_modulus / 1e6, "MPa") if len(layers) == 1 else (1.0, "times those given")
+    what = "shear modulus" if len(layers) == 1 else "moduli"
+    ends = "" if row.interval is None else " ({:.4g}..{:.4g}, 95 %)".format(*(unit * end for end in row.interval))
+    return f"{what} {unit * row.scale:.4g} {label}{ends}"
+
+
+def _list_points(found: ForceComparison) -> Iterator[tuple[str, ...]]:
+    """Yield the numbers of each point that was not fitted, for each kind of friction."""
+    for row, i in _list_scored(found):
+        parts = (row.u_val[i], row.numerical[i], row.u_input[i], row.measured[i])
+        yield (
+            row.name,
+            f"{1e3 * found.depth[i]:.4g}",
+            f"{found.force[i]:.4g}",
+            f"{row.predicted[i]:.4g}",
+            f"{100 * row.error[i] / found.force[i]:+.1f}",
+            *(f"{100 * part / found.force[i]:.1f}" for part in parts),
+        )
+
+
+def _list_inputs(found: ForceComparison, names: list[str]) -> Iterator[tuple[str, ...]]:
+    """Yield the parts of the uncertainty by input of each point that was not fitted, for each kind of friction."""
+    for row, i in _list_scored(found):
+        parts = {name: f"{100 * part[i] / found.force[i]:.2f} %" for name, part in row.inputs.items()}
+        yield row.name, f"{1e3 * found.depth[i]:.4g}", *(parts.get(name, "") for name in names)
+
+
+def _list_scored(found: ForceComparison) -> Iterator[tuple[Row, int]]:
+    return ((row, i) for row in found.rows for i, fitted in enumerate(found.fitted) if not fitted)

@@ -6,19 +6,18 @@ import contextlib
 import math
 import sys
 import time
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from validation.cli.live_image import LiveImage
 from validation.cli.options import (
+    UNCHANGED,
+    CoverChanges,
     Json,
-    Layers,
-    MaterialName,
     Method,
     Sensor,
     Shape,
-    Thickness,
     check_choice,
     check_range,
     read_sensor,
@@ -30,7 +29,6 @@ from validation.render import escape
 
 if TYPE_CHECKING:
     from validation.cli.view_scene import Scene
-    from validation.cli.view_window import Window
 
 #: Places where the live image can be shown, as the user names them.
 DISPLAYS = ("auto", "window", "terminal")
@@ -44,9 +42,7 @@ def view(
     indenter: Shape,
     load: Annotated[str, Parameter(allow_leading_hyphen=True)],
     method: Method = "default",
-    material: MaterialName = None,
-    thickness: Thickness = None,
-    layer: Layers = None,
+    cover: CoverChanges = UNCHANGED,
     seconds: float | None = None,
     display: str = "auto",
     json: Json = False,
@@ -69,12 +65,13 @@ def view(
         display: Where: window (the MuJoCo viewer), terminal, or auto (the window if one can be opened).
     """
     from validation.campaign.comparison import METHODS
+    from validation.cli.heat_map import draw_force_images
     from validation.cli.view_scene import Scene
     from validation.parameters import find_parameters
     from validation.text.indenter import read_indenter, read_load
 
     faults = Faults()
-    found = faults.read(read_sensor, sensor, material=material, thickness=thickness, layers=layer)
+    found = faults.read(read_sensor, sensor, cover)
     shape = faults.read(read_indenter, indenter)
     weight = faults.read(read_load, load)
     faults.read(check_range, "--seconds", seconds)
@@ -88,21 +85,38 @@ def view(
     # Ctrl-C is the normal way to end `softcover view`: it ends the simulation, and then the last image is printed.
     with contextlib.suppress(KeyboardInterrupt):
         _play(scene, seconds, place)
+    frame, array = scene.sensor.frame(), parameters.array
     if json:
-        print_json({**_list_last_frame(scene, indenter, weight), "warnings": list(warnings)})
-    else:
-        _print_last_frame(scene, f"{indenter} on {found.array.name}, {weight:.4g} N")
+        result = {
+            "indenter": indenter,
+            "load": weight,
+            "time": frame.time,
+            "at": scene.position,
+            "carried": scene.sensor.carried(),
+            "outside": scene.sensor.outside(),
+            "net_force": frame.net_force,
+            "net_torque": frame.net_torque,
+            "texel_forces": array.image(scene.texel_forces),
+            "pressures": None if frame.pressures is None else array.image(frame.pressures),
+            "tangential": None if frame.tangential is None else frame.tangential.reshape(array.rows, array.columns, 2),
+            "tangential_source": frame.tangential_source,
+            "counts": array.image(frame.counts),
+            "image": frame.image,
+        }
+        print_json({**result, "warnings": warnings})
+        return
+    console = make_console()
+    console.print(escape(f"{indenter} on {array.name}, {weight:.4g} N"), markup=False)
+    console.print(draw_force_images(array, [("fast model", scene.texel_forces)]))
+    console.print(_describe_state(scene).strip(), markup=False)
 
 
-def _choose_display(wanted: str, *, quiet: bool) -> str:
+def _choose_display(wanted: str, *, quiet: bool) -> Literal["window", "terminal", "nowhere"]:
     """Choose where to show the live image.
 
     Args:
         wanted: Place that the user chose, one of `DISPLAYS`.
         quiet: Whether to show no live image, because the result is printed as JSON.
-
-    Returns:
-        `window`, `terminal` or `nowhere`.
 
     Raises:
         InputError: If the place is unknown, or the user chose a window and none can be opened.
@@ -132,7 +146,16 @@ def _play(scene: Scene, seconds: float | None, place: str) -> None:
     if seconds is None:
         seconds = _UNWATCHED_SECONDS if place == "nowhere" else math.inf
     start = time.monotonic()
-    with _open_display(scene, place) as display:
+    parameters = scene.sensor.parameters
+    if place == "window":
+        from validation.cli.view_window import Window
+
+        say("close the window or press Ctrl-C to end")
+        shown: LiveImage | Window = Window(scene)
+    else:
+        columns, full_scale = parameters.array.columns, parameters.electronics.output_max
+        shown = LiveImage(columns=columns, full_scale=full_scale, quiet=place == "nowhere")
+    with shown as display:
         for now in scene.run(seconds):
             if place != "nowhere":
                 time.sleep(max(0.0, now - (time.monotonic() - start)))
@@ -146,48 +169,7 @@ def _play(scene: Scene, seconds: float | None, place: str) -> None:
                     start = time.monotonic()
 
 
-def _open_display(scene: Scene, place: str) -> LiveImage | Window:
-    """Make the display of the simulation: the window of MuJoCo's viewer, or a live image in the terminal."""
-    if place == "window":
-        from validation.cli.view_window import Window
-
-        say("close the window or press Ctrl-C to end")
-        return Window(scene)
-    parameters = scene.sensor.parameters
-    columns, full_scale = parameters.array.columns, parameters.electronics.output_max
-    return LiveImage(columns=columns, full_scale=full_scale, quiet=place == "nowhere")
-
-
 def _describe_state(scene: Scene) -> str:
     (x, y), frame = scene.position, scene.sensor.frame()
     force = "" if frame.net_force is None else f", {describe_vector(frame.net_force)}"
     return f"{frame.time:6.1f} s, {scene.sensor.carried():.2f} N at ({1e3 * x:.1f}, {1e3 * y:.1f}) mm{force}"
-
-
-def _list_last_frame(scene: Scene, indenter: str, load: float) -> dict[str, Any]:
-    frame, array = scene.sensor.frame(), scene.sensor.parameters.array
-    return {
-        "indenter": indenter,
-        "load": load,
-        "time": frame.time,
-        "at": list(scene.position),
-        "carried": scene.sensor.carried(),
-        "outside": scene.sensor.outside(),
-        "net_force": frame.net_force,
-        "net_torque": frame.net_torque,
-        "texel_forces": array.image(scene.texel_forces),
-        "pressures": None if frame.pressures is None else array.image(frame.pressures),
-        "tangential": None if frame.tangential is None else frame.tangential.reshape(array.rows, array.columns, 2),
-        "tangential_source": frame.tangential_source,
-        "counts": array.image(frame.counts),
-        "image": frame.image,
-    }
-
-
-def _print_last_frame(scene: Scene, title: str) -> None:
-    from validation.cli.heat_map import draw_force_images
-
-    console = make_console()
-    console.print(escape(title), markup=False)
-    console.print(draw_force_images(scene.sensor.parameters.array, [("fast model", scene.texel_forces)]))
-    console.print(_describe_state(scene).strip(), markup=False)

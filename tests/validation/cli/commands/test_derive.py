@@ -8,7 +8,7 @@ import pytest
 
 import fastmodel
 import fem_reference
-import fem_reference.linear_response.point_spread
+import fem_reference.linear_response.axisymmetric
 from validation.render.table import tabulate_facts
 
 
@@ -105,6 +105,6 @@ def test_solver_that_does_not_converge_is_status_4(softcover, monkeypatch):
     def diverge(*_, **__):
         raise fem_reference.ConvergenceError("contact did not settle after 50 steps")
 
-    monkeypatch.setattr(sys.modules["fem_reference.linear_response.point_spread"], "point_spread", diverge)
+    monkeypatch.setattr(sys.modules["fem_reference.linear_response.axisymmetric"], "point_spread", diverge)
     status, _, err = softcover("derive", "wts-0614-34")
     assert (status, err) == (4, "softcover: contact did not settle after 50 steps\n")

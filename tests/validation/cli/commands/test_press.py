@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 import fastmodel
 from fem_reference.finite_strain.contact_problem import PathSettings
-from validation.cli.press_options import read_friction_option
 from validation.errors import InputError
+from validation.text.friction import read_friction
 
 
 def test_press_prints_the_keys_that_others_rely_on(softcover):
@@ -108,18 +108,11 @@ def test_a_loading_path_that_stops_is_status_4_in_one_line(softcover, monkeypatc
 
 @given(value=st.floats(0, 1e6))
 def test_a_coefficient_of_friction_reads_back_as_written(value):
-    assert read_friction_option(repr(value), used=True) == value
+    assert read_friction(repr(value)) == value
+    assert read_friction("no-slip") == np.inf
 
 
 @pytest.mark.parametrize("text", ["inf", "nan", "-0.1", "1e999", "slip", ""])
 def test_what_is_no_coefficient_of_friction_is_refused(text):
     with pytest.raises(InputError, match="is not zero, a positive number or no-slip"):
-        read_friction_option(text, used=True)
-
-
-def test_no_slip_is_an_infinite_coefficient_that_only_the_finite_elements_use():
-    assert read_friction_option("no-slip", used=True) == np.inf
-    assert read_friction_option("0", used=False) == 0
-    assert read_friction_option(None, used=False) is None
-    with pytest.raises(InputError, match="the fast model has none"):
-        read_friction_option("no-slip", used=False)
+        read_friction(text)

@@ -10,17 +10,18 @@ from fem_reference.indentation.problem import PressProblem
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes import Material
 from meshes.bounded_file import parse_toml
-from validation.campaign.bench import Plan
-from validation.campaign.campaign_file import Criterion, Inputs, find_places, parse_campaign
+from validation.campaign.bench import prepare_bench
+from validation.campaign.campaign_file import Criterion, Inputs, parse_campaign
 from validation.campaign.evaluation import evaluate
+from validation.campaign.reference_press import press_reference
 from validation.campaign.results import judge
-from validation.campaign.run import run_campaign
-from validation.campaign.solid_bench import CURVED_MODELS, SolidBench, plan_presses
+from validation.campaign.run import Plan, plan_cases, run_campaign
+from validation.campaign.solid_bench import CURVED_MODELS, SolidBench
 from validation.credibility import verification as evidence
 from validation.credibility.evidence import gather_evidence
 from validation.credibility.verification import check_shell
-from validation.curved.press import press_case
 from validation.derivation.derive import derive
+from validation.places import find_places
 
 TEXT = """
 [[case]]
@@ -45,12 +46,12 @@ def plan(small_pad):
 
 @pytest.fixture(scope="module")
 def bench(small_pad):
-    return SolidBench(derivation=derive(small_pad))
+    return prepare_bench(derive(small_pad), ())
 
 
 @pytest.fixture(scope="module")
 def cost(small_pad, plan):
-    return plan_presses(small_pad, plan.cases)
+    return plan_cases(small_pad.cover, small_pad.array, plan.cases)
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,7 @@ def test_the_cost_is_announced_before_the_long_computations(small_pad, plan, tmp
 def test_a_stored_press_is_the_press(small_pad, plan, result):
     case = plan.cases[1]
     with stored_only():
-        found = press_case(small_pad, case)
+        found = press_reference(small_pad.cover, small_pad.array, case)
     material = small_pad.cover.layers[0].material
     problem = PressProblem(
         array=small_pad.array, indenter=case.indenter, pose=case.pose, targets=(0.2,), control="load"
@@ -95,11 +96,11 @@ def test_a_stored_press_is_the_press(small_pad, plan, result):
 def test_a_press_with_another_pose_is_another_entry(small_pad, plan):
     moved = dataclasses.replace(plan.cases[1], pose=dataclasses.replace(plan.cases[1].pose, yaw=0.2))
     with stored_only(), pytest.raises(NotStoredError):
-        press_case(small_pad, moved)
+        press_reference(small_pad.cover, small_pad.array, moved)
 
 
 def test_presses_are_missing_once(small_pad, plan, cost, result):
-    again = plan_presses(small_pad, plan.cases)
+    again = plan_cases(small_pad.cover, small_pad.array, plan.cases)
     assert again.missing == (False, False)
     assert again.total < cost.total or cost.missing == (False, False)
 

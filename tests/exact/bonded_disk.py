@@ -15,20 +15,11 @@ from functools import cached_property
 import numpy as np
 
 from fem_reference.elements.taylor_hood import prepare_elements
-from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.loading_path import Units
-from fem_reference.finite_strain.newton import (
-    Equilibrium,
-    Linearisation,
-    PathConvergenceError,
-    is_balanced,
-    solve_newton,
-    walk_to,
-)
+from fem_reference.finite_strain.newton import Equilibrium, Linearisation, is_balanced, solve_newton, walk_to
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.axisymmetric import mesh_cover
-from fem_reference.materials import describe_instability
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover, Layer, Material
 from meshes.array_types import FloatArray, IntArray
@@ -62,18 +53,6 @@ class Squeezed:
     force: FloatArray
     energy: FloatArray
     error_estimate: FloatArray
-
-
-class IncompleteCompressionError(ConvergenceError):
-    """The compression of a disk stopped before its last strain.
-
-    Attributes:
-        reached: Results at the strains that all grids reached; its arrays may be empty.
-    """
-
-    def __init__(self, message: str, reached: Squeezed) -> None:
-        super().__init__(message)
-        self.reached = reached
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,12 +93,11 @@ class Disk:
             plate=2 * top + 1,
         )
 
-    def compress(self, travels: Sequence[float], out: list[Equilibrium] | None = None) -> list[Equilibrium]:
+    def compress(self, travels: Sequence[float]) -> list[Equilibrium]:
         """Compress the disk to each of several displacements of the plate.
 
         Args:
             travels: Displacements of the plate, ascending [half heights].
-            out: List to which the equilibria are appended one by one, and which is returned; a new one if None.
 
         Returns:
             The equilibrium at each displacement; `depth` is the displacement and `load` the force of the plate.
@@ -129,7 +107,7 @@ class Disk:
         """
         undeformed = np.zeros(self.solid.elements.displacements + self.solid.elements.pressures)
         here = Equilibrium(state=undeformed, depth=0.0, load=0.0, reaction=np.zeros_like(undeformed), iterations=0)
-        out = [] if out is None else out
+        out = []
         for travel in travels:
             here = walk_to(
                 travel,
@@ -180,6 +158,15 @@ class Disk:
         return ConstrainedSystem(self.constrained)
 
 
+def gent_lindley(shape_factor: float) -> float:
+    """Estimate the apparent modulus of a bonded disk over its Young's modulus, 1 + 2 S^2 (Gent and Lindley 1959) [-].
+
+    Args:
+        shape_factor: Shape factor S, loaded area over free area, radius / (2 height) [-].
+    """
+    return 1 + 2 * shape_factor**2
+
+
 def compress_disk(material: Material, *, radius: float, height: float, strains: Sequence[float]) -> Squeezed:
     """Compress a rubber disk between two bonded rigid plates.
 
@@ -189,44 +176,17 @@ def compress_disk(material: Material, *, radius: float, height: float, strains: 
         height: Height of the undeformed disk [m].
         strains: Compressions over the undeformed height, ascending, between 0 and 1 [-].
 
-    Returns:
-        Force, energy and estimated error at each strain.
-
     Raises:
-        ValueError: If a length is not positive or the strains do not ascend within 0..1.
-        IncompleteCompressionError: If Newton's method does not converge at one of the strains; the error has the
-            results at the strains that all grids reached.
+        PathConvergenceError: If Newton's method does not converge at one of the strains.
     """
-    if not (radius > 0 and height > 0):
-        raise ValueError(f"a disk needs a positive radius and height, not {radius} m and {height} m")
-    wanted = [float(strain) for strain in strains]
-    if not wanted or wanted != sorted(set(wanted)) or not 0 < wanted[0] <= wanted[-1] < 1:
-        raise ValueError(f"strains must ascend within 0..1, not {wanted}")
     unit, stress = height / 2, material.shear_modulus
-    forces, energies = [], []
-    stopped: PathConvergenceError | None = None
-    for count in GRIDS:
-        disk = Disk.mesh(material, radius / unit, count)
-        path: list[Equilibrium] = []
-        try:
-            disk.compress(wanted, path)
-        except PathConvergenceError as error:
-            stopped = error
-        forces.append([reached.load for reached in path])
-        energies = [2 * disk.solid.energy(reached.state) for reached in path]
-    done = min(len(each) for each in forces)
-    forces, energies = [each[:done] for each in forces], energies[:done]
+    disks = [Disk.mesh(material, radius / unit, count) for count in GRIDS]
+    paths = [disk.compress(strains) for disk in disks]
+    forces = np.array([[reached.load for reached in path] for path in paths])
     sizes = [1 / count for count in GRIDS]
-    errors = [grid_convergence(each, sizes, most=_ORDER) / each[-1] for each in zip(*forces, strict=True)]
-    found = Squeezed(
-        strain=np.array(wanted[:done]),
-        force=np.array(forces[-1]) * stress * unit**2,
-        energy=np.array(energies) * stress * unit**3,
-        error_estimate=np.array(errors),
+    return Squeezed(
+        strain=np.array(strains),
+        force=forces[-1] * stress * unit**2,
+        energy=np.array([2 * disks[-1].solid.energy(reached.state) for reached in paths[-1]]) * stress * unit**3,
+        error_estimate=np.array([grid_convergence(each, sizes, most=_ORDER) / each[-1] for each in forces.T]),
     )
-    if stopped is not None:
-        last = f"{wanted[done - 1]:.3g}" if done else "none of the strains"
-        sentence = describe_instability(material)
-        message = f"the disk was compressed to {last}, not to {wanted[-1]:.3g}: {stopped}"
-        raise IncompleteCompressionError(f"{message}; {sentence}" if sentence else message, found) from stopped
-    return found

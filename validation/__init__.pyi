@@ -1,0 +1,15 @@
+# The public names of `validation`.  A module is imported when one of its names is first used.
+
+from .api import (
+    calibrate as calibrate,
+    datasheet as datasheet,
+    derive as derive,
+    export as export,
+    load as load,
+    press as press,
+    read_report as read_report,
+    record as record,
+    regress as regress,
+    replay as replay,
+    validate as validate,
+)

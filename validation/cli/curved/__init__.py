@@ -1,1 +1,0 @@
-"""The commands `derive`, `press` and `mesh` on sensors with curved covers."""

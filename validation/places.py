@@ -1,0 +1,398 @@
+"""Where an indenter touches a cover: places by name or coordinates, directions, rotations; one reader for any cover."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, singledispatch
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from meshes import Pose, SolidCover, TexelArray
+from meshes.array_types import BoolArray, FloatArray
+from meshes.solids.solid_mesh import measure_thickness
+from meshes.solids.texels import tangent_axes
+from validation.cover_meshes import make_meshes
+from validation.errors import Faults, InputError, nearest
+from validation.text.indenter import read_tilt, read_yaw
+from validation.text.quantity import read_quantities, read_quantity
+
+if TYPE_CHECKING:
+    from fem_reference.curved_cover.facet_surface import FacetSurface
+    from meshes.solids import SolidMesh
+    from validation.schema.campaign import LoadsForTable
+    from validation.sensor_file import SensorDescription
+
+#: Distances along x and y from the middle, from a texel's centre or from an edge, over the pitch: 0.7 mm and 1.1 mm on
+#: a pitch of 3.4 mm.  An indenter there is not symmetric to the texels [-].
+_OFF_GRID_X, _OFF_GRID_Y = 0.206, 0.324
+#: Directions of motion by name.
+DIRECTIONS = ("normal", "oblique x", "oblique y")
+#: Angle between an oblique direction and the normal of the cover [rad].
+_OBLIQUE = math.radians(30)
+#: Largest tilt of an indenter about one axis on a solid cover [rad].
+_MOST_TILT = math.radians(80)
+#: Largest distance of a wanted place from the top of a solid cover, over its thickness [-].
+_OFF_TOP = 1.0
+#: Component of a direction: a number without unit.
+_NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*")
+#: Largest length of a text that is parsed or repeated in a message [characters].
+_LONGEST = 100
+
+#: A vector.
+Vector = tuple[float, float, float]
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseText:
+    """Pose of an indenter as it was asked for, before the place is looked for on the cover.
+
+    Attributes:
+        at: Name of a place, or its coordinates [m]; None for the default place.
+        direction: Name of a direction, or a vector of any length.
+        yaw: Rotation of the indenter about its axis [rad].
+        tilt: Rotations of the indenter about its x and y axes [rad].
+        prefix: Text before the names of these keys in messages, such as `--`.
+    """
+
+    at: str | tuple[float, ...] | None = None
+    direction: str | Vector = "normal"
+    yaw: float = 0.0
+    tilt: tuple[float, float] = (0.0, 0.0)
+    prefix: str = "--"
+
+
+class Places(Protocol):
+    """Places on a cover, and the default campaign of its kind."""
+
+    @property
+    def default(self) -> str:
+        """Name of the file with the default campaign."""
+
+    def parse(self, texts: Mapping[str, str], prefix: str) -> PoseText:
+        """Read `at`, `direction`, `yaw` and `tilt`, each of which may be missing; nothing is computed.
+
+        Args:
+            texts: The texts by key.
+            prefix: Text before the keys in messages.
+
+        Raises:
+            InputError: With one line per fault.
+        """
+
+    def find(self, pose: PoseText) -> Pose:
+        """Find place and direction on the cover, which may have to be meshed.
+
+        Raises:
+            InputError: If the place is not on the cover.
+        """
+
+    def scale_loads(self, table: LoadsForTable, source: str) -> float:
+        """Return the factor on the loads of a campaign that is written for another cover.
+
+        Raises:
+            InputError: If loads are not scaled for this kind of cover.
+        """
+
+
+def parse_pose(
+    texts: Mapping[str, str],
+    prefix: str,
+    *,
+    at: Callable[[str, str], str | tuple[float, ...]],
+    direction: Callable[[str, str], str | Vector],
+    tilt: Callable[[str, str], tuple[float, float]],
+) -> PoseText:
+    """Read the keys of a pose by a function each, which takes a text and its place in messages.
+
+    Raises:
+        InputError: With one line per fault.
+    """
+    readers: dict[str, Callable[[str, str], Any]] = {
+        "at": at,
+        "direction": direction,
+        "yaw": lambda text, place: read_yaw(text, place=place),
+        "tilt": tilt,
+    }
+    faults = Faults()
+    found = {key: faults.read(readers[key], text.strip(), f"{prefix}{key}") for key, text in texts.items()}
+    faults.refuse()
+    return PoseText(**found, prefix=prefix)
+
+
+def read_place(text: str, place: str, names: tuple[str, ...], counts: tuple[int, ...]) -> str | tuple[float, ...]:
+    """Read a place: a name, or coordinates [m].
+
+    Args:
+        text: The text.
+        place: Place of the text in messages.
+        names: Accepted names.
+        counts: Accepted numbers of coordinates, the usual one last.
+    """
+    if text in names:
+        return text
+    if not any(character.isdigit() for character in text):
+        example = "0mm,2mm,8mm" if counts[-1] == 3 else "1mm,-2mm"  # noqa: PLR2004 -- x, y and z
+        raise InputError(
+            f"{place}: unknown place {text[:_LONGEST]!r}; {nearest(text[:_LONGEST], names)}, or "
+            f"{'x,y,z'[: 2 * counts[-1] - 1]} such as {example}"
+        )
+    given = text.count(",") + 1
+    return read_quantities(text, "length", given if given in counts else counts[-1], place=place)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlatPlaces:
+    """Places on planar layers, pressed along -z.
+
+    Attributes:
+        array: The array, in whose frame places are given.
+        whole: Whether the axis of the indenter must lie over the array.
+    """
+
+    array: TexelArray
+    whole: bool = False
+    default: str = "default.toml"
+
+    @property
+    def named(self) -> dict[str, tuple[float, float]]:
+        """Positions (x, y) by name [m].
+
+        They are the centre of the array, the centre of a texel (also called middle), a point less than half a pitch
+        beside the array's centre, a point over an edge and a point near a corner.
+        """
+        array = self.array
+        right, top = array.centres[array.active, :2].max(axis=0).tolist()
+        x, y = array.centres[array.middle, :2].tolist()
+        pitch_x, pitch_y = array.pitch
+        return {
+            "centre": (0.0, 0.0),
+            "middle": (x, y),
+            "texel": (x, y),
+            "off grid": (_OFF_GRID_X * pitch_x, -_OFF_GRID_Y * pitch_y),
+            "edge": (right, _OFF_GRID_X * pitch_y),
+            "corner": (right - _OFF_GRID_Y * pitch_x, top - _OFF_GRID_Y * pitch_y),
+        }
+
+    def parse(self, texts: Mapping[str, str], prefix: str) -> PoseText:
+        """Read the texts of a pose; see `Places`."""
+        return parse_pose(
+            texts,
+            prefix,
+            at=self._read_at,
+            direction=self._read_direction,
+            tilt=lambda text, place: read_tilt(text, place=place),
+        )
+
+    def find(self, pose: PoseText) -> Pose:
+        """Return the pose; see `Places`."""
+        at = self.named[pose.at] if isinstance(pose.at, str) else pose.at or (0.0, 0.0)
+        return Pose.planar((at[0], at[1]), pose.yaw, pose.tilt)
+
+    def scale_loads(self, table: LoadsForTable, source: str) -> float:
+        """Refuse to scale the loads; see `Places`."""
+        del table
+        raise InputError(f"{source}: loads_for: is for curved covers; remove it, and write the loads as they are")
+
+    def _read_at(self, text: str, place: str) -> str | tuple[float, ...]:
+        at = read_place(text, place, tuple(self.named), (2,))
+        if self.whole and not isinstance(at, str):
+            half = np.array(self.array.texel_size) / 2
+            low, high = (edge(self.array.centres[:, :2], axis=0) for edge in (np.min, np.max))
+            if not ((low - half <= at) & (at <= high + half)).all():
+                ranges = zip("xy", 1e3 * (low - half), 1e3 * (high + half), strict=True)
+                accepted = ", ".join(f"{axis} {first:.4g}..{last:.4g} mm" for axis, first, last in ranges)
+                given = f"({1e3 * at[0]:.4g}, {1e3 * at[1]:.4g}) mm"
+                raise InputError(f"{place}: {given} is not on the array; accepted: {accepted}")
+        return at
+
+    @staticmethod
+    def _read_direction(text: str, place: str) -> str:
+        if text != DIRECTIONS[0]:
+            raise InputError(f"{place}: is for curved covers; a flat one is pressed along -z, `tilt` turns the body")
+        return text
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SolidPlaces:
+    """Places on the top of a solid cover.
+
+    Attributes:
+        sensor: The sensor.
+        progress: Called with a line of text while the cover is meshed.
+        mesh: Finest mesh of the cover, made when a place is looked for.
+    """
+
+    sensor: SensorDescription
+    progress: Progress | None = field(default=None, repr=False)
+    default: str = "curved.toml"
+
+    @cached_property
+    def mesh(self) -> SolidMesh:
+        """Finest mesh of the cover."""
+        return make_meshes(self.sensor, self.progress)[-1]
+
+    @cached_property
+    def thickness(self) -> float:
+        """Mean thickness of the mesh [m]."""
+        return measure_thickness(self.mesh)
+
+    @cached_property
+    def named(self) -> dict[str, FloatArray]:
+        """Points near the top by name, shape (3,) each [m].
+
+        `middle`, also called `centre` and `texel`, lies above the texel nearest to the middle of all, `off grid` less
+        than half a pitch beside it, `edge`, also called `corner`, above the texel farthest from it, and `side` above
+        the texel whose normal differs most from that of the middle.
+        """
+        from fem_reference.curved_cover.responses import find_above, find_top
+
+        texels, middle = self.sensor.array, find_middle(self.sensor.array)
+        above = find_above(find_top(self.mesh), texels)
+        far = np.where(texels.active, np.linalg.norm(texels.centres - texels.centres[middle], axis=1), -1.0)
+        turned = np.where(texels.active, -texels.normals @ texels.normals[middle], -2.0)
+        beside = (np.array([_OFF_GRID_X, -_OFF_GRID_Y]) * texels.pitch) @ tangent_axes(texels.normals)[middle]
+        edge = above[int(np.argmax(far))]
+        return {
+            **dict.fromkeys(("middle", "centre", "texel"), above[middle]),
+            "off grid": above[middle] + beside,
+            **dict.fromkeys(("edge", "corner"), edge),
+            "side": above[int(np.argmax(turned))],
+        }
+
+    def parse(self, texts: Mapping[str, str], prefix: str) -> PoseText:
+        """Read the texts of a pose; see `Places`."""
+        names = ("middle", "centre", "texel", "off grid", "edge", "corner", "side")
+        # In a plane two coordinates are enough.
+        counts = (2, 3) if self.sensor.array.planar else (3,)
+        return parse_pose(
+            texts,
+            prefix,
+            at=lambda text, place: read_place(text, place, names, counts),
+            direction=_read_direction,
+            tilt=_read_tilt,
+        )
+
+    def find(self, pose: PoseText) -> Pose:
+        """Find the nearest point of the top, and the direction there; see `Places`."""
+        at = tuple(self.named[pose.at].tolist()) if isinstance(pose.at, str) else pose.at
+        point, normal = self._touch(at, pose.prefix)
+        towards = _turn_aside(pose.direction, normal)
+        return replace(Pose.facing(point, towards / np.linalg.norm(towards), spin=pose.yaw), tilt=pose.tilt)
+
+    def scale_loads(self, table: LoadsForTable, source: str) -> float:
+        """Return modulus times thickness squared of the cover, over those of the table; see `Places`."""
+        del source
+        cover = self.sensor.cover
+        return cover.layers[0].material.youngs_modulus * cover.thickness**2 / (table.modulus * table.thickness**2)
+
+    def _touch(self, at: tuple[float, ...] | None, prefix: str) -> tuple[FloatArray, FloatArray]:
+        """Return the point of the top nearest to a place, and the normal there; above a texel that texel's normal.
+
+        If no place is given, it is the point above the texel that is nearest to the middle of all active texels, of
+        those with a top above them.
+        """
+        from fem_reference.curved_cover.responses import find_above, find_top
+
+        top, texels, thickness = find_top(self.mesh), self.sensor.array, self.thickness
+        if at is None:
+            middle = self._find_covered(top, prefix)
+            wanted = find_above(top, texels)[[middle]]
+        else:
+            wanted = np.array([at if len(at) == 3 else (*at, thickness)])  # noqa: PLR2004 -- x, y and z
+        weights, distance = top.locate(wanted)
+        point = (weights @ top.nodes)[0]
+        if distance[0] > _OFF_TOP * thickness:
+            near = ",".join(f"{round(1e3 * each, 4) + 0.0:g}mm" for each in point)
+            raise InputError(
+                f"{prefix}at: the place is {1e3 * distance[0]:.4g} mm from the cover's surface; the nearest point is "
+                f"{near}"
+            )
+        # Above a texel, its own normal: that of the top turns from element to element on rough surfaces.
+        normal = texels.normals[middle] if at is None else (weights @ top.normals)[0]
+        return point, normal / np.linalg.norm(normal)
+
+    def _find_covered(self, top: FacetSurface, prefix: str) -> int:
+        """Return the index of the texel nearest to the middle of all active ones that has a top above it."""
+        from fem_reference.curved_cover.responses import find_uncovered
+
+        texels = self.sensor.array
+        covered = texels.active & ~find_uncovered(top, texels, self.thickness)
+        if not covered.any():
+            raise InputError(
+                f"{prefix}at: is needed: no texel has a surface of the cover above it along its normal; write for "
+                "example --at=0mm,2mm,8mm"
+            )
+        return find_middle(texels, covered)
+
+
+@singledispatch
+def find_places(cover: object, sensor: SensorDescription, progress: Progress | None = None) -> Places:
+    """Return the places on a cover: those on planar layers, unless another function is registered for the cover.
+
+    Args:
+        cover: The cover of the sensor.
+        sensor: The sensor.
+        progress: Called with a line of text before each step.
+    """
+    del cover, progress
+    return FlatPlaces(array=sensor.array)
+
+
+@find_places.register(SolidCover)
+def _(cover: SolidCover, sensor: SensorDescription, progress: Progress | None = None) -> Places:
+    del cover
+    return SolidPlaces(sensor=sensor, progress=progress)
+
+
+def find_middle(texels: TexelArray, among: BoolArray | None = None) -> int:
+    """Return the index of the texel whose centre is nearest to the mean of all active centres.
+
+    Args:
+        texels: The texels.
+        among: Which texels may be returned, shape (n,); the active ones if None.
+    """
+    allowed = np.flatnonzero(texels.active if among is None else among)
+    middle = texels.centres[texels.active].mean(axis=0)
+    return int(allowed[np.argmin(np.linalg.norm(texels.centres[allowed] - middle, axis=1))])
+
+
+def _turn_aside(direction: str | Vector, normal: FloatArray) -> FloatArray:
+    """Return a direction as a vector: against the normal of the cover, turned towards a tangent axis by its name."""
+    if not isinstance(direction, str):
+        return np.array(direction, dtype=float)
+    if direction == DIRECTIONS[0]:
+        return -normal
+    aside = tangent_axes(normal[None])[0][DIRECTIONS.index(direction) - 1]
+    return np.asarray(aside * math.sin(_OBLIQUE) - normal * math.cos(_OBLIQUE))
+
+
+def _read_direction(text: str, place: str) -> str | Vector:
+    """Read a direction: a name, relative to the normal of the cover, or three numbers."""
+    if text in DIRECTIONS:
+        return text
+    example = f"{'--direction=' if place == '--direction' else ''}0,0.5,-1"
+    parts = text.split(",")
+    if len(text) > _LONGEST or len(parts) != 3 or not all(map(_NUMBER.fullmatch, parts)):  # noqa: PLR2004
+        raise InputError(
+            f"{place}: unknown direction {text[:_LONGEST]!r}; {nearest(text[:_LONGEST], DIRECTIONS)}, or three numbers "
+            f"such as {example}"
+        )
+    x, y, z = map(float, parts)
+    if not 0 < max(abs(x), abs(y), abs(z)) < math.inf:
+        raise InputError(f"{place}: {text!r} must be finite and not zero; write for example {example}")
+    return (x, y, z)
+
+
+def _read_tilt(text: str, place: str) -> tuple[float, float]:
+    parts = text.split(",")
+    if len(parts) != 2:  # noqa: PLR2004 -- about x and y
+        raise InputError(f"{place}: {text[:_LONGEST]!r} is not two angles about x and y; write for example 0deg,45deg")
+    x, y = (read_quantity(part, "angle", place=place) for part in parts)
+    if max(abs(x), abs(y)) > _MOST_TILT:
+        raise InputError(f"{place}: {text!r}: at most {math.degrees(_MOST_TILT):g} deg about either axis are accepted")
+    return x, y

@@ -1,0 +1,250 @@
+"""One press as it is asked for in text, on the command line and in Python: its options, read together, and its run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, cast
+
+from meshes import Indenter
+from validation.campaign.case import Case
+from validation.campaign.comparison import (
+    METHODS,
+    MODELS,
+    Comparison,
+    compare_models,
+    find_cover,
+    name_unsupported,
+)
+from validation.errors import Faults, InputError, nearest
+from validation.parameters import find_parameters
+from validation.places import FlatPlaces, Places, PoseText, find_places
+from validation.sensor_file import BUILT_IN, SensorDescription
+from validation.text.friction import read_friction
+from validation.text.indenter import read_depth, read_indenter, read_load
+
+if TYPE_CHECKING:
+    from fastmodel import Parameters
+    from validation.press_files.curve import LoadCurve
+
+#: Strains that the finite elements know.
+STRAINS = ("small", "finite")
+#: Largest number of points of a curve [-].
+_MOST_POINTS = 1000
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PressRequest:
+    """A press that is asked for.
+
+    Attributes:
+        sensor: Description of the sensor, or parameters of its fast model.
+        indenter: The indenter.
+        shape: The indenter as text.
+        places: Places on the cover.
+        pose: Place, direction and rotations of the indenter.
+        load: Force along the motion [N]; None if the depth is given.
+        depth: Approach of the indenter from first touch [m]; None if the load is given.
+        friction: Coefficient of Coulomb friction, inf for no slip; that of the sensor if None [-].
+        strain: `small` or `finite`; what the cover's solver prefers if None.
+        accuracy: Wanted relative error of the finite elements; None for the usual grids [-].
+        models: Models that are computed, some of `MODELS`.
+        method: Contact method of the fast model.
+    """
+
+    sensor: SensorDescription | Parameters
+    indenter: Indenter
+    shape: str
+    places: Places
+    pose: PoseText
+    load: float | None
+    depth: float | None
+    friction: float | None = None
+    strain: Literal["small", "finite"] | None = None
+    accuracy: float | None = None
+    models: tuple[str, ...] = MODELS
+    method: str = "default"
+
+    @property
+    def needs_reference(self) -> bool:
+        """Whether finite elements are computed."""
+        return "fem" in self.models or self.depth is not None
+
+    @property
+    def way_out(self) -> str:
+        """What can be done without finite elements; empty for nothing."""
+        stored = self.sensor is BUILT_IN.get(self.sensor.array.name)
+        unused = self.depth is None and self.accuracy is None and not self.friction
+        return "compute the fast model alone: --model fast" if stored and unused and "fast" in self.models else ""
+
+    def find_case(self) -> Case:
+        """Return the case; a cover that is a solid is meshed for its place.
+
+        Raises:
+            InputError: If the cover cannot be meshed, or the place is not on it.
+        """
+        pose = self.places.find(self.pose)
+        return Case(name="press", indenter=self.indenter, shape=self.shape, load=self.load or 0.0, pose=pose)
+
+    def run(self, *, fields: bool = False, as_far: bool = False, progress: Progress | None = None) -> Comparison:
+        """Compute the press by the chosen models.
+
+        Args:
+            fields: Whether the finite elements return displacement and stress in the cover.
+            as_far: Whether finite elements that stop early give the result at the largest load that they reached.
+            progress: Called with a line of text before each step.
+
+        Raises:
+            InputError: If the cover cannot be meshed, the place is not on it, or its solver cannot do what is asked.
+            PiercedError: If the indenter would pierce the cover.
+            ConvergenceError: If the finite elements do not converge.
+        """
+        case = self.find_case()
+        return compare_models(
+            self.sensor, case, depth=self.depth, friction=self.friction, strain=self.strain, accuracy=self.accuracy,
+            models=self.models, method=self.method, fields=fields, as_far=as_far, progress=progress,
+            parameters=find_parameters(self.sensor, progress) if "fast" in self.models else None,
+        )  # fmt: skip
+
+    def trace(self, points: int, progress: Progress | None = None) -> LoadCurve:
+        """Compute a curve of load over depth by finite elements.
+
+        Args:
+            points: Number of points, the last at the load or depth of the press.
+            progress: Called with a line of text before each step.
+
+        Raises:
+            InputError: As for `run`, or if the cover is not known.
+        """
+        from validation.press_files.curve import trace_curve
+
+        cover, case = find_cover(self.sensor), self.find_case()
+        friction = getattr(self.sensor, "friction", 0.0) if self.friction is None else self.friction
+        with name_unsupported(self.sensor, self.friction):
+            return trace_curve(
+                cover, self.sensor.array, case.indenter, points=points, load=self.load, depth=self.depth,
+                pose=case.pose, friction=friction, strain=self.strain, accuracy=self.accuracy, progress=progress,
+            )  # fmt: skip
+
+
+def read_request(
+    find_sensor: Callable[[bool], SensorDescription | Parameters],
+    indenter: str,
+    *,
+    load: str | None = None,
+    depth: str | None = None,
+    pose: Mapping[str, str | None],
+    friction: str | None = None,
+    strain: str | None = None,
+    accuracy: str | float | None = None,
+    models: str = ",".join(MODELS),
+    method: str = "default",
+    curve: int | None = None,
+    out: object = None,
+) -> PressRequest:
+    """Read the options of a press, and report the faults of all together.
+
+    Args:
+        find_sensor: Function that returns the sensor; its argument says whether finite elements are needed.
+        indenter: The indenter, for example `sphere:radius=5mm`.
+        load: Force along the motion; give either load or depth.
+        depth: Approach of the indenter from first touch.
+        pose: `at`, `direction`, `yaw` and `tilt` as text, each of which may be None.
+        friction: Coefficient of friction, or `no-slip`.
+        strain: `small` or `finite`.
+        accuracy: Wanted relative error, such as 0.01 or `1%`.
+        models: Names of models, joined by commas.
+        method: Contact method of the fast model.
+        curve: Number of points of a curve.
+        out: Folder for files.
+
+    Raises:
+        InputError: With one line per fault.
+    """
+    faults = Faults()
+    chosen = faults.read(_read_models, models)
+    known = chosen is not None
+    needs_reference = not known or "fem" in chosen or depth is not None
+    sensor = faults.read(find_sensor, known and needs_reference)
+    shape = faults.read(read_indenter, indenter)
+    texts = {name: text for name, text in pose.items() if text is not None}
+    places = _find_places(sensor)
+    placed = faults.read(places.parse, texts, "--")
+    if strain not in (None, *STRAINS):
+        faults.append(f"--strain: {str(strain)[:40]!r} is neither of {' and '.join(STRAINS)}")
+    coefficient = faults.read(_read_friction, friction, used=needs_reference)
+    if method not in METHODS:
+        faults.append(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")
+    elif method != "default" and known and ("fast" not in chosen or curve is not None):
+        reason = "--curve is computed by finite elements" if curve is not None else "--model names the finite elements"
+        faults.append(
+            f"--method: {reason} alone; leave --method out, which chooses how the fast model computes contact"
+        )
+    wanted = faults.read(_read_accuracy, accuracy, used=needs_reference)
+    force = faults.read(_read_force, load, depth)
+    if (out is not None or curve is not None) and known and "fem" not in chosen:
+        faults.append("--out, --curve: the files hold results of the finite elements; let --model name fem")
+    if curve is not None and not 1 <= curve <= _MOST_POINTS:
+        faults.append(f"--curve: accepted: 1..{_MOST_POINTS} points, not {curve}")
+    if curve is not None and out is None:
+        faults.append("--curve: give the folder for the curve, for example --out curve")
+    faults.refuse()
+    return PressRequest(
+        sensor=sensor, indenter=shape, shape=indenter, places=places, pose=placed, load=force[0], depth=force[1],
+        friction=coefficient, strain=cast("Literal['small', 'finite'] | None", strain), accuracy=wanted, models=chosen,
+        method=method,
+    )  # fmt: skip
+
+
+def _find_places(sensor: SensorDescription | Parameters | None) -> Places:
+    """Return the places of a press; those on a flat array if the sensor could not be read."""
+    if isinstance(sensor, SensorDescription):
+        found = find_places(sensor.cover, sensor)
+        return FlatPlaces(array=sensor.array, whole=True) if isinstance(found, FlatPlaces) else found
+    array = BUILT_IN["wts-0614-34"].array if sensor is None else sensor.array
+    return FlatPlaces(array=array, whole=sensor is not None)
+
+
+def _read_models(text: str) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(","))
+    if unknown := [f"--model: unknown model {name!r}; {nearest(name, MODELS)}" for name in names if name not in MODELS]:
+        raise InputError(*unknown)
+    return names
+
+
+def _read_force(load: str | None, depth: str | None) -> tuple[float | None, float | None]:
+    """Read the load [N] or the depth [m], one of which is None."""
+    if load is not None and depth is None:
+        return read_load(load), None
+    if depth is not None and load is None:
+        return None, read_depth(depth)
+    raise InputError("--load, --depth: give one of them, for example --load 4.9N or --depth 0.3mm")
+
+
+def _read_friction(text: str | None, *, used: bool) -> float | None:
+    """Read a coefficient of friction, infinite for `no-slip` [-]; the fast model has none."""
+    if text is None:
+        return None
+    value = read_friction(text, place="--friction", example="--friction 0.4")
+    if value and not used:
+        raise InputError("--friction: the fast model has none; leave it out, or let --model name fem")
+    return value
+
+
+def _read_accuracy(given: str | float | None, *, used: bool) -> float | None:
+    """Read a share such as 1% or 0.01 [-]; the fast model has none."""
+    if given is None:
+        return None
+    text = str(given).strip()
+    try:
+        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < 1:
+        raise InputError(f"--accuracy: {str(given)!r} is not a share between 0 and 1; for example --accuracy 1%")
+    if not used:
+        raise InputError("--accuracy: the fast model has none; leave it out, or let --model name fem")
+    return value
