@@ -431,8 +431,13 @@ class PanelReader(CellReader):
         none, numbers, vectors = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         found: list[tuple[Any, ...]] = [(*[numbers] * 3, *[none] * 4, vectors, vectors)]
         for body, (pose, load) in enumerate(zip(contact.poses, contact.loads, strict=True)):
-            parts = [each for each in self._grid.panels if each.panel.axes[:, 2] @ load.outward > STEEP]
-            tables = [self._sample_panel(each, pose, reach[body]) for each in parts if each.is_near(pose, reach[body])]
+            tables = []
+            for part in self._grid.panels:
+                # of panels that the bounding sphere of any solid of the body comes near
+                away = np.linalg.norm(pose.centres - part.panel.origin, axis=1) - part.radius
+                near = (away <= np.linalg.norm(pose.shape.halves, axis=1) + reach[body]).any()
+                if near and part.panel.axes[:, 2] @ load.outward > STEEP:
+                    tables.append(self._sample_panel(part, pose, reach[body]))
             lowest = min((table[5].min(initial=np.inf) for table in tables), default=np.inf)
             for table in tables:
                 kept = table[5] <= lowest + reach[body]

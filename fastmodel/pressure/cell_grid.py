@@ -18,7 +18,6 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,9 +27,6 @@ from fastmodel.signal.point_spread import find_tangents
 from fastmodel.surface import CoverCells
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
-
-if TYPE_CHECKING:
-    from fastmodel.pressure.gap import PosedBody
 
 #: Largest distance of texels of one panel from a plane or from a flat, regular grid, over the pitch [-].
 _FLAT = 1e-3
@@ -298,11 +294,6 @@ class PanelCells:
     def radius(self) -> float:
         """Distance from the panel's centre to the farthest corner of the panel's cells [m]."""
         return float(np.hypot(*np.abs(self.grid.low)))
-
-    def is_near(self, pose: PosedBody, reach: float) -> bool:
-        """Return whether the bounding sphere of any solid of a body lies within `reach` [m] of the panel's cells."""
-        distance = np.linalg.norm(pose.centres - self.panel.origin, axis=1) - np.linalg.norm(pose.shape.halves, axis=1)
-        return bool((distance <= self.radius + reach).any())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
