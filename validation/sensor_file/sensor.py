@@ -266,7 +266,9 @@ def _refuse_uncovered(array: TexelArray, cover: Cover) -> None:
 
 
 def build_array(table: ArrayTable, *, name: str, folder: Path) -> TexelArray:
-    """Make the texels that the table `[array]` of a sensor file describes.
+    """Make the texels that the table `[array]` of a sensor file describes: a grid, or positions of a CSV file.
+
+    If a table with positions has no rows and columns, the tactile image is one row of texels in the order of the list.
 
     Args:
         table: The table `[array]`.
@@ -276,48 +278,43 @@ def build_array(table: ArrayTable, *, name: str, folder: Path) -> TexelArray:
     Raises:
         InputError: If the mask or the positions do not match rows x columns, or texels overlap.
     """
-    array = _build_texels(table, table.name or name, folder)
+    if table.positions is None:
+        rows, columns, pitch = table.rows or 0, table.columns or 0, table.pitch or (0.0, 0.0)  # required by the schema
+        with at("array: "):
+            check_texel_count(rows, columns)
+        centres = normals = None
+    else:
+        path = folder / table.positions
+        if not path.is_file():
+            raise InputError(f"array.positions: no such file: {path}; {_EXAMPLE}")
+        with at(f"array.positions: {path}"):
+            centres, normals = _read_positions(path, table.unit or 1.0)
+        count = len(centres)
+        rows, columns = table.rows or 1, table.columns or count
+        if rows * columns != count:
+            raise InputError(
+                f"array.positions: {path} holds {count} texels, rows x columns is {rows * columns}; {_EXAMPLE}"
+            )
+        pitch = table.pitch or (table.texel_size if count == 1 else None) or _smallest_spacing(centres, normals)
+    active, size, name = _read_mask(table, rows, columns), table.texel_size or pitch, table.name or name
+    with at("array: "):
+        array = TexelArray.grid(rows, columns, pitch, texel_size=size, active=active, name=name)
+        if centres is not None and normals is not None:
+            array = dataclasses.replace(array, centres=centres, normals=normals)
     if array.planar:
         _refuse_overlap(array)
     return array
 
 
-def _build_texels(table: ArrayTable, name: str, folder: Path) -> TexelArray:
-    """Make the texels of a grid, or those at the positions that a CSV file lists.
+def _find_nearest(places: FloatArray, norm: float) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+    """Find the distance to the nearest other one of n places, shape (n,), and its index.
 
-    If a table with positions has no rows and columns, the tactile image is one row of texels in the order of the list.
+    Only the nearest is looked for: all pairs of ten thousand texels in one place would fill the memory.
     """
-    if table.positions is None:
-        rows, columns, pitch = table.rows or 0, table.columns or 0, table.pitch or (0.0, 0.0)  # required by the schema
-        with at("array: "):
-            check_texel_count(rows, columns)
-        active = _read_mask(table, rows, columns)
-        with at("array: "):
-            return TexelArray.grid(rows, columns, pitch, texel_size=table.texel_size, active=active, name=name)
-    path = folder / table.positions
-    if not path.is_file():
-        raise InputError(f"array.positions: no such file: {path}; {_EXAMPLE}")
-    with at(f"array.positions: {path}"):
-        centres, normals = _read_positions(path, table.unit or 1.0)
-    count = len(centres)
-    rows, columns = table.rows or 1, table.columns or count
-    if rows * columns != count:
-        raise InputError(
-            f"array.positions: {path} holds {count} texels, rows x columns is {rows * columns}; {_EXAMPLE}"
-        )
-    pitch = table.pitch or (table.texel_size if count == 1 else None) or _smallest_spacing(centres, normals)
-    active = _read_mask(table, rows, columns)
-    with at("array: "):
-        return TexelArray(
-            centres=centres,
-            normals=normals,
-            texel_size=table.texel_size or pitch,
-            pitch=pitch,
-            rows=rows,
-            columns=columns,
-            active=np.ones(count, dtype=bool) if active is None else active.ravel(),
-            name=name,
-        )
+    from scipy.spatial import cKDTree
+
+    distances, indices = cKDTree(places).query(places, k=2, p=norm)
+    return np.asarray(distances)[:, 1], np.asarray(indices)[:, 1]
 
 
 def _smallest_spacing(centres: FloatArray, normals: FloatArray) -> tuple[float, float]:
@@ -337,14 +334,11 @@ def _smallest_spacing(centres: FloatArray, normals: FloatArray) -> tuple[float, 
     Raises:
         InputError: If there is only one texel, or two texels have the same centre.
     """
-    from scipy.spatial import cKDTree
-
     if len(centres) < 2:  # noqa: PLR2004 -- a distance needs two texels
         raise InputError('array.texel_size: is missing, and one texel has no neighbour; write texel_size = "2 mm"')
     flat = bool(np.allclose(normals, [0, 0, 1]) and np.ptp(centres[:, 2]) < _SAME_HEIGHT)
-    places, norm = (centres[:, :2], np.inf) if flat else (centres, 2.0)
-    distance = float(np.asarray(cKDTree(places).query(places, k=2, p=norm)[0])[:, 1].min())
-    if not distance > 0:
+    distances, _ = _find_nearest(centres[:, :2], np.inf) if flat else _find_nearest(centres, 2.0)
+    if not (distance := float(distances.min())) > 0:
         raise InputError("array.positions: two texels have the same centre; every texel needs its own")
     return (distance, distance)
 
@@ -355,13 +349,10 @@ def _refuse_overlap(array: TexelArray) -> None:
     Raises:
         InputError: If two active texels overlap.
     """
-    from scipy.spatial import cKDTree
-
     places = array.centres[array.active, :2] / np.array(array.texel_size)
     if len(places) < 2:  # noqa: PLR2004 -- an overlap needs two texels
         return
-    # Only the nearest neighbours are listed: the pairs of ten thousand texels in one place would fill the memory.
-    distances, neighbours = (np.asarray(each)[:, 1] for each in cKDTree(places).query(places, k=2, p=np.inf))
+    distances, neighbours = _find_nearest(places, np.inf)
     near = np.flatnonzero(distances < 1 - 1e-6)
     if len(near):
         pair = sorted((int(near[0]), int(neighbours[near[0]])))
