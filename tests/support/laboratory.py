@@ -8,8 +8,11 @@ import numpy as np
 from meshes import Box, TexelArray
 from meshes.array_types import FloatArray
 from validation.calibration.model import ContactMethod, CountCurve, Observations, Placement, Pose
+from validation.data_sets.data_set import build_data_set
 from validation.recordings.importing import save
 from validation.recordings.recording import Recording, Setup, make_array
+from validation.schema import read
+from validation.schema.data_set import DataSetTables
 
 ROWS, COLUMNS, PITCH = 8, 10, 5e-3
 #: Middles of the nine places where the stamp is put down [m].
@@ -183,3 +186,10 @@ def write(recording: Recording, path: Path) -> Path:
         lines.append(",".join([f"{time:.6f}", f"{warm:.3f}", *(str(count) for count in counts)]))
     path.write_text("\n".join(lines) + "\n")
     return path
+
+
+def write_data_set(folder: Path, text: str, recordings=None):
+    """Write a data-set file, and find its recordings."""
+    path = folder / "set.toml"
+    path.write_text(text)
+    return build_data_set(read(path, DataSetTables), source=path, folder=recordings or folder)

@@ -16,12 +16,12 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from meshes.array import MOST_TEXELS
-from meshes.bounded_file import LIMITS, FileLimitError, format_size, read_text
+from meshes.bounded_file import LIMITS, format_size
 from validation.extras import MissingExtraError
 from validation.recordings.labels import MOST_ARRAYS, MOST_FULL_SCALE
 from validation.recordings.recording import (
@@ -72,15 +72,8 @@ class _Limits:
 _LIMITS = _Limits()
 
 
-@dataclass(frozen=True)
-class _ArrayFrame:
-    """One frame of one texel array.
-
-    Attributes:
-        array: Name of the array.
-        shape: Number of rows and of columns [-].
-        counts: Counts of the texels, shape (rows * columns,) [-].
-    """
+class _ArrayFrame(NamedTuple):
+    """One frame of one texel array: its name, numbers of rows and columns, and counts, shape (rows * columns,) [-]."""
 
     array: str
     shape: tuple[int, int]
@@ -102,8 +95,7 @@ def read(
         RecordingError: If the bag cannot be read, or if no topic or several topics hold tactile frames.
     """
     path = Path(path)
-    shapes: dict[str, tuple[int, int]] = {}
-    series: dict[str, list[tuple[int, CountArray]]] = defaultdict(list)
+    frames: dict[str, list[tuple[int, _ArrayFrame]]] = defaultdict(list)
     forces: list[tuple[int, float]] = []
     with _open_bag(path) as messages:
         for name, time, message in messages:
@@ -112,25 +104,24 @@ def read(
                 forces.append((time, force))
                 continue
             for frame in _find_frames(path, name, message, rows, columns) if topic in (None, name) else ():
-                first = shapes.setdefault(frame.array, frame.shape)
+                frames[frame.array].append((time, frame))
+                first = frames[frame.array][0][1].shape
                 if first != frame.shape:
                     raise RecordingError(
                         f"{path}: {frame.array}: the array changes from {first[0]} x {first[1]} to "
                         f"{frame.shape[0]} x {frame.shape[1]} texels; expected the same size in all frames"
                     )
-                series[frame.array].append((time, frame.counts))
-            if len(shapes) > MOST_ARRAYS:
+            if len(frames) > MOST_ARRAYS:
                 raise RecordingError(f"{path}: holds frames of more than {MOST_ARRAYS} arrays")
-    if not shapes:
+    if not frames:
         raise RecordingError(
             f"{path}: no tactile frames{f' on {topic}' if topic else ''}; known are images and grids of at most "
             f"{MOST_TEXELS} texels"
         )
-    topics = {name if name.count("/") == 1 else name.rsplit("/", 1)[0] for name in shapes}
-    if len({len(frames) for frames in series.values()}) > 1 or (len(shapes) > 1 and len(topics) > 1):
-        raise RecordingError(f"{path}: frames on several topics; name one of {', '.join(sorted(shapes))}")
-    for frames in series.values():
-        frames.sort(key=lambda frame: frame[0])
+    topics = {name if name.count("/") == 1 else name.rsplit("/", 1)[0] for name in frames}
+    if len(set(map(len, frames.values()))) > 1 or (len(frames) > 1 and len(topics) > 1):
+        raise RecordingError(f"{path}: frames on several topics; name one of {', '.join(sorted(frames))}")
+    series = {name: sorted(each, key=lambda frame: frame[0]) for name, each in frames.items()}
     times = [time for time, _ in next(iter(series.values()))]
     digest = hash_contents(path)
     return Recording(
@@ -139,10 +130,10 @@ def read(
         started=convert_to_utc(times[0]),
         times=count_seconds(times, times[0]),
         arrays=tuple(
-            make_array(*shapes[name], np.array([counts for _, counts in frames]), name=name)
-            for name, frames in series.items()
+            make_array(*each[0][1].shape, np.array([frame.counts for _, frame in each]), name=name)
+            for name, each in series.items()
         ),
-        setup=Setup(source=path.name, source_sha256=digest, note=f"from {', '.join(shapes)}"),
+        setup=Setup(source=path.name, source_sha256=digest, note=f"from {', '.join(series)}"),
         forces=np.array([force for _, force in forces]),
         force_times=count_seconds([time for time, _ in forces], times[0]),
     )
@@ -159,11 +150,10 @@ def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
     """
     with _open_bag(Path(path)) as messages:
         found = [(time * NANOSECOND, _find_force(message)) for _, time, message in messages]
-    forces = sorted((time, force) for time, force in found if force is not None)
-    if not forces:
+    forces = np.array(sorted(reading for reading in found if reading[1] is not None), dtype=np.float64)
+    if not forces.size:
         raise RecordingError(f"{path}: no forces; expected a topic of wrenches")
-    times, values = np.array(forces).T
-    return times, values
+    return forces[:, 0], forces[:, 1]
 
 
 @contextlib.contextmanager
@@ -294,27 +284,21 @@ def _measure_bag(path: Path) -> int:
     for file in found:
         if file == path or not file.is_dir():
             with open_recorded(file) as opened:
-                sizes[file] = os.fstat(opened.fileno()).st_size
-    metadata = sizes.get(path / "metadata.yaml", 0)
-    if len(found) > _LIMITS.files or sum(sizes.values()) > _LIMITS.size or metadata > _LIMITS.metadata:
+                sizes[file.name] = os.fstat(opened.fileno()).st_size
+    metadata = path / "metadata.yaml"
+    too_slow = sizes.get(metadata.name, 0) > _LIMITS.metadata
+    if len(found) > _LIMITS.files or sum(sizes.values()) > _LIMITS.size or too_slow:
         raise RecordingError(
             f"{path}: too large; accepted: {format_size(_LIMITS.size)} in {_LIMITS.files} files, metadata.yaml of "
             f"{format_size(_LIMITS.metadata)}"
         )
-    if metadata:
-        _check_depth(path / "metadata.yaml")
+    if metadata.name in sizes:
+        # The time that the parser of YAML needs grows with the square of the depth of brackets.
+        brackets = re.findall(r"[][{}]", metadata.read_text("utf-8", errors="replace"))
+        depths = itertools.accumulate(1 if bracket in "[{" else -1 for bracket in brackets)
+        if max(depths, default=0) > LIMITS.depth:
+            raise RecordingError(f"{metadata}: has brackets more than {LIMITS.depth} deep")
     return sum(sizes.values())
-
-
-def _check_depth(path: Path) -> None:
-    """Refuse a YAML file with deep brackets, whose parsing time grows with the square of the depth."""
-    try:
-        text = read_text(path, most=_LIMITS.metadata)
-    except FileLimitError as error:
-        raise RecordingError(f"{path}: {error}") from None
-    steps = (1 if bracket in "[{" else -1 for bracket in re.findall(r"[][{}]", text))
-    if max(itertools.accumulate(steps), default=0) > LIMITS.depth:
-        raise RecordingError(f"{path}: has brackets more than {LIMITS.depth} deep")
 
 
 @contextlib.contextmanager
@@ -339,12 +323,12 @@ def _limit_memory(path: Path, size: int) -> Iterator[None]:
     except (ImportError, OSError):
         yield
         return
-    before = {kind: resource.getrlimit(kind) for kind in (resource.RLIMIT_AS, resource.RLIMIT_FSIZE)}
     wanted = {resource.RLIMIT_AS: used + most, resource.RLIMIT_FSIZE: most}
+    before = {kind: resource.getrlimit(kind) for kind in wanted}
     try:
-        for kind, (soft, hard) in before.items():
-            lowest = min((each for each in (soft, hard) if each != resource.RLIM_INFINITY), default=wanted[kind])
-            resource.setrlimit(kind, (min(wanted[kind], lowest), hard))
+        for kind, limits in before.items():
+            lowest = min((wanted[kind], *(each for each in limits if each != resource.RLIM_INFINITY)))
+            resource.setrlimit(kind, (lowest, limits[1]))
         yield
     except (MemoryError, OSError) as error:
         if isinstance(error, OSError) and error.errno != errno.EFBIG:

@@ -10,45 +10,14 @@ Print the frames of a sensor:
             else:
                 print(event.time, event.counts.max())
 
-The module `protocol` defines messages, commands, answers and frames (the counts of all texels at one instant) as
-bytes; `parser` finds messages in a byte stream that may be damaged.  `unconfirmed` lists assumptions about the protocol
-that no source confirms.  `Sensor` sends commands to the device on a port, and yields a `Reading` for each frame and a
-`Gap` for each place where frames are missing.  `VirtualSensor` answers commands as the device does, and `serve` runs a
-virtual sensor on a port.  File formats are in `validation.recordings`;
-`validation.recordings.live_frames` converts readings to the type of frame that a simulation yields.
+`Sensor` is in the module `sensor`, `Gap` in `stream`.  The module `protocol` defines messages, commands, answers and
+frames (the counts of all texels at one instant) as bytes; its `Parser` finds messages in a byte stream that may be
+damaged.  `inquiry` lists assumptions about the protocol that no source confirms.  `Sensor` sends commands to the device
+on a port, and yields a `Reading` for each frame and a `Gap` for each place where frames are missing.  In `virtual`,
+`VirtualSensor` answers commands as the device does, and `serve` runs a virtual sensor on a port.  File formats are in
+`validation.recordings`; `validation.recordings.live_frames` converts readings to the type of frame that a simulation
+yields.
 
 The package needs numpy and pyserial only.  Times of the host come from its monotonic clock [ns].  Times of the device
 come from the device's own clock; one tick is assumed to be a millisecond.
 """
-
-from validation.weiss.protocol import Reading
-from validation.weiss.sensor import LinkLostError, NoAnswerError, PortError, Sensor, SensorError
-from validation.weiss.stream import Gap
-from validation.weiss.virtual import (
-    Misbehaviour,
-    PseudoTerminal,
-    SerialEnd,
-    VirtualSensor,
-    serve,
-    show_frames,
-    show_pattern,
-    show_recording,
-)
-
-__all__ = [
-    "Gap",
-    "LinkLostError",
-    "Misbehaviour",
-    "NoAnswerError",
-    "PortError",
-    "PseudoTerminal",
-    "Reading",
-    "Sensor",
-    "SensorError",
-    "SerialEnd",
-    "VirtualSensor",
-    "serve",
-    "show_frames",
-    "show_pattern",
-    "show_recording",
-]

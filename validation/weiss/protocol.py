@@ -448,16 +448,11 @@ class Parser:
 
     def __init__(self, *, texels: int | None = None) -> None:
         self.texels = texels
-        #: Numbers of bytes received, of messages found, and of bytes that belong to no message.
-        self.bytes_seen = self.messages_found = self.bytes_skipped = 0
+        #: Numbers of bytes received, and of bytes that belong to no message.
+        self.bytes_seen = self.bytes_skipped = 0
         self._buffer = bytearray()
         #: Number of bytes since the last message that belong to no message.
         self._skipped = 0
-
-    @property
-    def pending(self) -> int:
-        """Number of stored bytes, which may be the start of a message [-]."""
-        return len(self._buffer)
 
     @property
     def largest_payload(self) -> int:
@@ -478,25 +473,23 @@ class Parser:
     def _scan(self, *, final: bool) -> list[Message]:
         """Return the messages in the stored bytes; if `final`, an incomplete message counts as damaged."""
         messages: list[Message] = []
-        buffer, position = self._buffer, 0
+        buffer, start = self._buffer, 0
         while True:
-            start = buffer.find(PREAMBLE, position)
-            if start < 0:
-                start = len(buffer) if final else _find_partial_preamble(buffer, position)
-                self._skip(start - position)
-                break
-            self._skip(start - position)
+            found = buffer.find(PREAMBLE, start)
+            if found < 0:
+                found = len(buffer) if final else _find_partial_preamble(buffer, start)
+            self._skip(found - start)
+            start = found
             size = self._measure_message(start, final=final)
-            if size is None:
+            if size is None or start == len(buffer):
                 break
             if size:
                 payload = bytes(buffer[start + HEAD_SIZE : start + size - CHECKSUM_SIZE])
                 messages.append(Message(buffer[start + 3], payload, self._skipped))
                 self._skipped = 0
-                self.messages_found += 1
             else:
                 self._skip(1)
-            position = start + (size or 1)
+            start += size or 1
         del buffer[:start]
         return messages
 
@@ -506,22 +499,17 @@ class Parser:
         Returns:
             Size of the message [bytes]; 0 if the bytes are no valid message, None if more bytes are needed to decide.
         """
-        buffer = self._buffer
-        available = len(buffer) - start
-        incomplete = 0 if final else None
-        if available < HEAD_SIZE:
-            return incomplete
-        identifier = buffer[start + 3]
-        payload_size = int.from_bytes(buffer[start + 4 : start + HEAD_SIZE], "little")
-        if identifier == PREAMBLE[0] or payload_size > self.largest_payload:
+        head = self._buffer[start : start + HEAD_SIZE]
+        size = HEAD_SIZE + int.from_bytes(head[4:], "little") + CHECKSUM_SIZE
+        if len(head) == HEAD_SIZE and (
+            head[3] == PREAMBLE[0] or size > HEAD_SIZE + self.largest_payload + CHECKSUM_SIZE
+        ):
             return 0
-        size = HEAD_SIZE + payload_size + CHECKSUM_SIZE
-        if available < size:
-            return incomplete
-        payload = bytes(buffer[start + HEAD_SIZE : start + size - CHECKSUM_SIZE])
-        if compute_checksum(bytes(buffer[start : start + size])) or not self._is_possible(identifier, payload):
-            return 0
-        return size
+        message = bytes(self._buffer[start : start + size])
+        if len(head) < HEAD_SIZE or len(message) < size:
+            return 0 if final else None
+        valid = compute_checksum(message) == 0 and self._is_possible(head[3], message[HEAD_SIZE:-CHECKSUM_SIZE])
+        return size if valid else 0
 
     def _is_possible(self, identifier: int, payload: bytes) -> bool:
         """Return whether the payload of a message is valid: a frame if the identifier is that of a frame message."""

@@ -198,8 +198,12 @@ class VirtualSensor:
         self._misbehaviour = misbehaviour or Misbehaviour()
         self._random = Random(self._misbehaviour.seed)  # noqa: S311 -- reproducible faults, no secret
         self._parser = Parser(texels=matrix.texels)
-        self._tag = tag.encode("ascii")
-        self._threshold = self._gain = 0
+        #: Answers to the commands that ask for a setting.
+        self._settings: dict[Command, int | bytes] = {
+            Command.GET_THRESHOLD: 0,
+            Command.GET_GAIN: 0,
+            Command.GET_TAG: tag.encode("ascii"),
+        }
         #: Counts that are subtracted from each frame after the command `tare`, shape (n,) [-].
         self._zero: npt.NDArray[np.int64] = np.zeros(matrix.texels, dtype=np.int64)
         #: Time between periodic frames [s]; None while no periodic frames are sent.
@@ -254,74 +258,53 @@ class VirtualSensor:
             return encode_answer(Command(message.identifier), status)
         if command in self._misbehaviour.refused:
             return encode_answer(command, self._misbehaviour.refused[command])
-        status, answered = self._execute(command, values, now)
-        return encode_answer(command, status, *answered)
-
-    def _execute(self, command: Command, values: Values, now: float) -> tuple[Status, Values]:
-        """Execute a command and return the status and the values of its answer."""
         number = values[0] if values and isinstance(values[0], int) else 0
         data = join_bytes(values)
         degrees = _SHOWN.warm - (_SHOWN.warm - _SHOWN.cold) * math.exp(-now / _SHOWN.warming_time)
-        questions: Mapping[Command, Callable[[], int | bytes]] = {
-            Command.LOOP: lambda: data,
-            Command.READ_SINGLE_FRAME: lambda: self._make_frame(now, number),
-            Command.GET_THRESHOLD: lambda: self._threshold,
-            Command.GET_GAIN: lambda: self._gain,
-            Command.SENSOR_TYPE: lambda: self.type.encode("ascii"),
-            Command.TEMPERATURE: lambda: round(degrees * UNITS_PER_KELVIN),
-            Command.GET_TAG: lambda: self._tag,
-            Command.GET_MASK: lambda: np.packbits(self._active, bitorder=MASK_BIT_ORDER).tobytes(),
+        questions: Mapping[Command, Callable[[], Values]] = {
+            Command.LOOP: lambda: (data,),
+            Command.READ_SINGLE_FRAME: lambda: (self._make_frame(now, number),),
+            Command.MATRIX_INFO: lambda: self.matrix.values,
+            Command.SYSTEM_INFO: lambda: (1, 1, 0x1000, 1),
+            Command.SENSOR_TYPE: lambda: (self.type.encode("ascii"),),
+            Command.TEMPERATURE: lambda: (round(degrees * UNITS_PER_KELVIN),),
+            Command.GET_MASK: lambda: (np.packbits(self._active, bitorder=MASK_BIT_ORDER).tobytes(),),
+            **{setting: lambda: (self._settings[command],) for setting in self._settings},
         }
         if command in questions:
-            return Status.SUCCESS, (questions[command](),)
-        match command:
-            case Command.MATRIX_INFO:
-                return Status.SUCCESS, self.matrix.values
-            case Command.SYSTEM_INFO:
-                return Status.SUCCESS, (1, 1, 0x1000, 1)
-            case Command.START_PERIODIC_FRAMES:
-                return self._start_frames(number, int(values[1]), now), ()
-            case _:
-                return self._change(command, number, data, now), ()
+            return encode_answer(command, Status.SUCCESS, *questions[command]())
+        return encode_answer(command, self._change(command, values, number, now))
 
-    def _change(self, command: Command, number: int, data: bytes, now: float) -> Status:
-        """Execute a command that changes a setting and whose answer has no values; return the status.
+    def _change(self, command: Command, values: Values, number: int, now: float) -> Status:
+        """Execute a command whose answer has no values; return the status.
 
         Args:
             command: The command.
-            number: First value of the request; 0 if the first value is not a number.
-            data: Raw bytes of the request.
+            values: Values of the request.
+            number: The first value; 0 if it is not a number.
             now: Time since the start [s].
         """
         match command:
+            case Command.START_PERIODIC_FRAMES if self._period is not None:
+                return Status.ALREADY_RUNNING
+            case Command.START_PERIODIC_FRAMES:  # no faster than at the rate of the sensor
+                self._period = max(int(values[1]) * 1e-3, 1 / self._rate)
+                self._flags, self._next_due = number, now
             case Command.STOP_PERIODIC_FRAMES:
                 self._period = None
             case Command.TARE:
                 self._zero = self._show(now) if number == TARE else np.zeros_like(self._zero)
-            case Command.SET_THRESHOLD if number <= LARGEST_COUNT:
-                self._threshold = number
-            case Command.SET_GAIN:
-                self._gain = number
-            case Command.SET_TAG if len(data) <= LONGEST_TEXT:
-                self._tag = data
-            case Command.SET_THRESHOLD | Command.SET_TAG:
-                return Status.RANGE_ERROR
+            case Command.SET_THRESHOLD | Command.SET_GAIN | Command.SET_TAG:
+                if number > LARGEST_COUNT or len(join_bytes(values)) > LONGEST_TEXT:
+                    return Status.RANGE_ERROR
+                self._settings[Command(command + 1)] = values[0]  # the command that asks for a setting follows
             case _:
                 return Status.FEATURE_NOT_SUPPORTED
         return Status.SUCCESS
 
-    def _start_frames(self, flags: int, interval_ms: int, now: float) -> Status:
-        """Start to send periodic frames, no faster than at the rate of the sensor; return the status."""
-        if self._period is not None:
-            return Status.ALREADY_RUNNING
-        self._period = max(interval_ms * 1e-3, 1 / self._rate)
-        self._flags = flags
-        self._next_due = now
-        return Status.SUCCESS
-
     def _make_frame(self, now: float, flags: int) -> bytes:
         """Return the bytes of a frame at the time `now` [s], after tare and threshold were subtracted."""
-        counts = np.clip(self._show(now) - self._zero - self._threshold, 0, LARGEST_COUNT)
+        counts = np.clip(self._show(now) - self._zero - int(self._settings[Command.GET_THRESHOLD]), 0, LARGEST_COUNT)
         return encode_frame(int(now / TICK), counts, run_length=bool(flags & RUN_LENGTH_FLAG))
 
     def _show(self, now: float) -> npt.NDArray[np.int64]:

@@ -56,11 +56,6 @@ def test_under_a_flat_level_face_forces_are_in_proportion_to_the_load(method, so
         np.testing.assert_allclose(method.texel_forces(FACE, loads, tilted), expect(loads))
 
 
-def test_without_a_load_nothing_is_solved(method, solved):
-    assert not method.texel_forces(BALL, np.array([0.0, -1.0]), Pose(0.0, 0.0)).any()
-    assert solved == []
-
-
 def test_the_fast_model_is_asked_at_the_pose_and_reads_nothing_beside_the_array():
     parameters = fastmodel.Parameters(
         array=TexelArray.grid(4, 3, 3e-3), spread=Gaussian.from_sigma(0.5), electronics=fastmodel.WTS_0614_34

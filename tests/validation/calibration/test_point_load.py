@@ -1,8 +1,11 @@
 """Calibration of one texel with a rounded tip, from made-up trials with known slopes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from validation.calibration import point_load
 from validation.calibration.model import Observations, Placement
 from validation.calibration.point_load import calibrate_point_load
 from validation.sensor_file import load
@@ -34,8 +37,12 @@ def make_trials(slopes, *, tops=None):
     return seen, seen.groups
 
 
-def test_slopes_saturation_and_the_share_of_the_cover(wts_derivation):
+def test_slopes_saturation_and_the_share_of_the_cover(monkeypatch):
     """Counts above 97 % of the largest count saturate from three images on; then 85 % ends the line."""
+    asked = []
+    share = SimpleNamespace(share=0.77, lightest=0.8, heaviest=0.75, radius=1e-3, largest_load=1.4)
+    monkeypatch.setattr("fem_reference.point_spread", lambda cover: cover.thickness)
+    monkeypatch.setattr(point_load, "compute_tip_share", lambda *given: asked.append(given) or share)
     slopes = (2000.0, 2100.0, 2300.0, 3000.0, 3100.0)
     tops = {3000.0: 3000 * LOADS[-3] - 50, 3100.0: 3100 * LOADS[-2] - 50}
     seen, names = make_trials(slopes, tops=tops)
@@ -45,19 +52,20 @@ def test_slopes_saturation_and_the_share_of_the_cover(wts_derivation):
     assert [trial.slope for trial in found.trials] == pytest.approx([*slopes[:4], bent])
     assert [trial.offset for trial in found.trials] == pytest.approx([-50] * 4 + [offset])
     assert [trial.saturation_force for trial in found.trials] == [None] * 3 + [pytest.approx(LOADS[-3]), None]
-    # The share of a tip of 1 mm above the middle of a texel of 3.4 mm under 2 mm of rubber, at the largest load.
-    assert found.tip_share_light > found.tip_share > found.tip_share_heavy > 0.7
-    assert found.tip_share == pytest.approx(0.77, abs=0.03)
-    assert found.tip_radius == 1e-3
-    assert found.largest_load == pytest.approx(LOADS.max())  # the largest count: there the line ends
+    ((cover, array, influence, electronics),) = asked
+    assert (cover, array, influence) == (SENSOR.cover, SENSOR.array, SENSOR.cover.thickness)
+    assert electronics.sensitivity * LOADS.max() == pytest.approx(tops[3100.0])
+    assert electronics.calibrated == "through the cover, tip 1 mm"
+    assert (found.tip_share, found.tip_share_light, found.tip_share_heavy) == (0.77, 0.8, 0.75)
+    assert (found.tip_radius, found.largest_load) == (1e-3, 1.4)
     applied, texel = (found.estimates[name] for name in ("sensitivity_applied", "sensitivity"))
     assert applied.value == pytest.approx(np.mean([*slopes[:4], bent]))
     # Student's interval of five values.
     assert applied.high - applied.value == pytest.approx(
         2.7764 * np.std([*slopes[:4], bent], ddof=1) / 5**0.5, rel=1e-4
     )
-    assert texel.value == pytest.approx(applied.value / found.tip_share)
-    assert texel.high == pytest.approx(applied.high / found.tip_share)
+    assert texel.value == pytest.approx(applied.value / 0.77)
+    assert texel.high == pytest.approx(applied.high / 0.77)
     assert [each.unit for each in (applied, texel)] == ["counts/N applied", "counts/N on the texel"]
     assert set(found.estimates) == {"sensitivity_applied", "sensitivity"}  # one trial alone has a saturation force
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from meshes import Sphere
-from tests.support.laboratory import ARRAY, make_curve, press, uniform_method, write
-from tests.support.recordings import RECORDINGS
+from tests.support.laboratory import ARRAY, make_curve, press, uniform_method, write, write_data_set
 from validation.calibration.model import Pose
-from validation.data_sets.data_set import build_data_set, describe_unused_recordings, find_data_set
+from validation.data_sets.data_set import find_data_set
 from validation.data_sets.images import read_images
 from validation.errors import InputError
 from validation.recordings import RecordingError
@@ -19,12 +18,6 @@ from validation.schema.data_set import DataSetTables
 HEAD = "indenter = 'box:size=16mmx12mmx5mm'\nwindow = [4, 9]\n"
 
 
-def read(tmp_path, text, folder=None):
-    path = tmp_path / "set.toml"
-    path.write_text(text)
-    return build_data_set(read_file(path, DataSetTables), source=path, folder=folder or tmp_path)
-
-
 def record(path, load=4.0, **options):
     return write(press(uniform_method(), make_curve(np.ones(ARRAY.count)), load, Pose(0.0, 0.0), **options), path)
 
@@ -32,7 +25,7 @@ def record(path, load=4.0, **options):
 def test_a_file_names_series_loads_placements_and_splits(tmp_path):
     for name in ("a1.csv", "a2.csv", "b1.csv", "c.mcap"):
         record(tmp_path / "data" / name)
-    found = read(
+    found = write_data_set(
         tmp_path,
         HEAD
         + """
@@ -98,7 +91,7 @@ def test_a_fault_of_the_file_is_named(tmp_path, text, fault):
 
 def test_a_fault_of_a_series_or_split_costs_that_series_or_split(tmp_path):
     record(tmp_path / "a.csv")
-    found = read(
+    found = write_data_set(
         tmp_path,
         HEAD
         + """
@@ -149,7 +142,7 @@ def test_a_recording_that_cannot_be_used_costs_itself(tmp_path):
     (tmp_path / "unlabelled.csv").write_text(
         "".join(line for line in (tmp_path / "a.csv").read_text().splitlines(keepends=True) if "# load" not in line)
     )
-    found = read(tmp_path, HEAD + "[[series]]\nname = 'a'\nfiles = ['*.csv', '*.mcap']\n")
+    found = write_data_set(tmp_path, HEAD + "[[series]]\nname = 'a'\nfiles = ['*.csv', '*.mcap']\n")
     images, problems = read_images(found, ARRAY)
     assert [image.file.path.name for image in images] == ["a.csv", "b.mcap"]
     assert [image.load for image in images] == [4.0, 5.0]
@@ -165,7 +158,9 @@ def test_an_image_holds_load_age_temperature_creep_and_noise(tmp_path):
     curve = make_curve(np.ones(ARRAY.count), creep=0.12)
     recording = press(uniform_method(), curve, 4.0, Pose(0.0, 0.0), temperature=33.0, noise=5.0, seconds=20.0)
     write(recording, tmp_path / "a.mcap")
-    (image,), problems = read_images(read(tmp_path, HEAD + "[[series]]\nname = 'a'\nfiles = '*.mcap'\n"), ARRAY)
+    (image,), problems = read_images(
+        write_data_set(tmp_path, HEAD + "[[series]]\nname = 'a'\nfiles = '*.mcap'\n"), ARRAY
+    )
     assert problems == []
     assert (image.load, image.temperature) == (4.0, 33.0)
     assert image.age == pytest.approx(6.5, abs=0.1)
@@ -177,7 +172,7 @@ def test_copies_in_two_series_are_kept_once_and_told(tmp_path):
     record(tmp_path / "a.csv")
     (tmp_path / "b.csv").write_bytes((tmp_path / "a.csv").read_bytes())
     series = "[[series]]\nname = '{0}'\nfiles = '{0}.csv'\n"
-    images, problems = read_images(read(tmp_path, HEAD + series.format("a") + series.format("b")), ARRAY)
+    images, problems = read_images(write_data_set(tmp_path, HEAD + series.format("a") + series.format("b")), ARRAY)
     assert len(images) == 1
     assert "the same content as" in problems[0]
 
@@ -209,16 +204,6 @@ def test_the_folder_is_named_by_option_variable_or_file(tmp_path, monkeypatch):
         find_data_set(None, "nothing.toml")
 
 
-def test_faults_of_a_file_without_recordings_stand_on_lines_of_their_own(tmp_path):
-    path = tmp_path / "set.toml"
-    path.write_text(HEAD + "[[series]]\nname = 'a'\n[[series.file]]\npath = 'gone.csv'\n")
-    with pytest.raises(InputError) as caught:
-        find_data_set(path)
-    fault, last = caught.value.faults
-    assert "gone.csv: no such file" in fault
-    assert "set.toml: no recordings of it in" in last
-
-
 def test_the_built_in_file_reads_the_published_tree(tmp_path):
     for letter in "AH":
         record(tmp_path / "python" / "calibration_pressure" / "Room temperature" / f"{letter}1.csv")
@@ -240,40 +225,27 @@ def test_the_built_in_file_reads_the_published_tree(tmp_path):
     ]
 
 
-@pytest.mark.skipif(RECORDINGS is None, reason="no recordings here")
-def test_the_published_recordings_are_found():
-    found = find_data_set(RECORDINGS, "kiechle-sdh2")
-    assert len(found.files) >= 24
-
-
-def test_an_unused_folder_of_recordings_is_named(monkeypatch):
-    monkeypatch.delenv("SOFTCOVER_RECORDINGS", raising=False)
-    assert describe_unused_recordings() is None
-    monkeypatch.setenv("SOFTCOVER_RECORDINGS", "/my recordings")
-    assert describe_unused_recordings().endswith("add --recordings '/my recordings'")
-
-
 def test_without_splits_other_series_or_heavier_loads_are_predicted(tmp_path):
     for name in ("a1", "a2", "a3", "b1"):
         record(tmp_path / f"{name}.csv")
     series = '[[series]]\nname = "%s"\nfiles = ["%s*.csv"]\nloads = {%s}\nuse = "%s"\n'
     loads = ", ".join(f'"a{k}*" = "{k} N"' for k in (1, 2, 3))
     one = HEAD + series % ("A", "a", loads, "fit")
-    (split,) = read(tmp_path, one).splits
+    (split,) = write_data_set(tmp_path, one).splits
     assert (split.name, split.about) == ("A heavier", "A: light loads to heavy ones")
     (light,), (heavy,) = split.fit, split.score
     assert (light.series, light.most, heavy.series, heavy.least, split.place) == ("A", 1.0, "A", 2.0, ())
-    (split,) = read(tmp_path, one + series % ("B", "b", '"b*" = "2 N"', "score")).splits
+    (split,) = write_data_set(tmp_path, one + series % ("B", "b", '"b*" = "2 N"', "score")).splits
     assert (split.name, split.about) == ("other series", "A to B")
     assert [[each.series for each in side] for side in (split.fit, split.place, split.score)] == [["A"], [], ["B"]]
-    assert read(tmp_path, HEAD + series % ("B", "b", '"b*" = "2 N"', "score")).splits == ()
+    assert write_data_set(tmp_path, HEAD + series % ("B", "b", '"b*" = "2 N"', "score")).splits == ()
 
 
 def test_patterns_stay_below_the_folder_of_the_recordings(tmp_path):
     """A pattern such as `../../**/*` would list the whole disk."""
     (tmp_path / "in").mkdir()
     record(tmp_path / "out.csv")
-    found = read(tmp_path, HEAD + '[[series]]\nname = "a"\nfiles = ["../*.csv"]\n', tmp_path / "in")
+    found = write_data_set(tmp_path, HEAD + '[[series]]\nname = "a"\nfiles = ["../*.csv"]\n', tmp_path / "in")
     assert not found.files
     assert "files: '../*.csv' leads out of" in found.problems[0]
 

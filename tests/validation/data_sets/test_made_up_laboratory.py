@@ -10,12 +10,18 @@ import numpy as np
 import pytest
 
 import fastmodel
-from tests.support.laboratory import ARRAY, STAMP_TEXT, draw_gains, make_curve, press, uniform_method, write
+from tests.support.laboratory import (
+    ARRAY,
+    STAMP_TEXT,
+    draw_gains,
+    make_curve,
+    press,
+    uniform_method,
+    write,
+    write_data_set,
+)
 from validation.calibration.model import Pose
 from validation.data_sets import score
-from validation.data_sets.data_set import build_data_set
-from validation.schema import read as read_file
-from validation.schema.data_set import DataSetTables
 from validation.sensor_file import load
 
 SENSOR = dataclasses.replace(load("wts-0614-34"), array=ARRAY)
@@ -70,18 +76,9 @@ def folder(tmp_path_factory):
     curve = dataclasses.replace(make_curve(draw_gains(random), warm=WARM, dead_warm=DEAD_WARM), dead_force=0.05)
     for name, (degrees, pose, loads) in SERIES.items():
         for number, newtons in enumerate(loads):
-            recording = press(
-                uniform_method(),
-                curve,
-                newtons,
-                pose,
-                temperature=degrees + random.normal(0, 0.3),
-                random=random,
-                scatter=0.005,
-                noise=60.0,
-                seconds=10.0,
-                rate=3.0,
-            )
+            degrees_now = degrees + random.normal(0, 0.3)
+            options = {"temperature": degrees_now, "scatter": 0.005, "noise": 60.0, "seconds": 10.0, "rate": 3.0}
+            recording = press(uniform_method(), curve, newtons, pose, random=random, **options)
             write(recording, folder / name / f"{number}.{'csv' if number % 2 else 'mcap'}")
     return folder
 
@@ -89,9 +86,7 @@ def folder(tmp_path_factory):
 def score_file(monkeypatch, folder, text):
     """Score the splits of a data-set file by one forward model, of uniform pressure."""
     monkeypatch.setattr(score, "list_methods", lambda *_: {score.FAST: uniform_method()})
-    (folder / "set.toml").write_text(text)
-    data_set = build_data_set(read_file(folder / "set.toml", DataSetTables), source=folder / "set.toml", folder=folder)
-    return score.score_recordings(data_set, SENSOR, fastmodel.load("wts-0614-34"))
+    return score.score_recordings(write_data_set(folder, text), SENSOR, fastmodel.load("wts-0614-34"))
 
 
 def test_the_model_is_ahead_of_every_null_model(monkeypatch, folder):

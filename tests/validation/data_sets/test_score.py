@@ -6,17 +6,23 @@ import numpy as np
 import pytest
 
 import fastmodel
-from tests.support.laboratory import ARRAY, STAMP_TEXT, draw_gains, make_curve, press, uniform_method, write
+from tests.support.laboratory import (
+    ARRAY,
+    STAMP_TEXT,
+    draw_gains,
+    make_curve,
+    press,
+    uniform_method,
+    write,
+    write_data_set,
+)
 from validation.calibration.forward_fit import Options, fit_forward
 from validation.calibration.model import Pose
 from validation.calibration.uncertainty import describe_fit
 from validation.data_sets import score
-from validation.data_sets.data_set import build_data_set
 from validation.data_sets.images import observe, read_images
 from validation.data_sets.results import compare_with_nulls
 from validation.errors import InputError
-from validation.schema import read as read_file
-from validation.schema.data_set import DataSetTables
 from validation.sensor_file import load
 
 SENSOR = dataclasses.replace(load("wts-0614-34"), array=ARRAY)
@@ -51,15 +57,21 @@ def record(folder, corrupt=""):
             degrees = 25.0 + 10.0 * random.random()
             options = {"temperature": degrees, "random": random, "scatter": 0.02, "seconds": 10.0, "rate": 3.0}
             write(press(uniform_method(), curve, newtons, pose, **options), folder / f"{letter}{repeat}.mcap")
-    (folder / "set.toml").write_text(FILE)
-    return build_data_set(read_file(folder / "set.toml", DataSetTables), source=folder / "set.toml", folder=folder)
+    return write_data_set(folder, FILE)
 
 
-@pytest.fixture
-def score_set(monkeypatch):
+def score_set(data_set, name="uniform"):
     """Score a data set by one forward model, of uniform pressure."""
-    monkeypatch.setattr(score, "list_methods", lambda *_: {"uniform": uniform_method()})
-    return lambda data_set: score.score_recordings(data_set, SENSOR, fastmodel.load("wts-0614-34"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(score, "list_methods", lambda *_: {name: uniform_method()})
+        return score.score_recordings(data_set, SENSOR, fastmodel.load("wts-0614-34"))
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """A data set and its scores."""
+    data_set = record(tmp_path_factory.mktemp("score") / "plain")
+    return data_set, score_set(data_set)
 
 
 def read(data_set, letters):
@@ -71,10 +83,10 @@ def fit(data_set, *, gains):
     return fit_forward(uniform_method(), observe(read(data_set, FITTED)), options)
 
 
-def test_models_and_null_models_do_not_see_what_they_are_scored_on(tmp_path, score_set):
+def test_models_and_null_models_do_not_see_what_they_are_scored_on(tmp_path, plain):
     """Fits and predictions are the same with another place in the scored recordings, not in the fitted."""
-    data_set = record(tmp_path / "plain")
-    found, blind = score_set(data_set), score_set(record(tmp_path / "blind", corrupt=SCORED))
+    data_set, found = plain
+    blind = score_set(record(tmp_path / "blind", corrupt=SCORED))
     wrong = score_set(record(tmp_path / "wrong", corrupt="G"))
     assert found.problems == ()
     # what the fitted recordings determine is said of the fast model only, which this one is not
@@ -93,10 +105,9 @@ def test_models_and_null_models_do_not_see_what_they_are_scored_on(tmp_path, sco
         assert name == "zeros" or (image != wrong.examples[0].predicted[name]).any()
 
 
-def test_what_the_fitted_recordings_determine_is_said_of_the_fast_model(tmp_path, monkeypatch):
-    data_set = record(tmp_path / "plain")
-    monkeypatch.setattr(score, "list_methods", lambda *_: {score.FAST: uniform_method()})
-    found = score.score_recordings(data_set, SENSOR, fastmodel.load("wts-0614-34"))
+def test_what_the_fitted_recordings_determine_is_said_of_the_fast_model(plain):
+    data_set, _ = plain
+    found = score_set(data_set, score.FAST)
     assert found.notes["between"] == (
         compare_with_nulls(found.rows), *describe_fit(fit(data_set, gains=True))
     )  # fmt: skip
@@ -130,9 +141,9 @@ def change(images, predicted):
     return {case: np.mean(values) for case, values in cases.items()}
 
 
-def test_each_row_scores_the_model_that_it_names(tmp_path, score_set):
-    data_set = record(tmp_path / "plain")
-    found, scored = score_set(data_set), read(data_set, SCORED)
+def test_each_row_scores_the_model_that_it_names(plain):
+    data_set, found = plain
+    scored = read(data_set, SCORED)
     nulls = predict_nulls(read(data_set, FITTED))
     errors = {
         (name, False): change(scored, [np.minimum(predict(image.load, image.temperature), MOST) for image in scored])
@@ -158,9 +169,9 @@ def test_each_row_scores_the_model_that_it_names(tmp_path, score_set):
         assert {case: each.image_changed_percent for case, each in row.per_case.items()} == pytest.approx(expected)
 
 
-def test_the_example_shows_the_heaviest_scored_recording(tmp_path, score_set):
-    data_set = record(tmp_path / "plain")
-    (example,), heaviest = score_set(data_set).examples, read(data_set, "H")[0]
+def test_the_example_shows_the_heaviest_scored_recording(plain):
+    data_set, found = plain
+    (example,), heaviest = found.examples, read(data_set, "H")[0]
     assert example.load == LOADS["H"]
     assert example.case == heaviest.file.name
     counts = {
@@ -174,7 +185,7 @@ def test_the_example_shows_the_heaviest_scored_recording(tmp_path, score_set):
 
 
 @pytest.mark.parametrize("change", [lambda counts: 0 * counts, lambda counts: -counts])
-def test_recordings_that_show_no_load_are_named(tmp_path, score_set, monkeypatch, change):
+def test_recordings_that_show_no_load_are_named(plain, monkeypatch, change):
     real = score.read_images
 
     def read_changed(*options):
@@ -183,4 +194,4 @@ def test_recordings_that_show_no_load_are_named(tmp_path, score_set, monkeypatch
 
     monkeypatch.setattr(score, "read_images", read_changed)
     with pytest.raises(InputError, match=r"A1\.mcap.* show no load"):
-        score_set(record(tmp_path / "plain"))
+        score_set(plain[0])

@@ -4,17 +4,13 @@ import bz2
 import re
 import struct
 from pathlib import Path
-from unittest.mock import patch
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
-from hypothesis import strategies as st
 
 from meshes.catalogue import ARRAYS
 from tests.support.recordings import RECORDINGS
 from validation.recordings import Recording, RecordingError, dsa
-from validation.recordings.dsa import decode_counts
 
 REAL = RECORDINGS or Path("nowhere")
 SIZES = [(6, 14), (6, 13)]
@@ -301,16 +297,6 @@ def test_flipped_bits_in_the_xml_are_refused_or_change_one_value(write):
     assert passed < 100
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="the recordings are not here")
-def test_flipped_bits_in_a_real_file_never_give_other_numbers(tmp_path):
-    path = tmp_path / "A1.dsa"
-    original = (REAL / "kiechle-sdh2/weights/room/A1.dsa").read_bytes()
-    path.write_bytes(original)
-    assert check_variants(path, original, flip_bits(100)) > 100
-    path.write_bytes(original)
-    assert check_variants(path, original, cut_ends(30)) == 30
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(not REAL.is_dir(), reason="the recordings are not here")
 def test_thousand_flipped_bits_over_all_real_files_never_give_other_numbers(tmp_path):
@@ -335,92 +321,3 @@ def test_every_real_file_reads_and_its_hash_is_the_published_one(every):
         assert len(recording.arrays) == 6
         assert all(recording.arrays[i].has_layout_of(ARRAYS["sdh2-distal"]) for i in (1, 3, 5))
         assert all(recording.arrays[i].has_layout_of(ARRAYS["wts-0614-34"]) for i in (0, 2, 4))
-
-
-FULL_SCALE = 4095
-#: Counts of a frame, with runs of zeros as real frames have them.
-_COUNTS = st.integers(1, FULL_SCALE).map(lambda count: [count])
-_ZEROS = st.integers(1, 30).map(lambda length: [0] * length)
-FRAMES = st.lists(_COUNTS | _ZEROS)
-
-
-class RefusedError(Exception):
-    """The frame was refused."""
-
-
-def _fail(fault):
-    raise RefusedError(fault)
-
-
-def _encode(parts):
-    """Hexadecimal tokens of a frame whose runs of zeros are given as parts."""
-    tokens = [-float(len(part)) if part[0] == 0 else float(part[0]) for part in parts]
-    return "".join(struct.pack(">f", token).hex() for token in tokens)
-
-
-@given(FRAMES, st.integers(1, 70))
-def test_encoded_frames_come_back_however_lines_are_broken(parts, width):
-    text = _encode(parts)
-    broken = "\n ".join(text[start : start + width] for start in range(0, len(text), width))
-    counts = [count for part in parts for count in part]
-    limits = np.full(len(counts), FULL_SCALE, dtype=np.int16)
-    assert decode_counts(broken, limits, _fail).tolist() == counts
-
-
-@given(FRAMES.filter(bool), st.data())
-def test_a_count_above_the_limit_of_its_texel_is_refused(parts, data):
-    counts = np.array([count for part in parts for count in part])
-    limits = np.full(len(counts), FULL_SCALE, dtype=np.int16)
-    place = data.draw(st.integers(0, len(counts) - 1))
-    limits[place] = counts[place] - 1
-    with pytest.raises(RefusedError, match=f"texel {place} reads {counts[place]}; expected at most {limits[place]}"):
-        decode_counts(_encode(parts), limits, _fail)
-
-
-@example(bytes.fromhex("000000007f800001"), 2)  # a signalling NaN
-@given(st.binary(max_size=40), st.integers(0, 50))
-def test_any_tokens_are_refused_or_give_possible_counts(data, texels):
-    limits = np.full(texels, FULL_SCALE, dtype=np.int16)
-    try:
-        counts = decode_counts(data.hex(), limits, _fail)
-    except RefusedError:
-        return
-    assert counts.shape == (texels,)
-    assert ((counts >= 0) & (counts <= FULL_SCALE)).all()
-
-
-_REPEATED = st.builds(lambda data, times: data * times, st.binary(max_size=9), st.integers(0, 9))
-CONTENTS = st.binary(max_size=300) | _REPEATED
-_SHARED_FOLDER = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-
-
-@_SHARED_FOLDER
-@given(content=CONTENTS, size=st.integers(1, 40))
-def test_the_pieces_are_the_content(tmp_path, content, size):
-    path = tmp_path / "a.dsa"
-    path.write_bytes(bz2.compress(content))
-    with patch.object(dsa, "LIMITS", dsa.Limits(piece_bytes=size)):
-        pieces = list(dsa.unpack_bzip2(path, limit=len(content)))
-    assert b"".join(pieces) == content
-    assert all(0 < len(piece) <= size for piece in pieces)
-
-
-@_SHARED_FOLDER
-@given(content=CONTENTS, data=st.data())
-def test_a_shorter_or_longer_file_is_refused(tmp_path, content, data):
-    path, packed = tmp_path / "a.dsa", bz2.compress(content)
-    changed = packed[: data.draw(st.integers(0, len(packed) - 1))]
-    if data.draw(st.booleans()):
-        changed = packed + data.draw(st.binary(min_size=1, max_size=10))
-    path.write_bytes(changed)
-    with pytest.raises(RecordingError, match=r"a\.dsa: (truncated|bytes follow|damaged)"):
-        list(dsa.unpack_bzip2(path, limit=10_000))
-
-
-def test_a_file_that_unpacks_to_more_than_the_limit_is_refused_early(tmp_path):
-    path = tmp_path / "a.dsa"
-    path.write_bytes(bz2.compress(bytes(2**24)))
-    pieces = []
-    with pytest.raises(RecordingError, match="more than the 100000 bytes accepted"):
-        pieces.extend(dsa.unpack_bzip2(path, limit=100_000))
-    assert 0 < sum(len(piece) for piece in pieces) <= 100_000

@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
 
@@ -11,9 +10,7 @@ import numpy as np
 
 import fastmodel
 from meshes import Sphere, TexelArray
-from validation.recordings import Recording
-from validation.recordings.live_frames import replay_frames, simulate_frames, stream_frames
-from validation.recordings.recording import make_array
+from validation.recordings.live_frames import simulate_frames, stream_frames
 from validation.weiss.sensor import Sensor
 from validation.weiss.virtual import show_frames
 
@@ -34,22 +31,6 @@ def test_simulated_frames_arrive_unchanged_over_a_port(plug_in):
         assert np.array_equal(mine.counts, theirs.counts)
     assert received[20].image.shape == (14, 6)
     assert received[20].image.max() == round(255 * received[20].counts.max() / 4095)
-
-
-def test_recorded_frames_are_replayed_with_their_times():
-    counts = np.array([[1, 2], [3, 4095]], dtype=np.int32)
-    recording = Recording(
-        path=Path("a.csv"),
-        sha256="",
-        started=datetime(2026, 1, 1, tzinfo=UTC),
-        times=np.array([0.0, 1.0]),
-        arrays=(make_array(1, 2, counts),),
-    )
-    first, second = replay_frames(recording)
-    assert (first.time, second.time) == (0, 1)
-    assert (first.counts.tolist(), second.counts.tolist()) == ([1, 2], [3, 4095])
-    assert second.image.tolist() == [[0, 255]]
-    assert type(second) is fastmodel.Frame
 
 
 def test_the_documented_program_reads_the_frames_of_a_sensor(plug_in):

@@ -112,21 +112,6 @@ def test_the_command_emulates_a_masked_recording(tmp_path, capsys):
     assert end.value.code == 0
 
 
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [
-        (["--tag", "t" * 65], "at most 64 ASCII"),
-        (["--tag", "größe"], "at most 64 ASCII"),
-        (["--rate", "0"], "rate must be positive"),
-    ],
-)
-def test_what_a_device_cannot_hold_is_refused(words, line, capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["emulate", *words])
-    assert end.value.code == 2
-    assert line in capsys.readouterr().err
-
-
 def test_counts_beyond_12_bits_cannot_be_emulated(tmp_path, capsys):
     (tmp_path / "a.csv").write_text("# rows = 1\n# full_scale = 60000\ntime,a,b\n0,1,50000\n")
     with pytest.raises(SystemExit) as end:

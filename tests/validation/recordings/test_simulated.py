@@ -1,10 +1,7 @@
 """Recordings of simulated arrays keep every force of a frame, beside files of real sensors and of earlier versions."""
 
 import dataclasses
-import io
 import json
-import re
-import sys
 
 import mujoco
 import numpy as np
@@ -133,41 +130,6 @@ def test_replay_states_the_forces(path, frames, capsys):
     said = capsys.readouterr().err
     assert "array 0, simulated: net force up to" in said
     assert "shared in proportion to pressure" in said
-
-
-def test_a_terminal_shows_the_net_force_of_each_simulated_frame(path, frames, tmp_path, monkeypatch):
-    """Frames of real sensors have none."""
-    shown = []
-
-    class Screen:
-        is_due = True
-
-        def __init__(self, **_):
-            shown.clear()
-
-        def show(self, counts, text):
-            shown.append((counts, text))
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            pass
-
-    monkeypatch.setattr("validation.cli.commands.recordings.LiveImage", Screen)
-    monkeypatch.setattr(sys, "stderr", io.StringIO())
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    call(["replay", str(path), "--array", "1", "--speed", "1000"])
-    forces = [re.search(r"^ *[\d.]+ of [\d.]+ s, net force \((.*)\) N$", text)[1].split(", ") for _, text in shown]
-    made = np.array([frame.net_force for frame in frames["boxes"]])
-    np.testing.assert_allclose(np.array(forces, dtype=float), made, atol=0.0051)
-    real = tmp_path / "real.mcap"
-    with RecordingWriter(real, arrays=[make_array(4, 3)], setup=Setup()) as writer:
-        for number in range(3):
-            writer.add_frame(0, Clocks(number * 10**9), np.full(12, number))
-    call(["replay", str(real), "--speed", "1000"])
-    assert [text.strip() for _, text in shown] == ["0.0 of 2.0 s", "1.0 of 2.0 s", "2.0 of 2.0 s"]
-    assert [set(counts) for counts, _ in shown] == [{0}, {1}, {2}]
 
 
 def test_values_for_another_number_of_texels_are_refused(tmp_path, frames):

@@ -16,9 +16,6 @@ from validation.cli.entry import main
 from validation.recordings import RecordingError, tables
 from validation.recordings.importing import open_recording
 from validation.recordings.live_frames import replay_frames
-from validation.weiss.protocol import MatrixInfo
-from validation.weiss.sensor import Sensor
-from validation.weiss.virtual import show_recording
 
 CSV = """# rows = 2
 # columns = 3
@@ -87,17 +84,6 @@ def test_force_and_temperature_come_back_at_the_times_of_the_frames(tmp_path):
     back = tables.read(path)
     assert back.forces.tolist() == [1.5, 2.5, 3.5]
     assert back.temperatures[:, 0].tolist() == [20.0, 21.5, 23.0]
-
-
-def test_a_file_is_replaced_at_once_or_not_at_all(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text(CSV)
-    recording = tables.read(path)
-    tables.write(recording, path)
-    assert tables.read(path).arrays[0].counts.tolist() == recording.arrays[0].counts.tolist()
-    assert [file.name for file in tmp_path.iterdir()] == ["a.csv"]
-    with pytest.raises(OSError, match="nowhere"):
-        tables.write(recording, tmp_path / "nowhere" / "a.csv")
 
 
 @pytest.mark.parametrize(
@@ -173,14 +159,6 @@ def test_unknown_keys_fractions_and_negative_counts_are_kept_everywhere(tmp_path
     with pytest.raises(SystemExit):
         main(["replay", str(tmp_path / "b.mcap"), "--json"])
     assert json.loads(capsys.readouterr().out)["setup"]["other"] == other
-
-
-def test_a_device_that_shows_tared_counts_sends_zero_for_negative_ones(tmp_path, plug_in):
-    (tmp_path / "a.csv").write_text(TARED)
-    array = tables.read(tmp_path / "a.csv").arrays[0]
-    matrix = MatrixInfo(columns=3, rows=1, cell_width=3.4e-3, cell_height=3.4e-3, full_scale=4095)
-    with Sensor(plug_in(show_recording([0.0, 1.0], array.counts), matrix=matrix).name) as sensor:
-        assert sensor.read_frame().counts.min() == 0
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ import pytest
 
 from tests.support.sensor_text import GOOD
 from validation.sensor_file import load
-from validation.sensor_file.array import _smallest_spacing
 
 
 def test_texels_anywhere_from_a_table(sensor, tmp_path):
@@ -37,16 +36,6 @@ def test_positions_alone_make_a_list_of_texels_as_large_as_they_may_be(sensor, t
         assert faults(sensor(text))[0].startswith(fault)
     (tmp_path / "texels.csv").write_text("x,y,z\n0,0,0\n0,0,0\n")
     assert "same centre" in faults(sensor(alone))[0]
-
-
-def test_texels_above_one_another_are_apart():
-    """Their distance in space counts where they do not lie in one plane, as before they are projected onto a base."""
-    up = np.array([[0.0, 0.0, 1.0]] * 3)
-    apart = np.array([[0.0, 0, 5e-3], [0.0, 0, -5e-3], [3e-3, 4e-3, -5e-3]])
-    assert _smallest_spacing(apart, up) == pytest.approx((5e-3, 5e-3))
-    assert _smallest_spacing(apart[1:], up[1:]) == pytest.approx((4e-3, 4e-3))
-    turned = np.array([[1.0, 0.0, 0.0]] * 2)
-    assert _smallest_spacing(apart[1:], turned) == pytest.approx((5e-3, 5e-3))
 
 
 @pytest.mark.parametrize("text", ["", "a,b,c\n", "x,y,z\n1,2\n", "x,y,z\n1,2,nan\n", "x,y,z\n0,0,0\n"])

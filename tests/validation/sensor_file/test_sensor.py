@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.sensor_text import GOOD
@@ -50,21 +50,9 @@ def test_electronics_may_be_left_out_in_part_or_whole(sensor):
     assert part.electronics.sensitivity == 2665.7
 
 
-def test_built_in_names():
-    assert load("wts-0614-34").array.count == 84
-    assert load("sdh2-distal").array.active.sum() == 68
-    assert load("sdh2-distal").cover.assumed
-
-
 def test_unknown_name_shows_the_nearest():
     with pytest.raises(InputError, match="did you mean 'sdh2-distal'"):
         load("sdh2")
-
-
-def test_material_and_thickness_replace_the_cover():
-    cover = load("wts-0614-34", material="dragon-skin-30", thickness="3mm").cover
-    assert (cover.thickness, cover.layers[0].material.name, cover.assumed) == (3e-3, "dragon-skin-30", False)
-    assert load("wts-0614-34", thickness="3mm").cover.assumed
 
 
 def test_bad_replacement_lists_both_faults(faults):
@@ -110,30 +98,6 @@ def test_any_valid_sensor_survives_its_file(size, pitch, layers, data):
     moduli = [(layer.material.youngs_modulus, layer.material.poisson_ratio) for layer in found.cover.layers]
     np.testing.assert_allclose(moduli, [(1e6 * e, nu) for _, e, nu in layers])
     assert found.electronics.output_max == output_max
-
-
-VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.sampled_from(["rows", "layer", "x"]), inner),
-    max_leaves=4,
-)
-
-
-@settings(deadline=None)
-@given(
-    st.sampled_from(["array", "cover", "electronics", "filter", "spread", "contact", "name"]),
-    st.sampled_from(["rows", "pitch", "mask", "size", "layer", "rate", "gains", "cutoff", "ksize_x", "friction"]),
-    VALUES,
-)
-def test_any_value_of_a_key_is_read_or_bad_input(table, key, value):
-    tables = tomllib.loads(GOOD)
-    tables[table] = value if table == "name" else {**tables.get(table, {}), key: value}
-    faults = ()
-    try:
-        parse(tables, source=Path("sensor.toml"))
-    except InputError as error:
-        faults = error.faults
-    assert all(fault.startswith("sensor.toml: ") and "\n" not in fault for fault in faults)
 
 
 @pytest.mark.parametrize(

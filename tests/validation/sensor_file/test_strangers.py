@@ -1,7 +1,6 @@
 """Sensor files of strangers: limits on size, depth and counts, and no content of other files in messages."""
 
 import dataclasses
-import itertools
 import os
 import re
 import tracemalloc
@@ -28,24 +27,17 @@ HOSTILE = {
     "too many texels": ("rows = 3\ncolumns = 2", "rows = 100000\ncolumns = 100000", "must lie in 1..10000"),
     "too many together": ("rows = 3\ncolumns = 2", "rows = 10000\ncolumns = 10000", "at most 10000 texels"),
     "no rows": ("rows = 3", "rows = 0", "array.rows: must lie in 1..10000, not 0"),
-    "negative rows": ("rows = 3", "rows = -1", "array.rows: must lie in 1..10000, not -1"),
     "rows of a float": ("rows = 3", "rows = 3.0", "array.rows: "),
     "a long number": ("rows = 3", "rows = 0x" + "f" * 5000, "whole number of more than 64 bits"),
     "more digits than Python reads": ("rows = 3", "rows = " + "9" * 5000, "not a TOML file"),
     "deep lists": ("[array]", "x = " + "[" * 5000 + "]" * 5000 + "\n[array]", "deep"),
-    "deeper lists": ("[array]", "x = " + "[" * 500_000 + "\n[array]", "deep"),
     "deep tables": ("[array]", "x = " + "{a=" * 50 + "1" + "}" * 50 + "\n[array]", "more than 32 deep"),
     "deep keys": ("[array]", "a." * 100_000 + "b = 1\n[array]", "more than 100 dots"),
-    "deep keys of digits": ("[array]", "0." * 100_000 + "0 = 1\n[array]", "more than 100 dots"),
-    "deep keys with blanks": ("[array]", "0.0 . " * 50_000 + "0 = 1\n[array]", "more than 100 dots"),
-    "deep quoted keys": ("[array]", "x = {" + '"=".' * 100_000 + "b = 1}\n[array]", "more than 100 dots"),
-    "deep table names": ("[array]", "[" + "a." * 10_000 + "b]\n[array]", "more than 100 dots"),
     "a large file": ("[array]", "#" * 2**20 + "\n[array]", "more than the 1 MiB accepted"),
     "a wide kernel": ("[electronics]", f"{SPREAD}\n[electronics]", "must lie in 1..10000"),
     "many faults": ('rate = "271 Hz"', 'rate = "271 Hz"\ngains = [' + '"x",' * 5_000 + "]", "and 4980 more"),
     "a list for a text": ('pitch = "3.4 mm"', "pitch = [" + "1," * 20_000 + "]", "array.pitch: "),
     "a long text": ('pitch = "3.4 mm"', f'pitch = "{"1" * 100_000} mm"', "longer than the 80 characters"),
-    "no text": ("[array]", "\0[array]", "not a TOML file"),
 }  # fmt: skip
 
 
@@ -153,12 +145,6 @@ def test_all_lines_that_are_commented_out_are_accepted_together(tmp_path, left_o
         switch_on(tmp_path, set(OFF))
 
 
-def test_pairs_of_lines_that_are_commented_out_are_accepted(tmp_path):
-    for pair in itertools.combinations(OFF, 2):
-        if {TEMPLATE[number].split(" =")[0] for number in pair} != set(EXCLUDING):
-            switch_on(tmp_path, set(pair))
-
-
 def test_every_material_that_the_template_offers_is_accepted(tmp_path):
     given = '{ model = "linear-elastic", youngs_modulus = "1 MPa", poisson_ratio = 0.49 }'
     offers = re.findall(r'^#   ("[^"]*"|\{.*?\})', read_template(), flags=re.MULTILINE)
@@ -174,12 +160,3 @@ def test_every_key_of_a_sensor_file_is_in_the_template():
         for name in table.model_fields:
             if name != "free_edges":  # refused with an explanation
                 assert re.search(rf"\b{name}\b", text), name
-
-
-@pytest.mark.parametrize("name", ["Dragon-Skin-30", "DRAGON-SKIN-30", " dragon-skin-30 "])
-def test_materials_are_found_in_upper_and_lower_case(tmp_path, softcover, name):
-    material = '{ model = "linear-elastic", youngs_modulus = "1 MPa", poisson_ratio = 0.49 }'
-    (tmp_path / "s.toml").write_text(GOOD.replace(material, f'"{name}"'))
-    assert load(tmp_path / "s.toml").cover.layers[0].material.name == "dragon-skin-30"
-    assert load("wts-0614-34", material=name, thickness="2mm").cover.layers[0].material.name == "dragon-skin-30"
-    assert softcover("materials", name)[0] == 0

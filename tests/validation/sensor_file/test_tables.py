@@ -65,13 +65,6 @@ def test_hardness_stands_for_the_modulus_with_its_spread_and_source(material):
     assert (rubber.name, rubber.spread, rubber.source, rubber.poisson_ratio) == ("pad", 0.2, "mine", 0.5)
 
 
-def test_shore_00_stands_for_a_modulus_with_a_wider_band(material):
-    soft = material('{ model = "neo-hookean", hardness = "30 shore-00" }')
-    assert soft.youngs_modulus == pytest.approx(modulus_from_hardness(30, "00").youngs_modulus)
-    assert soft.spread == 0.8
-    assert "30 Shore 00" in soft.name
-
-
 @pytest.mark.parametrize(
     ("text", "expected"),
     [

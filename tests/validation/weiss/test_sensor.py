@@ -11,10 +11,9 @@ import pytest
 import serial
 
 from tests.support.virtual_port import answer_always, is_ramp, take, wait_until
-from validation.weiss import inquiry
 from validation.weiss.inquiry import inquire
 from validation.weiss.protocol import Command, Reading, Status, encode_message, encode_request
-from validation.weiss.sensor import Link, LinkLostError, NoAnswerError, PortError, Sensor, SensorError
+from validation.weiss.sensor import LinkLostError, NoAnswerError, PortError, Sensor, SensorError
 from validation.weiss.stream import Gap
 from validation.weiss.virtual import WTS_0614_34, Misbehaviour, show_pattern
 
@@ -221,19 +220,6 @@ def test_a_slow_consumer_loses_frames_and_sees_the_gap(plug_in):
     assert all(is_ramp(event.counts) for event in events if isinstance(event, Reading))
 
 
-def test_bytes_received_before_the_port_went_away_are_fetched_first(plug_in):
-    port = plug_in()
-    link = Link(port.name)
-    link.write(bytes.fromhex("AAAAAA210300000000F55C"))
-    wait_until(lambda: link._buffered > 1000)
-    port.unplug()
-    wait_until(lambda: link._failure is not None)
-    assert sum(len(chunk.data) for chunk in link.read(0.0)) > 1000
-    with pytest.raises(LinkLostError, match="unplugged"):
-        link.read(0.0)
-    link.close()
-
-
 def test_a_name_that_is_no_port_is_refused_in_one_line(tmp_path):
     with pytest.raises(PortError, match="no such port; ports on this machine"):
         Sensor("/dev/ttyNONE9")
@@ -263,36 +249,13 @@ def test_permission_denied_names_the_group(plug_in):
         os.seteuid(0)
 
 
-def test_open_questions_are_answered(plug_in, monkeypatch):
+def test_open_questions_are_answered_and_a_refused_one_does_not_end_the_others(plug_in, monkeypatch):
     monkeypatch.setattr("validation.weiss.inquiry._CLOCK_FRAMES", 60)
-    with Sensor(plug_in(show_pattern("corner")).name) as sensor:
+    wrong = Misbehaviour(refused={Command.GET_GAIN: Status.COMMAND_UNKNOWN})
+    with Sensor(plug_in(show_pattern("corner"), misbehaviour=wrong).name) as sensor:
         answers = inquire(sensor)
     assert answers["loop (0x06)"] == "answers with the bytes it was sent"
     assert "(assumed 1 ms)" in answers["clock"]
     assert "at most 0 counts" in answers["run length"]
     assert "texel 0, read as row 0, column 0" in answers["texel order"]
-
-
-def test_a_question_that_is_refused_does_not_end_the_others(plug_in, monkeypatch):
-    monkeypatch.setattr("validation.weiss.inquiry._CLOCK_FRAMES", 5)
-    wrong = Misbehaviour(refused={Command.GET_GAIN: Status.COMMAND_UNKNOWN})
-    with Sensor(plug_in(misbehaviour=wrong).name) as sensor:
-        answers = inquire(sensor)
     assert "not as assumed" in answers["gain (0x37)"]
-    assert "bytes it was sent" in answers["loop (0x06)"]
-
-
-@pytest.mark.parametrize("tick", [1e-3, 0.5e-3])
-def test_the_tick_of_the_clock_is_measured(tick):
-    """A stream with exact times of arrival, which no real port has."""
-
-    class ExactStream:
-        def stream(self):
-            for number in range(1000):
-                seconds = number / 250
-                counts = np.zeros(84, dtype=np.uint16)
-                ticks, host_time = round(seconds / tick), round(seconds * 1e9)
-                yield Reading(counts=counts, ticks=ticks, host_time=host_time, run_length=False)
-
-    answer = inquiry._measure_clock(ExactStream())
-    assert answer == f"{tick * 1e3:.4f} ms per tick (assumed 1 ms), 250.0 frames/s free-running"

@@ -76,24 +76,12 @@ def test_the_pad_warms_up():
     assert [read_temperature(now) for now in (0, 1200 * np.log(2), 1e6)] == [25, 30, 35]
 
 
-@given(st.binary(max_size=300))
-def test_any_bytes_are_answered_or_ignored(data):
-    sensor = VirtualSensor(show_pattern("ramp"))
-    assert all(message.payload for message in _parse(sensor.receive(data, 0.0)))
-
-
 @given(st.integers(0, 255).filter(lambda identifier: identifier != 0xAA), st.binary(max_size=20))
 def test_any_request_gets_one_answer_of_its_own_identifier(identifier, payload):
     sensor = VirtualSensor(show_pattern("ramp"))
     request = encode_message(identifier, payload)
     requests, answers = _parse(request), _parse(sensor.receive(request, 0.0))
     assert [answer.identifier for answer in answers] == [found.identifier for found in requests]
-
-
-def test_frames_are_shown_one_by_one_and_the_last_one_stays():
-    counts = np.arange(3 * 84).reshape(3, 84)
-    show = show_frames(counts)
-    assert [int(show(0.0)[0]) for _ in range(4)] == [84, 168, 168, 168]
 
 
 def test_bad_input_is_refused_with_what_is_known():
@@ -198,18 +186,6 @@ def test_a_fault_changes_the_message_within_its_bounds(name, payload, random):
         assert damaged.endswith(message)
 
 
-@given(
-    names=st.lists(st.sampled_from(sorted(FAULTS)), min_size=1, max_size=6),
-    message=st.binary(max_size=20),
-    random=st.randoms(use_true_random=False),
-)
-def test_faults_follow_one_another_on_any_bytes(names, message, random):
-    """A fault may leave one byte or none; the next fault must accept them."""
-    for name in names:
-        message = hit(name, message, random)
-    assert isinstance(message, bytes)
-
-
 def test_complete_frames_are_left_out_for_a_client_that_does_not_read(plug_in):
     port = plug_in(backlog_bytes=BACKLOG_BYTES, rate=5000.0)
     with serial.Serial(port.name) as client:
@@ -273,8 +249,3 @@ def test_a_link_that_another_port_replaced_is_left_alone(tmp_path):
 def test_a_link_that_cannot_be_created_is_refused(tmp_path):
     with pytest.raises(PortError, match="cannot create a link to the port here: No such file"):
         PseudoTerminal(tmp_path / "nowhere" / "sensor")
-
-
-def test_the_run_ends_after_its_time():
-    with PseudoTerminal() as end:
-        assert serve(VirtualSensor(show_pattern("zero")), end, seconds=0.0) == 0
