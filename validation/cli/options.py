@@ -6,9 +6,9 @@ The help of an option that only one command has stands under `Args` in the docst
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from fastmodel import Parameters
     from validation.recordings.recording import Recording
     from validation.sensor_file import SensorDescription
-
-T = TypeVar("T")
 
 SensorFile = Annotated[
     str,
@@ -37,19 +35,6 @@ Sensor = Annotated[
 ]
 #: A text that may begin with a minus sign, so that a negative quantity is refused as such and not as an option.
 Quantity = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
-MaterialName = Annotated[
-    str | None, Parameter(name="--material", help="Replaces the cover's material; see `softcover materials`.")
-]
-Thickness = Annotated[Quantity, Parameter(name="--thickness", help="Replaces the cover's thickness, e.g. 2mm.")]
-Layers = Annotated[
-    list[str] | None,
-    Parameter(
-        name="--layer",
-        help="Changes one layer of the cover, 1 being the bottom one: 2:thickness=1mm,youngs_modulus=3GPa. "
-        "Keys: thickness, material, youngs_modulus, poisson_ratio, hardness, model and its parameters. "
-        "May be given several times.",
-    ),
-]
 Json = Annotated[
     bool, Parameter(name="--json", help="Print one JSON object on standard output, and nothing else there.")
 ]
@@ -71,21 +56,27 @@ PressedArrayIndex = Annotated[
 ]
 
 
-def collect(faults: list[str], read: Callable[[], T]) -> T | None:
-    """Read one option and collect its faults, so that the faults of all options are reported together.
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class CoverChanges:
+    """Options that change the cover of a sensor: `--material`, `--thickness`, `--layer`."""
 
-    Args:
-        faults: List to which the faults of the option are appended.
-        read: Function that reads the option.
+    material: Annotated[str | None, Parameter(help="Replaces the cover's material; see `softcover materials`.")] = None
+    thickness: Annotated[Quantity, Parameter(help="Replaces the cover's thickness, e.g. 2mm.")] = None
+    layers: Annotated[
+        tuple[str, ...],
+        Parameter(
+            name="--layer",
+            negative=(),
+            help="Changes one layer of the cover, 1 being the bottom one: 2:thickness=1mm,youngs_modulus=3GPa. "
+            "Keys: thickness, material, youngs_modulus, poisson_ratio, hardness, model and its parameters. "
+            "May be given several times.",
+        ),
+    ] = ()
 
-    Returns:
-        The value that `read` returns; None if `read` raised an `InputError`.
-    """
-    try:
-        return read()
-    except InputError as error:
-        faults.extend(error.faults)
-        return None
+
+#: The cover of the sensor as it is.
+UNCHANGED = CoverChanges()
 
 
 def check_range(option: str, value: float | None, most: float = math.inf) -> None:
@@ -157,10 +148,8 @@ def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:
 
 def read_sensor(
     sensor: str,
+    changes: CoverChanges = UNCHANGED,
     *,
-    material: str | None = None,
-    thickness: str | None = None,
-    layers: Sequence[str] | None = None,
     curved: bool = False,
 ) -> SensorDescription | Parameters:
     """Read a sensor as `validation.load` does, for a command that needs only the fast model.
@@ -173,7 +162,7 @@ def read_sensor(
     from validation import api
     from validation.sensor_file import SensorDescription
 
-    found = api.load(sensor, material=material, thickness=thickness, layers=layers or ())
+    found = api.load(sensor, **vars(changes))
     if isinstance(found, SensorDescription):
         _check_description(found, curved=curved)
     return found
@@ -181,10 +170,8 @@ def read_sensor(
 
 def read_description(
     sensor: str,
+    changes: CoverChanges = UNCHANGED,
     *,
-    material: str | None = None,
-    thickness: str | None = None,
-    layers: Sequence[str] | None = None,
     curved: bool = False,
     instead: str = "",
 ) -> SensorDescription:
@@ -192,9 +179,7 @@ def read_description(
 
     Args:
         sensor: Path of a sensor file, or name of a built-in sensor.
-        material: Name of a material that replaces the cover's material.
-        thickness: Thickness with its unit that replaces the cover's thickness.
-        layers: Changes of single layers, values of the option `--layer`.
+        changes: Changes of the cover.
         curved: Whether the command can treat curved covers.
         instead: What the user can do with a folder of parameters, for the error message.
 
@@ -204,7 +189,7 @@ def read_description(
     """
     from validation import api
 
-    found = api.describe(sensor, material=material, thickness=thickness, layers=layers or (), instead=instead)
+    found = api.describe(sensor, **vars(changes), instead=instead)
     _check_description(found, curved=curved)
     return found
 

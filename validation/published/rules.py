@@ -1,4 +1,4 @@
-"""Rules of the published models: from one press, as a model sees it, to forces on the texels.
+"""Published models: from one press, as a model sees it, to forces on the texels.
 
 Some take the forces from the contact points of the physics engine on box texels.  Others read the penetration of the
 rigid indenter.  The last spread a fine map of the contact by a function of the distance; the map is that of an elastic
@@ -8,12 +8,135 @@ penetration; each carries the load.  Equations and sources: docs/comparison-mode
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
 import numpy as np
 
 from fastmodel import Gaussian
-from meshes import TexelArray
+from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
-from validation.published.scene import Forces, Scene, bin_on_texels, find_approach, find_foundation_approach
+from validation.published.scene import Forces, Scene, Values, bin_on_texels, find_approach, find_foundation_approach
+
+#: How sure the implementation is.
+CODE, SUMMARY = "from its published code", "from a summary of its code"
+SECONDARY = "paper not read: from equations in secondary sources"
+REPORT = "from the report; unit of the filter's cut-off and handling of borders unknown"
+OWN = "our own, for comparison"
+#: What the models take the texel forces from.
+POINTS, PENETRATION, MAP = "engine's contact points", "rigid penetration", "contact map"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A parameter of a model.
+
+    Attributes:
+        shipped: Its published value; None if it is unknown, or for a stiffness that is fitted, that of the cover.
+        unit: Its unit; empty for none.
+        start: First value for a fit, if it is not the published one.
+        fitted: Whether it is fitted; it must be positive then.
+    """
+
+    shipped: float | None = None
+    unit: str = ""
+    start: float | None = None
+    fitted: bool = False
+
+
+def _given(shipped: float, unit: str = "") -> Parameter:
+    return Parameter(shipped=shipped, unit=unit)
+
+
+def _fitted(shipped: float | None = None, unit: str = "", *, start: float | None = None) -> Parameter:
+    return Parameter(shipped=shipped, unit=unit, start=start, fitted=True)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Model:
+    """A published model.
+
+    Attributes:
+        name: Short name, unique in the table.
+        title: Name of the tool or first author, with the year.
+        contact: What the model takes the texel forces from: `POINTS`, `PENETRATION` or `MAP`.
+        rule: The model in a few words.
+        certainty: How sure the implementation is.
+        predict: Function of a scene and of the parameters by name, which returns the forces.
+        parameters: The parameters by name.
+        total: What the sum of the forces is, if it is not the load by the model itself.
+        in_time: Published filters, dampers and noise, which have no effect on a held load and are not built.
+    """
+
+    name: str
+    title: str
+    contact: str
+    rule: str
+    certainty: str
+    predict: Callable[..., Forces]
+    parameters: Mapping[str, Parameter]
+    total: str = ""
+    in_time: str = ""
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the parameters that have one, by name."""
+        return {name: each.unit for name, each in self.parameters.items() if each.unit}
+
+    @property
+    def fitted(self) -> tuple[str, ...]:
+        """Names of the fitted parameters."""
+        return tuple(name for name, each in self.parameters.items() if each.fitted)
+
+    @property
+    def start(self) -> dict[str, float]:
+        """First values of a fit that are not the published ones, by name."""
+        return {name: each.start for name, each in self.parameters.items() if each.start is not None}
+
+    def find_shipped(self, cover: Cover) -> Values | None:
+        """Return the parameters as shipped for a cover; None if they are unknown or undefined.
+
+        A stiffness without a published value is that of the cover under a uniform pressure; a cover of incompressible
+        material has none.
+        """
+        values = {name: each.shipped for name, each in self.parameters.items()}
+        if "stiffness" in self.fitted and values["stiffness"] is None:
+            values["stiffness"] = foundation_stiffness(cover)
+        known = {name: value for name, value in values.items() if value is not None}
+        return known if len(known) == len(values) else None
+
+
+def foundation_stiffness(cover: Cover) -> float | None:
+    """Compute pressure over depth of a cover that is compressed without lateral strain; None at Poisson ratio 0.5.
+
+    1 / sum(h / E_oed), E_oed = E (1 - nu) / ((1 + nu) (1 - 2 nu)) [Pa/m].
+    """
+    compliance = 0.0
+    for layer in cover.layers:
+        e, nu = layer.material.youngs_modulus, layer.material.poisson_ratio
+        compliance += layer.thickness * (1 + nu) * (1 - 2 * nu) / (e * (1 - nu))
+    return 1 / compliance if compliance > 0 else None
+
+
+#: All published models, by name.  Null models and the fast model are in `validation.campaign.results.MODELS`.
+PUBLISHED: dict[str, Model] = {}
+Predict = Callable[..., Forces]
+
+
+def _published(
+    name: str, title: str, contact: str, rule: str, certainty: str,
+    *, total: str = "", in_time: str = "", **parameters: Parameter,
+) -> Callable[[Predict], Predict]:  # fmt: skip
+    """Enter a function in the table of models, see `Model`."""
+
+    def enter(predict: Predict) -> Predict:
+        PUBLISHED[name] = Model(
+            name=name, title=title, contact=contact, rule=rule, certainty=certainty, predict=predict,
+            parameters=parameters, total=total, in_time=in_time,
+        )  # fmt: skip
+        return predict
+
+    return enter
 
 
 def predict_gaussian_boxes(scene: Scene, *, sigma: float, ksize_x: float, ksize_y: float) -> Forces:
@@ -30,6 +153,29 @@ def predict_gaussian_boxes(scene: Scene, *, sigma: float, ksize_x: float, ksize_
     return Forces(texels, float(scene.boxes.total_force - texels.sum()))
 
 
+for _sigma, _x, _y in ((0.5, 3, 3), (0.8, 3, 3), (1.0, 3, 5), (1.0, 5, 5), (0.8, 5, 5)):
+    _published(
+        f"report-{_sigma:g}-{_x}x{_y}",
+        f"2015 report, sigma {_sigma:g}, {_x} x {_y}",
+        POINTS,
+        "sum on boxes, separable Gaussian of unit sum",
+        REPORT,
+        in_time="Butterworth filter before the Gaussian",
+        # One of them is fitted.
+        sigma=Parameter(shipped=_sigma, unit="pitches", fitted=(_sigma, _x) == (0.8, 5)),
+        ksize_x=_given(_x, "texels"),
+        ksize_y=_given(_y, "texels"),
+    )(predict_gaussian_boxes)
+
+
+@_published(
+    "tegin-2005",
+    "Tegin and Wikander 2005 (GraspIt)",
+    POINTS,
+    "sum on the texel's box, no spread",
+    SECONDARY,
+    in_time="y = 0.1 f + 0.9 y every 2.5 ms in GraspIt's later code",
+)
 def predict_binned(scene: Scene) -> Forces:
     """Tegin and Wikander 2005: sum the contact forces whose point lies on the texel's box; no spread."""
     contacts = scene.contacts
@@ -37,6 +183,35 @@ def predict_binned(scene: Scene) -> Forces:
     return Forces(texels, 0.0)
 
 
+@_published(
+    "robworksim-2010",
+    "RobWorkSim 2010, paper",
+    POINTS,
+    "each point spread by the cover's own radial response",
+    SECONDARY,
+)
+def predict_cover_response(scene: Scene) -> Forces:
+    """RobWorkSim 2010: spread the force of each contact point by a deformation function of the distance.
+
+    The deformation function is the cover's own response to a point load, integrated over the texel.
+    """
+    forces, points = _push(scene), scene.contacts.points
+    shares = np.array([scene.response(points[:, 0] - x, points[:, 1] - y) for x, y in scene.array.centres[:, :2]])
+    texels = shares @ forces
+    return Forces(texels, float(forces.sum() - texels.sum()))
+
+
+@_published(
+    "schunk",
+    "schunk_simulated_tactile_sensors",
+    POINTS,
+    "sum on boxes, mean of 3 x 3 texels, clipped counts",
+    f"{SUMMARY}; borders unknown",
+    total="less where texels saturate",
+    in_time="mean of 10 samples",
+    counts_per_newton=_given(350.0, "1/N"),
+    most_counts=_given(3500.0),
+)
 def predict_mean_3x3(scene: Scene, *, counts_per_newton: float, most_counts: float) -> Forces:
     """schunk_simulated_tactile_sensors: bin the contact forces, take the mean of 3 x 3 texels, clip the counts.
 
@@ -53,17 +228,17 @@ def predict_mean_3x3(scene: Scene, *, counts_per_newton: float, most_counts: flo
     return Forces(texels, float(binned.sum() - spread.sum()))
 
 
-def predict_cover_response(scene: Scene) -> Forces:
-    """RobWorkSim 2010: spread the force of each contact point by a deformation function of the distance.
-
-    The deformation function is the cover's own response to a point load, integrated over the texel.
-    """
-    forces, points = _push(scene), scene.contacts.points
-    shares = np.array([scene.response(points[:, 0] - x, points[:, 1] - y) for x, y in scene.array.centres[:, :2]])
-    texels = shares @ forces
-    return Forces(texels, float(forces.sum() - texels.sum()))
-
-
+@_published(
+    "gazebo-ros-tactile",
+    "gazebo_ros_tactile (ubi-agni)",
+    POINTS,
+    "each point shared among all texels by Gaussians of distance and angle, unit sum",
+    f"{CODE}; default widths unknown",
+    in_time="mean between two reads",
+    distance=_fitted(unit="m", start=2e-3),
+    angle=Parameter(start=1.0),
+    least_force=Parameter(start=0.0, unit="N"),
+)
 def predict_normalised_gaussian(scene: Scene, *, distance: float, angle: float, least_force: float) -> Forces:
     """gazebo_ros_tactile: share each contact force among all texels by Gaussians of distance and angle, with unit sum.
 
@@ -88,6 +263,14 @@ def predict_normalised_gaussian(scene: Scene, *, distance: float, angle: float, 
     return Forces(np.where(texels < least_force, 0.0, texels), 0.0)
 
 
+@_published(
+    "touch-grid",
+    "MuJoCo touch_grid",
+    POINTS,
+    "binned by azimuth and elevation from a site behind the array",
+    "checked against the plugin of MuJoCo 4.0",
+    field_of_view=_fitted(45.0, "deg"),
+)
 def predict_touch_grid(scene: Scene, *, field_of_view: float) -> Forces:
     """MuJoCo's touch_grid: bin the contact forces by azimuth and elevation, seen from a site behind the array.
 
@@ -136,78 +319,17 @@ def _push(scene: Scene) -> FloatArray:
 _ROBWORK_STEP, _ROBWORK_STEPS, _ROBWORK_THICKNESS, _ROBWORK_PRESSURE = 0.05e-3, 20, 2e-3, 250e3
 
 
-def predict_foundation(scene: Scene, *, stiffness: float) -> Forces:
-    """OpenGrasp (Moisio 2013): f = k d A per cell, on the cells of a fine grid, summed over each texel; no spread.
-
-    Args:
-        scene: The press.
-        stiffness: k, pressure per depth [Pa/m].
-    """
-    points, gaps, area = scene.map
-    depth = _sink(find_foundation_approach(gaps, stiffness * area, scene.load), gaps)
-    texels = bin_on_texels(scene.array, points, stiffness * area * depth)
-    return Forces(texels, scene.load - float(texels.sum()))
-
-
-def predict_springs(scene: Scene, *, stiffness: float, amplitude: float, sigma: float) -> Forces:
-    """SkinSim 2014: one spring per texel, and a Gaussian of 3 x 3 elements whose sum is not one.
-
-    The weight of a neighbour at the distance d is `amplitude` exp(-d^2 / (2 sigma^2)).
-
-    Args:
-        scene: The press.
-        stiffness: Stiffness of a spring [N/m].
-        amplitude: Weight of the element itself [-].
-        sigma: Standard deviation [m].
-    """
-    springs, outside = _compress(scene, stiffness)
-    x, y = np.meshgrid(*(step * np.array([-1, 0, 1]) for step in scene.array.pitch))
-    kernel = amplitude * np.exp(-(x**2 + y**2) / (2 * sigma**2))
-    texels = convolve(scene, springs, kernel)
-    return Forces(texels, float(outside + springs.sum() * kernel.sum() - texels.sum()))
-
-
-def predict_taxels(scene: Scene, *, stiffness: float, exponent: float, crosstalk: float, sigma: float) -> Forces:
-    """Genesis KinematicTaxel: f = k d^e at each texel's centre, then (1 - a) f + a (Gaussian of f).
-
-    Args:
-        scene: The press.
-        stiffness: k [N/m^e].
-        exponent: e [-].
-        crosstalk: a [-].
-        sigma: Standard deviation of the Gaussian, which has a unit sum [pitches].
-    """
-    texels, outside = _compress(scene, stiffness, exponent)
-    if crosstalk:
-        spread = Gaussian.from_sigma(sigma).operator(scene.array) @ texels
-        lost = float(texels.sum() - spread.sum())
-        texels = (1 - crosstalk) * texels + crosstalk * spread
-        outside += crosstalk * lost
-    return Forces(texels, outside)
-
-
-def predict_penalty(scene: Scene, *, stiffness: float) -> Forces:
-    """Penalty on a distance field (TacSL, FlexiTac): f = k_n d at one point per texel; no spread.
-
-    Args:
-        scene: The press.
-        stiffness: k_n [N/m].
-    """
-    return Forces(*_compress(scene, stiffness))
-
-
-def predict_mujoco_tactile(scene: Scene, *, depth_factor: float) -> Forces:
-    """MuJoCo's tactile sensor: the penetration depth d at each texel's centre, scaled to the load.
-
-    Args:
-        scene: The press.
-        depth_factor: Factor on the largest rigid penetration in MuJoCo; 1 for the sensor as it is [-].
-    """
-    depth = _sink(depth_factor * float(scene.contacts.depths.max()), scene.texel_gaps)
-    total = depth.sum()
-    return Forces(depth * scene.load / total, 0.0) if total > 0 else Forces(depth, scene.load)
-
-
+@_published(
+    "robworksim-later",
+    "RobWorkSim, later code",
+    PENETRATION,
+    "one offset by mean pressure, load shared by depth, mask of 3 x 3 texels",
+    CODE,
+    total="scaled to the load; the code divides by the number of loaded texels once more",
+    in_time="alpha = dt / (tau + dt), tau = 0.1 s; overwritten in the version that was read",
+    modulus=_fitted(700e3, "Pa"),
+    mask=_fitted(1.0),
+)
 def predict_robwork(scene: Scene, *, modulus: float, mask: float) -> Forces:
     """RobWorkSim, later code: springs in shares of the load, spread by a mask of 3 x 3 texels, scaled to the load.
 
@@ -253,6 +375,128 @@ def robwork_mask(width: float) -> FloatArray:
     return np.asarray(blocks / blocks.sum())
 
 
+@_published(
+    "opengrasp-2013",
+    "OpenGrasp (Moisio 2013)",
+    PENETRATION,
+    "elastic foundation k d A on fine cells",
+    SUMMARY,
+    in_time="damper c; friction with sigma_0, sigma_1, mu_s, mu_d",
+    stiffness=_fitted(unit="Pa/m"),
+)
+def predict_foundation(scene: Scene, *, stiffness: float) -> Forces:
+    """OpenGrasp (Moisio 2013): f = k d A per cell, on the cells of a fine grid, summed over each texel; no spread.
+
+    Args:
+        scene: The press.
+        stiffness: k, pressure per depth [Pa/m].
+    """
+    points, gaps, area = scene.map
+    depth = _sink(find_foundation_approach(gaps, stiffness * area, scene.load), gaps)
+    texels = bin_on_texels(scene.array, points, stiffness * area * depth)
+    return Forces(texels, scene.load - float(texels.sum()))
+
+
+@_published(
+    "skinsim-2014",
+    "SkinSim 2014",
+    PENETRATION,
+    "one spring per texel, Gaussian of 3 x 3 texels",
+    SUMMARY,
+    total="amplitude times the sum of the kernel",
+    in_time="damper 0.130 N s/m, mass 1 g",
+    stiffness=_fitted(16.37, "N/m"),
+    amplitude=_fitted(0.159),
+    sigma=_fitted(10e-3, "m"),
+)
+def predict_springs(scene: Scene, *, stiffness: float, amplitude: float, sigma: float) -> Forces:
+    """SkinSim 2014: one spring per texel, and a Gaussian of 3 x 3 elements whose sum is not one.
+
+    The weight of a neighbour at the distance d is `amplitude` exp(-d^2 / (2 sigma^2)).
+
+    Args:
+        scene: The press.
+        stiffness: Stiffness of a spring [N/m].
+        amplitude: Weight of the element itself [-].
+        sigma: Standard deviation [m].
+    """
+    springs, outside = _compress(scene, stiffness)
+    x, y = np.meshgrid(*(step * np.array([-1, 0, 1]) for step in scene.array.pitch))
+    kernel = amplitude * np.exp(-(x**2 + y**2) / (2 * sigma**2))
+    texels = convolve(scene, springs, kernel)
+    return Forces(texels, float(outside + springs.sum() * kernel.sum() - texels.sum()))
+
+
+@_published(
+    "genesis-taxel",
+    "Genesis KinematicTaxel",
+    PENETRATION,
+    "k d^e at each texel's centre, crosstalk by a Gaussian",
+    CODE,
+    in_time="damper c = 1, gain 0.85..1.15, dead taxels 5 %, noise 0.005 N",
+    stiffness=_fitted(500.0, "N/m^e"),
+    exponent=_given(1.2),
+    crosstalk=_fitted(0.0, start=0.3),
+    sigma=_fitted(0.5, "pitches"),
+)
+def predict_taxels(scene: Scene, *, stiffness: float, exponent: float, crosstalk: float, sigma: float) -> Forces:
+    """Genesis KinematicTaxel: f = k d^e at each texel's centre, then (1 - a) f + a (Gaussian of f).
+
+    Args:
+        scene: The press.
+        stiffness: k [N/m^e].
+        exponent: e [-].
+        crosstalk: a [-].
+        sigma: Standard deviation of the Gaussian, which has a unit sum [pitches].
+    """
+    texels, outside = _compress(scene, stiffness, exponent)
+    if crosstalk:
+        spread = Gaussian.from_sigma(sigma).operator(scene.array) @ texels
+        lost = float(texels.sum() - spread.sum())
+        texels = (1 - crosstalk) * texels + crosstalk * spread
+        outside += crosstalk * lost
+    return Forces(texels, outside)
+
+
+@_published(
+    "penalty",
+    "TacSL, FlexiTac",
+    PENETRATION,
+    "penalty k_n d on a distance field, one point per texel",
+    SUMMARY,
+    stiffness=_fitted(5000.0, "N/m"),
+)
+def predict_penalty(scene: Scene, *, stiffness: float) -> Forces:
+    """Penalty on a distance field (TacSL, FlexiTac): f = k_n d at one point per texel; no spread.
+
+    Args:
+        scene: The press.
+        stiffness: k_n [N/m].
+    """
+    return Forces(*_compress(scene, stiffness))
+
+
+@_published(
+    "mujoco-tactile",
+    "MuJoCo tactile sensor",
+    PENETRATION,
+    "rigid penetration at each texel's centre",
+    "checked against the sensor of MuJoCo 4.0",
+    total="scaled to the load",
+    depth_factor=_fitted(1.0),
+)
+def predict_mujoco_tactile(scene: Scene, *, depth_factor: float) -> Forces:
+    """MuJoCo's tactile sensor: the penetration depth d at each texel's centre, scaled to the load.
+
+    Args:
+        scene: The press.
+        depth_factor: Factor on the largest rigid penetration in MuJoCo; 1 for the sensor as it is [-].
+    """
+    depth = _sink(depth_factor * float(scene.contacts.depths.max()), scene.texel_gaps)
+    total = depth.sum()
+    return Forces(depth * scene.load / total, 0.0) if total > 0 else Forces(depth, scene.load)
+
+
 def _compress(scene: Scene, stiffness: float, exponent: float = 1.0) -> tuple[FloatArray, float]:
     """Compute forces k d^e at the texels' centres that carry the load, and the load if no centre is under the indenter.
 
@@ -275,6 +519,15 @@ def _sink(approach: float, gaps: FloatArray) -> FloatArray:
     return np.zeros_like(gaps) if np.isnan(approach) else np.maximum(approach - gaps, 0.0)
 
 
+@_published(
+    "pezzementi-pressure",
+    "Pezzementi 2010, pressure",
+    MAP,
+    "Gaussian of the contact pressure, sampled at texel centres",
+    SECONDARY,
+    stiffness=_fitted(unit="Pa/m"),
+    sigma=_fitted(unit="m", start=2e-3),
+)
 def predict_gaussian_of_pressure(scene: Scene, *, stiffness: float, sigma: float) -> Forces:
     """Pezzementi 2010: a Gaussian point spread function of the contact pressure, sampled at the texels' centres.
 
@@ -286,6 +539,15 @@ def predict_gaussian_of_pressure(scene: Scene, *, stiffness: float, sigma: float
     return _sample_gaussian(scene, *_press_uniformly(scene, stiffness), sigma)
 
 
+@_published(
+    "pezzementi-depth",
+    "Pezzementi 2010, depth",
+    MAP,
+    "Gaussian of the contact depth, sampled at texel centres",
+    SECONDARY,
+    stiffness=_fitted(unit="Pa/m"),
+    sigma=_fitted(unit="m", start=2e-3),
+)
 def predict_gaussian_of_depth(scene: Scene, *, stiffness: float, sigma: float) -> Forces:
     """Pezzementi 2010: a Gaussian point spread function of the contact depth, sampled at the texels' centres.
 
@@ -298,6 +560,15 @@ def predict_gaussian_of_depth(scene: Scene, *, stiffness: float, sigma: float) -
     return _sample_gaussian(scene, scene.map.points, depth * scene.load / depth.sum(), sigma)
 
 
+@_published(
+    "shimojo-1994",
+    "Shimojo 1994",
+    MAP,
+    "low-pass (1 + k h) exp(-k h) of the contact pressure",
+    f"{SECONDARY}; form of the low-pass chosen by us",
+    stiffness=_fitted(unit="Pa/m"),
+    depth=_fitted(unit="m", start=2e-3),
+)
 def predict_low_pass(scene: Scene, *, stiffness: float, depth: float) -> Forces:
     """Shimojo 1994: the cover as a spatial low-pass of the contact pressure, here (1 + k h) exp(-k h).
 
@@ -314,6 +585,14 @@ def predict_low_pass(scene: Scene, *, stiffness: float, depth: float) -> Forces:
     return Forces(texels, scene.load - float(texels.sum()))
 
 
+@_published(
+    "exact-layer",
+    "exact layer as low-pass",
+    MAP,
+    "exact transfer function of the bonded layer on the same pressure",
+    OWN,
+    stiffness=_fitted(unit="Pa/m"),
+)
 def predict_exact_layer(scene: Scene, *, stiffness: float) -> Forces:
     """Our own exact transfer function of the bonded layer, on the same contact pressure as `predict_low_pass`.
 

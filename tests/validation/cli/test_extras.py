@@ -75,7 +75,7 @@ MISSING = [
     (["press", "wts-0614-34", *BALL], "fem"),
     (["press", "wts-0614-34", *BALL, "--out", "pressed"], "fem,report,view"),
     (["press", "wts-0614-34", *BALL, "--model", "fast", "--thickness", "1mm"], "fem"),
-    (["press", "fingertip", *BALL, "--out", "pressed"], "fem,view"),
+    (["press", "fingertip", *BALL, "--out", "pressed"], "fem,report,view"),
     (["derive", "wts-0614-34", "--thickness", "1mm", "--out", "derived"], "fem,report,view"),
     (["derive", "fingertip"], "fem"),
     (["mesh", "fingertip", "--out", "meshed"], "fem,view"),

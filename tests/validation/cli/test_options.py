@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.cli.options import check_choice, check_range, collect, read_time_span
-from validation.errors import InputError
+from validation.cli.options import check_choice, check_range, read_time_span
+from validation.errors import Faults, InputError
 
 SECONDS = st.floats(0, 1e6, allow_nan=False)
 
@@ -32,8 +32,8 @@ def test_a_text_without_digits_is_no_time_span(text):
 
 @given(value=st.floats(allow_nan=True), most=st.floats(0, 1e9))
 def test_a_range_accepts_exactly_the_numbers_in_it(value, most):
-    faults = []
-    collect(faults, lambda: check_range("--seconds", value, most))
+    faults = Faults()
+    faults.read(check_range, "--seconds", value, most)
     assert bool(faults) == (not 0 <= value <= most)
 
 
@@ -46,16 +46,3 @@ def test_a_choice_accepts_exactly_the_words_that_it_lists(word, choices):
             check_choice("--method", "contact method", word, choices)
         assert str(raised.value).startswith(f"--method: unknown contact method {word!r}")
         assert str(raised.value).endswith(f"accepted: {', '.join(choices)}")
-
-
-@given(outcomes=st.lists(st.one_of(st.integers(), st.lists(st.text(min_size=1), min_size=1, max_size=3)), max_size=6))
-def test_collected_faults_are_all_faults_in_their_order(outcomes):
-    def read(outcome):
-        if isinstance(outcome, list):
-            raise InputError(*outcome)
-        return outcome
-
-    faults = []
-    results = [collect(faults, lambda outcome=outcome: read(outcome)) for outcome in outcomes]
-    assert results == [None if isinstance(outcome, list) else outcome for outcome in outcomes]
-    assert faults == [fault for outcome in outcomes if isinstance(outcome, list) for fault in outcome]

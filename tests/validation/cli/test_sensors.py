@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 
 import fastmodel
-from validation.cli.options import read_description, read_sensor
+from validation.cli.options import CoverChanges, read_description, read_sensor
 from validation.errors import InputError
 from validation.parameters import find_parameters
 from validation.sensor_file import BUILT_IN
@@ -31,14 +31,14 @@ def test_built_in_sensors_need_no_finite_elements(without_reference):
 
 def test_another_cover_is_derived_anew(without_reference):
     with pytest.raises(AssertionError, match="the finite elements were asked"):
-        find_parameters(read_sensor("wts-0614-34", thickness="1mm"), lambda _: None)
+        find_parameters(read_sensor("wts-0614-34", CoverChanges(thickness="1mm")), lambda _: None)
 
 
 def test_the_cover_of_a_derived_folder_cannot_be_replaced(folder):
     with pytest.raises(
         InputError, match=r"--material, --thickness, --layer: the parameters in .*derived were derived for one"
     ):
-        read_sensor(str(folder), material="dragon-skin-30")
+        read_sensor(str(folder), CoverChanges(material="dragon-skin-30"))
 
 
 def test_a_derived_folder_says_that_it_describes_no_cover(folder):

@@ -105,13 +105,6 @@ def test_saturation_is_where_the_characteristic_reaches_the_largest_count():
     assert find_saturation(dataclasses.replace(square, characteristic=(0, 1.0, -1.0, 0, 0, 0))) is None
 
 
-def test_the_middle_texel_is_an_active_one():
-    array = BUILT_IN["sdh2-distal"].array
-    assert array.active[find_middle(array)]
-    masked = dataclasses.replace(array, active=np.arange(array.count) == 7)
-    assert find_middle(masked) == 7
-
-
 @pytest.mark.slow
 def test_with_free_side_edges_the_share_is_that_of_the_cover_itself():
     from fem_reference.indentation.press import press

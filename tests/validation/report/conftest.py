@@ -18,6 +18,10 @@ CASES = (
 def evaluation(wts_derivation):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("validation.campaign.evaluation.derive", lambda _sensor, **_: wts_derivation)
+        # Rough fits and coarse contacts are enough for a page.
+        patch.setattr("validation.published.models._EVALUATIONS", 3)
+        patch.setattr("validation.published.models._SCAN", 0)
+        patch.setattr("validation.credibility.uncertainty.CELLS", 16)
         return compute_once("wts-evaluation", lambda: evaluate(load("wts-0614-34"), cases=CASES))
 
 

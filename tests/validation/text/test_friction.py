@@ -24,24 +24,10 @@ def test_no_slip_is_an_infinite_coefficient():
 @pytest.mark.parametrize(
     "value",
     [
-        "inf",
-        math.inf,
-        math.nan,
-        "nan",
-        -0.1,
-        "-1",
-        "1e999",
-        10**400,
-        True,
-        None,
-        [0.4],
-        {},
-        "slip",
-        "",
-        "0.4 N",
+        "inf", math.inf, math.nan, "nan", -0.1, "-1", "1e999", 10**400, True, None, [0.4], {}, "slip", "", "0.4 N",
         "9" * 10**6,
     ],
-)
+)  # fmt: skip
 def test_everything_else_is_refused_in_one_short_line(value):
     with pytest.raises(InputError, match="is not zero, a positive number or no-slip") as caught:
         read_friction(value, place="contact.friction")

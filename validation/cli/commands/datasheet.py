@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from validation.cli.options import Json, Layers, MaterialName, Sensor, Thickness
+from validation.cli.options import UNCHANGED, CoverChanges, Json, Sensor
 from validation.cli.output import Progress, print_json, print_meaning, print_rows, say, show_wrapped
 
 if TYPE_CHECKING:
@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 def datasheet(
     sensor: Sensor,
     *,
-    material: MaterialName = None,
-    thickness: Thickness = None,
-    layer: Layers = None,
+    cover: CoverChanges = UNCHANGED,
     out: Path | None = None,
     json: Json = False,
 ) -> None:
@@ -35,7 +33,7 @@ def datasheet(
     from validation import api
     from validation.cli.options import read_sensor
 
-    found = read_sensor(sensor, material=material, thickness=thickness, layers=layer)
+    found = read_sensor(sensor, cover)
     with Progress() as progress:
         sheet = api.datasheet(found, out=out, progress=progress)
     print_json(sheet.as_json()) if json else _print(sheet)

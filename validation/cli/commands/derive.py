@@ -7,7 +7,7 @@ from typing import Literal
 
 from validation.cli.entry import DONE, OUTSIDE_FAILED
 from validation.cli.meaning import explain_error
-from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness, read_description
+from validation.cli.options import UNCHANGED, CoverChanges, Json, SensorFile, read_description
 from validation.cli.output import (
     Progress,
     describe_cover,
@@ -24,9 +24,7 @@ from validation.cli.output import (
 def derive(
     sensor: SensorFile,
     *,
-    material: MaterialName = None,
-    thickness: Thickness = None,
-    layer: Layers = None,
+    cover: CoverChanges = UNCHANGED,
     out: Path | None = None,
     format: Literal["png", "svg"] = "png",  # noqa: A002 -- the option's name
     json: Json = False,
@@ -55,7 +53,7 @@ def derive(
     """
     from validation import api
 
-    description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
+    description = read_description(sensor, cover, curved=True)
     with Progress() as progress:
         found = api.derive(description, out=out, format=format, progress=progress)
     result = found.result

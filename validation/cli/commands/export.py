@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from validation.cli.options import Json, Layers, MaterialName, Quantity, Sensor, Thickness, read_sensor, tell_unused
+from validation.cli.options import UNCHANGED, CoverChanges, Json, Quantity, Sensor, read_sensor, tell_unused
 from validation.cli.output import Progress, print_json, say
 from validation.errors import Faults
 
@@ -27,9 +27,7 @@ def export(
     method: str = "default",
     mass: Quantity = None,
     out: Path = Path("softcover-out"),
-    material: MaterialName = None,
-    thickness: Thickness = None,
-    layer: Layers = None,
+    cover: CoverChanges = UNCHANGED,
     json: Json = False,
 ) -> None:
     """Write the sensor for other simulators: a model in MJCF, SDF or URDF, and the fast model's parameters.
@@ -57,7 +55,7 @@ def export(
 
     faults = Faults()
     faults.read(api.check_export, format, method, mass)
-    found = faults.read(read_sensor, sensor, material=material, thickness=thickness, layers=layer)
+    found = faults.read(read_sensor, sensor, cover)
     faults.refuse()
     tell_unused(found)
     with Progress() as progress:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from validation.cli.entry import DONE, OUTSIDE_FAILED
-from validation.cli.options import Json, SensorFile, Thickness
+from validation.cli.options import CoverChanges, Json, Quantity, SensorFile
 from validation.cli.output import Progress, print_json, print_rows, say
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from validation.sensor_file import SensorDescription
 
 
-def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: Path | None = None, json: Json = False) -> int:
+def mesh(sensor: SensorFile, *, thickness: Quantity = None, out: Path | None = None, json: Json = False) -> int:
     """Mesh a curved cover, check the meshes and the texels, and report their quality.
 
     The finest mesh is written as `mesh.npz` with its hash, source and settings.  A sensor file may name it:
@@ -28,13 +28,14 @@ def mesh(sensor: SensorFile, *, thickness: Thickness = None, out: Path | None = 
         softcover mesh sensor.toml --out meshed
 
     Args:
+        thickness: Replaces the cover's thickness, e.g. 2mm.
         out: Folder for the finest mesh, its quality and pictures.
     """
     from validation.cli.options import read_description
     from validation.extras import require
     from validation.output_folder import new_folder
 
-    description = read_description(sensor, thickness=thickness, curved=True)
+    description = read_description(sensor, CoverChanges(thickness=thickness), curved=True)
     require("skfem", useful=("pyvista",) if out else ())
     from validation.cover_meshes import describe_mesh, make_meshes, write_meshes
     from validation.scene.draw import lacks_picture

@@ -5,19 +5,17 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from validation.cli.entry import DONE, NOT_CONVERGED, OUTSIDE_FAILED
 from validation.cli.options import (
+    UNCHANGED,
+    CoverChanges,
     Json,
-    Layers,
-    MaterialName,
     Method,
+    Quantity,
     Sensor,
     Shape,
-    Thickness,
     read_description,
     read_sensor,
 )
@@ -30,87 +28,25 @@ if TYPE_CHECKING:
     from validation.pressing import PressRequest
     from validation.sensor_file import SensorDescription
 
-_Load = Annotated[str | None, Parameter(help="Force in N, or a weight in g: 4.9N, 500g.", allow_leading_hyphen=True)]
-_Depth = Annotated[
-    str | None,
-    Parameter(help="Approach of the indenter from first touch, instead of a load: 0.3mm.", allow_leading_hyphen=True),
-]
-_At = Annotated[
-    str | None,
-    Parameter(
-        help="Position of the indenter's axis in the array's frame, x,y; on a curved cover x,y,z of a place on its "
-        "surface. Or a name: centre, middle, off grid, edge, corner; on a curved cover also side. The middle of the "
-        "array if left out.",
-        allow_leading_hyphen=True,
-    ),
-]
-_Direction = Annotated[
-    str | None,
-    Parameter(
-        help="Direction in which the indenter moves on a curved cover, e.g. 0,0,-1, or oblique x, oblique y; along the "
-        "normal if left out.",
-        allow_leading_hyphen=True,
-    ),
-]
-_Yaw = Annotated[str | None, Parameter(help="Rotation of the indenter about its axis.", allow_leading_hyphen=True)]
-_Tilt = Annotated[
-    str | None,
-    Parameter(
-        help="Rotations about the x and y axes of the indenter, before the yaw, at most 10deg, on a curved cover "
-        "80deg: --tilt=2deg,0deg.",
-        allow_leading_hyphen=True,
-    ),
-]
-_Friction = Annotated[
-    str | None,
-    Parameter(
-        help="Friction between indenter and cover in the finite elements: Coulomb's coefficient, or no-slip; that of "
-        "the sensor file if left out.",
-        allow_leading_hyphen=True,
-    ),
-]
-_Strain = Annotated[
-    str | None,
-    Parameter(
-        help="On curved covers: small (seconds), or finite (minutes; large depths, the material as it is). Flat covers "
-        "follow their materials."
-    ),
-]
-_Accuracy = Annotated[
-    str | None,
-    Parameter(help="Wanted relative error of the finite elements, e.g. 1%; finer grids are added to reach it."),
-]
-_Curve = Annotated[
-    int | None,
-    Parameter(help="Compute this many points of the curve of load over depth, by finite elements; needs --out."),
-]
-_Out = Annotated[
-    Path | None,
-    Parameter(help="Folder for pictures, contact forces, displacement and stress in the cover, or for the curve."),
-]
-_Model = Annotated[str, Parameter(help="Which models: fem, fast, or fem,fast.")]
-
 
 def press(
     sensor: Sensor,
     *,
     indenter: Shape,
-    load: _Load = None,
-    depth: _Depth = None,
-    at: _At = None,
-    direction: _Direction = None,
-    yaw: _Yaw = None,
-    tilt: _Tilt = None,
-    friction: _Friction = None,
-    strain: _Strain = None,
-    accuracy: _Accuracy = None,
-    model: _Model = "fem,fast",
+    load: Quantity = None,
+    depth: Quantity = None,
+    at: Quantity = None,
+    direction: Quantity = None,
+    yaw: Quantity = None,
+    tilt: Quantity = None,
+    friction: Quantity = None,
+    strain: str | None = None,
+    accuracy: str | None = None,
+    model: str = "fem,fast",
     method: Method = "default",
-    material: MaterialName = None,
-    thickness: Thickness = None,
-    layer: Layers = None,
-    curve: _Curve = None,
-    out: _Out = None,
+    cover: CoverChanges = UNCHANGED,
+    curve: int | None = None,
+    out: Path | None = None,
     json: Json = False,
 ) -> int:
     """Compute one indentation by finite elements and by the fast model, and compare the results.
@@ -126,16 +62,37 @@ def press(
         softcover press derived --indenter sphere:radius=5mm --load 500g --model fast
         softcover press wts-0614-34 --indenter sphere:radius=5mm --depth 0.5mm --curve 20 --out curve
         softcover press fingertip --indenter sphere:radius=4mm --load 1N --at=0mm,8mm,0mm --out pressed
+
+    Args:
+        load: Force in N, or a weight in g: 4.9N, 500g.
+        depth: Approach of the indenter from first touch, instead of a load: 0.3mm.
+        at: Position of the indenter's axis in the array's frame, x,y; on a curved cover x,y,z of a place on its
+            surface. Or a name: centre, middle, off grid, edge, corner; on a curved cover also side. The middle of the
+            array if left out.
+        direction: Direction in which the indenter moves on a curved cover, e.g. 0,0,-1, or oblique x, oblique y; along
+            the normal if left out.
+        yaw: Rotation of the indenter about its axis.
+        tilt: Rotations about the x and y axes of the indenter, before the yaw, at most 10deg, on a curved cover 80deg:
+            --tilt=2deg,0deg.
+        friction: Friction between indenter and cover in the finite elements: Coulomb's coefficient, or no-slip; that of
+            the sensor file if left out.
+        strain: On curved covers: small (seconds), or finite (minutes; large depths, the material as it is). Flat covers
+            follow their materials.
+        accuracy: Wanted relative error of the finite elements, e.g. 1%; finer grids are added to reach it.
+        model: Which models: fem, fast, or fem,fast.
+        curve: Compute this many points of the curve of load over depth, by finite elements; needs --out.
+        out: Folder for pictures, contact forces, displacement and stress in the cover, or for the curve.
     """
     from fem_reference.errors import PiercedError
     from validation.extras import require
     from validation.pressing import read_request
 
-    cover: dict[str, Any] = {"material": material, "thickness": thickness, "layers": layer, "curved": True}
     instead = "" if depth is not None else "use it as it is: --model fast"
 
     def find_sensor(needs_reference: bool) -> SensorDescription | Parameters:
-        return read_description(sensor, **cover, instead=instead) if needs_reference else read_sensor(sensor, **cover)
+        if needs_reference:
+            return read_description(sensor, cover, curved=True, instead=instead)
+        return read_sensor(sensor, cover, curved=True)
 
     request = read_request(
         find_sensor, indenter, load=load, depth=depth, friction=friction, strain=strain, accuracy=accuracy,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from validation.cli.entry import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
-from validation.cli.options import Json, Layers, MaterialName, SensorFile, Thickness, read_description
+from validation.cli.options import UNCHANGED, CoverChanges, Json, SensorFile, read_description
 from validation.cli.output import (
     Progress,
     describe_cover,
@@ -79,9 +79,7 @@ def validate(
     recordings: _Recordings = None,
     data_set: str | None = None,
     measured: str | None = None,
-    material: MaterialName = None,
-    thickness: Thickness = None,
-    layer: Layers = None,
+    cover: CoverChanges = UNCHANGED,
     out: _Out = Path("softcover-report"),
     json: Json = False,
 ) -> int:
@@ -109,11 +107,11 @@ def validate(
     from validation.data_sets.data_set import describe_unused_recordings, find_data_set
 
     if measured is not None:
-        if quick or any(given is not None for given in (campaign, recordings, data_set, material, thickness, layer)):
+        if quick or cover != UNCHANGED or any(each is not None for each in (campaign, recordings, data_set)):
             raise InputError("--measured: measured forces have a cover of their own; leave out all options but --json")
         _compare_measured_force(measured, json=json)
         return DONE
-    description = read_description(sensor, material=material, thickness=thickness, layers=layer, curved=True)
+    description = read_description(sensor, cover, curved=True)
     if isinstance(description.cover, SolidCover) and (recordings is not None or data_set is not None):
         raise InputError("--recordings, --data-set: recordings of curved covers are not scored; leave them out")
     # Recordings belong to one sensor.  Those of the environment variable may be of another sensor, so only recordings

@@ -12,13 +12,12 @@ from cyclopts import Parameter
 
 from validation.cli.live_image import LiveImage
 from validation.cli.options import (
+    UNCHANGED,
+    CoverChanges,
     Json,
-    Layers,
-    MaterialName,
     Method,
     Sensor,
     Shape,
-    Thickness,
     check_choice,
     check_range,
     read_sensor,
@@ -43,9 +42,7 @@ def view(
     indenter: Shape,
     load: Annotated[str, Parameter(allow_leading_hyphen=True)],
     method: Method = "default",
-    material: MaterialName = None,
-    thickness: Thickness = None,
-    layer: Layers = None,
+    cover: CoverChanges = UNCHANGED,
     seconds: float | None = None,
     display: str = "auto",
     json: Json = False,
@@ -74,7 +71,7 @@ def view(
     from validation.text.indenter import read_indenter, read_load
 
     faults = Faults()
-    found = faults.read(read_sensor, sensor, material=material, thickness=thickness, layers=layer)
+    found = faults.read(read_sensor, sensor, cover)
     shape = faults.read(read_indenter, indenter)
     weight = faults.read(read_load, load)
     faults.read(check_range, "--seconds", seconds)
