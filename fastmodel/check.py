@@ -43,8 +43,11 @@ _CLEARANCE = 1e-3
 _FACING = -0.5
 #: Most names that a sentence lists.
 _MOST_NAMES = 4
-#: Height over the top of an array that counts as flush [m], and relative tolerance of comparisons of heights [-].
-_FLUSH, _ROUNDING = 5e-6, 1e-6
+#: Height above or below the top of an array up to which a geom counts as flush with it [m].  Geoms that overlap the
+#: array by less do not count as pressing on it.
+_FLUSH = 5e-6
+#: Tolerance of comparisons with `_CLEARANCE`, over `_CLEARANCE`, for rounding [-].
+_ROUNDING = 1e-6
 
 
 class OptionWarning(UserWarning):

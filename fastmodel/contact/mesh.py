@@ -207,9 +207,11 @@ class MeshReader(PressureReader):
         return (contact, None) if contact.bodies or len(contact.points) else None
 
     def _solve(self, contact: ArrayContact) -> Reading:
-        """Find the forces of all bodies; bodies whose moments no pressure can have keep only their force.
+        """Compute the forces on the points of the cover from the loads of all bodies.
 
-        Where that fails too, the forces of the last step of the search stand.
+        First the pressure of each body is solved for its force and moments.  If no pressure balances the moments,
+        all bodies are solved again for their forces alone.  If this does not converge either, the forces of the last
+        iteration are returned.
         """
         forces, carried, fewest = np.zeros(len(self._cover.points)), 0.0, None
         if contact.loads:

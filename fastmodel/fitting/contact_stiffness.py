@@ -33,8 +33,10 @@ _LEAST_STEPS = 2.5
 #: Impedance of the plate's contacts, unless the depth with the smallest time constant is too large; then the impedance
 #: is increased [-].
 _IMPEDANCE = 0.95
-#: Simulated time in which the ball comes to rest: number of time constants of the contact [-], and smallest time [s].
-_REST, _LEAST_REST = 60.0, 0.5
+#: Simulated time in which the ball comes to rest, over the time constant of the contact [-].
+_REST = 60.0
+#: Smallest simulated time in which the ball comes to rest [s].
+_LEAST_REST = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
