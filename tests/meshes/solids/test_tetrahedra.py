@@ -13,7 +13,7 @@ from meshes.solids.tetrahedra import (
     fill_with_tetrahedra,
     measure_base_deviation,
 )
-from meshes.surfaces.triangles import check_closed, enclosed_volume, find_crossings, nearest_points
+from meshes.surfaces.triangles import check_closed, find_crossings, nearest_points
 
 SIZE = (6e-3, 4e-3, 2e-3)
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0, 1)]) * SIZE
@@ -23,11 +23,6 @@ BOX = CORNERS[FACES]
 BASE = BOX[(BOX[..., 2] == 0).all(axis=1)]
 #: A box of five tetrahedra.
 FIVE = np.array([[0, 3, 5, 6], [0, 3, 1, 5], [0, 6, 2, 3], [0, 5, 4, 6], [3, 6, 7, 5]])
-
-
-def test_a_box_is_closed_and_holds_its_volume():
-    check_closed(BOX, "box")
-    assert enclosed_volume(BOX) == pytest.approx(np.prod(SIZE))
 
 
 @pytest.mark.parametrize(

@@ -73,11 +73,6 @@ def test_damaged_files_are_refused_in_one_line(tmp_path, name, content):
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"none\.stl: .*give the path"):
-        read_triangles(tmp_path / "none.stl", 1.0)
-
-
 def test_coordinates_up_to_a_thousand_million_are_accepted(tmp_path):
     path = tmp_path / "far.obj"
     for far, valid in (("1000000000", True), ("1000000000.5", False), ("-1000000000.5", False)):
