@@ -62,16 +62,19 @@ def test_castable_silicones_are_softer_than_shore_00_says_and_lie_in_its_band():
 
 
 def test_the_ball_of_the_durometer_is_hertzian_at_small_depth_and_bears_its_force_at_a_large_one():
-    """Sneddon: depth a int f'/sqrt(a^2 - r^2) dr and force 2 E/(1 - nu^2) int r^2 f'/sqrt(a^2 - r^2) dr, r = a sin t."""
+    """Sneddon: depth a int f'/sqrt(a^2 - r^2) dr, force 2 E/(1 - nu^2) int r^2 f'/sqrt(a^2 - r^2) dr, r = a sin t."""
     radius, depth = 1.19e-3, 2.5e-3
     hertz = 3 * (0.203 + 0.00908 * 99.9) / (4 * np.sqrt(radius * (1e-3 * depth) ** 3)) * 0.75
     assert modulus_by_ball(99.9) == pytest.approx(hertz, rel=2e-3)
 
     def integrate(a, power):
         """Integral of r^power f' over t, with f' = r / sqrt(radius^2 - r^2)."""
-        return quad(lambda t: (a * np.sin(t)) ** (power + 1) / np.sqrt(radius**2 - (a * np.sin(t)) ** 2), 0, np.pi / 2)[
-            0
-        ]
+
+        def evaluate(t):
+            r = a * np.sin(t)
+            return r ** (power + 1) / np.sqrt(radius**2 - r**2)
+
+        return quad(evaluate, 0, np.pi / 2)[0]
 
     edge = brentq(lambda a: a * integrate(a, 0) - 0.7 * depth, 1e-2 * radius, 0.99999 * radius)
     assert 2 * modulus_by_ball(30) / 0.75 * integrate(edge, 2) == pytest.approx(0.203 + 0.00908 * 30, rel=1e-6)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshes.surfaces.files import orient_tetrahedra, read_tetrahedra, read_triangles
+from meshes.solids.tetrahedra import orient_tetrahedra
+from meshes.surfaces.files import read_tetrahedra, read_triangles
 from meshes.surfaces.triangles import enclosed_volume
 
 CUBE = trimesh.creation.box((10, 20, 30))
