@@ -2,7 +2,7 @@
 
 What a column prints stands beside the field that it shows: see `validation.results.Column`.  There are three ways
 to a table: `tabulate` makes one row for each result, `tabulate_facts` one row for every column of a result and of the
-results within it, and `Table` itself takes headings and rows of texts.  `validation.cli.output.render` prints any of them.
+results within it, and `Table` itself takes headings and rows of texts.  `validation.cli.output.render` prints them.
 """
 
 from __future__ import annotations
