@@ -136,13 +136,24 @@ class TexelArray:
         """Whether all texels lie in the plane z = 0 and their normals point along +z."""
         return bool(np.allclose(self.centres[:, 2], 0) and np.allclose(self.normals, [0, 0, 1]))
 
+    def require_planar(self) -> None:
+        """Refuse an array that is not planar, for what is computed on planar layers.
+
+        Raises:
+            ValueError: If the array is not planar.
+        """
+        if not self.planar:
+            raise ValueError(
+                "a planar cover needs a planar array: all texels at z = 0 looking along +z; derive a flat array of the "
+                "same pitch, then exchange the array: dataclasses.replace(fastmodel.load(folder), array=..., tables={})"
+            )
+
     @property
     def regular(self) -> bool:
         """Whether the array is planar and its texels lie on a grid of the given pitch."""
-        if not self.planar:
-            return False
         grid = TexelArray.grid(self.rows, self.columns, self.pitch)
-        return bool(np.ptp(self.centres - grid.centres, axis=0).max() <= _REGULAR * min(self.pitch))
+        apart = np.ptp(self.centres - grid.centres, axis=0).max()
+        return self.planar and bool(apart <= _REGULAR * min(self.pitch))
 
     @property
     def extent(self) -> tuple[float, float]:

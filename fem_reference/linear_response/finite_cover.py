@@ -445,8 +445,7 @@ def solid_influence(
     Raises:
         ValueError: If the array is not planar, or if the cover is too wide for the memory.
     """
-    if not array.planar:
-        raise ValueError("a planar cover needs a planar array: all texels at z = 0 looking along +z")
+    array.require_planar()
 
     resolutions = choose_grids(cover, array)
 

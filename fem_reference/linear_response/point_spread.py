@@ -402,8 +402,7 @@ def _find_edges(array: TexelArray) -> tuple[FloatArray, FloatArray, IntArray]:
     Raises:
         ValueError: If the array is not planar.
     """
-    if not array.planar:
-        raise ValueError("a planar cover needs a planar array: all texels at z = 0 looking along +z")
+    array.require_planar()
     grain = min(array.texel_size) * _SETTINGS.same_edge
     positions, indices = [], []
     for axis in range(2):

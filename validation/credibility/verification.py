@@ -288,7 +288,7 @@ def check_shell(material: Material, thickness: float) -> Check:
     errors = []
     for elements, layers in _SHELL_MESHES:
         mesh = sweep(cylinder_surface(core, angle, length, elements * thickness), thickness, layers=layers)
-        response = texel_responses(mesh, texels, material)
+        response = texel_responses([mesh], texels, material)
         top = response.finest.top.nodes
         found = response.under_pressure(press(np.arctan2(top[:, 0], top[:, 2]))) / size[1]
         errors.append(float(np.abs(found - exact).max()) / load)

@@ -41,7 +41,7 @@ from validation.derivation.kernel import (
     texel_separation,
     two_point_separation,
 )
-from validation.errors import InputError
+from validation.errors import at
 from validation.results.derivation import Kernel, PointResponse, Responses
 from validation.sensor_file import SensorDescription
 
@@ -257,11 +257,8 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
     started = time.perf_counter()
     tell = progress or (lambda _: None)
     array = sensor.array
-    if not array.planar:
-        raise InputError(
-            f"{sensor.source}: array: is curved, and the reference takes planar covers only; derive a flat array of "
-            f"its pitch, then exchange the array: dataclasses.replace(fastmodel.load(folder), array=..., tables={{}})"
-        )
+    with at(f"{sensor.source}: array: "):
+        array.require_planar()
     wide = cover.size is None
     tell("point spread function by finite elements")
     influence = point_spread(cover) if wide else solid_influence(cover, array, progress=progress)

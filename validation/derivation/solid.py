@@ -164,7 +164,7 @@ class SolidDerivation:
             calibration={"calibrated": sensor.electronics.calibrated, "tip": None},
             error_estimate=self.error_estimate,
             meshes=tuple(describe_mesh(grid.mesh) for grid in self.responses.grids),
-            notes=sensor.cover.notes if isinstance(sensor.cover, SolidCover) else (),
+            notes=sensor.cover.notes,
             warnings=self.warnings,
             assumed_electronics=sensor.assumed_electronics,
             seconds=self.seconds,

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fem_reference.curved_cover.small_strain import press_small
+from fem_reference.curved_cover.press import press_small
 from fem_reference.indentation.problem import PressProblem
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes import Material
