@@ -70,7 +70,7 @@ class FacetSurface:
         Returns:
             Forces, shape (k, m, 3) [N].
         """
-        place, weight = _quadrature(self.facets.shape[1])
+        place, weight = quadrature(self.facets.shape[1])
         shape = facet_shape(self.facets.shape[1], place)
         inward = -area_vectors(self.nodes, self.facets, place) * weight[:, None]
         values = np.einsum("kfa,qa->kfq", pressure[:, self.facets], shape, optimize=True)
@@ -140,7 +140,7 @@ class FacetSurface:
     @cached_property
     def _quadrature(self) -> tuple[FloatArray, FloatArray]:
         """Shape functions at the quadrature points, shape (q, a), and the areas of the points, shape (f, q) [m2]."""
-        place, weight = _quadrature(self.facets.shape[1])
+        place, weight = quadrature(self.facets.shape[1])
         area = np.linalg.norm(area_vectors(self.nodes, self.facets, place), axis=2) * weight
         return facet_shape(self.facets.shape[1], place), area
 
@@ -152,8 +152,8 @@ class FacetSurface:
         return sp.coo_matrix((values.ravel(), (rows, columns)), shape=(size, size)).tocsr()
 
 
-def _quadrature(nodes: int) -> tuple[FloatArray, FloatArray]:
-    """Return points, shape (q, 2), and weights, shape (q,), of a quadrature on the reference facet."""
+def quadrature(nodes: int) -> tuple[FloatArray, FloatArray]:
+    """Return points, shape (q, 2), and weights, shape (q,), of a quadrature on a facet of 9 or 6 nodes."""
     if nodes == QUADRILATERAL:
         points, weights = np.polynomial.legendre.leggauss(_ORDER // 2 + 1)
         v, u = np.meshgrid(points, points, indexing="ij")

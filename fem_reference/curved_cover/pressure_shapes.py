@@ -14,9 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-import skfem
 
-from fem_reference.curved_cover.facet_surface import FacetSurface
+from fem_reference.curved_cover.facet_surface import FacetSurface, quadrature
 from fem_reference.curved_cover.rays import measure_gaps
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
@@ -27,8 +26,6 @@ from meshes.solids.facets import QUADRILATERAL, area_vectors, facet_shape, split
 _PARTS = 16
 #: Parts of a facet's side in the search for facets that can be touched [-].
 _SEARCH_PARTS = 6
-#: Number of Gauss points along each side of a quadrilateral, and polynomial order of the quadrature on triangles [-].
-_GAUSS, _ORDER = 4, 5
 #: Share of a hat below the indenter up to which it carries no force, and from which it counts as whole [-].
 _LEAST_SHARE, _WHOLE = 1e-3, 0.999
 #: Gap up to which a point counts fully, and from which it does not count, over the deepest overlap or the distance of
@@ -66,34 +63,23 @@ class GapSampler:
         top: Top of the cover.
         indenter: The indenter.
         pose: Pose from which it moves without turning.
-        direction: Unit direction of the motion, shape (3,).
         farthest: Largest travel from the pose [m].
         deepest: Largest depth: an indenter less high than this passes points, which then still bear on it [m].
     """
 
-    def __init__(  # noqa: PLR0917
-        self,
-        top: FacetSurface,
-        indenter: Indenter,
-        pose: Pose,
-        direction: FloatArray,
-        farthest: float,
-        deepest: float = 0.0,
+    def __init__(
+        self, top: FacetSurface, indenter: Indenter, pose: Pose, farthest: float, deepest: float = 0.0
     ) -> None:
-        self._deepest = deepest
-        self._top, self._indenter, self._pose, self._direction = top, indenter, pose, direction
-        every = np.arange(len(top.facets))
-        self._place_points(every, _SEARCH_PARTS)
+        self._deepest, self._top, self._indenter, self._pose = deepest, top, indenter, pose
+        every, count = np.arange(len(top.facets)), top.facets.shape[1]
+        self._set_points(every, *_middles(count, _SEARCH_PARTS))
         reach = np.ptp(top.nodes[top.facets], axis=1).max(axis=1)
         near = (self._measure(farthest) < reach[:, None]).any(axis=1)
-        self._place_points(every[near], _PARTS)
+        self._set_points(every[near], *self._choose_points(count))
 
-    def _place_points(self, facets: IntArray, parts: int) -> None:
-        """Place points on some facets: positions, normals and areas."""
-        top = self._top
-        count = top.facets.shape[1]
-        place = split_facet(count, parts)[0]
-        self._set_points(facets, place, np.full(len(place), facet_area(count) / len(place)))
+    def _choose_points(self, nodes: int) -> tuple[FloatArray, FloatArray]:
+        """Return points and weights on a facet of 9 or 6 nodes."""
+        return _middles(nodes, _PARTS)
 
     def _set_points(self, facets: IntArray, place: FloatArray, weight: FloatArray) -> None:
         """Set the points of some facets from points and weights on the reference facet."""
@@ -106,11 +92,6 @@ class GapSampler:
         normals = np.einsum("qa,fac->fqc", self._shape, top.normals[self._cells], optimize=True)
         self._normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
 
-    @property
-    def nodes(self) -> IntArray:
-        """Nodes of the facets that can be touched, ascending, shape (w,)."""
-        return np.unique(self._cells)
-
     def spread_whole(self) -> sp.csc_matrix:
         """Compute the force on each node (row) per unit force of each hat (column) where nothing is cut off [-]."""
         area = np.bincount(self._cells.ravel(), (self._weight @ self._hat).ravel(), len(self._top.nodes))
@@ -120,10 +101,10 @@ class GapSampler:
     def _measure(self, travel: float) -> FloatArray:
         """Measure the gaps of all points along their normals; inf where these look away, shape (f, q) [m]."""
         points, normals = self._points.reshape(-1, 3), self._normals.reshape(-1, 3)
-        places = self._pose.points_to_indenter(points - travel * self._direction)
+        places = self._pose.points_to_indenter(points - travel * self._pose.towards)
         turned = self._pose.vectors_to_indenter(normals)
         gap = measure_gaps(self._indenter, places, turned, behind=self._deepest)
-        return np.where(normals @ self._direction < 0, gap, np.inf).reshape(self._weight.shape)
+        return np.where(normals @ self._pose.towards < 0, gap, np.inf).reshape(self._weight.shape)
 
     def at(self, travel: float) -> MeanGaps:
         """Compute the mean gaps after the indenter moved by a distance from its pose [m]."""
@@ -133,7 +114,7 @@ class GapSampler:
         height = np.where(covered, gap, 0.0)
         near = np.maximum(np.sqrt(self._weight), -float(gap.min(initial=0.0)))
         weight = self._weight * covered * np.clip((_FAR - height / near) / (_FAR - _NEAR), 0.0, 1.0)
-        rate = -(self._normals @ self._direction)
+        rate = -(self._normals @ self._pose.towards)
         whole, below, area, total, towards = (
             np.bincount(self._cells.ravel(), (each @ self._hat).ravel(), count)
             for each in (self._weight, self._weight * covered, weight, weight * height, weight * rate)
@@ -154,34 +135,14 @@ class GapSampler:
 class PointSampler(GapSampler):
     """Gauss points of the part of a top that an indenter can touch, each with a force of its own; see `GapSampler`.
 
-    Args:
-        top: Top of the cover.
-        indenter: The indenter.
-        pose: Pose from which it moves without turning.
-        direction: Unit direction of the motion, shape (3,).
-        farthest: Largest travel from the pose [m].
-        deepest: Largest depth [m].
+    Attributes:
         penalty: Pressure per penetration [Pa/m].
     """
 
-    def __init__(  # noqa: PLR0917
-        self,
-        top: FacetSurface,
-        indenter: Indenter,
-        pose: Pose,
-        direction: FloatArray,
-        farthest: float,
-        deepest: float,
-        penalty: float,
-    ) -> None:
-        super().__init__(top, indenter, pose, direction, farthest, deepest)
-        self._penalty = penalty
+    penalty: float
 
-    def _place_points(self, facets: IntArray, parts: int) -> None:
-        if parts == _SEARCH_PARTS:
-            super()._place_points(facets, parts)
-        else:
-            self._set_points(facets, *gauss_points(self._top.facets.shape[1]))
+    def _choose_points(self, nodes: int) -> tuple[FloatArray, FloatArray]:
+        return quadrature(nodes)
 
     def at(self, travel: float) -> MeanGaps:
         """Compute the gaps of the points after the indenter moved by a distance from its pose [m]."""
@@ -191,12 +152,12 @@ class PointSampler(GapSampler):
         pointer = np.arange(len(weight) + 1) * self._cells.shape[1]
         return MeanGaps(
             gap=self._measure(travel).ravel(),
-            rate=-(self._normals @ self._direction).ravel(),
+            rate=-(self._normals @ self._pose.towards).ravel(),
             area=weight,
             whole=weight,
             is_cut=np.zeros(len(weight), dtype=bool),
             spread=sp.csc_matrix((values, rows, pointer), shape=(len(self._top.nodes), len(weight))),
-            softness=1 / (self._penalty * weight),
+            softness=1 / (self.penalty * weight),
         )
 
 
@@ -220,26 +181,17 @@ def _assemble_spread(
 def spread_hats(top: FacetSurface) -> sp.csc_matrix:
     """Compute the force on each node (row) per unit force of the pressure of each hat (column), shape (m, m) [-]."""
     count = top.facets.shape[1]
-    place = split_facet(count, _PARTS)[0]
-    weight = np.linalg.norm(area_vectors(top.nodes, top.facets, place), axis=2) * facet_area(count) / len(place)
+    place, share = _middles(count, _PARTS)
+    weight = np.linalg.norm(area_vectors(top.nodes, top.facets, place), axis=2) * share
     hat = evaluate_hats(count, place)
     area = np.asarray(np.bincount(top.facets.ravel(), (weight @ hat).ravel(), len(top.nodes)), dtype=float)
     return _assemble_spread(top.facets, facet_shape(count, place), hat, weight, area)
 
 
-def gauss_points(nodes: int) -> tuple[FloatArray, FloatArray]:
-    """Return points, shape (q, 2), and weights, shape (q,), of a quadrature on a facet of 9 or 6 nodes."""
-    if nodes == QUADRILATERAL:
-        line, weights = np.polynomial.legendre.leggauss(_GAUSS)
-        v, u = np.meshgrid(line, line, indexing="ij")
-        return np.column_stack([u.ravel(), v.ravel()]), np.outer(weights, weights).ravel()
-    place, weight = skfem.quadrature.get_quadrature(skfem.ElementTriP2(), _ORDER)
-    return np.ascontiguousarray(place.T), np.asarray(weight, dtype=float)
-
-
-def facet_area(nodes: int) -> float:
-    """Return the area of the reference facet [-]."""
-    return 4.0 if nodes == QUADRILATERAL else 0.5
+def _middles(nodes: int, parts: int) -> tuple[FloatArray, FloatArray]:
+    """Return the middles of equal parts of a facet, shape (q, 2), and their areas, shape (q,) [-]."""
+    place = split_facet(nodes, parts)[0]
+    return place, np.full(len(place), (4.0 if nodes == QUADRILATERAL else 0.5) / len(place))
 
 
 def evaluate_hats(nodes: int, place: FloatArray) -> FloatArray:

@@ -54,6 +54,34 @@ class ActiveSetSettings:
 _SETTINGS = ActiveSetSettings()
 
 
+class Exchange:
+    """Choice of the unknowns that enter or leave the contact in one step of the pivoting.
+
+    Args:
+        count: Number of unknowns.
+        patience: Largest number of exchanges of all wrong unknowns in a row without a new minimum of their number.
+
+    Attributes:
+        fewest: Smallest number of wrong unknowns so far.
+        is_single: Whether the last choice was one unknown, because exchanges of all did not make the wrong ones fewer.
+    """
+
+    def __init__(self, count: int, patience: int) -> None:
+        self.fewest, self._most, self._patience, self.is_single = count + 1, patience, patience, False
+
+    def choose(self, wrong: BoolArray) -> BoolArray:
+        """Return all wrong unknowns; only the last of them where exchanges of all do not make them fewer."""
+        count, self.is_single = int(wrong.sum()), False
+        if count < self.fewest:
+            self.fewest, self._patience = count, self._most
+        elif self._patience > 0:
+            self._patience -= 1
+        else:
+            self.is_single = True
+            wrong.flat[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last one alone cannot cycle (Murty 1974)
+        return wrong
+
+
 class ComplianceOperator:
     """Linear map from pressures on a grid of rectangular cells to the mean downward displacements of the cells.
 
@@ -139,7 +167,7 @@ def find_pressures(
     gap = np.where(allowed, gap, 0.0)
     columns = np.zeros((0, *gap.shape)) if columns is None else columns
     sums = np.zeros(0) if sums is None else sums
-    fewest, patience = gap.size + 1, _SETTINGS.patience
+    exchange = Exchange(gap.size, _SETTINGS.patience)
     system, residual = _Touching(compliance, gap, columns, sums), _SETTINGS.loose_residual
     for _ in range(_SETTINGS.exchanges):
         pressure, motion = system.solve(touching, residual)
@@ -152,19 +180,13 @@ def find_pressures(
         deepest = max(0.0, -float(remaining[allowed].min()))
         wrong = (touching & (pressure < 0)) | (allowed & ~touching & (overlap < -_SETTINGS.negligible * deepest))
         count = int(wrong.sum())
-        if residual > _SETTINGS.residual and (count == 0 or count >= fewest):
-            residual, fewest = _SETTINGS.residual, gap.size + 1
+        if residual > _SETTINGS.residual and (count == 0 or count >= exchange.fewest):
+            residual, exchange = _SETTINGS.residual, Exchange(gap.size, _SETTINGS.patience)
             continue
         if count == 0:
             system.check_balance(pressure)
             return pressure, motion
-        if count < fewest:
-            fewest, patience = count, _SETTINGS.patience
-        elif patience > 0:
-            patience -= 1
-        else:
-            wrong.flat[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last cell alone cannot cycle (Murty 1974)
-        touching = touching ^ wrong
+        touching = touching ^ exchange.choose(wrong)
     raise ConvergenceError(f"the contact did not settle in {_SETTINGS.exchanges} exchanges on {gap.shape} cells")
 
 

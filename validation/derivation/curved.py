@@ -7,7 +7,7 @@ import numpy as np
 from fastmodel.surface import CoverPoints
 from fem_reference import result_store
 from fem_reference.curved_cover import texel_responses
-from fem_reference.curved_cover.compliance import NormalCompliance
+from fem_reference.curved_cover.contact import TopCompliance
 from fem_reference.curved_cover.pressure_shapes import spread_hats
 from fem_reference.curved_cover.responses import build_solid, find_top
 from meshes import Material, TexelArray
@@ -56,12 +56,12 @@ def derive_curved_cover(mesh: SolidMesh, texels: TexelArray, material: Material)
     Raises:
         ValueError: If the mesh cannot be used or a texel is not on its base.
     """
-    responses = texel_responses(mesh, texels, material)
+    responses = texel_responses([mesh], texels, material)
     top = responses.finest.top
     hats = spread_hats(top)
 
     def compute() -> dict[str, FloatArray]:
-        compliance = NormalCompliance(build_solid(mesh, material))
+        compliance = TopCompliance(build_solid(mesh, material))
         rows = hats.T @ (hats.T @ compliance.rows(np.arange(len(top.nodes)))).T
         return {"compliance": (rows + rows.T) / 2}
 

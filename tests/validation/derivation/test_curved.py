@@ -45,7 +45,7 @@ def test_presses_agree_with_those_of_the_reference_on_the_same_mesh(cover, mesh,
 
 def test_a_uniform_pressure_presses_on_the_texels_as_in_the_reference(cover, mesh):
     fast = derive_curved_cover(mesh, cover.texels, RUBBER)
-    known = texel_responses(mesh, cover.texels, RUBBER).finest
+    known = texel_responses([mesh], cover.texels, RUBBER).finest
     top = known.top
     np.testing.assert_array_equal(fast.points, top.nodes)
     _, parts, _ = top.split(8)
