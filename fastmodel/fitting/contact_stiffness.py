@@ -20,7 +20,6 @@ import numpy.typing as npt
 
 from fastmodel.contact.plate import Plate
 from fastmodel.errors import FastModelError
-from fastmodel.pose import Mount
 from meshes import Indenter, Sphere, TexelArray
 from meshes.array_types import FloatArray
 from meshes.constants import STANDARD_GRAVITY
@@ -212,7 +211,7 @@ def _simulate_depth(mass: float, constant: float, impedance: float, timestep: fl
     spec.option.gravity[:] = [0, 0, -STANDARD_GRAVITY]
     spec.option.tolerance = 1e-12
     plate = Plate(solref=(constant, 1.0), solimp=(impedance, impedance, 1e-3, 0.5, 2.0))
-    plate.attach(spec.worldbody, TexelArray.grid(4, 4, 10e-3), Mount.of((0, 0, 0), (1, 0, 0, 0)), "fit")
+    plate.attach(spec.worldbody.add_frame(), TexelArray.grid(4, 4, 10e-3), "fit")
     ball = Sphere(radius=10e-3)
     body = spec.worldbody.add_body()
     body.add_freejoint()
