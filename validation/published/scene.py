@@ -15,7 +15,7 @@ from fastmodel.contact.boxes import BoxReader, find_boxes
 from fastmodel.contact.interface import Reading, TexelContact
 from fastmodel.pose import Mount
 from fastmodel.surface import Surface
-from fem_reference.closed_form.influence import TexelResponse
+from fem_reference.closed_form.layer import TexelResponse
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray, IntArray
 from validation.campaign.case import Case
