@@ -30,7 +30,7 @@ from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation import finite_strain, small_strain
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, estimate_spread
 from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
-from fem_reference.indentation.press import PressProblem
+from fem_reference.indentation.problem import PressProblem
 from fem_reference.indentation.result import Indentation, warn_of_errors
 from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.materials import describe_instability, warn_of_instability

@@ -7,48 +7,15 @@ cover registers itself with `solve_press.register`, and presses from then on.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import singledispatch
 from typing import Literal
 
 import numpy as np
 
 from fem_reference.finite_strain.loading_path import Control
+from fem_reference.indentation.problem import STRAINS, PressProblem
 from fem_reference.indentation.result import Indentation
 from meshes import Cover, Indenter, Pose, SolidCover, TexelArray
-
-#: Strains that a user can ask for.
-STRAINS = ("small", "finite")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PressProblem:
-    """What a solver is asked besides the cover; the values are checked.
-
-    Attributes:
-        array: Array with the texels under the cover.
-        indenter: Indenter with its shape.
-        pose: Pose of the indenter, and direction of its motion.
-        targets: Target loads [N] or depths [m], ascending.
-        control: Whether the targets are loads or depths.
-        friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip [-].
-        strain: Kind of strain that is asked for; None leaves it to the solver.
-        accuracy: Wanted relative error; None for the usual grids [-].
-        fields: Whether the results have displacement and stress in the cover.
-        progress: Called with a line of text before each solve; None for no reports.
-    """
-
-    array: TexelArray
-    indenter: Indenter
-    pose: Pose
-    targets: tuple[float, ...]
-    control: Control
-    friction: float = 0.0
-    strain: Literal["small", "finite"] | None = None
-    accuracy: float | None = None
-    fields: bool = False
-    progress: Callable[[str], None] | None = None
-
 
 #: Pose above the middle of a flat array, along -z.
 FLAT = Pose()

@@ -1,0 +1,42 @@
+"""The problem of a press, which every solver is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from fem_reference.finite_strain.loading_path import Control
+from meshes import Indenter, Pose, TexelArray
+
+#: Strains that a user can ask for.
+STRAINS = ("small", "finite")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PressProblem:
+    """What a solver is asked besides the cover; the values are checked.
+
+    Attributes:
+        array: Array with the texels under the cover.
+        indenter: Indenter with its shape.
+        pose: Pose of the indenter, and direction of its motion.
+        targets: Target loads [N] or depths [m], ascending.
+        control: Whether the targets are loads or depths.
+        friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip [-].
+        strain: Kind of strain that is asked for; None leaves it to the solver.
+        accuracy: Wanted relative error; None for the usual grids [-].
+        fields: Whether the results have displacement and stress in the cover.
+        progress: Called with a line of text before each solve; None for no reports.
+    """
+
+    array: TexelArray
+    indenter: Indenter
+    pose: Pose
+    targets: tuple[float, ...]
+    control: Control
+    friction: float = 0.0
+    strain: Literal["small", "finite"] | None = None
+    accuracy: float | None = None
+    fields: bool = False
+    progress: Callable[[str], None] | None = None
