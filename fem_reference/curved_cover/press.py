@@ -147,7 +147,7 @@ def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
             "indenter": problem.indenter, "pose": problem.pose, problem.control: target,
             "friction": problem.friction, "finite": finite,
         }  # fmt: skip
-        number, found = result_store.recall("solid-press", inputs, compute)
+        number, found = result_store.fetch("solid-press", inputs, compute)
         out.append(replace(found, mesh=meshes[number], seconds=time.perf_counter() - started))
     return out
 

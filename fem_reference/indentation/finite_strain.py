@@ -338,7 +338,7 @@ def solve_block_pair(
 
     block = lay_out(grids[0])
     inputs = {"path": path, "grids": grids, "pose": block.surface.pose, "free": block.free}
-    return result_store.recall("block-press", inputs, compute)
+    return result_store.fetch("block-press", inputs, compute)
 
 
 def pair_grids(solved: Sequence[Sequence[Sequence[GridSolution]]]) -> SolvedPair:
@@ -501,7 +501,7 @@ def _solve_axisymmetric(
             out.append(states)
         return [list(each) for each in zip(*out, strict=True)]
 
-    return result_store.recall("finite-press", {"path": path, "grids": grids, "fillet": fillet}, compute)
+    return result_store.fetch("finite-press", {"path": path, "grids": grids, "fillet": fillet}, compute)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -570,4 +570,4 @@ def press_ball(cover: Cover, radius: float, depths: Sequence[float], *, progress
         )
 
     inputs = {"cover": cover, "ball": ball, "depths": list(depths), "elements": _BALL_ELEMENTS}
-    return result_store.recall("ball-path", inputs, compute)
+    return result_store.fetch("ball-path", inputs, compute)

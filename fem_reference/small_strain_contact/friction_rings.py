@@ -406,7 +406,7 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
                 )
             return pair_grids(pairs)
 
-        return result_store.recall("friction-rings", {"path": part, "grids": grids}, compute)
+        return result_store.fetch("friction-rings", {"path": part, "grids": grids}, compute)
 
     return GridStudy(
         solutions=correct_path(path, accurate.solutions, solve),
