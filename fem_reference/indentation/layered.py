@@ -351,7 +351,6 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
     by_load = path.control == "load"
     total = path.targets[number] if by_load else float(study.combine(grids, lambda each: each.total_force))
     balance = float(base.sum()) / total - 1
-    imbalanced = abs(balance) > _LARGE_IMBALANCE
     errors = _estimate_errors(study, number, quantities, place, peak) | {
         "contact_area": _estimate_area_error(study, grids, path)
     }
@@ -360,15 +359,13 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
     scale = total / finest.contact[:, 2].sum()
     depth = float(study.combine(grids, lambda each: each.depth))
     points, forces = _place_contact(finest, path, place, depth, scale)
-    missing = state_missing_fields(path, place.pose) if path.fields else ""
+    missing = [each for each in (state_missing_fields(path, place.pose),) if path.fields and each]
     fields = finest.fields
     if path.fields and not missing and fields is None:
         fields = solve_linear_fields(path, finest.contact * [1, 1, scale], place, depth=finest.depth)
     elif fields is not None and path.cover.size is None:
         fields = fields.to_array(place.pose)
     shear = forces[:, :2].sum(axis=0)
-    remaining = 1 - finest.depth / path.cover.thickness
-    unstable = dict.fromkeys(warn_of_instability(layer.material, remaining) for layer in path.cover.layers)
     return Indentation(
         texel_forces=texel_forces,
         outside=outside,
@@ -386,13 +383,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
         fields=fields,
         error_estimate=errors,
         assumptions=_state_assumptions(path, finest.depth) | study.assumptions,
-        warnings=(
-            *warn_of_errors(errors),
-            *([f"the forces on the base differ from the load by {balance:+.2%}"] if imbalanced else []),
-            *(each for each in unstable if each and not path.cover.small_strain_only),
-            *study.warnings,
-            *([missing] if missing else []),
-        ),
+        warnings=(*warn_of_errors(errors), *_warn(path, balance, finest.depth), *study.warnings, *missing),
         seconds=seconds + time.perf_counter() - started,
         grid_values={
             name: tuple(float(quantity(each)) for each in grids)
@@ -401,6 +392,18 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
             ).items()
         },
     )
+
+
+def _warn(path: LoadingPath, balance: float, depth: float) -> list[str]:
+    """State in words that forces do not balance, and which materials are pressed beyond their stability."""
+    out = []
+    if abs(balance) > _LARGE_IMBALANCE:
+        out.append(f"the forces on the base differ from the load by {balance:+.2%}")
+    if path.cover.small_strain_only:
+        return out
+    remaining = 1 - depth / path.cover.thickness
+    unstable = dict.fromkeys(warn_of_instability(layer.material, remaining) for layer in path.cover.layers)
+    return [*out, *(sentence for sentence in unstable if sentence)]
 
 
 def _place_contact(
