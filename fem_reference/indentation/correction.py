@@ -31,9 +31,11 @@ CONTACT_ASSUMPTION = {
     "contact": "tractions and fields of the finest mesh of finite strain and friction, multiplied by one factor to the "
     "total force; their local error is that of this mesh, up to 10 % under edges"
 }
-#: Smallest estimated error of a loading path with friction, which is that of its steps and of the springs; and of one
-#: whose baseline has the same friction, steps and springs, so that the most of this error cancels [-].
-LEAST_FRICTION_ERROR, LEAST_PAIRED_FRICTION_ERROR = 0.015, 0.003
+#: Smallest estimated error of a loading path with friction: that of its steps and of its friction springs [-].
+LEAST_FRICTION_ERROR = 0.015
+#: Smallest estimated error of a loading path whose baseline has the same friction, steps and springs [-].  Most of the
+#: error of steps and springs then cancels.
+LEAST_PAIRED_FRICTION_ERROR = 0.003
 #: Smallest depth over cover thickness at which the grids resolve the effect of finite strain under a flat face; at
 #: smaller depths the effect is below the discretisation error [-].
 _SMALLEST_RESOLVED_DEPTH = 0.04

@@ -41,15 +41,17 @@ from meshes import Cover, FlatPunch, Sphere
 from meshes.array_types import FloatArray
 from meshes.pose import Place, Pose
 
-#: Number of elements through the cover on all axisymmetric grids; three neighbouring grids give a result, that of the
-#: finest, and its error [-].
+#: Number of elements through the cover on each axisymmetric grid, coarsest grid first [-].  Three neighbouring grids
+#: are solved.  The result is that of the finest of the three; its error is estimated from all three.
 GRIDS = (6, 9, 13, 19, 28)
-#: Smallest estimated error of a loading path with friction, which is that of its steps and of the springs; and of one
-#: whose baseline has the same friction, steps and springs, so that the most of this error cancels [-].
-_LEAST_FRICTION_ERROR, _LEAST_PAIRED_FRICTION_ERROR = 0.015, 0.003
+#: Smallest estimated error of a loading path with friction: that of its steps and of its friction springs [-].
+_LEAST_FRICTION_ERROR = 0.015
+#: Smallest estimated error of a loading path whose baseline has the same friction, steps and springs [-].  Most of the
+#: error of steps and springs then cancels.
+_LEAST_PAIRED_FRICTION_ERROR = 0.003
 #: Number of elements through the cover under a ball on one coarse grid [-].
 _BALL_ELEMENTS = 4
-#: Largest radius of the region of small elements there, over the radius of the ball [-].
+#: Largest radius of the region of small elements under a ball, over the radius of the ball [-].
 _LARGEST_CONTACT = 0.8
 
 

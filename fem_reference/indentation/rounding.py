@@ -17,24 +17,32 @@ from meshes import FlatPunch, Indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Pose
 
-#: Radius of rounded edges over the smaller of cover thickness and half width of the indenter, in axisymmetric meshes
-#: and in three dimensions, where elements are larger [-].
-_FINE, _COARSE = 1 / 20, 1 / 5
+#: Radius of rounded edges in axisymmetric meshes, over the smaller of cover thickness and half width of the indenter
+#: [-].
+_FINE = 1 / 20
+#: Radius of rounded edges in three dimensions, where elements are larger, over the smaller of cover thickness and half
+#: width of the indenter [-].
+_COARSE = 1 / 5
 #: Number of elements through the cover on the three grids in three dimensions; the result is that of the finest [-].
 SOLID_GRIDS = (2, 3, 4)
-#: Radius of rounded edges, over that of `choose_solid_fillet`, where radius and elements are refined in turn [-].
-_WIDE_EDGE, _NARROW_EDGE = 3 / 4, 3 / 8
-#: Safety factors on the change from a radius to half this radius, from which the effect of the rest of the radius is
-#: estimated: of edges on mesh lines, and of others, which the elements resolve less.  Without slip at finite strain in
-#: the r-z plane, where radii down to a fortieth of the thickness can be solved, the rest is 0.9 to 2.1 times the change
-#: (`tests/verification/test_rounded_edges.py`) [-].
-_ON_LINES, _OFF_LINES = 2.0, 3.0
-#: Largest distance from a convex corner of a face to its inset outline, over the inset, for a corner of 50 degrees; a
-#: point of the face further from the inset outline is on a wall that the inset removes [-].
+#: Larger radius of rounded edges over that of `choose_solid_fillet`, where radius and elements are refined in turn [-].
+_WIDE_EDGE = 3 / 4
+#: Smaller radius of rounded edges over that of `choose_solid_fillet`, where radius and elements are refined in turn
+#: [-].
+_NARROW_EDGE = 3 / 8
+#: Estimated difference between the result with the smaller radius and that with a sharp edge, over the difference
+#: between the results with the two radii, for edges on mesh lines [-].  In the r-z plane without slip at finite strain,
+#: radii down to a fortieth of the thickness can be solved, and this ratio is 0.9 to 2.1
+#: (`tests/verification/test_rounded_edges.py`).
+_ON_LINES = 2.0
+#: The ratio `_ON_LINES` for edges that are not on mesh lines, which the elements resolve less [-].
+_OFF_LINES = 3.0
+#: Largest distance from a convex corner of a face to its inset outline, over the inset, for a corner of 50 degrees [-].
+#: A point of the face that is further from the inset outline is on a wall that the inset removes.
 _MITER = 2.4
 #: Smallest width of the thickest wall of a face that a grid can resolve, over half the footprint [-].
 _THINNEST_WALL = 0.05
-#: Number of samples along each side of the footprint with which the wall thickness of a face is measured [-].
+#: Number of sample points along each side of the footprint in the measurement of a face's wall thickness [-].
 _SAMPLES = 81
 
 
@@ -54,9 +62,9 @@ class SolidGrid:
 def choose_solid_grids(thickness: float, indenter: Indenter, *, in_turn: bool) -> tuple[SolidGrid, ...]:
     """Choose the three grids in three dimensions.
 
-    With friction the force rises as the radius of an edge falls, and falls with finer elements.  Refined at once, both
-    hide each other in the differences between the grids.  They are therefore refined in turn: the second grid has edges
-    of half the radius of the first one, the third grid more elements than the first one.
+    With friction the force rises as the radius of an edge falls, and falls with finer elements.  If radius and elements
+    are refined together, the two effects cancel in the differences between the grids.  They are therefore refined in
+    turn: the second grid has edges of half the radius of the first one, the third grid more elements than the first.
 
     Args:
         thickness: Thickness of the cover [m].
@@ -74,7 +82,7 @@ def choose_solid_grids(thickness: float, indenter: Indenter, *, in_turn: bool) -
 
 
 def choose_edge_safety(path: LoadingPath, pose: Pose) -> float:
-    """Choose the safety factor on the change with the radius of edges; 0 if it is not refined in turn [-].
+    """Choose `_ON_LINES` or `_OFF_LINES`; 0 if radius and elements are not refined in turn [-].
 
     Args:
         path: Cover, indenter and friction.
