@@ -16,7 +16,7 @@ of a percent does not matter and the three grids would take too long.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -24,7 +24,7 @@ import numpy as np
 
 from fem_reference import result_store
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
-from fem_reference.finite_strain.block_path import Block, is_rectangular, lay_out_block, lay_out_cover, press_paired
+from fem_reference.finite_strain.block_path import Block, is_rectangular, lay_out_block, lay_out_cover
 from fem_reference.finite_strain.contact_problem import OVERLAP
 from fem_reference.finite_strain.loading_path import LoadingPath, Progress, name_grid
 from fem_reference.finite_strain.newton import PathConvergenceError
@@ -33,9 +33,6 @@ from fem_reference.indentation.grid_solution import (
     GridSolution,
     GridStudy,
     RadialBase,
-    add_refinements,
-    correct_solution,
-    extrapolate_solutions,
 )
 from fem_reference.linear_response.point_spread import PointSpread
 from fem_reference.linear_response.surface_compliance import choose_reach, choose_solid_reach, warn_of_boundary
@@ -44,24 +41,32 @@ from meshes import Cover, FlatPunch, Indenter, Sphere
 from meshes.array_types import FloatArray
 from meshes.pose import Place, Pose
 
-#: Radius of rounded edges over the smaller of cover thickness and half width of the indenter, in axisymmetric meshes
-#: and in three dimensions, where elements are larger [-].
-_FINE, _COARSE = 1 / 20, 1 / 5
+#: Radius of rounded edges in axisymmetric meshes, over the smaller of cover thickness and half width of the indenter
+#: [-].
+_FINE = 1 / 20
+#: Radius of rounded edges in three dimensions, where elements are larger, over the smaller of cover thickness and half
+#: width of the indenter [-].
+_COARSE = 1 / 5
 #: Number of elements through the cover on the three grids in three dimensions; the result is that of the finest [-].
 SOLID_GRIDS = (2, 3, 4)
-#: Radius of rounded edges, over that of `choose_solid_fillet`, where radius and elements are refined in turn [-].
-_WIDE_EDGE, _NARROW_EDGE = 3 / 4, 3 / 8
-#: Safety factors on the change from a radius to half this radius, from which the effect of the rest of the radius is
-#: estimated: of edges on mesh lines, and of others, which the elements resolve less.  Without slip at finite strain in
-#: the r-z plane, where radii down to a fortieth of the thickness can be solved, the rest is 0.9 to 2.1 times the change
-#: (`tests/verification/test_rounded_edges.py`) [-].
-_ON_LINES, _OFF_LINES = 2.0, 3.0
-#: Largest distance from a convex corner of a face to its inset outline, over the inset, for a corner of 50 degrees; a
-#: point of the face further from the inset outline is on a wall that the inset removes [-].
+#: Larger radius of rounded edges over that of `choose_solid_fillet`, where radius and elements are refined in turn [-].
+_WIDE_EDGE = 3 / 4
+#: Smaller radius of rounded edges over that of `choose_solid_fillet`, where radius and elements are refined in turn
+#: [-].
+_NARROW_EDGE = 3 / 8
+#: Estimated difference between the result with the smaller radius and that with a sharp edge, over the difference
+#: between the results with the two radii, for edges on mesh lines [-].  In the r-z plane without slip at finite strain,
+#: radii down to a fortieth of the thickness can be solved, and this ratio is 0.9 to 2.1
+#: (`tests/verification/test_rounded_edges.py`).
+_ON_LINES = 2.0
+#: The ratio `_ON_LINES` for edges that are not on mesh lines, which the elements resolve less [-].
+_OFF_LINES = 3.0
+#: Largest distance from a convex corner of a face to its inset outline, over the inset, for a corner of 50 degrees [-].
+#: A point of the face that is further from the inset outline is on a wall that the inset removes.
 _MITER = 2.4
 #: Smallest width of the thickest wall of a face that a grid can resolve, over half the footprint [-].
 _THINNEST_WALL = 0.05
-#: Number of samples along each side of the footprint with which the wall thickness of a face is measured [-].
+#: Number of sample points along each side of the footprint in the measurement of a face's wall thickness [-].
 _SAMPLES = 81
 
 
@@ -81,9 +86,9 @@ class SolidGrid:
 def choose_solid_grids(thickness: float, indenter: Indenter, *, in_turn: bool) -> tuple[SolidGrid, ...]:
     """Choose the three grids in three dimensions.
 
-    With friction the force rises as the radius of an edge falls, and falls with finer elements.  Refined at once, both
-    hide each other in the differences between the grids.  They are therefore refined in turn: the second grid has edges
-    of half the radius of the first one, the third grid more elements than the first one.
+    With friction the force rises as the radius of an edge falls, and falls with finer elements.  If radius and elements
+    are refined together, the two effects cancel in the differences between the grids.  They are therefore refined in
+    turn: the second grid has edges of half the radius of the first one, the third grid more elements than the first.
 
     Args:
         thickness: Thickness of the cover [m].
@@ -101,7 +106,7 @@ def choose_solid_grids(thickness: float, indenter: Indenter, *, in_turn: bool) -
 
 
 def choose_edge_safety(path: LoadingPath, pose: Pose) -> float:
-    """Choose the safety factor on the change with the radius of edges; 0 if it is not refined in turn [-].
+    """Choose `_ON_LINES` or `_OFF_LINES`; 0 if radius and elements are not refined in turn [-].
 
     Args:
         path: Cover, indenter and friction.
@@ -208,163 +213,11 @@ CONTACT_ASSUMPTION = {
     "contact": "tractions and fields of the finest mesh of finite strain and friction, multiplied by one factor to the "
     "total force; their local error is that of this mesh, up to 10 % under edges"
 }
-#: Smallest estimated error of a loading path with friction, which is that of its steps and of the springs; and of one
-#: whose baseline has the same friction, steps and springs, so that the most of this error cancels [-].
-LEAST_FRICTION_ERROR, LEAST_PAIRED_FRICTION_ERROR = 0.015, 0.003
-#: Smallest depth over cover thickness at which the grids resolve the effect of finite strain under a flat face; at
-#: smaller depths the effect is below the discretisation error [-].
-_SMALLEST_RESOLVED_DEPTH = 0.04
-#: Depth over the smallest resolved depth below which the effect of finite strain under a flat face, at most
-#: proportional to the depth, is not computed [-].
-_NEGLIGIBLE = 1e-4
-#: Largest requested target, over the smallest resolved target, that is also used to correct the unresolved targets; a
-#: larger one would be too far from these, and the smallest resolved target is solved in addition [-].
-_SHARED_TARGET = 2.0
-
-
-def correct_path(
-    path: LoadingPath,
-    accurate: Sequence[Sequence[GridSolution]],
-    solve: Callable[[LoadingPath, Sequence[float]], SolvedPair],
-) -> list[list[GridSolution]]:
-    """Solve a loading path by correcting its small-strain solution without friction or, under flat faces, without slip.
-
-    Under a flat face with the friction of the baseline, small loads are corrected by the scaled effect at a larger
-    load, which the grids can resolve, or not at all at depths so small that the effect is negligible.  The contact area
-    under a flat face is that of the small-strain solution.
-
-    Args:
-        path: Cover, indenter, target loads or depths, and friction.
-        accurate: Small-strain solutions of every target on fine grids, coarsest first.
-        solve: Function that solves baseline and full loading path on three coarse grids, given the loading path and
-            the small-strain depth at each of its targets [m].
-
-    Returns:
-        For each target one corrected solution per coarse grid.
-    """
-    if _needs_no_correction(path, accurate):
-        return [_keep_accurate(path, grids) for grids in accurate]
-    flat = path.indenter.is_flat
-    solved_targets = list(path.targets)
-    if flat and not path.has_friction_effect:
-        least_depth = _SMALLEST_RESOLVED_DEPTH * path.cover.thickness
-        solved_targets = _raise_targets(path.targets, [grids[-1].depth / least_depth for grids in accurate])
-    approach = {
-        solved: grids[-1].depth * solved / target
-        for target, solved, grids in zip(path.targets, solved_targets, accurate, strict=True)
-    }
-    stops = sorted(approach)
-    baseline, full = solve(replace(path, targets=tuple(stops)).at_model_strain, [approach[stop] for stop in stops])
-    out = []
-    for target, solved, grids in zip(path.targets, solved_targets, accurate, strict=True):
-        limit = _find_limit(path, grids)
-        index = stops.index(solved)
-        corrected = [
-            correct_solution(
-                limit,
-                baseline=without,
-                full=with_effect,
-                control=path.control,
-                share=target / solved,
-                area=grid.area if flat else None,
-            )
-            for without, with_effect, grid in zip(baseline[index], full[index], grids, strict=True)
-        ]
-        out.append(add_refinements(corrected) if path.refines_in_turn else corrected)
-    return out
-
-
-def state_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolution]], fillet: float) -> dict[str, str]:
-    """State in words, by topic, what a corrected solution assumes.
-
-    Args:
-        path: Cover, indenter and friction.
-        accurate: Small-strain solutions of every target.
-        fillet: Smallest radius of rounded edges [m].
-    """
-    if _needs_no_correction(path, accurate):
-        return {"strain": "small, because what finite strain adds at this depth is negligible"}
-    return state_rounding(path.indenter, fillet) | CONTACT_ASSUMPTION
-
-
-def _needs_no_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolution]]) -> bool:
-    """Return whether finite strain has no effect under a flat face that is pressed so little."""
-    if not path.indenter.is_flat or path.has_friction_effect or path.fields:
-        return False
-    return accurate[-1][-1].depth < _NEGLIGIBLE * _SMALLEST_RESOLVED_DEPTH * path.cover.thickness
-
-
-def _find_limit(path: LoadingPath, grids: Sequence[GridSolution]) -> GridSolution:
-    """Return the accurate solution of one target from those on its grids."""
-    return extrapolate_solutions(grids) if path.indenter.is_flat and not path.baseline_friction else grids[-1]
-
-
-def _keep_accurate(path: LoadingPath, grids: Sequence[GridSolution]) -> list[GridSolution]:
-    """Return the accurate solution of one target, uncorrected, in place of the corrected one on each grid."""
-    return [replace(_find_limit(path, grids), size=grid.size, area=grid.area) for grid in grids]
-
-
-def solve_block_pair(
-    path: LoadingPath,
-    approaches: Sequence[float],
-    *,
-    grids: Sequence[SolidGrid],
-    lay_out: Callable[[SolidGrid], Block],
-    progress: Progress,
-) -> SolvedPair:
-    """Solve a loading path and its baseline on three three-dimensional grids, or read both from the result store.
-
-    Args:
-        path: Cover, indenter, targets and friction.
-        approaches: Small-strain depth at each target [m].
-        grids: The three grids.
-        lay_out: Function that returns the block to mesh on a grid.
-        progress: Called with a line of text after each step.
-    """
-
-    def compute() -> SolvedPair:
-        coarser, solved = None, []
-        for number, grid in enumerate(grids):
-            baseline, full, coarser = press_paired(
-                replace(path, fields=path.fields and number == len(grids) - 1),
-                lay_out(grid),
-                approaches,
-                elements_per_thickness=grid.count,
-                coarser=coarser,
-                progress=name_grid(progress, grid.count),
-            )
-            solved.append([[replace(each, size=1 / grid.count) for each in states] for states in (baseline, full)])
-        return pair_grids(solved)
-
-    block = lay_out(grids[0])
-    inputs = {"path": path, "grids": grids, "pose": block.surface.pose, "free": block.free}
-    return result_store.fetch("block-press", inputs, compute)
-
-
-def pair_grids(solved: Sequence[Sequence[Sequence[GridSolution]]]) -> SolvedPair:
-    """Order solutions of baseline and full path, given by grid, kind of path and target, by kind, target and grid."""
-    baseline, full = ([list(grids) for grids in zip(*side, strict=True)] for side in zip(*solved, strict=True))
-    return baseline, full
-
-
-def _raise_targets(targets: Sequence[float], relative_depths: Sequence[float]) -> list[float]:
-    """Replace target loads or depths that the grids cannot resolve by one larger target.
-
-    Args:
-        targets: Target loads or depths, ascending.
-        relative_depths: Small-strain depth at each target over the smallest resolved depth [-].
-    """
-    least = targets[0] / relative_depths[0]
-    shared = next((target for target in targets if least <= target <= _SHARED_TARGET * least), least)
-    return [target if target >= least else shared for target in targets]
-
-
-#: Number of elements through the cover on all axisymmetric grids; three neighbouring grids give a result, that of the
-#: finest, and its error [-].
-GRIDS = (6, 9, 13, 19, 28)
-#: Smallest estimated error of a loading path with friction, which is that of its steps and of the springs; and of one
-#: whose baseline has the same friction, steps and springs, so that the most of this error cancels [-].
-_LEAST_FRICTION_ERROR, _LEAST_PAIRED_FRICTION_ERROR = 0.015, 0.003
+#: Smallest estimated error of a loading path with friction: that of its steps and of its friction springs [-].
+_LEAST_FRICTION_ERROR = 0.015
+#: Smallest estimated error of a loading path whose baseline has the same friction, steps and springs [-].  Most of the
+#: error of steps and springs then cancels.
+_LEAST_PAIRED_FRICTION_ERROR = 0.003
 #: Number of elements through the cover under a ball on one coarse grid [-].
 _BALL_ELEMENTS = 4
 #: Largest radius of the region of small elements there, over the radius of the ball [-].

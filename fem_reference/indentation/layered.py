@@ -43,9 +43,11 @@ Quantity = Callable[[GridSolution], float]
 
 #: Depth over thickness that is stated as the largest where a load would pierce the cover [-].
 _LARGEST_DEPTH = 0.98
-#: Distance between a contact and the sides of the cover, over the decay length of the cover's response, above which the
-#: sides are neglected at finite strain and with friction, by the base; and the error of the force that this leaves [-].
-_FAR_SIDES, _SIDES_ERROR = {"bonded": 4.0, "sliding": 15.0}, 1e-3
+#: Distance between a contact and the sides of the cover above which the sides are neglected at finite strain or with
+#: friction, over the decay length of the cover's response; the key is the kind of base [-].
+_FAR_SIDES = {"bonded": 4.0, "sliding": 15.0}
+#: Relative error of the force where the sides are neglected [-].
+_SIDES_ERROR = 1e-3
 #: Depth over cover thickness above which a small-strain result is marked as outside its range.  At this depth the force
 #: on a sphere agrees with the finite-strain force within 0.3 % [-].
 _SMALL_STRAIN_DEPTH = 0.3
@@ -56,16 +58,17 @@ _FORCE_PER_OVERLAP = 2.0
 _LEAST_AREA_ERROR = 2e-5
 #: Difference between the forces on the base and the load, over the load, above which a result has a warning [-].
 _LARGE_IMBALANCE = 1e-3
-#: Load or depth that is solved again on all grids, over the largest one that the failed solution reached, in successive
-#: attempts: finer grids may stop earlier.  The load rises steeply at last, so less of it costs little of the depth, and
-#: the finer grids then start from the solutions of the coarser ones.  One attempt in three dimensions [-].
+#: Last load or depth of successive attempts to solve a path again after it stopped early, over the largest load or
+#: depth that the stopped solution reached [-].  Several attempts are needed because finer grids may stop earlier.  The
+#: first attempt leaves out more of a load than of a depth: at the end of a path a small change of depth changes the
+#: load much.  In three dimensions only the first attempt is made.
 _WITHIN: dict[Control, tuple[float, ...]] = {"load": (0.9, 0.75, 0.5), "depth": (0.97, 0.9, 0.75, 0.5)}
-#: Load or depth that a failed solution reached, over the last target, from which finer grids are tried: near the end of
-#: a path single coarse grids stop where finer ones do not [-].
+#: Load or depth that a stopped solution reached, over the last target, from which finer grids are tried [-].  Near the
+#: end of a path some coarse grids stop where finer grids do not.
 _NEARLY: dict[Control, float] = {"load": 0.7, "depth": 0.9}
-#: Load or depth over that of the next target above which a target is left out of the part that is solved again [-].
+#: Target over the last load or depth of the part that is solved again, from which the target is left out [-].
 _LEAST_SPACING = 0.97
-#: Part of the first target that is tried if the failed solution reached nothing [-].
+#: Part of the first target that is solved if the stopped solution reached no load or depth [-].
 _PART = 0.2
 
 
