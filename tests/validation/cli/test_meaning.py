@@ -9,7 +9,6 @@ from meshes import Sphere
 from validation.campaign.case import Case
 from validation.campaign.comparison import Comparison
 from validation.cli.meaning import explain_comparison, explain_verdict
-from validation.cli.output import print_meaning
 from validation.metrics import score
 from validation.sensor_file import BUILT_IN
 
@@ -32,13 +31,6 @@ def test_a_bad_share_comes_with_what_to_do(misplaced, sentences):
     lines = list(explain_comparison(comparison))
     assert f"{100 * misplaced:.1f} % of the force on wrong texels" in lines[0]
     assert len(lines) == sentences
-
-
-def test_lines_fit_eighty_columns(capsys):
-    print_meaning(["word " * 40, "`softcover press --accuracy 1%` " * 6])
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == ""
-    assert max(map(len, lines)) <= 80
 
 
 def test_a_verdict_names_the_largest_change_or_the_groups_that_moved():

@@ -27,9 +27,9 @@ def coefficients(monkeypatch):
         asked.append(friction)
         raise ConvergenceError("not computed here")
 
+    monkeypatch.setattr("fem_reference.press_path", refuse)
     monkeypatch.setattr(press, "press", refuse)
     monkeypatch.setattr(press, "press_path", refuse)
-    monkeypatch.setattr("fem_reference.press_path", refuse)
     return asked
 
 
@@ -110,13 +110,3 @@ def test_beside_the_finite_elements_the_fast_model_says_that_they_alone_use_fric
         assert [sentence for sentence in found.fast.warnings if "friction" in sentence] == (
             [f"the fast model has no friction; {text}"] if text else []
         )
-
-
-@pytest.mark.parametrize("options", [("--model", "fem"), ("--curve", "3", "--out", "x")])
-def test_a_contact_method_without_the_fast_model_is_refused(softcover, tmp_path, options):
-    words = ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "2N", "--method", "boxes", *options)
-    status, out, err = softcover(*words)
-    assert (status, out) == (2, "")
-    assert err.startswith("softcover: --method: ")
-    assert "finite elements" in err
-    assert list(tmp_path.iterdir()) == []

@@ -39,27 +39,12 @@ def test_press_prints_the_keys_that_others_rely_on(softcover):
     }
 
 
-def test_boxes_misplace_more_force_than_the_cover_method(softcover):
-    touch = ("press", "wts-0614-34", "--indenter", "box:size=6mmx10mmx5mm", "--load", "500g", "--json")
-    cover, boxes = (json.loads(softcover(*touch, "--method", method)[1]) for method in ("cover", "boxes"))
-    assert boxes["models"]["fast"]["depth"] is None
-    assert boxes["scores"]["misplaced_force"] > 5 * cover["scores"]["misplaced_force"]
-
-
 @pytest.mark.slow
 def test_at_a_depth_the_fast_model_takes_the_load_of_the_reference(softcover):
     _, out, _ = softcover("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--depth", "0.3mm", "--json")
     models = json.loads(out)["models"]
     assert models["fem"]["depth"] == pytest.approx(0.3e-3, rel=1e-6)
     assert models["fast"]["total_force"] == pytest.approx(models["fem"]["total_force"], rel=1e-3)
-
-
-@pytest.mark.slow
-def test_press_draws_both_models(softcover):
-    status, out, _ = softcover("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "500g")
-    assert status == 0
-    assert "finite elements, mN" in out
-    assert "fast model, mN" in out
 
 
 def test_press_by_the_fast_model_alone_needs_no_finite_elements(softcover, without_reference):
@@ -78,22 +63,6 @@ def test_press_takes_the_fast_model_from_a_derived_folder(softcover, without_ref
     assert folder["models"]["fast"]["texel_forces"] == built_in["models"]["fast"]["texel_forces"]
     assert built_in["cover"]["assumed"] is True
     assert folder["cover"] is None
-
-
-@pytest.mark.parametrize("options", [["--load", "2N"], ["--depth", "0.1mm", "--model", "fast"]])
-def test_the_finite_elements_need_more_than_a_derived_folder(softcover, without_reference, options):
-    fastmodel.load("wts-0614-34").save("derived")
-    status, out, err = softcover("press", "derived", "--indenter", "sphere:radius=5mm", *options)
-    assert (status, out) == (2, "")
-    assert "no description of the cover" in err
-
-
-def test_the_faults_of_all_options_are_reported_at_once(softcover):
-    words = ("no.toml", "--indenter", "spher:x=1", "--load", "3", "--at=1mm", "--yaw=x", "--model", "fen")
-    status, _, err = softcover("press", *words)
-    assert status == 2
-    places = [line.split(": ")[1] for line in err.splitlines()]
-    assert places == ["--model", "no.toml", "--indenter", "--at", "--yaw", "--load"]
 
 
 def test_a_loading_path_that_stops_is_status_4_in_one_line(softcover, monkeypatch):

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from fem_reference import IncompletePathError, press
+from fem_reference import press
 from meshes import Pose, Sphere, TexelArray
 from tests.support.rubber import make_cover
 from validation.campaign.case import Case
@@ -87,22 +87,6 @@ def test_a_curve_is_the_points_of_a_path_and_is_drawn(softcover, tmp_path):
     assert "depth [mm]" in (folder / "curve.svg").read_text()
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--curve", "3"), "--out"),
-        (("--curve", "0", "--out", "x"), "1..1000"),
-        (("--out", "x"), "name fem"),
-        (("--accuracy", "1%"), "the fast model has none"),
-    ],
-)
-def test_files_that_cannot_be_written_are_refused(softcover, options, words):
-    model = ("fem",) if "--curve" in options else ("fast",)
-    status, _, err = softcover(*TOUCH[:-1], *model, *options)
-    assert status == 2
-    assert words in err
-
-
 def test_a_path_that_stops_early_keeps_what_it_reached(monkeypatch, tmp_path):
     import fem_reference
 
@@ -119,21 +103,6 @@ def test_a_path_that_stops_early_keeps_what_it_reached(monkeypatch, tmp_path):
     assert curve.stopped == "no convergence beyond 0.25 mm"
     assert [each.depth for each in curve.indentations] == pytest.approx([0.08e-3, 0.16e-3])
     assert curve.write(tmp_path)[0] == "curve.csv"
-
-
-def test_a_press_that_stops_early_says_so_in_its_json(monkeypatch):
-    import fem_reference.indentation.press as module
-
-    real = module.press
-
-    def stop(*args, load, **options):
-        raise IncompletePathError("reached 0.1 N of the 5 N asked for", [real(*args, load=0.1, **options)])
-
-    monkeypatch.setattr(module, "press", stop)
-    case = Case(name="press", indenter=BALL, shape="ball", load=5.0)
-    found = compare_models(BUILT_IN["wts-0614-34"], case, models=("fem",), as_far=True).as_json()
-    assert (found["load"], found["wanted"]) == (0.1, {"load": 5.0})
-    assert found["stopped"].startswith("reached 0.1 N")
 
 
 @pytest.mark.slow

@@ -139,23 +139,3 @@ def test_prune_always_removes_damaged_entries_and_unfinished_files(filled):
     assert "damaged" in out
     assert "1 unfinished file" in out
     assert (result_store.folder() / "notes.txt").read_text() == "mine"
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (["prune", "--older-than", "30"], "--older-than: '30' has no unit"),
-        (["prune", "--older-than", "yesterday"], "'yesterday' is not a time; write for example '30 days'"),
-        (["prune", "--older-than=-3d"], "--older-than: accepted: 0 days or more, not '-3d'"),
-        (["prune", "--older-than", "3mm"], "--older-than: 'mm' in '3mm' is not a unit of time"),
-        (["prune", "--keep-latest=-1"], "--keep-latest: accepted: 0 or more"),
-        (["prune", "--keep-latest", "few"], "few"),
-        (["prune", "--all", "--keep-latest", "3"], "--all: removes every entry"),
-        (["lst"], "unknown action 'lst'; did you mean 'list'?"),
-    ],
-)
-def test_bad_options_remove_nothing(filled, words, expected):
-    status, out, err = filled("store", *words)
-    assert (status, out) == (2, "")
-    assert expected in err
-    assert stored() == [0, 1, 2, 3, 4]
