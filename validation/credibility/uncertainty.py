@@ -33,7 +33,7 @@ from validation.metrics import centre_of_pressure, second_moments
 from validation.results import Array, Bound, Column, Number, Result, result_model
 
 if TYPE_CHECKING:
-    from fem_reference.closed_form.influence import TexelResponse
+    from fem_reference.closed_form.layer import TexelResponse
     from fem_reference.linear_response.surface_compliance import SurfaceCompliance
 
 #: Cells across the contact [-]; half as many change the propagated uncertainty by less than 2 % of it.
@@ -261,7 +261,7 @@ def _tabulate_surface(cover: Cover, reach: float) -> SurfaceCompliance:
 
 @lru_cache(maxsize=64)
 def _tabulate_response(cover: Cover, size: tuple[float, float]) -> TexelResponse:
-    from fem_reference.closed_form.influence import tabulate_texel_response
+    from fem_reference.closed_form.layer import tabulate_texel_response
 
     return tabulate_texel_response(cover, size)
 

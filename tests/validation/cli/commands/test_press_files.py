@@ -138,7 +138,9 @@ def test_a_press_that_stops_early_says_so_in_its_json(monkeypatch):
 
 @pytest.mark.slow
 def test_a_curve_follows_the_accuracy_and_keeps_warnings(monkeypatch, tmp_path):
-    monkeypatch.setattr("fem_reference.indentation.layered._count_refinements", lambda *_: 0)  # only the usual grids
+    monkeypatch.setattr(
+        "fem_reference.indentation.layered.LayerPress.count_refinements", lambda *_: 0
+    )  # only the usual grids
     curve = trace_curve(make_cover(0.45, "linear-elastic"), ARRAY, BALL, points=2, load=0.2, accuracy=1e-9)
     rows = curve.as_json()["curve"]
     assert all("wanted, but the feasible grids reach" in row["warnings"][-1] for row in rows)
