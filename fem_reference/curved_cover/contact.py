@@ -1,41 +1,108 @@
-"""Solve the frictionless contact of a rigid indenter with a curved top at small strain.
+"""Solve the contact of a rigid indenter with a curved top at small strain, frictionless or without slip.
 
 The unknowns are the forces of the shapes of the contact pressure (hats; `pressure_shapes`), one for each node of the
 top.  The gap is the distance to the indenter along the undeformed normals.  Hats in contact have no mean gap and a
 positive force; all others have a mean gap and no force.  The set of hats in contact is found by block principal
-pivoting (Judice and Pires 1994).  The compliance of a node is one solution of the factorised solid, so it is computed
-when the node first bears a force, and kept.
+pivoting (Judice and Pires 1994).  The compliance of a node is one solution of the factorised solid for each direction
+of the force, so it is computed when the node first bears a force, and kept.
+
+Without slip a point of the top that the indenter has touched moves with it.  The traction therefore depends on how far
+each point had moved when it was touched, and the indenter is followed in steps of about equal growth of the contact.
+The forces of hats then act along and across the normal, and across it the mean displacement of a hat in contact is that
+of the indenter since the hat was touched.  When a hat is touched between two steps follows from how fast its gap closed
+in the step before.  A hat whose stick would pull it off the indenter again, as at the border of the contact, slides in
+that step and sticks from there.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 
-from fem_reference.curved_cover.compliance import NormalCompliance
-from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.pressure_shapes import GapSampler, MeanGaps
-from fem_reference.curved_cover.rays import measure_gaps
-from fem_reference.errors import ConvergenceError
-from meshes import Indenter
-from meshes.array_types import BoolArray, FloatArray
-from meshes.pose import Pose
-from meshes.solids.facets import facet_shape, split_facet
+from fem_reference.curved_cover.responses import find_top
+from fem_reference.curved_cover.solid import CoverSolid
+from fem_reference.errors import ConvergenceError, PiercedError, TooShallowError
+from fem_reference.finite_strain.loading_path import Control
+from fem_reference.small_strain_contact.constrained_solver import Exchange
+from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Largest number of exchanges of hats, and of exchanges of all wrong hats at once without fewer wrong hats [-].
-EXCHANGES, _PATIENCE = 200, 8
-#: Overlap over the deepest overlap of the undeformed top below which a hat counts as free [-].
-NEGLIGIBLE = 1e-9
-#: Compliance that is added to that of each hat, over the sum of all: below an indenter smaller than a facet the hats
-#: are linearly dependent [-].
-SOFT = 1e-8
-#: Gap over the deepest overlap below which a hat counts to the area of contact: near a sharp edge the pressure
-#: oscillates, and hats beside large forces are lifted a little [-].
-_CLOSED = 0.02
-#: Search for the first touch: parts of a facet's side, number of facets searched further, points along a side of a
-#: search, number of searches, and size of the next over the distance of the points [-].
-_PARTS, _FACETS, _POINTS, _SEARCHES, _ZOOM = 6, 4, 9, 6, 1.5
+
+@dataclass(frozen=True, kw_only=True)
+class SolidContactSettings:
+    """Limits and tolerances of the contact with a curved top, and of the search for a load."""
+
+    #: Number of unit forces on the top that are solved for at a time, to limit the memory [-].
+    block: int = 64
+    #: Largest number of changes of the set of hats in contact [-].
+    exchanges: int = 200
+    #: Largest number of successive changes in which all wrong hats enter or leave the contact without a new minimum of
+    #: the number of wrong hats [-].  After that only one hat changes at a time.
+    patience: int = 8
+    #: Overlap under a hat without contact, over the deepest overlap of the undeformed top, that is accepted [-].
+    negligible: float = 1e-9
+    #: Compliance that is added to that of each hat, over the sum of the compliances of all hats in contact [-].
+    #: Without it the equations are singular below an indenter smaller than a facet, where the hats are linearly
+    #: dependent.
+    soft: float = 1e-8
+    #: Gap over the deepest overlap below which a hat counts to the area of contact [-].  Near a sharp edge the pressure
+    #: oscillates, and hats beside large forces are lifted a little.
+    closed: float = 0.02
+    #: Largest difference between the load and its target, over the target [-].
+    load_error: float = 1e-7
+    #: Largest number of steps to a load [-].
+    steps: int = 60
+    #: Number of steps in the search for a load after which the interval of depths is halved instead of a secant step
+    #: [-].  The interval then also shrinks where secant steps do not shrink it.
+    bisect: int = 5
+    #: Number of hats in contact at the depth at which the search for a load starts [-].
+    first_nodes: int = 4
+
+
+_SETTINGS = SolidContactSettings()
+
+#: Number of steps to the target without slip: under a ball twice as many change the force by less than 0.2 % [-].
+STEPS = 16
+
+
+class TopCompliance:
+    """Displacements of the m nodes of a top per force on one of them, along d directions at each node.
+
+    A place is one direction at one node; place d * node + i is the i-th direction of the node.
+
+    Args:
+        solid: Factorised cover.
+        vectors: Whether the directions are x, y and z; else only that against the normal.
+
+    Attributes:
+        directions: The directions, shape (m, d, 3) [-].
+    """
+
+    def __init__(self, solid: CoverSolid, *, vectors: bool = False) -> None:
+        self.solid, self.top = solid, find_top(solid.mesh)
+        self.directions = -self.top.normals[:, None]
+        if vectors:
+            self.directions = np.broadcast_to(np.eye(3), (len(self.top.nodes), 3, 3))
+        self._rows: dict[int, FloatArray] = {}
+
+    def rows(self, loaded: IntArray) -> FloatArray:
+        """Return the displacements of all places per force on each of k places, shape (k, m * d) [m/N]."""
+        missing = np.array([place for place in loaded.tolist() if place not in self._rows], dtype=np.int64)
+        count = self.directions.shape[1]
+        for start in range(0, len(missing), _SETTINGS.block):  # loads on all nodes of the cover take much memory
+            part = missing[start : start + _SETTINGS.block]
+            forces = np.zeros((len(part), len(self.solid.nodes), 3))
+            forces[np.arange(len(part)), self.top.index[part // count]] = self.directions[part // count, part % count]
+            moved = self.solid.solve(self.top.index, forces=forces)
+            found = np.einsum("kmc,mdc->kmd", moved, self.directions, optimize=True).reshape(len(part), -1)
+            self._rows.update(zip(part.tolist(), found, strict=True))
+        return np.array([self._rows[place] for place in loaded.tolist()]).reshape(len(loaded), -1)
+
+    def add_up(self, forces: FloatArray) -> FloatArray:
+        """Return the force vectors on the nodes from forces on the places, shape (m, 3) [N]."""
+        return np.asarray(np.einsum("md,mdc->mc", forces.reshape(self.directions.shape[:2]), self.directions))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,85 +135,319 @@ class ContactForces:
     shear: FloatArray | None = None
 
 
-def solve_contact(
-    compliance: NormalCompliance, sampler: GapSampler, direction: FloatArray, travel: float
-) -> ContactForces:
-    """Solve the contact after the indenter moved without turning.
-
-    Args:
-        compliance: Compliance of the top.
-        sampler: Points of the top, with indenter, pose and direction.
-        direction: Unit direction of the motion, shape (3,).
-        travel: Distance moved [m].
-
-    Raises:
-        ConvergenceError: If the hats in contact are not found.
-    """
-    gaps = sampler.at(travel)
-    forces, change, remaining = _find_forces(compliance, gaps)
-    top = compliance.top
-    nodal, more = (-(gaps.spread @ each)[:, None] * top.normals for each in (forces, change))
-    stiffness = float((more @ direction).sum())
-    return describe_contact(
-        top, gaps, travel, direction, forces=forces, nodal=nodal, stiffness=stiffness, remaining=remaining
-    )
-
-
-def describe_contact(
-    top: FacetSurface,
-    gaps: MeanGaps,
-    travel: float,
-    direction: FloatArray,
-    *,
-    forces: FloatArray,
-    nodal: FloatArray,
-    stiffness: float,
-    remaining: FloatArray,
-) -> ContactForces:
-    """Measure the contact of m hats; `remaining` are their mean gaps, shape (m,) [m]; others as in `ContactForces`."""
-    closed = remaining < -_CLOSED * gaps.gap.min(initial=0.0)
-    spacing = float(np.sqrt(gaps.whole[closed].mean())) if closed.any() else 0.0
-    places = (gaps.spread.T @ top.nodes)[closed]  # where the force of each hat acts
-    return ContactForces(
-        forces=forces,
-        nodal=nodal,
-        area=float(gaps.area[closed].sum()),
-        spacing=spacing,
-        half_width=_measure_half_width(places, gaps.area[closed], spacing),
-        has_edge=bool((gaps.is_cut & (forces > 0)).any()),
-        travel=travel,
-        load=float((nodal @ direction).sum()),
-        stiffness=stiffness,
-    )
-
-
-class Exchange:
-    """Choice of the hats that enter or leave the contact in one step of the pivoting.
-
-    Args:
-        count: Number of hats.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Found:
+    """Forces and displacements for a given set of hats in contact.
 
     Attributes:
-        is_single: Whether the last choice was one hat, because exchanges of all did not make the wrong hats fewer.
+        forces: Forces of the h hats along d directions, the first against the normal, shape (h, d) [N].
+        change: Increase of `forces` per travel of the indenter, shape (h, d) [N/m].
+        moved: Displacement of each place of the `TopCompliance`, shape (places,) [m].
+        remaining: Mean gap under each hat in the deformed state, shape (h,) [m].
+        touching: Whether each hat is in contact, shape (h,).
+        sliding: Whether each hat is in contact and slides in this step, shape (h,).
     """
 
-    def __init__(self, count: int) -> None:
-        self._fewest, self._patience, self.is_single = count + 1, _PATIENCE, False
-
-    def choose(self, wrong: BoolArray) -> BoolArray:
-        """Return all wrong hats; only the last of them where exchanges of all do not make them fewer."""
-        count, self.is_single = int(wrong.sum()), False
-        if count < self._fewest:
-            self._fewest, self._patience = count, _PATIENCE
-        elif self._patience > 0:
-            self._patience -= 1
-        else:
-            self.is_single = True
-            wrong[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last hat alone cannot cycle (Murty 1974)
-        return wrong
+    forces: FloatArray
+    change: FloatArray
+    moved: FloatArray
+    remaining: FloatArray
+    touching: BoolArray
+    sliding: BoolArray
 
 
-def _measure_half_width(nodes: FloatArray, area: FloatArray, spacing: float) -> float:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Equations:
+    """Equations of the forces of h hats along d directions.
+
+    Attributes:
+        compliance: Compliance of the top.
+        gaps: Mean gaps of the undeformed top.
+        loads: Force on each place of the compliance (row) per unit force of a hat along one of its directions (column
+            d * hat + i for direction i), shape (places, h * d) [-].
+        goals: Mean displacement that each hat has along each direction if it is in contact, shape (h, d) [m].
+        rates: Change of `goals` per travel of the indenter, shape (h, d) [-].
+    """
+
+    compliance: TopCompliance
+    gaps: MeanGaps
+    loads: sp.csc_matrix
+    goals: FloatArray
+    rates: FloatArray
+
+    def find_forces(self, touching: BoolArray) -> _Found:
+        """Find the hats in contact and their forces.
+
+        Args:
+            touching: First guess of the hats in contact, shape (h,).
+
+        Raises:
+            ConvergenceError: If the hats in contact are not found.
+        """
+        released, sliding = np.zeros((2, len(touching)), dtype=bool)
+        least = _SETTINGS.negligible * float(self.gaps.gap.min(initial=0.0))
+        exchange = Exchange(len(touching), _SETTINGS.patience)
+        for _ in range(_SETTINGS.exchanges):
+            found = self._solve(touching, sliding & touching)
+            wrong = np.where(touching, found.forces[:, 0] < 0, found.remaining < least)
+            if not wrong.any():
+                return found
+            wrong = exchange.choose(wrong)
+            if exchange.is_single:  # with stick such exchanges can cycle: a hat that sticks again has another force
+                sliding |= wrong & ~touching & released
+                released |= wrong & touching
+            touching = touching ^ wrong
+        raise ConvergenceError(f"the contact did not settle in {_SETTINGS.exchanges} exchanges")
+
+    def _solve(self, touching: BoolArray, sliding: BoolArray) -> _Found:
+        """Solve for the forces with given hats in contact, some of which slide without friction."""
+        count, d = self.goals.shape
+        kept = np.flatnonzero(np.column_stack([touching, *[touching & ~sliding] * (d - 1)]))
+        forces, change = np.zeros((2, count, d))
+        moved, remaining = np.zeros(self.loads.shape[0]), self.gaps.gap
+        if len(kept):
+            loads = self.loads[:, kept]
+            loaded = np.flatnonzero(np.diff(loads.tocsr().indptr))
+            each = loads[loaded].T @ self.compliance.rows(loaded)  # displacements of all places per unit force
+            own = np.asarray(loads.T @ each.T)
+            softness = np.broadcast_to(self.gaps.softness, count)
+            own[np.diag_indices(len(kept))] += softness[kept // d] + _SETTINGS.soft * np.trace(own)
+            goals = np.stack([self.goals.ravel()[kept], self.rates.ravel()[kept]], axis=1)
+            forces.flat[kept], change.flat[kept] = np.linalg.solve(own, goals).T
+            moved = forces.flat[kept] @ each
+            remaining = self.gaps.gap + self.loads[:, ::d].T @ moved + softness * forces[:, 0]
+        return _Found(
+            forces=forces, change=change, moved=moved, remaining=remaining, touching=touching, sliding=sliding
+        )
+
+
+class MeshPress:
+    """Frictionless contact of one indenter on one mesh, at a depth or under a load.
+
+    Args:
+        compliance: Compliance of the top of the mesh.
+        sampler: Points of the top that the indenter can touch.
+        direction: Unit direction of the motion, shape (3,).
+        touch: Travel to the first touch [m].
+        deepest: Largest depth that is solved [m].
+
+    Attributes:
+        touch: Travel to the first touch [m].
+    """
+
+    def __init__(
+        self, compliance: TopCompliance, sampler: GapSampler, direction: FloatArray, touch: float, deepest: float
+    ) -> None:
+        self._compliance, self._sampler, self._direction = compliance, sampler, direction
+        self.touch, self._deepest = touch, deepest
+
+    def to(self, target: float, control: Control, steps: int = STEPS) -> ContactForces:  # noqa: ARG002 -- no path
+        """Solve the contact under a load [N] or at a depth [m].
+
+        Raises:
+            TooShallowError: If the indenter touches less than the shapes of the pressure resolve.
+            PiercedError: If the indenter would go through most of the cover.
+            ConvergenceError: If the contact or the load is not found.
+        """
+        found = self.at_depth(target) if control == "depth" else self.under_load(target)
+        if not found.load > 0:
+            raise TooShallowError(
+                f"at a depth of {1e3 * target:.3g} mm the indenter touches less than the mesh of the cover resolves; "
+                "use a larger depth or a finer mesh"
+            )
+        return found
+
+    def at_depth(self, depth: float) -> ContactForces:
+        """Solve the contact at a depth [m]."""
+        if depth > self._deepest:
+            raise PiercedError(
+                f"at a depth of {1e3 * depth:.4g} mm the indenter would go through most of the cover; use at most "
+                f"{1e3 * self._deepest:.4g} mm",
+                "depth",
+            )
+        return self._solve(self.touch + depth)
+
+    def _solve(self, travel: float) -> ContactForces:
+        """Solve the contact after the indenter moved by a distance from its pose [m]."""
+        gaps = self._sampler.at(travel)
+        equations = _Equations(
+            compliance=self._compliance,
+            gaps=gaps,
+            loads=gaps.spread,
+            goals=-gaps.gap[:, None],
+            rates=gaps.rate[:, None],
+        )
+        return self._describe(equations, equations.find_forces(gaps.gap < 0), travel)
+
+    def _describe(self, equations: _Equations, found: _Found, travel: float) -> ContactForces:
+        """Measure a solved contact."""
+        gaps, compliance = equations.gaps, self._compliance
+        nodal, more = (compliance.add_up(equations.loads @ each.ravel()) for each in (found.forces, found.change))
+        closed = found.remaining < -_SETTINGS.closed * gaps.gap.min(initial=0.0)
+        spacing = float(np.sqrt(gaps.whole[closed].mean())) if closed.any() else 0.0
+        places = (gaps.spread.T @ compliance.top.nodes)[closed]  # where the force of each hat acts
+        return ContactForces(
+            forces=found.forces[:, 0],
+            nodal=nodal,
+            area=float(gaps.area[closed].sum()),
+            spacing=spacing,
+            half_width=measure_half_width(places, gaps.area[closed], spacing),
+            has_edge=bool((gaps.is_cut & (found.forces[:, 0] > 0)).any()),
+            travel=travel,
+            load=float((nodal @ self._direction).sum()),
+            stiffness=float((more @ self._direction).sum()),
+        )
+
+    def under_load(self, load: float, *, start: float | None = None, least: float = 0.0) -> ContactForces:
+        """Find the depth at which the load is reached, by the secant method between bounds.
+
+        The first step uses the stiffness of the contact.  This stiffness neglects that the part of a hat that touches
+        grows as the indenter moves.
+
+        Args:
+            load: The load [N].
+            start: Depth at which the search starts; None starts where a few hats are in contact [m].
+            least: Lower bound of the depth [m].
+        """
+        low, high = least, np.inf
+        depth, before = self._first_depth() if start is None else start, None
+        for number in range(1, _SETTINGS.steps + 1):
+            contact = self.at_depth(min(depth, self._deepest))
+            excess = contact.load - load
+            if abs(excess) <= _SETTINGS.load_error * load:
+                return contact
+            if excess < 0 and depth >= self._deepest:
+                raise PiercedError(
+                    f"{load:.4g} N would press the indenter through most of the cover; use at most {contact.load:.3g} "
+                    "N, a wider indenter or a stiffer cover",
+                    "load",
+                )
+            low, high = (depth, high) if excess < 0 else (low, depth)
+            slope = contact.stiffness
+            if before is not None and (contact.load - before[1]) * (depth - before[0]) > 0:
+                slope = (contact.load - before[1]) / (depth - before[0])
+            before = depth, contact.load
+            depth = min(depth - excess / slope, self._deepest) if slope > 0 else self._deepest
+            if not low < depth < high or (number % _SETTINGS.bisect == 0 and np.isfinite(high)):
+                depth = (low + high) / 2 if np.isfinite(high) else self._deepest
+        raise ConvergenceError(f"the depth under {load:.4g} N was not found in {_SETTINGS.steps} steps")
+
+    def _first_depth(self) -> float:
+        """Return a depth at which a few hats are in contact [m]."""
+        depth = self._deepest / 128
+        while depth < self._deepest and (self.at_depth(depth).forces > 0).sum() < _SETTINGS.first_nodes:
+            depth *= 2
+        return min(depth, self._deepest)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _State:
+    """Contact after a step of a path without slip.
+
+    Attributes:
+        travel: Distance by which the indenter moved from its pose [m].
+        moved: Displacements of the m nodes of the top, shape (m, 3) [m].
+        touching: Whether each of the m hats is in contact, shape (m,).
+        record: Mean displacement of each hat minus that of the indenter; it stays constant while the hat sticks, shape
+            (m, 3) [m].
+        before: The state one step earlier.
+    """
+
+    travel: float
+    moved: FloatArray
+    touching: BoolArray
+    record: FloatArray
+    before: _State | None = None
+
+
+class StickingPress(MeshPress):
+    """Contact without slip; the compliance is that to vectors.  See `MeshPress`."""
+
+    def to(self, target: float, control: Control, steps: int = STEPS) -> ContactForces:
+        """Follow the indenter to a load [N] or a depth [m] in a number of steps; see `MeshPress.to`."""
+        count = len(self._compliance.top.nodes)
+        self._spread = self._sampler.spread_whole().T
+        self._state = self._next = _State(
+            travel=self.touch,
+            moved=np.zeros((count, 3)),
+            touching=np.zeros(count, dtype=bool),
+            record=np.zeros((count, 3)),
+        )
+        # In one step from first touch, points that are touched late stick where they were without load.
+        whole = super().to(target, control)
+        for number in range(1, steps):
+            # The width of the contact of a round body grows with the root of the depth.
+            contact = self.at_depth((whole.travel - self.touch) * (number / steps) ** 2)
+            if control == "load" and contact.load >= target:
+                break
+            self._state = self._next
+        if control == "depth":
+            return self.at_depth(target)
+        return self.under_load(target, start=whole.travel - self.touch, least=self._state.travel - self.touch)
+
+    def _solve(self, travel: float) -> ContactForces:
+        """Solve the contact in one step after the last state, and remember the state that it leads to."""
+        gaps, normals, last = self._sampler.at(travel), self._compliance.top.normals, self._state
+        record = self._record_touch(gaps, travel)
+        mean = gaps.spread.T @ normals
+        first = _normalise(np.cross(mean, np.eye(3)[np.argmin(np.abs(mean), axis=1)]))
+        tangents = np.stack([first, _normalise(np.cross(mean, first))], axis=1)
+        aims = tangents @ (record + travel * self._direction)[:, :, None]
+        equations = _Equations(
+            compliance=self._compliance,
+            gaps=gaps,
+            loads=_load_vectors(gaps.spread, normals, tangents),
+            goals=np.column_stack([-gaps.gap, aims[..., 0]]),
+            rates=np.column_stack([gaps.rate, tangents @ self._direction]),
+        )
+        found = equations.find_forces((last.touching | (gaps.gap < 0)) & np.isfinite(gaps.gap))
+        moved = found.moved.reshape(-1, 3)
+        here = self._spread @ moved - travel * self._direction
+        record = np.where(found.sliding[:, None], here, record)
+        self._next = _State(travel=travel, moved=moved, touching=found.touching, record=record, before=last)
+        shear = np.einsum("mj,mjc->mc", found.forces[:, 1:], tangents)
+        return replace(self._describe(equations, found, travel), shear=shear)
+
+    def _record_touch(self, gaps: MeanGaps, travel: float) -> FloatArray:
+        """Return what each hat keeps from its touch, predicted for those that are not in contact, shape (m, 3) [m]."""
+        last, before, normals = self._state, self._state.before, self._compliance.top.normals
+        step = travel - last.travel
+        speed = np.zeros_like(last.moved)
+        if before is not None:
+            speed = (last.moved - before.moved) / (last.travel - before.travel)
+        opened, opening = (-self._spread @ np.einsum("mc,mc->m", normals, each) for each in (last.moved, speed))
+        closing = gaps.rate - opening
+        gap = gaps.gap + gaps.rate * step + opened
+        reaches = np.isfinite(gap) & (closing > 0)
+        ahead = np.clip(np.where(reaches, gap, 0.0) / np.where(reaches, closing, 1.0), 0.0, step)[:, None]
+        predicted = self._spread @ last.moved + ahead * (self._spread @ speed)
+        predicted -= (last.travel + ahead) * self._direction
+        return np.where(last.touching[:, None], last.record, predicted)
+
+
+def _normalise(vectors: FloatArray) -> FloatArray:
+    """Divide vectors, shape (m, 3), by their lengths; zero vectors stay."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny))
+
+
+def _load_vectors(spread: sp.csc_matrix, normals: FloatArray, tangents: FloatArray) -> sp.csc_matrix:
+    """Return the force along x, y and z on each node per unit force of each hat against and across the normal.
+
+    Args:
+        spread: Force on each node (row) per unit force of each hat (column), shape (m, m) [-].
+        normals: Normals of the nodes, shape (m, 3) [-].
+        tangents: Two directions across the mean normal of each hat, shape (m, 2, 3) [-].
+    """
+    share = spread.tocoo()
+    along = np.concatenate([-normals[share.row][:, None], tangents[share.col]], axis=1) * share.data[:, None, None]
+    axis = np.arange(3)
+    rows = np.broadcast_to(3 * share.row[:, None, None] + axis, along.shape)
+    columns = np.broadcast_to(3 * share.col[:, None, None] + axis[:, None], along.shape)
+    size = 3 * spread.shape[0], 3 * spread.shape[1]
+    return sp.csc_matrix((along.ravel(), (rows.ravel(), columns.ravel())), shape=size)
+
+
+def measure_half_width(nodes: FloatArray, area: FloatArray, spacing: float) -> float:
     """Measure half the smaller width of a contact: twice the root of its smaller second moment, a disk's radius [m].
 
     Args:
@@ -159,94 +460,3 @@ def _measure_half_width(nodes: FloatArray, area: FloatArray, spacing: float) -> 
     moments = np.cov(nodes.T, aweights=area, ddof=0)
     across = float(np.linalg.eigvalsh(moments)[1])  # the smallest is that along the normal
     return 2 * float(np.sqrt(max(across, 0.0) + spacing**2 / 12))
-
-
-def _find_forces(compliance: NormalCompliance, gaps: MeanGaps) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Find the forces of the hats, their increase per travel, and the mean gaps that remain, shape (m,) each."""
-    touching = gaps.gap < 0
-    deepest = -float(gaps.gap.min(initial=0.0))
-    exchange = Exchange(len(touching))
-    for _ in range(EXCHANGES):
-        hats = np.flatnonzero(touching)
-        forces, change = np.zeros((2, len(touching)))
-        if not len(hats):
-            return forces, change, gaps.gap
-        loads = gaps.spread[:, hats]
-        nodes = np.flatnonzero(np.diff(loads.tocsr().indptr))
-        moved = loads[nodes].T @ compliance.rows(nodes)  # of all nodes, per unit force of each hat
-        mean = np.asarray((gaps.spread.T @ moved.T).T)
-        own = mean[:, hats]
-        own[np.diag_indices(len(hats))] += np.broadcast_to(gaps.softness, len(touching))[hats] + SOFT * np.trace(own)
-        solved = np.linalg.solve(own, np.stack([-gaps.gap[hats], gaps.rate[hats]], axis=1))
-        forces[hats], change[hats] = solved.T
-        remaining = gaps.gap + forces[hats] @ mean + gaps.softness * forces
-        wrong = np.where(touching, forces < 0, remaining < -NEGLIGIBLE * deepest)
-        if not wrong.any():
-            return forces, change, remaining
-        touching = touching ^ exchange.choose(wrong)
-    raise ConvergenceError(f"the contact did not settle in {EXCHANGES} exchanges")
-
-
-def find_touch(top: FacetSurface, indenter: Indenter, pose: Pose, direction: FloatArray) -> float:
-    """Find how far an indenter moves along a direction until it touches the undeformed top.
-
-    Only the part of the top that looks against the direction can be touched.
-
-    Returns:
-        Distance; negative if the indenter overlaps the top in its pose, inf if it never touches [m].
-    """
-    middle, area, _ = top.split(_PARTS)
-    place = split_facet(top.facets.shape[1], _PARTS)[0]
-    distance = _measure_travel(middle.reshape(-1, 3), area.reshape(-1, 3), indenter, pose, direction)
-    each = distance.reshape(middle.shape[:2])
-    if not np.isfinite(each).any():
-        return float("inf")
-    best = float(each.min())
-    for facet in np.argsort(each.min(axis=1))[:_FACETS]:
-        if np.isfinite(each[facet].min()):
-            start = place[np.argmin(each[facet])]
-            best = min(best, _search_facet(top, int(facet), start, (indenter, pose, direction)))
-    return best
-
-
-def explain_miss(top: FacetSurface, pose: Pose, direction: FloatArray) -> str:
-    """Say why an indenter does not touch: it passes between the points of the top that are searched, or beside it."""
-    facing = np.flatnonzero(top.normals @ direction < 0)
-    beside = np.linalg.norm(np.cross(top.nodes[facing] - pose.position, direction), axis=1)
-    spacing = float(np.sqrt(np.linalg.norm(top.split(1)[1], axis=2).mean()))
-    if beside.min(initial=np.inf) <= spacing:
-        return (
-            "the indenter is too small for this mesh: it passes between points of the elements, "
-            f"{1e3 * spacing:.2g} mm wide; use a wider indenter or smaller elements"
-        )
-    return "the indenter never touches the cover; check its position and direction"
-
-
-def _search_facet(top: FacetSurface, facet: int, start: FloatArray, motion: tuple[Indenter, Pose, FloatArray]) -> float:
-    """Find the smallest travel on one facet by searches in smaller and smaller squares of reference coordinates."""
-    count = top.facets.shape[1]
-    low, high = (-1.0, 1.0) if count == 9 else (0.0, 1.0)  # noqa: PLR2004
-    half, best = 2.0 / _PARTS, np.inf
-    for _ in range(_SEARCHES):
-        u, v = (np.clip(np.linspace(c - half, c + half, _POINTS), low, high) for c in start)
-        place = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-        if count != 9:  # noqa: PLR2004
-            place = place[place.sum(axis=1) <= 1]
-        points = facet_shape(count, place) @ top.nodes[top.facets[facet]]
-        towards = np.broadcast_to(-motion[2], points.shape)
-        found = _measure_travel(points, towards, *motion)
-        if found.min() < best:
-            best, start = float(found.min()), place[np.argmin(found)]
-        half *= _ZOOM / ((_POINTS - 1) / 2)
-    return best
-
-
-def _measure_travel(
-    points: FloatArray, normals: FloatArray, indenter: Indenter, pose: Pose, direction: FloatArray
-) -> FloatArray:
-    """Measure how far the indenter moves until it meets each of k points; inf where normals look away."""
-    back = np.broadcast_to(pose.vectors_to_indenter(-direction), points.shape)
-    # Start far behind the points, so that an indenter that has passed a point is found too.
-    far = float(np.ptp(points, axis=0).max()) * 2 + float(np.linalg.norm(pose.position - points.mean(axis=0)))
-    found = measure_gaps(indenter, pose.points_to_indenter(points) - far * back, back) - far
-    return np.where(normals @ direction < 0, found, np.inf)

@@ -15,9 +15,13 @@ from meshes.solids.facets import QUADRILATERAL, area_vectors, facet_shape, facet
 
 #: Polynomial order that the quadrature on facets integrates exactly [-].
 _ORDER = 6
-#: Search for the nearest point: parts of a facet's side at which the search starts, number of candidates, and number of
-#: Gauss-Newton steps [-].
-_PARTS, _CANDIDATES, _STEPS = 4, 6, 12
+#: Number of parts along each side of a facet in the search for the nearest point [-].  The middles of the parts are
+#: possible starts of the search.
+_PARTS = 4
+#: Number of starts, the nearest ones, from which the nearest point is searched [-].
+_CANDIDATES = 6
+#: Number of Gauss-Newton steps from each start [-].
+_STEPS = 12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,7 +74,7 @@ class FacetSurface:
         Returns:
             Forces, shape (k, m, 3) [N].
         """
-        place, weight = _quadrature(self.facets.shape[1])
+        place, weight = quadrature(self.facets.shape[1])
         shape = facet_shape(self.facets.shape[1], place)
         inward = -area_vectors(self.nodes, self.facets, place) * weight[:, None]
         values = np.einsum("kfa,qa->kfq", pressure[:, self.facets], shape, optimize=True)
@@ -140,7 +144,7 @@ class FacetSurface:
     @cached_property
     def _quadrature(self) -> tuple[FloatArray, FloatArray]:
         """Shape functions at the quadrature points, shape (q, a), and the areas of the points, shape (f, q) [m2]."""
-        place, weight = _quadrature(self.facets.shape[1])
+        place, weight = quadrature(self.facets.shape[1])
         area = np.linalg.norm(area_vectors(self.nodes, self.facets, place), axis=2) * weight
         return facet_shape(self.facets.shape[1], place), area
 
@@ -152,8 +156,8 @@ class FacetSurface:
         return sp.coo_matrix((values.ravel(), (rows, columns)), shape=(size, size)).tocsr()
 
 
-def _quadrature(nodes: int) -> tuple[FloatArray, FloatArray]:
-    """Return points, shape (q, 2), and weights, shape (q,), of a quadrature on the reference facet."""
+def quadrature(nodes: int) -> tuple[FloatArray, FloatArray]:
+    """Return points, shape (q, 2), and weights, shape (q,), of a quadrature on a facet of 9 or 6 nodes."""
     if nodes == QUADRILATERAL:
         points, weights = np.polynomial.legendre.leggauss(_ORDER // 2 + 1)
         v, u = np.meshgrid(points, points, indexing="ij")

@@ -1,21 +1,109 @@
-"""Press a rigid indenter into a solid cover from any direction: the solver of `SolidCover`."""
+"""Press a rigid indenter into a solid cover from any direction: the solver of `SolidCover`.
+
+At small strain the contact is frictionless or without slip (`contact`), and is solved on every mesh.
+
+At finite strain it is frictionless.  The mesh is turned into the frame of the indenter, whose lowest point first
+touches at the origin, so that elements, contact at quadrature points, and loading path are those of flat covers
+(`fem_reference.finite_strain`).  The element size limits what is feasible, so the result is a correction: on each mesh
+but the finest the solution at finite strain is computed, and the error of its mesh is removed by the small-strain
+solutions on that mesh and on the finest.
+"""
 
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from fem_reference import result_store
-from fem_reference.curved_cover.finite_strain import press_finite
-from fem_reference.curved_cover.small_strain import press_small
+from fem_reference.curved_cover.contact import STEPS, ContactForces, MeshPress, StickingPress, TopCompliance
+from fem_reference.curved_cover.facet_surface import FacetSurface, quadrature
+from fem_reference.curved_cover.pressure_shapes import GapSampler, PointSampler, evaluate_hats
+from fem_reference.curved_cover.rays import explain_miss, find_touch
+from fem_reference.curved_cover.responses import (
+    build_solid,
+    estimate_error,
+    find_top,
+    lay_out,
+    project_texels,
+    texel_responses,
+)
+from fem_reference.curved_cover.solid import CoverSolid, DisplacementNodes
 from fem_reference.errors import UnsupportedError
+from fem_reference.finite_strain.axisymmetric_path import PENALTY
+from fem_reference.finite_strain.contact import SurfaceContact, TopPoints
+from fem_reference.finite_strain.contact_problem import ContactProblem
+from fem_reference.finite_strain.hyperelastic import Solid
+from fem_reference.finite_strain.indenter_surface import IndenterSurface
+from fem_reference.finite_strain.loading_path import Control, Units, name_part
+from fem_reference.indentation.finite_strain import choose_solid_fillet, state_rounding
 from fem_reference.indentation.problem import PressProblem
-from fem_reference.indentation.result import Indentation
-from meshes import Material, SolidCover
-from meshes.solids.solid_mesh import SolidMesh
+from fem_reference.indentation.result import Indentation, warn_of_errors
+from meshes import Cover, Layer, Material, SolidCover, TexelArray
+from meshes.array_types import FloatArray
+from meshes.solids.facets import area_vectors, facet_shape
+from meshes.solids.solid_mesh import SolidMesh, measure_thickness
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolidPressSettings:
+    """Numbers of presses into solids, and of their error estimates."""
+
+    #: Largest depth over the thickness that is solved [-].
+    largest_depth: float = 0.8
+    #: Depth over the thickness from which a warning states that strains are not small [-].
+    warn_depth: float = 0.15
+    #: Smallest order of convergence that error estimates of depth, load and area assume: that of a sharp edge [-].
+    order: float = 1.0
+    #: Smallest estimated error of depth and load where a sharp edge ends the pressure, which is singular there, over
+    #: the distance of the nodes per half the smaller width of the contact [-].
+    edge: float = 0.25
+    #: The same without slip [-].
+    sticking_edge: float = 0.4
+    #: Smallest estimated error elsewhere, over the square of that ratio [-].
+    round: float = 0.13
+    #: Ratio above which depth, load and area are not resolved: on flat pads the depth was up to eight times too large
+    #: [-].
+    unresolved: float = 1.2
+    #: Order with which changes of texel forces between meshes decrease at least, unless a sharp edge ends the pressure:
+    #: then the error varies with the place of the edge on the mesh more than with the size of the elements [-].
+    smooth: float = 2.0
+    #: Safety factor on the largest change of one texel force between successive meshes, with which 36 of 36 estimates
+    #: covered the errors of presses on flat pads [-].
+    one_texel: float = 2.5
+    #: Safety factor on half the sum of the changes of all texel forces, with which 34 of 36 estimates did [-].
+    sum: float = 1.5
+    #: Safety factor on both with two meshes [-].
+    two_meshes: float = 3.0
+    #: Smallest cosine between the normal of the top and the axis of the indenter at points that can touch, at finite
+    #: strain [-].
+    least_cosine: float = 0.05
+    #: First step of the loading path, from the first touch of a contact point, over the way from there to the depth at
+    #: small strain [-].
+    first_step: float = 0.5
+    #: Mean penetration of indenter and cover, over the depth, below which augmentation stops [-].
+    overlap: float = 0.002
+    #: Stiffness of the contact at small strain over the penalty, as augmentation makes it [-].
+    augmented: float = 30.0
+    #: Largest estimated error of the effect of finite strain that one mesh gives, over the effect [-].
+    one_mesh: float = 0.5
+    #: Safety factor on the difference between the effects on two meshes [-].
+    safety: float = 1.5
+
+
+_SETTINGS = SolidPressSettings()
+
+#: Assumptions of every result.
+_ASSUMPTIONS = {
+    "strain": "small strain; materials linearised at zero load",
+    "motion": "the indenter moves along its direction and does not turn; forces across it are borne by its guide",
+    "contact": "along the normals of the undeformed cover, on average over the shapes of the pressure, which is linear "
+    "between nodes",
+}
 
 
 def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
@@ -45,26 +133,407 @@ def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
     if problem.accuracy is not None:
         raise UnsupportedError("the meshes of a curved cover are given; leave it out", "accuracy")
     meshes = cover.meshes(problem.progress)
-    return [_press_stored(meshes, cover.material, problem, target) for target in problem.targets]
+    out = []
+    for target in problem.targets:
+        started = time.perf_counter()
+
+        def compute(target: float = target) -> tuple[int, Indentation]:
+            found = (press_finite if finite else press_small)(meshes, cover.material, problem, target)
+            number = next(k for k, mesh in enumerate(meshes) if mesh is found.mesh)
+            return number, replace(found, mesh=None)
+
+        inputs = {
+            "meshes": [mesh.digest for mesh in meshes], "material": cover.material, "texels": problem.array,
+            "indenter": problem.indenter, "pose": problem.pose, problem.control: target,
+            "friction": problem.friction, "finite": finite,
+        }  # fmt: skip
+        number, found = result_store.fetch("solid-press", inputs, compute)
+        out.append(replace(found, mesh=meshes[number], seconds=time.perf_counter() - started))
+    return out
 
 
-def _press_stored(
+def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float) -> Indentation:
+    """Press to one target at small strain, on every mesh; the result is that of the finest.
+
+    Args:
+        meshes: One mesh, or two or three from coarse to fine for an error estimate.
+        material: Material; hyperelastic materials are linearised at zero load.
+        problem: Texels, indenter, pose and friction.
+        target: Load [N] or depth [m].
+    """
+    texels, control, tell = problem.array, problem.control, problem.progress
+    responses = texel_responses(meshes, texels, material, progress=tell)
+    found, texel_forces, depths = [], [], []
+    for mesh, grid in zip(meshes, responses.grids, strict=True):
+        if tell is not None:
+            tell(f"contact, {build_solid(mesh, material).unknowns} unknowns")
+        path = _begin(mesh, material, problem)
+        contact = path.to(target, control)
+        found.append(contact)
+        depths.append(contact.travel - path.touch)
+        texel_forces.append(grid.texel_forces(contact.nodal))
+    errors = _estimate(meshes, np.array(texel_forces), found, depths, control)
+    if isinstance(path, StickingPress):
+        rough = path.to(target, control, STEPS // 2)
+        changed = grid.texel_forces(rough.nodal - contact.nodal)
+        _add_step_error(errors, changed, texel_forces[-1], (rough, contact), path.touch)
+    share = depths[-1] / measure_thickness(mesh)
+    large = f"the depth is {100 * share:.3g} % of the thickness: strains are not small; solve at finite strain"
+    return _collect(
+        build_solid(mesh, material),
+        found[-1],
+        depth=depths[-1],
+        texel_forces=np.where(texels.active, texel_forces[-1], 0.0),
+        texels=texels,
+        errors=errors,
+        warnings=((large,) if share > _SETTINGS.warn_depth else ()) + warn_of_all(errors),
+    )
+
+
+def _begin(mesh: SolidMesh, material: Material, problem: PressProblem) -> MeshPress:
+    """Prepare the contact on one mesh, with or without slip."""
+    top, indenter, pose = find_top(mesh), problem.indenter, problem.pose
+    touch = find_touch(top, indenter, pose)
+    if not np.isfinite(touch):
+        raise ValueError(explain_miss(top, pose))
+    deepest = _SETTINGS.largest_depth * measure_thickness(mesh)
+    sampler = GapSampler(top, indenter, pose, touch + deepest, deepest)
+    kind = StickingPress if problem.friction else MeshPress
+    compliance = build_compliance(mesh, material, vectors=problem.friction > 0)
+    return kind(compliance, sampler, pose.towards, touch, deepest)
+
+
+@lru_cache(maxsize=6)
+def build_compliance(mesh: SolidMesh, material: Material, *, vectors: bool = False) -> TopCompliance:
+    """Build the compliance of the top of a mesh; the last ones are kept, with the nodes that touched so far."""
+    return TopCompliance(build_solid(mesh, material), vectors=vectors)
+
+
+def _estimate(
+    meshes: tuple[SolidMesh, ...],
+    texel_forces: FloatArray,
+    contacts: list[ContactForces],
+    depths: list[float],
+    control: Control,
+) -> dict[str, float]:
+    """Estimate the relative errors of the results on the finest mesh, shape of the forces (meshes, texels)."""
+    peak = max(float(np.abs(texel_forces[-1]).max()), np.finfo(float).tiny)
+    single = {
+        "total_force": np.array([each.load for each in contacts]),
+        "depth": np.array(depths),
+        "contact_area": np.array([each.area for each in contacts]),
+        "texel_sum": texel_forces.sum(axis=1),
+    }
+    changes = np.abs(np.diff(texel_forces, axis=0))
+    edge = contacts[-1].has_edge
+    errors = {
+        "peak_texel": _estimate_change(changes.max(axis=1), meshes, edge, _SETTINGS.one_texel) / peak,
+        "misplaced_force": _estimate_change(changes.sum(axis=1) / 2, meshes, edge, _SETTINGS.sum) / contacts[-1].load,
+    }
+    for name, values in single.items():
+        errors[name] = estimate_error(values, meshes, least=_SETTINGS.order) / abs(float(values[-1]))
+    last = contacts[-1]
+    if len(meshes) > 1 and last.area > 0:
+        # Half a node distance at the border of a round area, relative to the area.
+        resolved = (1 + edge) * last.spacing / float(np.sqrt(last.area / np.pi))
+        errors["contact_area"] = max(errors["contact_area"], resolved)
+        narrow = last.spacing / last.half_width
+        singular = _SETTINGS.edge if last.shear is None else _SETTINGS.sticking_edge
+        for name in ("depth", "total_force"):
+            errors[name] = max(errors[name], singular * narrow if edge else _SETTINGS.round * narrow**2)
+        if narrow > _SETTINGS.unresolved:
+            errors |= dict.fromkeys(("depth", "total_force", "contact_area"), float("nan"))
+    return errors | {"total_force" if control == "load" else "depth": 0.0}
+
+
+def _add_step_error(
+    errors: dict[str, float],
+    changed: FloatArray,
+    texel_forces: FloatArray,
+    contacts: tuple[ContactForces, ContactForces],
+    touch: float,
+) -> None:
+    """Add to estimated errors what half the number of steps of the path changes; the error falls with their number."""
+    rough, fine = contacts
+    size = np.abs(changed)
+    errors["peak_texel"] += float(size.max() / max(np.abs(texel_forces).max(), np.finfo(float).tiny))
+    errors["misplaced_force"] += float(size.sum() / 2 / fine.load)
+    errors["texel_sum"] += abs(float(changed.sum() / texel_forces.sum()))
+    errors["contact_area"] += abs(rough.area / fine.area - 1)
+    errors["depth"] += abs((rough.travel - touch) / (fine.travel - touch) - 1)
+    errors["total_force"] += abs(rough.load / fine.load - 1)
+
+
+def warn_of_all(errors: Mapping[str, float]) -> tuple[str, ...]:
+    """State in words which estimated errors are large, and what is not resolved."""
+    if not np.isnan(errors["contact_area"]) or np.isnan(errors["peak_texel"]):
+        return warn_of_errors(errors)
+    other = "load" if errors["depth"] == 0 else "depth"
+    return (
+        *warn_of_errors(errors),
+        (
+            f"the contact is narrower than the elements of the cover: {other} and contact area are not resolved, the "
+            "texel forces are; press harder, use a larger indenter or a finer mesh"
+        ),
+    )
+
+
+def _estimate_change(changes: FloatArray, meshes: tuple[SolidMesh, ...], has_edge: bool, safety: float) -> float:
+    """Estimate the error on the finest mesh from the changes between successive meshes, shape (meshes - 1,)."""
+    if len(changes) == 0:
+        return float("nan")
+    if len(changes) == 1:
+        return _SETTINGS.two_meshes * float(changes[0])
+    finer = (len(meshes[1].cells) / len(meshes[2].cells)) ** (1 / 3)
+    decrease = 1.0 if has_edge else finer**_SETTINGS.smooth
+    return safety * max(decrease * float(changes[0]), float(changes[1]))
+
+
+def _collect(
+    solid: CoverSolid,
+    contact: ContactForces,
+    *,
+    depth: float,
+    texel_forces: FloatArray,
+    texels: TexelArray,
+    errors: Mapping[str, float],
+    warnings: tuple[str, ...],
+) -> Indentation:
+    """Solve for the displacements and the reactions under the contact forces, and collect the result."""
+    top = find_top(solid.mesh)
+    nodal = np.zeros_like(solid.nodes)
+    nodal[top.index] = contact.nodal
+    displacement, reaction = solid.solve_fully(nodal)
+    force, base_force = nodal.sum(axis=0), -reaction.sum(axis=0)
+    pressing = -contact.forces[:, None] * top.normals
+    return Indentation(
+        texel_forces=texel_forces,
+        total_force=contact.load,
+        force=force,
+        moment=np.cross(solid.nodes, nodal).sum(axis=0),
+        base_force=base_force,
+        base_moment=-np.cross(solid.nodes[solid.base], reaction).sum(axis=0),
+        unmeasured=base_force + texel_forces @ texels.normals,
+        balance=measure_balance(force, base_force),
+        depth=depth,
+        contact_area=contact.area,
+        contact_points=top.nodes,
+        contact_forces=pressing if contact.shear is None else pressing + contact.shear,
+        energy=float((nodal * displacement).sum()) / 2,
+        mesh=solid.mesh,
+        displacement=displacement,
+        error_estimate=errors,
+        assumptions=_ASSUMPTIONS | {"friction": "none" if contact.shear is None else "no slip"},
+        warnings=warnings,
+    )
+
+
+def measure_balance(force: FloatArray, base_force: FloatArray) -> float:
+    """Return how much the force on the base exceeds that on the cover along the latter, over it [-]."""
+    return float((base_force - force) @ force / (force @ force))
+
+
+def press_finite(
     meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float
 ) -> Indentation:
-    """Press to one target, or read the result from the store."""
-    started = time.perf_counter()
+    """Press to one target at finite strain, along the axis of the indenter and without friction; see `press_small`.
 
-    def compute() -> dict[str, Any]:
-        solve = press_finite if problem.strain == "finite" else press_small
-        found = solve(meshes, material, problem, target)
-        number = next(k for k, mesh in enumerate(meshes) if mesh is found.mesh)
-        return found.pack() | {"number": np.array(number)}
+    The arrays of the result are those of the finest mesh on which finite strain was solved: the last but one of
+    several.  Texel forces, and depth or load, are corrected for its discretisation error.
+    """
+    accurate = press_small(meshes, material, problem, target)
+    small, full = [], []
+    for number, mesh in enumerate(meshes[: max(1, len(meshes) - 1)], start=1):
+        small.append(_press_points(mesh, material, problem, target))
+        tell = name_part(problem.progress, f"finite strain, mesh {number}")
+        full.append(_press_mesh(mesh, material, replace(problem, progress=tell), target, small[-1]))
+    name = f"neo-Hookean with the moduli of {material.name}" if material.small_strain_only else material.name
+    thickness = measure_thickness(meshes[-1])
+    assumptions = {
+        "strain": f"finite strain, {name}; corrected for the mesh at small strain",
+        "contact": "at quadrature points of the deformed top, along the normals of the indenter",
+        **state_rounding(problem.indenter, choose_solid_fillet(thickness, problem.indenter)),
+    }
+    return _combine(accurate, small, full, problem, assumptions)
 
-    inputs = {
-        "meshes": [mesh.digest for mesh in meshes], "material": material, "texels": problem.array,
-        "indenter": problem.indenter, "pose": problem.pose, problem.control: target,
-        "friction": problem.friction, "finite": problem.strain == "finite",
-    }  # fmt: skip
-    stored = dict(result_store.fetch("solid-press", inputs, compute))
-    found = Indentation.unpack(stored, mesh=meshes[int(stored.pop("number"))])
-    return replace(found, seconds=time.perf_counter() - started)
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Small:
+    """Solution at small strain on one mesh, with the contact points and the penalty of finite strain.
+
+    Attributes:
+        texel_forces: Force on each of n texels, shape (n,) [N].
+        load: Force along the motion [N].
+        depth: Depth [m].
+        first: Depth at which the nearest contact point touches [m].
+    """
+
+    texel_forces: FloatArray
+    load: float
+    depth: float
+    first: float
+
+
+def _press_points(mesh: SolidMesh, material: Material, problem: PressProblem, target: float) -> _Small:
+    """Solve at small strain with contact at the Gauss points at which finite strain states it."""
+    top, pose, thickness = find_top(mesh), problem.pose, measure_thickness(mesh)
+    touch = find_touch(top, problem.indenter, pose)
+    deepest = _SETTINGS.largest_depth * thickness
+    sampler = PointSampler(top, problem.indenter, pose, touch + deepest, deepest)
+    sampler.penalty = PENALTY * _SETTINGS.augmented * material.shear_modulus / thickness
+    press = MeshPress(build_compliance(mesh, material), sampler, pose.towards, touch, deepest)
+    contact = press.to(target, problem.control)
+    return _Small(
+        texel_forces=texel_responses([mesh], problem.array, material).finest.texel_forces(contact.nodal),
+        load=contact.load,
+        depth=contact.travel - touch,
+        first=float(sampler.at(touch).gap.min()),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Full(_Small):
+    """Solution at finite strain on one mesh, in the frame of the array; shapes and units as in `Indentation`.
+
+    Attributes:
+        arrays: Attributes of the result by name.
+        area: Contact area [m2].
+    """
+
+    arrays: dict[str, Any]
+    area: float
+
+
+def _press_mesh(mesh: SolidMesh, material: Material, problem: PressProblem, target: float, small: _Small) -> _Full:
+    """Follow the loading path at finite strain on one mesh, from a part of the depth at small strain."""
+    indenter, pose = problem.indenter, problem.pose
+    units = Units(length=measure_thickness(mesh), stress=material.shear_modulus)
+    surface, turn = find_top(mesh), pose.rotation.T
+    origin = pose.position - find_touch(surface, indenter, pose) * pose.rotation[:, 2]
+    layout = DisplacementNodes.on(replace(mesh, nodes=(mesh.nodes - origin) @ turn.T / units.length))
+    elements, count = layout.elements, layout.elements.nodes.size
+    points, areas = _place_points(layout)
+    base = np.unique(layout.base)
+    path = ContactProblem(
+        solid=Solid.from_cover(elements, Cover(layers=(Layer(thickness=1.0, material=material),)), units),
+        contact=SurfaceContact(
+            elements,
+            0.0,
+            IndenterSurface(
+                indenter=indenter, fillet=choose_solid_fillet(units.length, indenter) / units.length, unit=units.length
+            ),
+            penalty=PENALTY / min(1.0, float(np.sqrt(areas.sum(axis=1).mean()))),
+            points=points,
+        ),
+        constrained=(3 * base[:, None] + np.arange(3)).ravel(),
+        units=units,
+        overlap=_SETTINGS.overlap,
+    )
+    goal = target / (units.force if problem.control == "load" else units.length)
+    first = (small.first + _SETTINGS.first_step * (small.depth - small.first)) / units.length
+    reached = path.follow([goal], control=problem.control, first=first, progress=problem.progress)[0]
+    contact = reached.contact
+    nodes = lay_out(mesh).elements.nodes
+    displacement, reaction, pressing = (
+        each[:count].reshape(-1, 3) @ turn * unit
+        for each, unit in (
+            (reached.state, units.length), (reached.reaction, units.force), (contact.force, -units.force)
+        )
+    )  # fmt: skip
+    # The force at a point follows the normal of the indenter, whose component along the motion is 1.
+    vectors = -(contact.pressure * contact.weight)[..., None] * (contact.normal @ turn) * units.force
+    around = np.searchsorted(surface.index, points.nodes).ravel()
+    hats = evaluate_hats(layout.top.shape[1], quadrature(layout.top.shape[1])[0])
+    on_hats = np.einsum("fqc,qa->fac", vectors, hats).reshape(-1, 3)
+    below = FacetSurface.part_of(nodes, lay_out(mesh).base)
+    texels = problem.array
+    return _Full(
+        texel_forces=np.einsum("nb,bc,nc->n", project_texels(below, texels), reaction[base], texels.normals),
+        load=reached.load * units.force,
+        depth=reached.depth * units.length,
+        first=small.first,
+        area=float(areas[contact.pressure > 0].sum()) * units.length**2,
+        arrays={
+            "force": pressing.sum(axis=0),
+            "moment": np.cross(nodes + displacement, pressing).sum(axis=0),
+            "base_force": -reaction[base].sum(axis=0),
+            "base_moment": -np.cross(below.nodes, reaction[base]).sum(axis=0),
+            "contact_points": surface.nodes,
+            "contact_forces": np.stack([np.bincount(around, each, len(surface.nodes)) for each in on_hats.T], axis=1),
+            "displacement": displacement,
+            "mesh": mesh,
+        },
+    )
+
+
+def _place_points(layout: DisplacementNodes) -> tuple[TopPoints, FloatArray]:
+    """Place quadrature points on the f facets of the top that look towards the indenter, along z.
+
+    Returns:
+        The points, in the frame and unit of the elements, and their areas, shape (f, q) [units of area].
+    """
+    nodes, count = layout.elements.nodes, layout.top.shape[1]
+    place, weight = quadrature(count)
+    vectors = area_vectors(nodes, layout.top, place) * weight[:, None]
+    areas = np.linalg.norm(vectors, axis=2)
+    facing = (vectors[..., 2] > _SETTINGS.least_cosine * areas).all(axis=1)
+    facets, shape = layout.top[facing], facet_shape(count, place)
+    points = TopPoints(
+        shape=np.broadcast_to(shape, (len(facets), *shape.shape)),
+        nodes=facets,
+        position=np.einsum("qa,fac->fqc", shape, nodes[facets]),
+        weight=vectors[facing][..., 2],
+    )
+    return points, areas[facing]
+
+
+def _combine(
+    accurate: Indentation,
+    small: Sequence[_Small],
+    full: Sequence[_Full],
+    problem: PressProblem,
+    assumptions: Mapping[str, str],
+) -> Indentation:
+    """Correct the solution at finite strain for the error of its mesh, and estimate what remains."""
+    shares = np.array([f.texel_forces / f.load - s.texel_forces / s.load for f, s in zip(full, small, strict=True)])
+    stiffer = np.array([(f.load / f.depth) / (s.load / s.depth) for f, s in zip(full, small, strict=True)])
+    texels, by_load, last = problem.array, problem.control == "load", full[-1]
+    load, depth = accurate.total_force, accurate.depth
+    if by_load:
+        depth /= stiffer[-1]
+    else:
+        load *= stiffer[-1]
+    texel_forces = np.where(texels.active, accurate.texel_forces / accurate.total_force + shares[-1], 0.0) * load
+    areas = np.array([each.area for each in full])
+    added = {
+        "peak_texel": _estimate_effect(shares) * load / float(np.abs(texel_forces).max()),
+        "misplaced_force": _estimate_effect(shares, summed=True) / 2,
+        "texel_sum": _estimate_effect(shares.sum(axis=1)) * load / abs(float(texel_forces.sum())),
+        "depth" if by_load else "total_force": _estimate_effect(stiffer - 1),
+        "contact_area": _estimate_effect(areas - areas.mean()) / areas[-1],
+    }
+    errors = {name: error + added.get(name, 0.0) for name, error in accurate.error_estimate.items()}
+    forces = ("force", "moment", "base_force", "base_moment", "contact_forces")
+    scaled = {name: load / last.load * last.arrays[name] for name in forces}
+    return replace(
+        accurate,
+        **(last.arrays | scaled),
+        texel_forces=texel_forces,
+        unmeasured=scaled["base_force"] + texel_forces @ texels.normals,
+        total_force=load,
+        balance=measure_balance(scaled["force"], scaled["base_force"]),
+        depth=depth,
+        contact_area=last.area,
+        energy=None,
+        error_estimate=errors,
+        assumptions={**accurate.assumptions, **assumptions},
+        warnings=warn_of_all(errors),
+    )
+
+
+def _estimate_effect(values: FloatArray, *, summed: bool = False) -> float:
+    """Estimate the largest error of the effect of finite strain, or the sum of all, from it on one or two meshes."""
+    size = np.sum if summed else np.max
+    if len(values) == 1:
+        return _SETTINGS.one_mesh * float(size(np.abs(values)))
+    return _SETTINGS.safety * float(size(np.abs(values[-1] - values[-2])))

@@ -14,31 +14,36 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-import skfem
 
-from fem_reference.curved_cover.facet_surface import FacetSurface
+from fem_reference.curved_cover.facet_surface import FacetSurface, quadrature
 from fem_reference.curved_cover.rays import measure_gaps
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import Pose
 from meshes.solids.facets import QUADRILATERAL, area_vectors, facet_shape, split_facet
 
-#: Parts of a facet's side at whose middles gaps are measured; even, so that no part crosses a kink of a hat [-].
+#: Number of parts along each side of a facet [-].  Gaps are measured at the middles of the parts.  The number is even,
+#: so that the lines on which the slope of a hat jumps run between the parts.
 _PARTS = 16
-#: Parts of a facet's side in the search for facets that can be touched [-].
+#: Number of parts along each side of a facet in the search for the facets that the indenter can touch [-].
 _SEARCH_PARTS = 6
-#: Number of Gauss points along each side of a quadrilateral, and polynomial order of the quadrature on triangles [-].
-_GAUSS, _ORDER = 4, 5
-#: Share of a hat below the indenter up to which it carries no force, and from which it counts as whole [-].
-_LEAST_SHARE, _WHOLE = 1e-3, 0.999
-#: Gap up to which a point counts fully, and from which it does not count, over the deepest overlap or the distance of
-#: the points, whichever is larger [-]: beside a contact the surface rises by less than the overlap.
-_NEAR, _FAR = 1.0, 2.0
+#: Part of the area of a hat that can touch the indenter, over its whole area, up to which the hat carries no force [-].
+_LEAST_SHARE = 1e-3
+#: Part of the area of a hat that lies below the indenter, over its whole area, below which the hat counts as cut by an
+#: edge of the indenter [-].
+_WHOLE = 0.999
+#: Gap up to which a point has its full weight in the mean gap of a hat [-].  It is divided by the deepest overlap, or
+#: by the distance of the points if that is larger.  Beside a contact the surface rises by less than the overlap.
+_NEAR = 1.0
+#: Gap from which a point has no weight in the mean gap of a hat, over the same length as `_NEAR` [-].
+_FAR = 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeanGaps:
     """Mean gaps under hats, or gaps at points, of a top with m nodes; one hat belongs to each node.
+
+    For gaps at points (`PointSampler`), m is the number of points except for the rows of `spread`.
 
     Attributes:
         gap: Mean distance to the indenter along the normals; inf where there is no pressure, shape (m,) [m].
@@ -48,6 +53,7 @@ class MeanGaps:
         is_cut: Whether a part of a hat lies beside the indenter, shape (m,).
         spread: Force on each node (row) per unit force of the pressure of each hat (column); the columns of hats with
             pressure sum to 1, shape (m, m) [-].
+        softness: Compliance of a spring between the indenter and each hat, shape (m,) [m/N]; 0 for rigid contact.
     """
 
     gap: FloatArray
@@ -66,34 +72,23 @@ class GapSampler:
         top: Top of the cover.
         indenter: The indenter.
         pose: Pose from which it moves without turning.
-        direction: Unit direction of the motion, shape (3,).
         farthest: Largest travel from the pose [m].
         deepest: Largest depth: an indenter less high than this passes points, which then still bear on it [m].
     """
 
-    def __init__(  # noqa: PLR0917
-        self,
-        top: FacetSurface,
-        indenter: Indenter,
-        pose: Pose,
-        direction: FloatArray,
-        farthest: float,
-        deepest: float = 0.0,
+    def __init__(
+        self, top: FacetSurface, indenter: Indenter, pose: Pose, farthest: float, deepest: float = 0.0
     ) -> None:
-        self._deepest = deepest
-        self._top, self._indenter, self._pose, self._direction = top, indenter, pose, direction
-        every = np.arange(len(top.facets))
-        self._place_points(every, _SEARCH_PARTS)
+        self._deepest, self._top, self._indenter, self._pose = deepest, top, indenter, pose
+        every, count = np.arange(len(top.facets)), top.facets.shape[1]
+        self._set_points(every, *_middles(count, _SEARCH_PARTS))
         reach = np.ptp(top.nodes[top.facets], axis=1).max(axis=1)
         near = (self._measure(farthest) < reach[:, None]).any(axis=1)
-        self._place_points(every[near], _PARTS)
+        self._set_points(every[near], *self._choose_points(count))
 
-    def _place_points(self, facets: IntArray, parts: int) -> None:
-        """Place points on some facets: positions, normals and areas."""
-        top = self._top
-        count = top.facets.shape[1]
-        place = split_facet(count, parts)[0]
-        self._set_points(facets, place, np.full(len(place), facet_area(count) / len(place)))
+    def _choose_points(self, nodes: int) -> tuple[FloatArray, FloatArray]:
+        """Return points and weights on a facet of 9 or 6 nodes."""
+        return _middles(nodes, _PARTS)
 
     def _set_points(self, facets: IntArray, place: FloatArray, weight: FloatArray) -> None:
         """Set the points of some facets from points and weights on the reference facet."""
@@ -106,11 +101,6 @@ class GapSampler:
         normals = np.einsum("qa,fac->fqc", self._shape, top.normals[self._cells], optimize=True)
         self._normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
 
-    @property
-    def nodes(self) -> IntArray:
-        """Nodes of the facets that can be touched, ascending, shape (w,)."""
-        return np.unique(self._cells)
-
     def spread_whole(self) -> sp.csc_matrix:
         """Compute the force on each node (row) per unit force of each hat (column) where nothing is cut off [-]."""
         area = np.bincount(self._cells.ravel(), (self._weight @ self._hat).ravel(), len(self._top.nodes))
@@ -120,10 +110,10 @@ class GapSampler:
     def _measure(self, travel: float) -> FloatArray:
         """Measure the gaps of all points along their normals; inf where these look away, shape (f, q) [m]."""
         points, normals = self._points.reshape(-1, 3), self._normals.reshape(-1, 3)
-        places = self._pose.points_to_indenter(points - travel * self._direction)
+        places = self._pose.points_to_indenter(points - travel * self._pose.towards)
         turned = self._pose.vectors_to_indenter(normals)
         gap = measure_gaps(self._indenter, places, turned, behind=self._deepest)
-        return np.where(normals @ self._direction < 0, gap, np.inf).reshape(self._weight.shape)
+        return np.where(normals @ self._pose.towards < 0, gap, np.inf).reshape(self._weight.shape)
 
     def at(self, travel: float) -> MeanGaps:
         """Compute the mean gaps after the indenter moved by a distance from its pose [m]."""
@@ -133,7 +123,7 @@ class GapSampler:
         height = np.where(covered, gap, 0.0)
         near = np.maximum(np.sqrt(self._weight), -float(gap.min(initial=0.0)))
         weight = self._weight * covered * np.clip((_FAR - height / near) / (_FAR - _NEAR), 0.0, 1.0)
-        rate = -(self._normals @ self._direction)
+        rate = -(self._normals @ self._pose.towards)
         whole, below, area, total, towards = (
             np.bincount(self._cells.ravel(), (each @ self._hat).ravel(), count)
             for each in (self._weight, self._weight * covered, weight, weight * height, weight * rate)
@@ -154,34 +144,14 @@ class GapSampler:
 class PointSampler(GapSampler):
     """Gauss points of the part of a top that an indenter can touch, each with a force of its own; see `GapSampler`.
 
-    Args:
-        top: Top of the cover.
-        indenter: The indenter.
-        pose: Pose from which it moves without turning.
-        direction: Unit direction of the motion, shape (3,).
-        farthest: Largest travel from the pose [m].
-        deepest: Largest depth [m].
+    Attributes:
         penalty: Pressure per penetration [Pa/m].
     """
 
-    def __init__(  # noqa: PLR0917
-        self,
-        top: FacetSurface,
-        indenter: Indenter,
-        pose: Pose,
-        direction: FloatArray,
-        farthest: float,
-        deepest: float,
-        penalty: float,
-    ) -> None:
-        super().__init__(top, indenter, pose, direction, farthest, deepest)
-        self._penalty = penalty
+    penalty: float
 
-    def _place_points(self, facets: IntArray, parts: int) -> None:
-        if parts == _SEARCH_PARTS:
-            super()._place_points(facets, parts)
-        else:
-            self._set_points(facets, *gauss_points(self._top.facets.shape[1]))
+    def _choose_points(self, nodes: int) -> tuple[FloatArray, FloatArray]:
+        return quadrature(nodes)
 
     def at(self, travel: float) -> MeanGaps:
         """Compute the gaps of the points after the indenter moved by a distance from its pose [m]."""
@@ -191,12 +161,12 @@ class PointSampler(GapSampler):
         pointer = np.arange(len(weight) + 1) * self._cells.shape[1]
         return MeanGaps(
             gap=self._measure(travel).ravel(),
-            rate=-(self._normals @ self._direction).ravel(),
+            rate=-(self._normals @ self._pose.towards).ravel(),
             area=weight,
             whole=weight,
             is_cut=np.zeros(len(weight), dtype=bool),
             spread=sp.csc_matrix((values, rows, pointer), shape=(len(self._top.nodes), len(weight))),
-            softness=1 / (self._penalty * weight),
+            softness=1 / (self.penalty * weight),
         )
 
 
@@ -220,26 +190,17 @@ def _assemble_spread(
 def spread_hats(top: FacetSurface) -> sp.csc_matrix:
     """Compute the force on each node (row) per unit force of the pressure of each hat (column), shape (m, m) [-]."""
     count = top.facets.shape[1]
-    place = split_facet(count, _PARTS)[0]
-    weight = np.linalg.norm(area_vectors(top.nodes, top.facets, place), axis=2) * facet_area(count) / len(place)
+    place, share = _middles(count, _PARTS)
+    weight = np.linalg.norm(area_vectors(top.nodes, top.facets, place), axis=2) * share
     hat = evaluate_hats(count, place)
     area = np.asarray(np.bincount(top.facets.ravel(), (weight @ hat).ravel(), len(top.nodes)), dtype=float)
     return _assemble_spread(top.facets, facet_shape(count, place), hat, weight, area)
 
 
-def gauss_points(nodes: int) -> tuple[FloatArray, FloatArray]:
-    """Return points, shape (q, 2), and weights, shape (q,), of a quadrature on a facet of 9 or 6 nodes."""
-    if nodes == QUADRILATERAL:
-        line, weights = np.polynomial.legendre.leggauss(_GAUSS)
-        v, u = np.meshgrid(line, line, indexing="ij")
-        return np.column_stack([u.ravel(), v.ravel()]), np.outer(weights, weights).ravel()
-    place, weight = skfem.quadrature.get_quadrature(skfem.ElementTriP2(), _ORDER)
-    return np.ascontiguousarray(place.T), np.asarray(weight, dtype=float)
-
-
-def facet_area(nodes: int) -> float:
-    """Return the area of the reference facet [-]."""
-    return 4.0 if nodes == QUADRILATERAL else 0.5
+def _middles(nodes: int, parts: int) -> tuple[FloatArray, FloatArray]:
+    """Return the middles of equal parts of a facet, shape (q, 2), and their areas, shape (q,) [-]."""
+    place = split_facet(nodes, parts)[0]
+    return place, np.full(len(place), (4.0 if nodes == QUADRILATERAL else 0.5) / len(place))
 
 
 def evaluate_hats(nodes: int, place: FloatArray) -> FloatArray:

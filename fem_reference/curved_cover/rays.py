@@ -1,15 +1,29 @@
-"""Distance along lines to a rigid indenter, from its convex solids."""
+"""Distance along lines to a rigid indenter, from its convex solids, and its way to the first touch of a top."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from fem_reference.curved_cover.facet_surface import FacetSurface
 from meshes import Indenter, Primitive
 from meshes.array_types import FloatArray
+from meshes.pose import Pose
+from meshes.solids.facets import QUADRILATERAL, facet_shape, split_facet
 
 #: Component of a unit direction below which a line counts as parallel to a plane [-].
 _PARALLEL = 1e-14
+#: Number of parts along each side of a facet in the first stage of the search for the first touch [-].  The distance to
+#: the indenter is measured at the middles of the parts.
+_PARTS = 6
+#: Number of facets with the smallest distances on which the search goes on [-].
+_FACETS = 4
+#: Number of points along each side of a square of reference coordinates in the search on a facet [-].
+_POINTS = 9
+#: Number of successively smaller squares in the search on a facet [-].
+_SEARCHES = 6
+#: Half the side of the next smaller square, over the distance of the points in the present square [-].
+_ZOOM = 1.5
 
 
 def measure_gaps(indenter: Indenter, points: FloatArray, directions: FloatArray, *, behind: float = 0.0) -> FloatArray:
@@ -98,3 +112,66 @@ def _rotation(quaternion: tuple[float, float, float, float]) -> FloatArray:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def find_touch(top: FacetSurface, indenter: Indenter, pose: Pose) -> float:
+    """Find how far an indenter moves from its pose until it touches the undeformed top.
+
+    Only the part of the top that looks against the direction can be touched.
+
+    Returns:
+        Distance; negative if the indenter overlaps the top in its pose, inf if it never touches [m].
+    """
+    middle, area, _ = top.split(_PARTS)
+    place = split_facet(top.facets.shape[1], _PARTS)[0]
+    distance = _measure_travel(middle.reshape(-1, 3), area.reshape(-1, 3), indenter, pose)
+    each = distance.reshape(middle.shape[:2])
+    if not np.isfinite(each).any():
+        return float("inf")
+    best = float(each.min())
+    for facet in np.argsort(each.min(axis=1))[:_FACETS]:
+        if np.isfinite(each[facet].min()):
+            start = place[np.argmin(each[facet])]
+            best = min(best, _search_facet(top, int(facet), start, indenter, pose))
+    return best
+
+
+def explain_miss(top: FacetSurface, pose: Pose) -> str:
+    """Say why an indenter does not touch: it passes between the points of the top that are searched, or beside it."""
+    facing = np.flatnonzero(top.normals @ pose.towards < 0)
+    beside = np.linalg.norm(np.cross(top.nodes[facing] - pose.position, pose.towards), axis=1)
+    spacing = float(np.sqrt(np.linalg.norm(top.split(1)[1], axis=2).mean()))
+    if beside.min(initial=np.inf) <= spacing:
+        return (
+            "the indenter is too small for this mesh: it passes between points of the elements, "
+            f"{1e3 * spacing:.2g} mm wide; use a wider indenter or smaller elements"
+        )
+    return "the indenter never touches the cover; check its position and direction"
+
+
+def _search_facet(top: FacetSurface, facet: int, start: FloatArray, indenter: Indenter, pose: Pose) -> float:
+    """Find the smallest travel on one facet by searches in smaller and smaller squares of reference coordinates."""
+    count = top.facets.shape[1]
+    square = count == QUADRILATERAL
+    low, high = (-1.0, 1.0) if square else (0.0, 1.0)
+    half, best = 2.0 / _PARTS, np.inf
+    for _ in range(_SEARCHES):
+        u, v = (np.clip(np.linspace(c - half, c + half, _POINTS), low, high) for c in start)
+        place = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+        if not square:
+            place = place[place.sum(axis=1) <= 1]
+        points = facet_shape(count, place) @ top.nodes[top.facets[facet]]
+        found = _measure_travel(points, np.broadcast_to(-pose.towards, points.shape), indenter, pose)
+        if found.min() < best:
+            best, start = float(found.min()), place[np.argmin(found)]
+        half *= _ZOOM / ((_POINTS - 1) / 2)
+    return best
+
+
+def _measure_travel(points: FloatArray, normals: FloatArray, indenter: Indenter, pose: Pose) -> FloatArray:
+    """Measure how far the indenter moves until it meets each of k points; inf where normals look away."""
+    back = np.broadcast_to(pose.vectors_to_indenter(-pose.towards), points.shape)
+    # Start far behind the points, so that an indenter that has passed a point is found too.
+    far = float(np.ptp(points, axis=0).max()) * 2 + float(np.linalg.norm(pose.position - points.mean(axis=0)))
+    found = measure_gaps(indenter, pose.points_to_indenter(points) - far * back, back) - far
+    return np.where(normals @ pose.towards < 0, found, np.inf)

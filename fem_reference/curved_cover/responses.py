@@ -183,7 +183,7 @@ class TexelResponses:
 
 
 def texel_responses(
-    meshes: SolidMesh | Sequence[SolidMesh],
+    meshes: Sequence[SolidMesh],
     texels: TexelArray,
     material: Material,
     *,
@@ -192,7 +192,7 @@ def texel_responses(
     """Solve for the force on every texel per unit force anywhere on the top, or read it from the store of results.
 
     Args:
-        meshes: Mesh of the cover, or two or three meshes of it from coarse to fine for an error estimate.
+        meshes: One mesh of the cover, or two or three from coarse to fine for an error estimate.
         texels: Texels on the base of the meshes.
         material: Material; hyperelastic materials are linearised at zero load.
         progress: Called with a line of text before each solution.
@@ -200,21 +200,21 @@ def texel_responses(
     Raises:
         ValueError: If a mesh cannot be used or a texel is not on the base, with one line per fault.
     """
-    every = check_meshes(meshes)
+    check_meshes(meshes)
     grids = []
-    for mesh in every:
+    for mesh in meshes:
         check_texels(mesh, texels)
         places = {"centres": texels.centres, "normals": texels.normals, "size": texels.texel_size}
 
-        def compute(mesh: SolidMesh = mesh) -> dict[str, FloatArray]:
+        def compute(mesh: SolidMesh = mesh) -> FloatArray:
             solid = build_solid(mesh, material)
             if progress is not None:
                 progress(f"{texels.count} texels, {solid.unknowns} unknowns")
-            return {"influence": solve_texels(solid, texels)}
+            return solve_texels(solid, texels)
 
         inputs = {"mesh": mesh.digest, "texels": places, "material": material}
-        found = result_store.fetch("curved-responses", inputs, compute)
-        grids.append(GridResponse(mesh=mesh, top=find_top(mesh), influence=found["influence"]))
+        influence = result_store.fetch("curved-responses", inputs, compute)
+        grids.append(GridResponse(mesh=mesh, top=find_top(mesh), influence=influence))
     return TexelResponses(texels=texels, material=material, grids=tuple(grids))
 
 
@@ -288,21 +288,19 @@ def estimate_error(values: npt.ArrayLike, meshes: Sequence[SolidMesh], *, least:
     return field_convergence(values, sizes, least=least)
 
 
-def check_meshes(meshes: SolidMesh | Sequence[SolidMesh]) -> tuple[SolidMesh, ...]:
+def check_meshes(meshes: Sequence[SolidMesh]) -> None:
     """Check the quality of one to three meshes and that they are given from coarse to fine.
 
     Raises:
         ValueError: If a mesh cannot be used, with one line per fault, or the order or number is wrong.
     """
-    every = (meshes,) if isinstance(meshes, SolidMesh) else tuple(meshes)
-    if not 1 <= len(every) <= 3:  # noqa: PLR2004
-        raise ValueError(f"give one, two or three meshes of a cover, not {len(every)}")
-    counts = [len(mesh.cells) for mesh in every]
+    if not 1 <= len(meshes) <= 3:  # noqa: PLR2004
+        raise ValueError(f"give one, two or three meshes of a cover, not {len(meshes)}")
+    counts = [len(mesh.cells) for mesh in meshes]
     if sorted(set(counts)) != counts:
         raise ValueError(f"give the meshes from coarse to fine, not with {counts} elements")
-    for mesh in every:
+    for mesh in meshes:
         check_quality(mesh).require()
-    return every
 
 
 @lru_cache(maxsize=3)

@@ -262,17 +262,29 @@ class Pattern:
     """
 
     def __init__(self, elements: MixedElements) -> None:
-        rows = np.concatenate([elements.unknowns, elements.pressure_cells + elements.displacements], axis=1)
-        self._split = elements.unknowns.shape[1]
-        self._block = (len(rows), rows.shape[1], rows.shape[1])
-        size = elements.displacements + elements.pressures
-        i = np.broadcast_to(rows[:, :, None], self._block).ravel()
-        j = np.broadcast_to(rows[:, None, :], self._block).ravel()
+        d, nodes, size = elements.dimension, len(elements.nodes), elements.displacements + elements.pressures
+        self._split, self._shape = elements.unknowns.shape[1], (size, size)
+        # Points are displacement nodes with d unknowns each, then pressure unknowns.  Pairs of points are far fewer
+        # than pairs of unknowns.
+        points = np.concatenate([elements.cells, elements.pressure_cells + nodes], axis=1)
+        count = nodes + elements.pressures
+        width = np.where(np.arange(count) < nodes, d, 1)
+        first = np.cumsum(width) - width
+        pairs = points[:, :, None] * count + points[:, None, :]
         # With `return_index`, numpy sorts by merging, which takes half the time on these partly sorted keys.
-        keys, _, self._slot = np.unique(i * size + j, return_index=True, return_inverse=True)
-        pointer = np.searchsorted(keys // size, np.arange(size + 1))
-        self._shape = (size, size)
-        self._index = (keys % size).astype(np.int32), pointer.astype(np.int32)
+        keys, _, slot = np.unique(pairs, return_index=True, return_inverse=True)
+        row, column = np.divmod(keys, count)
+        before = np.cumsum(width[column]) - width[column]
+        along = before - before[np.searchsorted(row, np.arange(count))][row]  # entries of the row before the pair
+        length = np.bincount(row, width[column], minlength=count).astype(np.int64)
+        pointer = np.concatenate([[0], np.cumsum(np.repeat(length, width))])
+        local = np.repeat(np.arange(points.shape[1]), width[points[0]])  # point of each unknown of an element
+        component = np.arange(len(local)) - np.searchsorted(local, local)
+        place = (pointer[first[row]] + along)[slot.reshape(pairs.shape)][:, local][:, :, local]
+        self._slot = place + component[:, None] * length[points[:, local]][:, :, None] + component
+        index = np.empty(pointer[-1], dtype=np.int32)
+        index[self._slot] = (first[points[:, local]] + component)[:, None, :]
+        self._index = index, pointer.astype(np.int32)
 
     def assemble(self, stiff: FloatArray, couple: FloatArray, volume: FloatArray) -> sp.csr_matrix:
         """Sum the matrices of e elements into the global symmetric matrix.
@@ -286,13 +298,13 @@ class Pattern:
             Matrix over all displacement unknowns, then all pressure unknowns.
         """
         n = self._split
-        block = np.empty(self._block)
+        block = np.empty(self._slot.shape)
         block[:, :n, :n] = stiff
         block[:, :n, n:] = couple
         block[:, n:, :n] = couple.transpose(0, 2, 1)
         block[:, n:, n:] = volume
         index, pointer = self._index
-        data = np.bincount(self._slot, block.ravel(), minlength=len(index))
+        data = np.bincount(self._slot.ravel(), block.ravel(), minlength=len(index))
         return sp.csr_matrix((data, index.copy(), pointer.copy()), shape=self._shape)
 
 

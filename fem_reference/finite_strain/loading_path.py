@@ -127,6 +127,11 @@ def choose_load_scale(cover: Cover) -> float:
     return _SMALL_STRAIN_SCALE if cover.small_strain_only else 1.0
 
 
+def name_part(progress: Progress, part: str) -> Progress:
+    """Wrap a progress callback so that each line begins with the name of a part of the computation."""
+    return None if progress is None else lambda text: progress(f"{part}: {text}")
+
+
 def name_grid(progress: Progress, count: int) -> Progress:
     """Wrap a progress callback so that each line begins with the number of elements through the cover."""
-    return None if progress is None else lambda text: progress(f"{count} elements through the cover: {text}")
+    return name_part(progress, f"{count} elements through the cover")

@@ -1,14 +1,10 @@
-"""The result of a press, the same for covers of every kind, and how it is kept in the store."""
+"""The result of a press, the same for covers of every kind."""
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from meshes.array_types import FloatArray
 
@@ -86,40 +82,6 @@ class Indentation:
     warnings: tuple[str, ...]
     seconds: float = 0.0
     grid_values: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-
-    def pack(self) -> dict[str, Any]:
-        """Return the result as arrays for the store; mesh and fields are left out."""
-        values = {each.name: getattr(self, each.name) for each in fields(self) if each.name not in {"mesh", "fields"}}
-        arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray | float)}
-        rest = {name: _hide_nan(value) for name, value in values.items() if name not in arrays and value is not None}
-        return {**arrays, "rest": np.array(json.dumps(rest))}
-
-    @classmethod
-    def unpack(cls, stored: Mapping[str, Any], *, mesh: SolidMesh | None) -> Indentation:
-        """Return the result that `pack` turned to arrays.
-
-        Args:
-            stored: The arrays by name.
-            mesh: The mesh that was left out.
-        """
-        values: dict[str, Any] = {
-            name: each if each.ndim else float(each) for name, each in stored.items() if name != "rest"
-        }
-        for name, value in json.loads(str(stored["rest"])).items():
-            values[name] = tuple(value) if isinstance(value, list) else _restore_nan(value)
-        return cls(mesh=mesh, **values)
-
-
-def _hide_nan(value: Any) -> Any:  # noqa: ANN401 -- JSON
-    """Return a mapping with null for NaN, which JSON does not have."""
-    if not isinstance(value, Mapping):
-        return value
-    return {name: None if isinstance(each, float) and math.isnan(each) else each for name, each in value.items()}
-
-
-def _restore_nan(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a mapping with NaN for null."""
-    return {name: math.nan if value is None else value for name, value in values.items()}
 
 
 def warn_of_errors(errors: Mapping[str, float]) -> tuple[str, ...]:

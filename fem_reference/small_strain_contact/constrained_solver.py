@@ -31,9 +31,10 @@ from meshes.array_types import BoolArray, FloatArray
 class ActiveSetSettings:
     """Limits and tolerances of the active set and of its conjugate gradients."""
 
-    #: Largest number of exchanges of cells [-].
+    #: Largest number of changes of the set of cells in contact [-].
     exchanges: int = 400
-    #: Largest number of exchanges of all wrong cells in a row without a new minimum of their number [-].
+    #: Largest number of successive changes in which all wrong cells enter or leave the contact without a new minimum
+    #: of the number of wrong cells [-].  After that only one cell changes at a time.
     patience: int = 10
     #: Overlap at a cell, over the largest penetration of the undeformed surface, below which the cell is free of
     #: overlap [-].
@@ -42,8 +43,8 @@ class ActiveSetSettings:
     iterations: int = 1000
     #: Norm of the residual displacement over that of the given displacement at which the iteration stops [-].
     residual: float = 1e-8
-    #: The same norm while the set of cells in contact changes: a wrong sign of a pressure then costs only an exchange
-    #: [-].
+    #: Norm of the residual displacement over that of the given displacement at which the iteration stops while the set
+    #: of cells in contact still changes [-].  A pressure of the wrong sign then costs only one more change of the set.
     loose_residual: float = 1e-4
     #: Smallest value of the spectrum of the compliance in the preconditioner, over its largest value [-].
     spectrum_floor: float = 1e-6
@@ -52,6 +53,34 @@ class ActiveSetSettings:
 
 
 _SETTINGS = ActiveSetSettings()
+
+
+class Exchange:
+    """Choice of the unknowns that enter or leave the contact in one step of the pivoting.
+
+    Args:
+        count: Number of unknowns.
+        patience: Largest number of exchanges of all wrong unknowns in a row without a new minimum of their number.
+
+    Attributes:
+        fewest: Smallest number of wrong unknowns so far.
+        is_single: Whether the last choice was one unknown, because exchanges of all did not make the wrong ones fewer.
+    """
+
+    def __init__(self, count: int, patience: int) -> None:
+        self.fewest, self._most, self._patience, self.is_single = count + 1, patience, patience, False
+
+    def choose(self, wrong: BoolArray) -> BoolArray:
+        """Return all wrong unknowns; only the last of them where exchanges of all do not make them fewer."""
+        count, self.is_single = int(wrong.sum()), False
+        if count < self.fewest:
+            self.fewest, self._patience = count, self._most
+        elif self._patience > 0:
+            self._patience -= 1
+        else:
+            self.is_single = True
+            wrong.flat[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last one alone cannot cycle (Murty 1974)
+        return wrong
 
 
 class ComplianceOperator:
@@ -139,7 +168,7 @@ def find_pressures(
     gap = np.where(allowed, gap, 0.0)
     columns = np.zeros((0, *gap.shape)) if columns is None else columns
     sums = np.zeros(0) if sums is None else sums
-    fewest, patience = gap.size + 1, _SETTINGS.patience
+    exchange = Exchange(gap.size, _SETTINGS.patience)
     system, residual = _Touching(compliance, gap, columns, sums), _SETTINGS.loose_residual
     for _ in range(_SETTINGS.exchanges):
         pressure, motion = system.solve(touching, residual)
@@ -152,19 +181,13 @@ def find_pressures(
         deepest = max(0.0, -float(remaining[allowed].min()))
         wrong = (touching & (pressure < 0)) | (allowed & ~touching & (overlap < -_SETTINGS.negligible * deepest))
         count = int(wrong.sum())
-        if residual > _SETTINGS.residual and (count == 0 or count >= fewest):
-            residual, fewest = _SETTINGS.residual, gap.size + 1
+        if residual > _SETTINGS.residual and (count == 0 or count >= exchange.fewest):
+            residual, exchange = _SETTINGS.residual, Exchange(gap.size, _SETTINGS.patience)
             continue
         if count == 0:
             system.check_balance(pressure)
             return pressure, motion
-        if count < fewest:
-            fewest, patience = count, _SETTINGS.patience
-        elif patience > 0:
-            patience -= 1
-        else:
-            wrong.flat[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last cell alone cannot cycle (Murty 1974)
-        touching = touching ^ wrong
+        touching = touching ^ exchange.choose(wrong)
     raise ConvergenceError(f"the contact did not settle in {_SETTINGS.exchanges} exchanges on {gap.shape} cells")
 
 

@@ -55,7 +55,7 @@ def solve_tube(ratio, poisson_ratio, *, elements=0.8e-3, layers=5):
     normals = np.stack([np.sin(at), 0 * at, np.cos(at)], axis=1)
     size = (2 * radius * np.sin(0.4 * pitch), 2e-3)
     mesh = mesh_tube(radius, elements=elements, layers=layers)
-    response = texel_responses(mesh, texels_of(radius * normals, normals, size), rubber(poisson_ratio))
+    response = texel_responses([mesh], texels_of(radius * normals, normals, size), rubber(poisson_ratio))
 
     def profile(angle):
         return PRESSURE * np.cos(np.pi / 2 * np.minimum(np.abs(angle) / half_width, 1)) ** 2
@@ -97,7 +97,7 @@ def solve_sphere(ratio, poisson_ratio):
     normals = np.stack([np.sin(at), 0 * at, np.cos(at)], axis=1)
     size = (1.8e-3, 1.8e-3)
     response = texel_responses(
-        mesh,
+        [mesh],
         texels_of(radius * normals, normals, size),
         rubber(poisson_ratio),
     )

@@ -19,7 +19,7 @@ import tomli_w
 from pydantic import Field
 
 from fastmodel import METHODS
-from fastmodel.signal.electronics import TEXEL_FORCE, WHITE, WTS_0614_34, grey_levels
+from fastmodel.signal.electronics import TEXEL_FORCE, WTS_0614_34, grey_levels
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from validation.calibration.forward_fit import ForwardFit, Options, compute_forces, fit_forward
@@ -42,8 +42,10 @@ from validation.calibration.uncertainty import (
 )
 from validation.data_sets.data_set import describe_files
 from validation.data_sets.images import Image, observe, read_images
+from validation.data_sets.score import fit_polynomials
 from validation.errors import InputError, nearest
 from validation.extras import require
+from validation.metrics import score_images
 from validation.output_folder import write_text
 from validation.parameters import find_parameters
 from validation.recordings.importing import list_modules
@@ -333,10 +335,17 @@ def _list_poses(fit: ForwardFit, uncertainty: Uncertainty) -> dict[str, dict[str
 
 
 def _fit_polynomial(fit: ForwardFit, mean: float) -> FloatArray | None:
-    """Fit the polynomial of degree 5 from texel force to counts, with the gains of the line and below saturation.
+    """Fit a polynomial of degree 5 from the force on a texel to its counts, over all texels and images.
+
+    Counts are divided by the ratio of the texel's gain to the mean gain.  The gains are those that were fitted together
+    with a straight characteristic.  Counts of zero and counts in saturation are left out.
+
+    Args:
+        fit: The fit of the straight characteristic, with saturation if the data show it.
+        mean: Mean of the fitted gains [-].
 
     Returns:
-        Coefficients of ascending powers, shape (6,) [counts/N^k]; None for fewer than seven loads.
+        Coefficients of powers k = 0..5 of the force, shape (6,) [counts/N^k]; None for fewer than seven loads.
     """
     seen, curve = fit.observations, fit.curve
     if len(np.unique(seen.loads)) < NUMBERS.degree + 2:
@@ -371,9 +380,9 @@ def score_hold_out(fit: ForwardFit, full_scale: float) -> HoldOut | None:
 
     def compare(counts: FloatArray) -> float:
         """Return the mean over images of the image changed [%]."""
-        grey = [np.asarray(grey_levels(each, full_scale), dtype=np.float64) for each in (held.counts, counts)]
-        changes = [100 * np.abs(a - b)[lit].mean() / WHITE for a, b, lit in zip(*grey, held.measured, strict=True)]
-        return float(np.mean(changes))
+        grey = (grey_levels(each, full_scale) for each in (held.counts, counts))
+        pairs = zip(*grey, held.measured, strict=True)
+        return float(np.mean([score_images(a, b, active=lit).image_changed_percent for a, b, lit in pairs]))
 
     return HoldOut(
         recordings=tuple(dict.fromkeys(held.groups)),
@@ -410,9 +419,8 @@ def _predict_by_line(kept: Observations, held: Observations) -> FloatArray | Non
         near = kept.select(np.array([each.name == name for each in kept.placements]))
         if len(np.unique(near.loads)) < NUMBERS.fewest_loads:
             return None
-        terms = np.column_stack([np.ones_like(near.loads), near.loads])
-        coefficients = np.linalg.lstsq(terms, near.counts, rcond=None)[0]
-        line[rows] = np.maximum(np.column_stack([np.ones(rows.sum()), held.loads[rows]]) @ coefficients, 0.0)
+        predict = fit_polynomials(near, None, np.inf, degree=1)
+        line[rows] = [predict(load, np.nan) for load in held.loads[rows]]
     return line
 
 

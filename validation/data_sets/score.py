@@ -44,12 +44,6 @@ Predictor = Callable[[float, float], FloatArray]
 NullModel = Callable[[Observations, Observations | None, float], Predictor]
 
 
-def fit_zeros(fitted: Observations, placed: Observations | None, output_max: float) -> Predictor:  # noqa: ARG001
-    """Return a predictor that gives zero counts for every texel under every load."""
-    empty = np.zeros(fitted.counts.shape[1])
-    return lambda _load, _temperature: empty
-
-
 def fit_pattern(fitted: Observations, placed: Observations | None, output_max: float) -> Predictor:
     """Return a predictor that multiplies a mean image by a quadratic in the load, fitted to the sizes of the images.
 
@@ -60,10 +54,9 @@ def fit_pattern(fitted: Observations, placed: Observations | None, output_max: f
     degree = min(2, len(np.unique(fitted.loads)) - 1)
     curve = np.polynomial.Polynomial.fit(fitted.loads, size, degree)
     if placed is not None:
-        ratio = placed.counts.sum() / max(float(sum(curve(load) for load in placed.loads)) * pattern.sum(), 1e-9)
-        pattern = (
-            placed.counts.mean(axis=0) / max(float(placed.counts.mean(axis=0).sum()), 1e-9) * pattern.sum() * ratio
-        )
+        mean, predicted = placed.counts.mean(axis=0), float(sum(curve(load) for load in placed.loads)) * pattern.sum()
+        ratio = placed.counts.sum() / max(predicted, 1e-9)
+        pattern = mean / max(float(mean.sum()), 1e-9) * pattern.sum() * ratio
     return lambda load, _temperature: np.clip(float(curve(load)) * pattern, 0.0, output_max)
 
 
@@ -108,7 +101,7 @@ def fit_heaviest(fitted: Observations, placed: Observations | None, output_max: 
 #: Null models by name.
 NULLS: Mapping[str, NullModel] = MappingProxyType(
     {
-        "zeros": fit_zeros,
+        "zeros": lambda fitted, _placed, _most: lambda _load, _temperature: np.zeros(fitted.counts.shape[1]),
         "mean pattern x load curve": fit_pattern,
         "quadratic per texel": partial(fit_polynomials, degree=2),
         "line per texel": partial(fit_polynomials, degree=1),
@@ -167,7 +160,7 @@ def score_recordings(
             table.add_nulls()
             table.add_repeats()
             for name, method in methods.items():
-                say(f"{split.about}: {name}")
+                say(f"{split.about or split.name}: {name}")
                 table.add_model(name, method)
         except InputError as error:
             problems += error.faults
@@ -182,7 +175,7 @@ def score_recordings(
         rows=tuple(row for table in tables for row in table.rows),
         examples=tuple(table.example for table in tables),
         about={name: method.about for name, method in methods.items()}
-        | {table.split.name: table.split.about for table in tables},
+        | {table.split.name: table.split.about or table.split.name for table in tables},
         notes={table.split.name: (compare_with_nulls(table.rows), *table.notes) for table in tables},
         files={image.file.name: image.sha256 for image in images},
         noise=float(np.sqrt(np.mean([image.noise**2 for image in images]))),
@@ -384,20 +377,18 @@ def _check_sides(split: SplitTable, fitted: Sequence[Image], placed: Sequence[Im
     Raises:
         InputError: With the fault.
     """
-    where = f"split {split.name!r}"
-    for side, found, needed in (("fit", fitted, True), ("place", placed, bool(split.place)), ("score", scored, True)):
-        if needed and not found:
-            raise InputError(f"{where}: no usable recording to {side}; it is left out")
-    seen = {image.sha256 for image in fitted}
-    for image in placed:
-        if image.sha256 in seen:
-            raise InputError(
-                f"{where}: {image.file.name} is fitted and placed; expected one of the two; it is left out"
-            )
-    seen |= {image.sha256 for image in placed}
-    both = sorted({image.file.name for image in scored if image.sha256 in seen})
-    if both:
-        raise InputError(
-            f"{where}: {', '.join(both[:3])}{' and others' if both[3:] else ''} would be scored, and is fitted or "
-            "placed too; a recording that was fitted is never scored; it is left out"
+    fault = ""
+    for side, found in (("score", scored), ("place", placed), ("fit", fitted)):
+        if not found and (side != "place" or split.place):
+            fault = f"no usable recording to {side}"
+    names = {image.sha256: image.file.name for image in (*scored, *placed)}
+    of_fit, of_place, of_score = ({image.sha256 for image in side} for side in (fitted, placed, scored))
+    if not fault and (both := of_fit & of_place):
+        fault = f"{names[both.pop()]} is fitted and placed; expected one of the two"
+    if not fault and (seen := sorted({names[each] for each in of_score & (of_fit | of_place)})):
+        fault = (
+            f"{', '.join(seen[:3])}{' and others' if seen[3:] else ''} would be scored, and is fitted or placed too; a "
+            "recording that was fitted is never scored"
         )
+    if fault:
+        raise InputError(f"split {split.name!r}: {fault}; it is left out")

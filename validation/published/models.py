@@ -24,7 +24,7 @@ from validation.published.scene import Forces, Scene, Values, make_scene
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from fem_reference.closed_form.influence import TexelResponse
+    from fem_reference.closed_form.layer import TexelResponse
     from fem_reference.indentation.result import Indentation
 
 #: Calibration presses: name, indenter, load, and position of its axis from the array's centre over the pitch.
@@ -165,7 +165,7 @@ def prepare_models(
     """
     if not parameters.array.regular or cover.size is not None:
         return None
-    from fem_reference.closed_form.influence import tabulate_texel_response
+    from fem_reference.closed_form.layer import tabulate_texel_response
 
     tell = progress or (lambda _: None)
     response = tabulate_texel_response(cover, parameters.array.texel_size)

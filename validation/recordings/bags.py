@@ -23,8 +23,9 @@ import numpy as np
 from meshes.array import MOST_TEXELS
 from meshes.bounded_file import LIMITS, format_size
 from validation.extras import MissingExtraError
-from validation.recordings.labels import MOST_ARRAYS, MOST_FULL_SCALE
 from validation.recordings.recording import (
+    MOST_ARRAYS,
+    MOST_FULL_SCALE,
     NANOSECOND,
     Budget,
     CountArray,

@@ -18,7 +18,7 @@ import bz2
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NoReturn
@@ -39,8 +39,6 @@ from validation.recordings.recording import (
 )
 
 FrameArray = npt.NDArray[np.int16]
-#: Function that raises a `RecordingError`: path of the file, place in the file and the given text.
-Fail = Callable[[str], NoReturn]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,11 +83,11 @@ _NUMBER = re.compile(r"[+-]?[0-9]{1,15}(\.[0-9]{0,15})?([eE][+-]?[0-9]{1,2})?")
 #: A millimetre [m] and a millisecond [s].
 _MILLIMETRE, _MILLISECOND = 1e-3, 1e-3
 
-#: Required child elements of each XML element, by the path of the parent.  Elements in `_COUNT_OF` may occur any number
-#: of times, the others exactly once.
+#: Child elements of each XML element, by the path of the parent; all are required but those in `_OPTIONAL`.  Elements
+#: in `_COUNT_OF` may occur any number of times, the others exactly once.
 _SCHEMA: Mapping[str, tuple[str, ...]] = {
     "": ("root",),
-    "root": ("sensor", "data"),
+    "root": ("sensor", "data", "temperatures", "joint_angles"),
     "root/sensor": ("generated_by", "hw_revision", "serial_nr", "num_matrices", "converter_resolution", "matrix"),
     "root/sensor/matrix": (
         *("cells_x", "cells_y", "texel_width", "texel_height", "static_mask", "dynamic_mask"),
@@ -103,8 +101,7 @@ _SCHEMA: Mapping[str, tuple[str, ...]] = {
     "root/joint_angles": ("angle_count", "angle"),
     "root/joint_angles/angle": ("time_stamp", "angle_data"),
 }
-#: Optional child elements of XML elements, by the path of the parent.
-_OPTIONAL: Mapping[str, tuple[str, ...]] = {"root": ("temperatures", "joint_angles")}
+_OPTIONAL = ("temperatures", "joint_angles")
 #: For each XML element that may be repeated, the element that states the number of repetitions.  Repeated elements
 #: have an attribute `index`.
 _COUNT_OF = {"matrix": "num_matrices", "frame": "frame_count", "temp": "temp_count", "angle": "angle_count"}
@@ -158,17 +155,19 @@ class _Reader:
         self._expat.StartElementHandler = self._start_element
         self._expat.EndElementHandler = self._end_element
         self._expat.CharacterDataHandler = self._add_text
-        self._expat.StartDoctypeDeclHandler = self._refuse_declaration
-        self._expat.ProcessingInstructionHandler = self._refuse_declaration
+        self._expat.StartDoctypeDeclHandler = self._expat.ProcessingInstructionHandler = self._refuse_declaration
 
     def read(self) -> Recording:
         """Read the whole file."""
-        for piece in unpack_bzip2(self._path, limit=LIMITS.xml_bytes):
-            self._markup_bytes += len(piece)
-            self._parse(piece, final=False)
-            if self._markup_bytes > LIMITS.markup_bytes:
-                self._fail(f"more than {LIMITS.markup_bytes} bytes of XML without a tag or text")
-        self._parse(b"", final=True)
+        try:
+            for piece in self._unpack():
+                self._markup_bytes += len(piece)
+                self._expat.Parse(piece)
+                if self._markup_bytes > LIMITS.markup_bytes:
+                    self._fail(f"more than {LIMITS.markup_bytes} bytes of XML without a tag or text")
+            self._expat.Parse(b"", True)  # noqa: FBT003 -- the end, by its place alone
+        except expat.ExpatError as error:
+            self._fail(f"no well-formed XML: {expat.errors.messages[error.code]}")
         if not self._frames:
             self._fail("no frames; expected at least one")
         first = self._stamps["frame"][0]
@@ -178,7 +177,7 @@ class _Reader:
             self._fail(f"time stamp {first} ms; expected milliseconds since 1970")
         frames, temperatures = ((np.array(stamps, dtype=float) - first) for stamps in self._stamps.values())
         ends = np.cumsum([array.texels.count for array in self._arrays])
-        parts = np.split(np.stack(self._frames), ends[:-1], axis=1)
+        counts = np.split(np.stack(self._frames).astype(np.int32), ends[:-1], axis=1)
         digest = hash_contents(self._path)
         return Recording(
             path=self._path,
@@ -186,9 +185,7 @@ class _Reader:
             serial=self._serial,
             started=started,
             times=frames * _MILLISECOND,
-            arrays=tuple(
-                replace(array, counts=part.astype(np.int32)) for array, part in zip(self._arrays, parts, strict=True)
-            ),
+            arrays=tuple(replace(array, counts=part) for array, part in zip(self._arrays, counts, strict=True)),
             temperatures=np.array(self._temperatures or np.empty((0, 0)), dtype=float),
             temperature_times=temperatures * _MILLISECOND,
             setup=Setup(source=self._path.name, source_sha256=digest),
@@ -197,11 +194,33 @@ class _Reader:
     def _fail(self, fault: str) -> NoReturn:
         raise RecordingError(f"{self._path}: line {self._expat.CurrentLineNumber}: {fault}")
 
-    def _parse(self, piece: bytes, *, final: bool) -> None:
-        try:
-            self._expat.Parse(piece, final)
-        except expat.ExpatError as error:
-            self._fail(f"no well-formed XML: {expat.errors.messages[error.code]}")
+    def _unpack(self) -> Iterator[bytes]:
+        """Yield the unpacked bytes of the bzip2 file in pieces of at most `LIMITS.piece_bytes`.
+
+        Raises:
+            RecordingError: If the file is missing, is not a bzip2 file, is damaged, truncated or too large, or if other
+                bytes follow the bzip2 stream.
+        """
+        decompressor, total = bz2.BZ2Decompressor(), 0
+        with open_recorded(self._path) as file:
+            while not decompressor.eof:
+                packed = file.read(LIMITS.piece_bytes) if decompressor.needs_input else b""
+                if decompressor.needs_input and not packed:
+                    raise RecordingError(
+                        f"{self._path}: truncated: the bzip2 stream stops after {total} unpacked bytes; expected a "
+                        "complete file"
+                    )
+                try:
+                    piece = decompressor.decompress(packed, max_length=LIMITS.piece_bytes)
+                except OSError as error:
+                    raise RecordingError(f"{self._path}: damaged, or no bzip2 file; expected an intact one") from error
+                total += len(piece)
+                if total > LIMITS.xml_bytes:
+                    raise RecordingError(f"{self._path}: unpacks to more than the {LIMITS.xml_bytes} bytes accepted")
+                if piece:
+                    yield piece
+            if decompressor.unused_data or file.read(1):
+                raise RecordingError(f"{self._path}: bytes follow the end of the bzip2 stream; expected none")
 
     def _refuse_declaration(self, *_: object) -> None:
         self._fail("a declaration or processing instruction; expected none")
@@ -221,10 +240,10 @@ class _Reader:
     def _start_element(self, tag: str, attributes: dict[str, str]) -> None:
         self._markup_bytes = 0
         parent = self._open[-1]
-        known = (*_SCHEMA.get(parent.path, ()), *_OPTIONAL.get(parent.path, ()))
+        known = _SCHEMA.get(parent.path, ())
         if tag not in known:
-            within = parent.path.rpartition("/")[2] or "document"
-            self._fail(f"<{tag}> in <{within}>; expected {', '.join(known) or 'text only'}")
+            within, required = parent.path.rpartition("/")[2], [name for name in known if name not in _OPTIONAL]
+            self._fail(f"<{tag}> in <{within or 'document'}>; expected {', '.join(required) or 'text only'}")
         self._check_no_text()
         if tag in _COUNT_OF:
             if attributes.get("index") != str(parent.counts[tag]):
@@ -237,7 +256,7 @@ class _Reader:
         element, parent = self._open.pop(), self._open[-1]
         if element.path in _SCHEMA:
             self._check_no_text()
-            self._check_complete(element)
+            self._check_complete(tag, element)
             self._collect(element.path, element.fields)
         if tag in _COUNT_OF:
             return
@@ -245,16 +264,16 @@ class _Reader:
             self._fail(f"<{tag}> for the second time; expected one")
         parent.fields[tag], self._text = self._text, ""
 
-    def _check_complete(self, element: _Element) -> None:
+    def _check_complete(self, tag: str, element: _Element) -> None:
         """Check that no required child element is missing and that repeated ones have the stated number."""
-        required = _SCHEMA[element.path]
-        missing = [name for name in required if name not in element.fields and name not in _COUNT_OF]
+        children = _SCHEMA[element.path]
+        missing = [name for name in children if name not in (*element.fields, *_COUNT_OF, *_OPTIONAL)]
         if missing:
-            self._fail(f"<{element.path.rpartition('/')[2]}> lacks {', '.join(missing)}")
-        for tag in set(required) & set(_COUNT_OF):
-            announced = self._read_whole(element.fields, _COUNT_OF[tag])
-            if announced != element.counts[tag]:
-                self._fail(f"{_COUNT_OF[tag]} is {announced}, found {element.counts[tag]}")
+            self._fail(f"<{tag}> lacks {', '.join(missing)}")
+        for name in set(children) & set(_COUNT_OF):
+            announced = self._read_whole(element.fields, _COUNT_OF[name])
+            if announced != element.counts[name]:
+                self._fail(f"{_COUNT_OF[name]} is {announced}, found {element.counts[name]}")
 
     def _collect(self, path: str, fields: Mapping[str, str]) -> None:
         """Read the texts of the children of an element that agrees with the schema."""
@@ -270,17 +289,17 @@ class _Reader:
                 largest = [np.where(each.texels.active & each.enabled, each.full_scale, 0) for each in self._arrays]
                 self._limits = np.concatenate(largest).astype(np.int16)
             case "root/data/frame":
-                if self._limits is None:
-                    self._fail("a frame before the description of the sensor; expected <sensor> first")
-                if (len(self._frames) + 1) * len(self._limits) > LIMITS.values:
-                    self._fail(f"more than the {LIMITS.values} values accepted, frames times texels")
                 self._add_stamp("frame", fields)
-                self._frames.append(decode_counts(fields["frame_data"], self._limits, self._fail))
+                self._frames.append(self._decode_counts(fields["frame_data"]))
             case "root/temperatures/temp":
                 self._add_stamp("temp", fields)
-                self._add_temperatures(
-                    [self._read_number("temp_data", each) for each in fields["temp_data"].split(",")]
-                )
+                readings = [self._read_number("temp_data", each) for each in fields["temp_data"].split(",")]
+                self._temperatures.append(readings)
+                if len(readings) != (expected := len(self._temperatures[0])):
+                    self._fail(f"{len(readings)} temperatures; expected {expected} as before")
+                if expected > LIMITS.channels or len(self._temperatures) > LIMITS.readings:
+                    most = f"{LIMITS.readings} readings of {LIMITS.channels} channels"
+                    self._fail(f"more temperatures than the {most} accepted")
 
     def _add_stamp(self, kind: str, fields: Mapping[str, str]) -> None:
         """Read the time stamp of an element [ms], which must not be smaller than that of the one before."""
@@ -289,22 +308,14 @@ class _Reader:
             self._fail(f"time stamp {stamp} ms; expected {before[-1]} ms, the one before, or later")
         before.append(stamp)
 
-    def _add_temperatures(self, readings: list[float]) -> None:
-        before = self._temperatures
-        if before and len(readings) != len(before[0]):
-            self._fail(f"{len(readings)} temperatures; expected {len(before[0])} as before")
-        if len(readings) > LIMITS.channels or len(before) == LIMITS.readings:
-            self._fail(f"more temperatures than the {LIMITS.readings} readings of {LIMITS.channels} channels accepted")
-        before.append(readings)
-
     def _read_array(self, fields: Mapping[str, str], name: str) -> RecordedArray:
         """Read the description of one texel array from the texts of a `<matrix>`; it gets a name and no frames."""
         columns, rows = (self._read_whole(fields, cells, LIMITS.cells) for cells in ("cells_x", "cells_y"))
-        edges = []
-        for edge in ("texel_width", "texel_height"):
-            edges.append(self._read_number(edge, fields[edge]) * _MILLIMETRE)
-            if edges[-1] <= 0:
-                self._fail(f"{edge} is {fields[edge].strip()} mm; expected a positive length")
+        width, height = (
+            _MILLIMETRE * self._read_number(edge, fields[edge]) for edge in ("texel_width", "texel_height")
+        )
+        if min(width, height) <= 0:
+            self._fail("texel_width or texel_height is 0 mm or less; expected a positive length")
         masks = []
         for mask in ("static_mask", "dynamic_mask"):
             lines = fields[mask].split()
@@ -313,16 +324,17 @@ class _Reader:
             masks.append(np.array([digit == "1" for line in lines for digit in line]))
         if not masks[0].any():
             self._fail("static_mask leaves no texel; expected at least one")
-        centre = [self._read_number("matrix_center", fields[f"matrix_center_{axis}"]) * _MILLIMETRE for axis in "xyz"]
-        turns = [math.radians(self._read_number("theta", fields[f"theta_{axis}"])) for axis in "xyz"]
+        x, y, z = (self._read_number("matrix_center", fields[f"matrix_center_{axis}"]) * _MILLIMETRE for axis in "xyz")
+        turns = (math.radians(self._read_number("theta", fields[f"theta_{axis}"])) for axis in "xyz")
+        about_x, about_y, about_z = turns
         return RecordedArray(
-            texels=TexelArray.grid(rows, columns, (edges[0], edges[1]), active=masks[0], name=name),
+            texels=TexelArray.grid(rows, columns, (width, height), active=masks[0], name=name),
             enabled=masks[1],
             counts=np.empty((0, rows * columns), dtype=np.int32),
             full_scale=self._read_whole(fields, "fullscale", _LARGEST_FULL_SCALE),
             unit=fields["output_unit"].strip(),
-            centre=(centre[0], centre[1], centre[2]),
-            rotation=(turns[0], turns[1], turns[2]),
+            centre=(x, y, z),
+            rotation=(about_x, about_y, about_z),
         )
 
     def _read_whole(self, fields: Mapping[str, str], name: str, largest: int | None = None) -> int:
@@ -340,69 +352,27 @@ class _Reader:
             self._fail(f"{name} is {text.strip()[:40]!r}; expected a number")
         return float(text)
 
-
-def decode_counts(text: str, limits: FrameArray, fail: Fail) -> FrameArray:
-    """Expand the hexadecimal tokens of one frame to one count per texel.
-
-    Args:
-        text: The tokens, eight digits each, with spaces and line breaks anywhere.
-        limits: Largest possible count of each of the n texels, shape (n,) [-].
-        fail: Function that raises the error for a faulty file.
-
-    Returns:
-        Counts of the texels, shape (n,) [-].
-    """
-    digits = "".join(text.split())
-    try:
-        with np.errstate(invalid="ignore"):  # converting a signalling NaN warns
-            tokens = np.frombuffer(bytes.fromhex(digits), dtype=">f4").astype(np.float64)
-    except ValueError:
-        fail(f"frame_data is not hexadecimal tokens of {_TOKEN_DIGITS} digits")
-    # NaN and infinity fail these comparisons.  The number of texels is checked before runs of zeros are expanded, so
-    # that a damaged token cannot claim much memory.
-    if not (np.abs(tokens) <= _LARGEST_FULL_SCALE).all() or (tokens != np.rint(tokens)).any():
-        fail("a token is not a whole number of counts or zeros")
-    runs = np.where(tokens < 0, -tokens, 1).astype(np.int64)
-    if runs.sum() != len(limits):
-        fail(f"tokens add up to {runs.sum()} texels; expected {len(limits)}")
-    counts = np.repeat(np.maximum(tokens, 0), runs).astype(np.int16)
-    above = np.flatnonzero(counts > limits)
-    if above.size:
-        fail(f"texel {above[0]} reads {counts[above[0]]}; expected at most {limits[above[0]]} (0 is masked)")
-    return counts
-
-
-def unpack_bzip2(path: Path, *, limit: int) -> Iterator[bytes]:
-    """Yield the unpacked bytes of a file in pieces of at most `LIMITS.piece_bytes`.
-
-    Args:
-        path: The bzip2 file.
-        limit: Largest number of unpacked bytes that is accepted; a larger file is refused.
-
-    Raises:
-        RecordingError: If the file is missing, is not a bzip2 file, is damaged, truncated or too large, or if other
-            bytes follow the bzip2 stream.
-    """
-    decompressor = bz2.BZ2Decompressor()
-    total = 0
-    with open_recorded(path) as file:
-        while packed := file.read(LIMITS.piece_bytes):
-            if decompressor.eof:
-                break
-            while packed or not (decompressor.eof or decompressor.needs_input):
-                try:
-                    piece = decompressor.decompress(packed, max_length=LIMITS.piece_bytes)
-                except OSError as error:
-                    raise RecordingError(f"{path}: damaged, or no bzip2 file; expected an intact one") from error
-                packed = b""
-                total += len(piece)
-                if total > limit:
-                    raise RecordingError(f"{path}: unpacks to more than the {limit} bytes accepted")
-                if piece:
-                    yield piece
-    if not decompressor.eof:
-        raise RecordingError(
-            f"{path}: truncated: the bzip2 stream stops after {total} unpacked bytes; expected a complete file"
-        )
-    if packed or decompressor.unused_data:
-        raise RecordingError(f"{path}: bytes follow the end of the bzip2 stream; expected none")
+    def _decode_counts(self, text: str) -> FrameArray:
+        """Expand the hexadecimal tokens of one frame to the counts of the n texels of all arrays, shape (n,) [-]."""
+        limits = self._limits
+        if limits is None:
+            self._fail("a frame before the description of the sensor; expected <sensor> first")
+        if (len(self._frames) + 1) * len(limits) > LIMITS.values:
+            self._fail(f"more than the {LIMITS.values} values accepted, frames times texels")
+        try:
+            with np.errstate(invalid="ignore"):  # converting a signalling NaN warns
+                tokens = np.frombuffer(bytes.fromhex("".join(text.split())), dtype=">f4").astype(np.float64)
+        except ValueError:
+            self._fail(f"frame_data is not hexadecimal tokens of {_TOKEN_DIGITS} digits")
+        # NaN and infinity fail these comparisons.  The number of texels is checked before runs of zeros are expanded,
+        # so that a damaged token cannot claim much memory.
+        if not (np.abs(tokens) <= _LARGEST_FULL_SCALE).all() or (tokens != np.rint(tokens)).any():
+            self._fail("a token is not a whole number of counts or zeros")
+        runs = np.where(tokens < 0, -tokens, 1).astype(np.int64)
+        if runs.sum() != len(limits):
+            self._fail(f"tokens add up to {runs.sum()} texels; expected {len(limits)}")
+        counts = np.repeat(np.maximum(tokens, 0), runs).astype(np.int16)
+        above = np.flatnonzero(counts > limits)
+        if above.size:
+            self._fail(f"texel {above[0]} reads {counts[above[0]]}; expected at most {limits[above[0]]} (0 is masked)")
+        return counts

@@ -21,7 +21,6 @@ import numpy as np
 from meshes import atomic_file
 from meshes.bounded_file import format_size
 from validation.extras import MissingExtraError
-from validation.recordings.labels import decode_labels
 from validation.recordings.mcap_writer import (
     FORCE_TOPIC,
     GAP_TOPIC,
@@ -29,6 +28,7 @@ from validation.recordings.mcap_writer import (
     SETUP_TOPIC,
     TANGENTIAL_LABEL,
     TEMPERATURE_TOPIC,
+    decode_labels,
     find_kind,
     load_types,
     name_topics,

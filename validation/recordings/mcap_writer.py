@@ -7,6 +7,8 @@ footer: `mcap_reader.read` reads such a file, and `mcap_reader.recover` complete
 The messages are ROS 2 messages in their binary format, CDR.  Images, diagnostics, temperatures and forces use standard
 types, so that Foxglove and ROS 2 tools display them.  No standard type holds a frame with the clocks of host and
 device; the type of this program is defined in every file, as is usual in ROS 2 recordings.
+
+Labels (set-up, arrays, serial number and clocks) are a JSON object, in a message and in the metadata of the file.
 """
 
 from __future__ import annotations
@@ -19,33 +21,52 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, cast
+from typing import IO, TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
 
+from meshes import TexelArray
+from meshes.array import check_texel_count
+from meshes.bounded_file import parse_json
 from validation.extras import MissingExtraError
-from validation.recordings.labels import encode_labels
-from validation.recordings.recording import RecordedArray, Setup
+from validation.json_values import json_text
+from validation.recordings.recording import (
+    LATEST,
+    MOST_ARRAYS,
+    MOST_FULL_SCALE,
+    RecordedArray,
+    RecordingError,
+    Setup,
+)
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
     from fastmodel.signal.frame import Frame
 
-#: Topics of the messages in a recording other than frames and images: labels, bytes as received, gaps in the stream of
-#: frames, temperatures, readings of the force sensor.
-SETUP_TOPIC, RAW_TOPIC, GAP_TOPIC = "/setup", "/raw", "/diagnostics"
-TEMPERATURE_TOPIC, FORCE_TOPIC = "/temperatures", "/force"
-#: Name of the ROS 2 type of a frame message, and its definition.
+#: Topic of the labels of a recording.
+SETUP_TOPIC = "/setup"
+#: Topic of the bytes as the sensor sent them.
+RAW_TOPIC = "/raw"
+#: Topic of messages about gaps in the stream of frames.
+GAP_TOPIC = "/diagnostics"
+#: Topic of temperatures.
+TEMPERATURE_TOPIC = "/temperatures"
+#: Topic of the readings of a force sensor.
+FORCE_TOPIC = "/force"
+#: Name of the ROS 2 type of a frame message.
 FRAME = "softcover_msgs/msg/TactileFrame"
+#: Definition of the ROS 2 type of a frame message.
 _FRAME_DEFINITION = """std_msgs/Header header
 uint64 host_monotonic
 uint32 device_ticks
 uint16[] counts
 float64[] texel_forces
 """
-#: ROS 2 type of the messages of each topic; topics of an array by their last part.
+#: ROS 2 type of the messages of each topic.  A topic of one array, such as `/left/image`, has the key of its last part,
+#: `image`.
 KINDS = {
     SETUP_TOPIC: "std_msgs/msg/String",
     RAW_TOPIC: "std_msgs/msg/UInt8MultiArray",
@@ -60,12 +81,155 @@ KINDS = {
 }
 #: First part of the label of tangential forces; their source follows, see `Frame.tangential_source`.
 TANGENTIAL_LABEL = "tangential force x, y [N]: "
-#: Time between two chunks, and time between two calls of fsync, which forces the file to the disk [s].
-_FLUSH_INTERVAL, _SYNC_INTERVAL = 0.2, 1.0
+#: Time between two chunks of the file [s].
+_FLUSH_INTERVAL = 0.2
+#: Time between two calls of fsync, which forces the file to the disk [s].
+_SYNC_INTERVAL = 1.0
 #: Largest count that a frame message can hold, because its counts are 16 bit numbers [-].
 LARGEST_COUNT = 0xFFFF
 #: Level of a ROS diagnostic status that marks a warning.
 _WARNING = 1
+
+
+#: Name and version of the format of the labels; files with another name or version are refused.
+FORMAT = "softcover-recording/1"
+#: Largest accepted number of characters of the labels [-].
+_MOST_CHARACTERS = 2**20
+#: Number of faults above which none of them is named [-].
+_MOST_FAULTS = 1000
+
+#: A length [m] or an angle [rad]; larger ones must have a wrong unit.
+_Coordinate = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+_Pair = tuple[_Coordinate, _Coordinate]
+_Triple = tuple[_Coordinate, _Coordinate, _Coordinate]
+_Nanoseconds = Annotated[int, Field(ge=0, le=LATEST)]
+#: Truth values, which the file holds as a text of the digits 0 and 1.
+_Mask = Annotated[Any, PlainValidator(lambda text: np.array([digit == "1" for digit in text]))]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(strict=True, frozen=True, allow_inf_nan=False)
+
+
+class ArrayLabels(_Table):
+    """Description of one texel array."""
+
+    name: str
+    rows: int
+    columns: int
+    pitch_m: _Pair
+    texel_size_m: _Pair
+    active: _Mask
+    enabled: _Mask
+    full_scale: int = Field(ge=1, le=MOST_FULL_SCALE)
+    offset: int = Field(default=0, ge=0, le=0xFFFF)
+    unit: str
+    centre_m: _Triple
+    rotation_rad: _Triple
+
+    def make(self) -> RecordedArray:
+        """Make the array, without frames.
+
+        Raises:
+            ValueError: If a number is impossible, or a mask has another size than the array.
+        """
+        check_texel_count(self.rows, self.columns)
+        if len(self.enabled) != self.rows * self.columns:
+            raise ValueError(f"a mask of {len(self.enabled)} texels; expected {self.rows} x {self.columns}")
+        size, active = self.texel_size_m, self.active
+        return RecordedArray(
+            texels=TexelArray.grid(
+                self.rows, self.columns, self.pitch_m, texel_size=size, active=active, name=self.name
+            ),
+            enabled=self.enabled,
+            counts=np.empty((0, len(self.enabled)), dtype=np.int32),
+            full_scale=self.full_scale,
+            offset=self.offset,
+            unit=self.unit,
+            centre=self.centre_m,
+            rotation=self.rotation_rad,
+        )
+
+
+class ClockLabels(_Table):
+    """Time at the start of the recording: UTC since 1970, and on the monotonic clock of the host [ns]."""
+
+    start_ns: _Nanoseconds
+    monotonic_ns: _Nanoseconds
+
+
+class Labels(_Table):
+    """All labels of a recording."""
+
+    format: str
+    serial: str
+    arrays: tuple[ArrayLabels, ...]
+    clock: ClockLabels
+    setup: Setup
+
+
+def encode_labels(
+    setup: Setup, arrays: tuple[RecordedArray, ...], *, serial: str = "", start: int = 0, monotonic: int = 0
+) -> str:
+    """Return labels as the text of a JSON object.
+
+    Args:
+        setup: How the recording is made.
+        arrays: The texel arrays; their frames are left out.
+        serial: Serial number of the sensor.
+        start: Time at the start of the recording, UTC since 1970 [ns].
+        monotonic: The same time on the monotonic clock of the host [ns].
+    """
+    described = [
+        {
+            "name": array.texels.name,
+            "rows": array.texels.rows,
+            "columns": array.texels.columns,
+            "pitch_m": array.texels.pitch,
+            "texel_size_m": array.texels.texel_size,
+            "active": "".join(map(str, array.texels.active.astype(int))),
+            "enabled": "".join(map(str, array.enabled.astype(int))),
+            "full_scale": array.full_scale,
+            "offset": array.offset,
+            "unit": array.unit,
+            "centre_m": array.centre,
+            "rotation_rad": array.rotation,
+        }
+        for array in arrays
+    ]
+    clock = {"start_ns": start, "monotonic_ns": monotonic}
+    stated = {key: value for key, value in vars(setup).items() if key != "other" or value}
+    labels = {"format": FORMAT, "serial": serial, "arrays": described, "clock": clock, "setup": stated}
+    return json_text(labels, indent=None)
+
+
+def decode_labels(text: str, path: Path) -> tuple[Labels, tuple[RecordedArray, ...]]:
+    """Parse the text of the JSON object that `encode_labels` returns; return the labels and the arrays without frames.
+
+    Args:
+        text: Text of the JSON object.
+        path: The file that holds the text, for error messages.
+
+    Raises:
+        RecordingError: If the text does not hold labels of a recording.
+    """
+    if len(text) > _MOST_CHARACTERS:
+        raise RecordingError(f"{path}: its labels have {len(text)} characters; at most {_MOST_CHARACTERS} are accepted")
+    try:
+        entries = parse_json(text)
+        name = entries["format"]
+        if len(entries["arrays"]) > MOST_ARRAYS:
+            raise ValueError(f"{len(entries['arrays'])} arrays; at most {MOST_ARRAYS} are accepted")  # noqa: TRY301
+        if name == FORMAT:
+            labels = Labels.model_validate_json(text)
+            return labels, tuple(each.make() for each in labels.arrays)
+    except ValidationError as error:
+        faults = error.errors(include_url=False, include_input=False) if error.error_count() <= _MOST_FAULTS else []
+        fault = f"{'.'.join(map(str, faults[0]['loc']))}: {faults[0]['msg']}" if faults else "faults everywhere"
+        raise RecordingError(f"{path}: its labels cannot be read: {fault}; expected {FORMAT!r}") from error
+    except (ArithmeticError, KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f"{path}: its labels cannot be read: {error}; expected {FORMAT!r}") from error
+    raise RecordingError(f"{path}: its labels have the format {str(name)[:40]!r}; accepted: {FORMAT!r}")
 
 
 class StorageError(OSError):

@@ -60,6 +60,10 @@ class Limits:
 
 LIMITS = Limits()
 
+#: Largest accepted number of texel arrays in a recording [-].
+MOST_ARRAYS = 64
+#: Largest full scale: counts are kept as signed numbers of 32 bits [-].
+MOST_FULL_SCALE = 2**31 - 1
 #: Latest time, in the year 2262, the largest that 64 bits hold [ns since 1970].
 LATEST = 2**63 - 1
 

@@ -26,10 +26,10 @@ import numpy as np
 
 from meshes import TexelArray, atomic_file
 from meshes.array import MOST_TEXELS
-from validation.recordings.labels import MOST_FULL_SCALE
 from validation.recordings.recording import (
     DEFAULT_FULL_SCALE,
     DEFAULT_PITCH,
+    MOST_FULL_SCALE,
     CountArray,
     FloatArray,
     Recording,

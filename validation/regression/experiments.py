@@ -212,7 +212,7 @@ def lay_letter_h(array: TexelArray) -> tuple[LetterH, float, tuple[float, float]
 
 def list_methods(parameters: Parameters) -> tuple[str, ...]:
     """Return the contact methods that parameters allow."""
-    return METHODS_OF[None if parameters.surface is None else parameters.surface.method]
+    return METHODS_OF[None if parameters.surface is None else parameters.surface.methods[0]]
 
 
 def lay_flat(parameters: Parameters) -> Parameters:
@@ -579,7 +579,7 @@ def _make_spec(timestep: float) -> mujoco.MjSpec:
 
 
 def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile a spec without friction, as the simulated bench tests do."""
+    """Switch off the friction of all geoms of a spec, as in the simulated bench tests, and compile it."""
     for geom in spec.geoms:
         geom.condim = 1
     return spec.compile()

@@ -82,8 +82,11 @@ def project_texels(texels: TexelArray, cover: SolidCover) -> TexelArray:
             f"array.positions: {int((distance > _FARTHEST * cover.thickness).sum())} of {texels.count} texels are far "
             f"from the base: texel {worst} by {1e3 * distance[worst]:.4g} mm; check array.unit and the frame"
         )
-    share = _barycentric(near, corners[owner])
-    normals = np.einsum("nk,nkc->nc", share, point_normals(points, faces)[faces[owner]])
+    # Barycentric coordinates: the corners, weighted by them, give the point, and their sum is one.
+    size = np.full((len(near), 1), cover.thickness)
+    system = np.concatenate([corners[owner], np.broadcast_to(size[:, None], (len(near), 3, 1))], axis=2)
+    share = np.linalg.pinv(system.swapaxes(1, 2)) @ np.hstack([near, size])[:, :, None]
+    normals = np.sum(np.maximum(share, 0.0) * point_normals(points, faces)[faces[owner]], axis=1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return dataclasses.replace(texels, centres=near, normals=normals)
 
@@ -165,14 +168,3 @@ def _refuse_overlap(corners: FloatArray, boundary: FloatArray, name: str) -> Non
             f"{name} has tetrahedra that overlap: their volumes sum to {100 * total / inside:.6g} % of that inside "
             "their boundary; write surface instead of mesh, and its boundary is meshed"
         )
-
-
-def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return the weights of the corners of triangles at points in them, shape (n, 3) [-]."""
-    whole = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    square = np.maximum(np.einsum("nc,nc->n", whole, whole), 1e-300)
-    out = []
-    for k in range(3):
-        one, other = corners[:, (k + 1) % 3] - points, corners[:, (k + 2) % 3] - points
-        out.append(np.einsum("nc,nc->n", np.cross(one, other), whole) / square)
-    return np.asarray(np.maximum(np.stack(out, axis=1), 0.0) + 1e-12)

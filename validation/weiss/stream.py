@@ -19,6 +19,7 @@ stamps.
 
 from __future__ import annotations
 
+from array import array
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Collection
@@ -225,8 +226,6 @@ class _FitSettings:
             wrong clock [s].
         most_outliers: Number of consecutive frames outside after which the clock counts as set anew, and the fit starts
             again [-].
-        bin: Width of a bin in which delays are counted [ns].
-        bins: Number of these bins: delays up to two seconds are told apart [-].
     """
 
     block: float = 0.5
@@ -235,8 +234,6 @@ class _FitSettings:
     largest_drift: float = 0.01
     largest_delay: float = 2.0
     most_outliers: int = 3
-    bin: int = 100_000
-    bins: int = 20_001
 
 
 _FIT = _FitSettings()
@@ -284,8 +281,9 @@ class DeviceClock:
 
     def __init__(self) -> None:
         self._restarts = self._unfitted = self._outliers = 0
-        self._delays = np.zeros(_FIT.bins, dtype=np.int64)
-        self._largest = self._last_stamp = 0
+        #: Time from the stamp of each frame to its arrival [ns]: 8 MB in an hour at 271 frames/s.
+        self._delays = array("q")
+        self._last_stamp = 0
         self._tick = TICK
         self._start()
 
@@ -307,25 +305,18 @@ class DeviceClock:
             fitted = self._fit(ticks, arrival)
         self._outliers = 0
         stamp = self._increase(arrival if fitted is None else fitted)
-        delay = max(0, arrival - stamp)
-        self._delays[min(_FIT.bins - 1, delay // _FIT.bin)] += 1
-        self._largest = max(self._largest, delay)
+        self._delays.append(max(0, arrival - stamp))
         return stamp
 
     @property
     def residual(self) -> Residual:
         """How far arrival times lie from the stamps so far; NaN without frames."""
-        total = np.cumsum(self._delays)
-        median, p95 = (
-            float(np.searchsorted(total, share * total[-1]) + 0.5) * _FIT.bin / _NANOSECONDS_PER_SECOND
-            if total[-1]
-            else float("nan")
-            for share in (0.5, 0.95)
-        )
+        delays = np.array(self._delays) / _NANOSECONDS_PER_SECOND if self._delays else np.array([np.nan])
+        median, p95, largest = np.percentile(delays, (50, 95, 100)).tolist()
         return Residual(
             median=median,
             p95=p95,
-            largest=self._largest / _NANOSECONDS_PER_SECOND,
+            largest=largest,
             tick=self._tick,
             unfitted=self._unfitted,
             restarts=self._restarts,

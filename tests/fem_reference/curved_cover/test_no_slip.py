@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from fem_reference import press
-from fem_reference.curved_cover.contact import find_touch
-from fem_reference.curved_cover.no_slip import STEPS, StickingPress
+from fem_reference.curved_cover.contact import STEPS, StickingPress
+from fem_reference.curved_cover.press import _add_step_error, build_compliance
 from fem_reference.curved_cover.pressure_shapes import GapSampler
-from fem_reference.curved_cover.small_strain import _add_step_error, build_compliance
+from fem_reference.curved_cover.rays import find_touch
 from fem_reference.errors import UnsupportedError
 from meshes import Box, Cover, Layer, Sphere
 from meshes.pose import Pose
@@ -26,9 +26,10 @@ BALL, BOX = Sphere(radius=5e-3), Box(size=(3e-3, 3e-3, 2e-3))
 
 def begin(indenter, material, direction=DOWN):
     """The path of an indenter on the pad, and its sampler."""
-    compliance = build_compliance(MESH, material)
-    touch = find_touch(compliance.top, indenter, ABOVE, direction)
-    sampler = GapSampler(compliance.top, indenter, ABOVE, direction, touch + 1e-3, 1e-3)
+    compliance = build_compliance(MESH, material, vectors=True)
+    pose = Pose.from_rotation(ABOVE.point, ABOVE.rotation, direction)
+    touch = find_touch(compliance.top, indenter, pose)
+    sampler = GapSampler(compliance.top, indenter, pose, touch + 1e-3, 1e-3)
     return StickingPress(compliance, sampler, direction, touch, 1e-3), sampler
 
 

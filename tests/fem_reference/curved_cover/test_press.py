@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fem_reference import press
-from fem_reference.curved_cover.compliance import NormalCompliance
-from fem_reference.curved_cover.contact import _measure_half_width, find_touch, solve_contact
+from fem_reference.curved_cover.contact import MeshPress, SolidContactSettings, TopCompliance, measure_half_width
+from fem_reference.curved_cover.press import _estimate, build_compliance
 from fem_reference.curved_cover.pressure_shapes import GapSampler, evaluate_hats
-from fem_reference.curved_cover.rays import measure_gaps
-from fem_reference.curved_cover.small_strain import _estimate, build_compliance
+from fem_reference.curved_cover.rays import find_touch, measure_gaps
+from fem_reference.curved_cover.responses import find_top
 from fem_reference.curved_cover.solid import CoverSolid
 from fem_reference.errors import PiercedError, TooShallowError, UnsupportedError
 from meshes import Box, Cover, Cylinder, Layer, Material, Nut, Roller, RoundedTip, Sphere
@@ -61,18 +61,18 @@ def test_points_inside_have_negative_gaps_and_bodies_behind_count_as_absent():
 @pytest.mark.parametrize("angle", [0.0, 0.6])
 def test_a_ball_touches_a_cylinder_where_their_surfaces_meet(angle):
     mesh = COVER.mesh()
-    top = build_compliance(mesh, RUBBER).top
+    top = find_top(mesh)
     pose = at_angle(angle, y=1e-3)
-    assert find_touch(top, BALL, pose, -pose.rotation[:, 2]) == pytest.approx(12e-3, abs=2e-6)
+    assert find_touch(top, BALL, pose) == pytest.approx(12e-3, abs=2e-6)
     beside = Pose.facing([0, 20e-3, 20e-3], [0, 0, -1])
-    assert find_touch(top, BALL, beside, np.array([0, 0, -1.0])) == np.inf
+    assert find_touch(top, BALL, beside) == np.inf
 
 
 def test_contact_forces_and_gaps_are_complementary():
     compliance = build_compliance(MESH, RUBBER)
-    pose, direction = at_angle(0.2), -at_angle(0.2).rotation[:, 2]
-    sampler = GapSampler(compliance.top, BALL, pose, direction, 12.5e-3)
-    contact = solve_contact(compliance, sampler, direction, 12.3e-3)
+    pose = at_angle(0.2)
+    sampler = GapSampler(compliance.top, BALL, pose, 12.5e-3)
+    contact = MeshPress(compliance, sampler, pose.towards, 12e-3, 0.5e-3).at_depth(0.3e-3)
     given = sampler.at(12.3e-3)
     nodal = given.spread @ contact.forces
     np.testing.assert_allclose(contact.nodal, -nodal[:, None] * compliance.top.normals)
@@ -99,9 +99,9 @@ def test_hats_are_linear_between_the_nodes(nodes):
 
 def test_the_pressure_ends_at_the_edge_of_a_box():
     cover = flat_pad(size=(8e-3, 8e-3), rows=2)
-    top = build_compliance(cover.mesh(2e-3, layers=2), RUBBER).top
-    pose, direction = Pose.facing([0.3e-3, 0, 2e-3], [0, 0, -1]), np.array([0.0, 0, -1])
-    given = GapSampler(top, Box(size=(3e-3, 3e-3, 2e-3)), pose, direction, 1e-3).at(0.1e-3)
+    top = find_top(cover.mesh(2e-3, layers=2))
+    pose = Pose.facing([0.3e-3, 0, 2e-3], [0, 0, -1])
+    given = GapSampler(top, Box(size=(3e-3, 3e-3, 2e-3)), pose, 1e-3).at(0.1e-3)
     assert given.area.sum() == pytest.approx(9e-6, rel=0.05)
     covered = given.area > 0
     np.testing.assert_allclose(given.gap[covered], -0.1e-3, rtol=1e-9)
@@ -114,11 +114,11 @@ def test_the_pressure_ends_at_the_edge_of_a_box():
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, -0.7])
 def test_a_gap_closes_at_the_cosine_of_the_motion_and_the_normal(tilt):
-    top = build_compliance(flat_pad(size=(8e-3, 8e-3), rows=2).mesh(2e-3, layers=2), RUBBER).top
+    top = find_top(flat_pad(size=(8e-3, 8e-3), rows=2).mesh(2e-3, layers=2))
     direction = np.array([np.sin(tilt), 0, -np.cos(tilt)])
     pose = Pose.facing(-12e-3 * direction + [0, 0, 2e-3], direction)
-    travel = find_touch(top, BALL, pose, direction) + 0.1e-3
-    given = GapSampler(top, BALL, pose, direction, travel).at(travel)
+    travel = find_touch(top, BALL, pose) + 0.1e-3
+    given = GapSampler(top, BALL, pose, travel).at(travel)
     carries = given.area > 0
     assert carries.sum() >= 3
     np.testing.assert_allclose(given.rate[carries], np.cos(tilt))
@@ -180,9 +180,9 @@ def test_impossible_presses_are_refused(options, error, message):
 def test_nodes_are_loaded_in_blocks_and_kept(monkeypatch):
     """The compliance does not depend on the blocks, and is symmetric."""
     solid = CoverSolid(MESH, RUBBER)
-    whole = NormalCompliance(solid).rows(np.arange(20))
-    monkeypatch.setattr("fem_reference.curved_cover.compliance._BLOCK", 7)
-    blocks = NormalCompliance(solid)
+    whole = TopCompliance(solid).rows(np.arange(20))
+    monkeypatch.setattr("fem_reference.curved_cover.contact._SETTINGS", SolidContactSettings(block=7))
+    blocks = TopCompliance(solid)
     some = blocks.rows(np.array([3, 11, 12]))
     found = blocks.rows(np.arange(20))
     np.testing.assert_allclose(found, whole, rtol=1e-9, atol=1e-12 * np.abs(whole).max())
@@ -210,13 +210,12 @@ def test_a_touch_below_the_resolution_is_refused():
 
 
 def test_a_steep_side_beside_an_edge_does_not_lift_the_mean_gap():
-    top = build_compliance(flat_pad(size=(8e-3, 8e-3), rows=2).mesh(1e-3, layers=2), RUBBER).top
+    top = find_top(flat_pad(size=(8e-3, 8e-3), rows=2).mesh(1e-3, layers=2))
     tilted = Rotation.from_euler("y", 5, degrees=True).as_matrix()
-    pose = Pose.from_rotation(np.array([0.13e-3, 0, 5e-3]), tilted)
-    down = np.array([0, 0, -1.0])
+    pose = Pose.from_rotation(np.array([0.13e-3, 0, 5e-3]), tilted, np.array([0, 0, -1.0]))
     box = Box(size=(4e-3, 3e-3, 6e-3))
-    travel = find_touch(top, box, pose, down) + 0.1e-3
-    gaps = GapSampler(top, box, pose, down, travel).at(travel)
+    travel = find_touch(top, box, pose) + 0.1e-3
+    gaps = GapSampler(top, box, pose, travel).at(travel)
     carries = np.isfinite(gaps.gap)
     assert carries.any()
     assert gaps.gap[carries].max() < 0.2e-3  # twice the overlap; the side is 6 mm high
@@ -283,7 +282,7 @@ def test_the_half_width_of_a_turned_rectangle_is_that_of_its_smaller_side(sides,
     x, y = (np.arange(-0.5 + 0.01, 0.5, 0.02) * side for side in sides)
     points = np.stack([*np.meshgrid(x, y), np.zeros((50, 50))], axis=-1).reshape(-1, 3)
     turned = points @ Rotation.from_euler("zxy", [0.4, 0.3, -0.8]).as_matrix().T
-    found = _measure_half_width(turned, np.ones(len(turned)), spacing=0.0)
+    found = measure_half_width(turned, np.ones(len(turned)), spacing=0.0)
     assert found == pytest.approx(expected * min(sides) / 2, rel=1e-3)
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.support.recordings import LINES, compare_arrays, recorded_arrays, setups
 from validation.recordings import RecordingError, Setup
-from validation.recordings.labels import decode_labels, encode_labels
+from validation.recordings.mcap_writer import decode_labels, encode_labels
 from validation.recordings.recording import make_array
 
 PATH = Path("a.mcap")

@@ -16,7 +16,6 @@ from mcap.writer import CompressionType, Writer
 from tests.support.bounded import bounded
 from validation.recordings import recording
 from validation.recordings.importing import open_recording, save
-from validation.recordings.labels import encode_labels
 from validation.recordings.mcap_reader import MOST_CHUNK_BYTES, unpack_records
 from validation.recordings.mcap_writer import (
     FORCE_TOPIC,
@@ -26,6 +25,7 @@ from validation.recordings.mcap_writer import (
     SETUP_TOPIC,
     TEMPERATURE_TOPIC,
     encode,
+    encode_labels,
     load_types,
 )
 from validation.recordings.recording import Budget, Recording, RecordingError, make_array

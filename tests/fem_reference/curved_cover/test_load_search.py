@@ -5,11 +5,11 @@ import types
 import numpy as np
 import pytest
 
-from fem_reference.curved_cover.grid_press import GridPress
+from fem_reference.curved_cover.contact import MeshPress
 from fem_reference.errors import ConvergenceError
 
 
-class PressByLaw(GridPress):
+class PressByLaw(MeshPress):
     """A press whose load [N] is a function of the depth [m], up to 1 mm."""
 
     def __init__(self, law):
