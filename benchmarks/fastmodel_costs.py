@@ -25,7 +25,6 @@ from common import draw, time_in_turn
 
 import fastmodel
 from fastmodel import WTS_0614_34, Butterworth, Gaussian, Parameters, Plate
-from fastmodel.pose import Mount
 from fem_reference import point_spread
 from meshes import Box, Indenter, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
@@ -59,10 +58,9 @@ class Scene:
         spec = mujoco.MjSpec()
         fastmodel.recommend_options(spec)
         spec.option.timestep = 1e-3
-        here = Mount.of((0, 0, 0), (1, 0, 0, 0))
         self.sensor = None
         if method is None:
-            Plate().attach(spec.worldbody, settings.array, here, "plate")
+            Plate().attach(spec.worldbody.add_frame(), settings.array, "plate")
         else:
             self.sensor = fastmodel.attach(spec, "world", settings, contact=method)
         body = spec.worldbody.add_body(pos=[0.7e-3, -1.1e-3, 0])

@@ -23,7 +23,8 @@ import numpy as np
 from common import time_in_turn
 
 import fastmodel
-from fastmodel import Batch, Butterworth, ChainFunctions, ChainOutput, Parameters
+from fastmodel import Batch, Butterworth, ChainFunctions, Parameters
+from fastmodel.signal.chain import ChainOutput
 
 WORLDS, SAMPLES = 4096, 8
 #: Samples of the contact forces per second [Hz].

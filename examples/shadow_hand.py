@@ -32,7 +32,6 @@ import numpy as np
 import numpy.typing as npt
 
 import fastmodel
-from fastmodel.pose import multiply
 from meshes import TexelArray
 
 if TYPE_CHECKING:
@@ -152,7 +151,8 @@ class Hand:
         palm = self.data.body(PREFIX + "palm")
         across = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
         position = palm.xpos + palm.xmat.reshape(3, 3) @ GRIP_START
-        self.data.joint("grip").qpos[:] = [*position, *multiply(palm.xquat, across)]
+        self.data.joint("grip").qpos[:3] = position
+        mujoco.mju_mulQuat(self.data.joint("grip").qpos[3:], palm.xquat, across)
         self._set_controls()
 
     def _set_controls(self) -> None:

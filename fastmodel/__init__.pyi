@@ -12,28 +12,15 @@ from .bench import (
 from .check import OptionWarning as OptionWarning
 from .contact.bodies import add_geoms as add_geoms
 from .contact.boxes import AreaTexels as AreaTexels, BoxTexels as BoxTexels
-from .contact.interface import TexelContact as TexelContact
-from .contact.mesh import MeshContact as MeshContact
 from .contact.plate import CoverContact as CoverContact, Foundation as Foundation, Plate as Plate
 from .errors import FastModelError as FastModelError
-from .fitting.contact_stiffness import (
-    ContactFit as ContactFit,
-    FoundationFit as FoundationFit,
-    fit_contact as fit_contact,
-    fit_foundation as fit_foundation,
-)
-from .fitting.gaussian import Fit as Fit, fit_gaussian as fit_gaussian
+from .fitting.contact_stiffness import fit_contact as fit_contact
+from .fitting.gaussian import fit_gaussian as fit_gaussian
 from .parameters import Parameters as Parameters, list_sensors as list_sensors, load as load
 from .sensor import RangeWarning as RangeWarning, Sensor as Sensor
-from .signal.butterworth import Butterworth as Butterworth, FilterBank as FilterBank
-from .signal.chain import ChainFunctions as ChainFunctions, ChainOutput as ChainOutput, ChainState as ChainState
+from .signal.butterworth import Butterworth as Butterworth
+from .signal.chain import ChainFunctions as ChainFunctions
 from .signal.electronics import Electronics as Electronics, WTS_0614_34 as WTS_0614_34
 from .signal.frame import Frame as Frame
-from .signal.point_spread import (
-    Gaussian as Gaussian,
-    Spread as Spread,
-    Tabulated as Tabulated,
-    outside_share as outside_share,
-)
+from .signal.point_spread import Gaussian as Gaussian, Tabulated as Tabulated
 from .surface import CoverCells as CoverCells, CoverPoints as CoverPoints
-from .validity import Validity as Validity

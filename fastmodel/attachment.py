@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
@@ -15,15 +14,14 @@ from fastmodel.contact.boxes import AreaTexels, BoxTexels
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.plate import CoverContact, Foundation
-from fastmodel.errors import FastModelError, check_type, name_unknown
+from fastmodel.errors import FastModelError, check_count, check_type, name_unknown
 from fastmodel.parameters import Parameters
-from fastmodel.pose import Mount
 from fastmodel.sensor import Sensor
 from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
 
 #: Contact methods with their default settings, by name.
-METHODS: Mapping[str, BoxTexels | AreaTexels | Foundation | CoverContact | MeshContact] = MappingProxyType(
+METHODS: Mapping[str, TexelContact] = MappingProxyType(
     {
         "boxes": BoxTexels(),
         "area": AreaTexels(),
@@ -93,19 +91,18 @@ def attach(
     check_type("name", name, str, "a str")
     _, method = choose_method(contact, parameters)
     if every is not None:
-        check_type("every", every, (int, float, np.integer), "a whole number of physics steps")
-        if not math.isfinite(every) or every != int(every) or every < 1:
-            raise FastModelError(f"every must be a whole number of physics steps from 1 on, not {every}")
+        check_count("every", every, 1, " of physics steps")
     if not name or "/" in name:
         raise FastModelError(f"the name of a sensor must have at least one character and no '/', not {name!r}")
     if any(geom.name.startswith(f"{name}/") for geom in spec.geoms):
         raise FastModelError(f"a sensor named {name!r} is on this spec already; choose another name")
     if not method.takes_overlaps:
         refuse_overlaps(parameters.array)
-    carrier, origin = _find_carrier(spec, body)
-    replaced = _find_replaced(spec, carrier, replaces)
-    method.attach(carrier, parameters.array, origin.transform(Mount.of(position, quaternion)), name)
-    _switch_off(spec, replaced, [geom.name for geom in carrier.geoms if geom.name.startswith(f"{name}/")])
+    carrier, pose = _find_carrier(spec, body), _check_pose(position, quaternion)
+    moving = carrier if isinstance(carrier, mujoco.MjsBody) else carrier.parent
+    replaced = _find_replaced(spec, moving, replaces)
+    method.attach(_add_frame(carrier, *pose), parameters.array, name)
+    _switch_off(spec, replaced, [geom.name for geom in moving.geoms if geom.name.startswith(f"{name}/")])
     return Sensor(name=name, parameters=parameters, contact=method, every=every)
 
 
@@ -132,13 +129,10 @@ def _check_spec(spec: mujoco.MjSpec) -> None:
     check_type("spec", spec, mujoco.MjSpec, "a mujoco.MjSpec, for example mujoco.MjSpec.from_file('robot.xml')")
 
 
-def _find_carrier(spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.MjsSite) -> tuple[mujoco.MjsBody, Mount]:
-    """Find the body that carries an array, and the pose in this body to which the array's pose is relative.
-
-    Args:
-        spec: The spec.
-        wanted: The body or the site, or its name.
-    """
+def _find_carrier(
+    spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.MjsSite
+) -> mujoco.MjsBody | mujoco.MjsSite:
+    """Find the body or site of a spec that carries an array, itself or by its name."""
     accepted = "a mujoco.MjsBody, a mujoco.MjsSite, or the name of a body or site"
     check_type("body", wanted, (str, mujoco.MjsBody, mujoco.MjsSite), accepted)
     if isinstance(wanted, str):
@@ -146,42 +140,46 @@ def _find_carrier(spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.Mjs
         if found is None:
             kind = "body or site" if spec.sites else "body"
             raise name_unknown(kind, wanted, _list_names([*spec.bodies, *spec.sites]))
-        wanted = found
-    elif wanted not in (spec.bodies if isinstance(wanted, mujoco.MjsBody) else spec.sites):
+        return found
+    if wanted not in [*spec.bodies, *spec.sites]:
         kind = "body" if isinstance(wanted, mujoco.MjsBody) else "site"
         raise FastModelError(f"{kind} {wanted.name!r} belongs to another spec than the one to attach to")
-    if isinstance(wanted, mujoco.MjsBody):
-        return wanted, Mount.of((0, 0, 0), (1, 0, 0, 0))
-    return wanted.parent, _find_pose(wanted)
+    return wanted
 
 
-def _find_pose(site: mujoco.MjsSite) -> Mount:
-    """Compute the pose of a site in the frame of its body.
+def _check_pose(position: npt.ArrayLike, quaternion: npt.ArrayLike) -> tuple[list[float], list[float]]:
+    """Check position [m] and orientation [-] of an array, and return them as 3 and 4 numbers.
 
-    MuJoCo's compiler does the same, but a spec that arrays are being attached to may not be ready to compile.
-
-    Args:
-        site: The site.  It may be within `<frame>` elements, and given by `fromto`.
+    Raises:
+        FastModelError: If they are not 3 and 4 finite numbers, or the quaternion is zero.
     """
-    pose = Mount.of(site.pos, _find_orientation(site))
-    if np.isfinite(site.fromto).all():
-        start, end = site.fromto[:3], site.fromto[3:]
-        along = np.zeros(4)
-        mujoco.mju_quatZ2Vec(along, start - end)
-        pose = Mount.of((start + end) / 2, along)
-    frame = site.frame
-    while frame is not None:
-        pose = Mount.of(frame.pos, _find_orientation(frame)).transform(pose)
-        frame = frame.frame
-    return pose
+    try:
+        place, turn = np.array(position, dtype=np.float64), np.array(quaternion, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        message = f"a pose takes 3 and 4 numbers, [m] and [-], not {position!r} and {quaternion!r}"
+        raise FastModelError(message) from error
+    if place.shape != (3,) or turn.shape != (4,):
+        raise FastModelError(f"a pose takes 3 and 4 numbers, not shapes {place.shape} and {turn.shape}")
+    if not (np.isfinite([*place, *turn]).all() and turn.any()):
+        raise FastModelError(f"a pose takes finite numbers and a quaternion other than zero, not {place} and {turn}")
+    return place.tolist(), (turn / np.linalg.norm(turn)).tolist()
 
 
-def _find_orientation(element: mujoco.MjsSite | mujoco.MjsFrame) -> npt.ArrayLike:
-    """Return the orientation of a site or frame as a quaternion, in whatever form it is given, shape (4,) [-]."""
-    if element.alt.type == mujoco.mjtOrientation.mjORIENTATION_QUAT:
-        return np.array(element.quat)
-    compiler = element.compiler
-    return np.array(mujoco.MjSpec.resolve_orientation(compiler.degree, compiler.eulerseq, element.alt))
+def _add_frame(
+    carrier: mujoco.MjsBody | mujoco.MjsSite, position: list[float], quaternion: list[float]
+) -> mujoco.MjsFrame:
+    """Add a frame to a body, or to the body of a site in the place of the site, which may be given by `fromto`."""
+    if isinstance(carrier, mujoco.MjsBody):
+        return carrier.add_frame(pos=position, quat=quaternion)
+    place, turn, compiler = np.array(carrier.pos), np.array(carrier.quat), carrier.compiler
+    if np.isfinite(carrier.fromto).all():
+        start, end = carrier.fromto.reshape(2, 3)
+        place = (start + end) / 2
+        mujoco.mju_quatZ2Vec(turn, start - end)
+    elif carrier.alt.type != mujoco.mjtOrientation.mjORIENTATION_QUAT:
+        turn = np.array(mujoco.MjSpec.resolve_orientation(compiler.degree, compiler.eulerseq, carrier.alt))
+    site = carrier.parent.add_frame(carrier.frame, pos=place.tolist(), quat=turn.tolist())
+    return carrier.parent.add_frame(site, pos=position, quat=quaternion)
 
 
 def _find_replaced(
@@ -300,9 +298,10 @@ def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[s
             )
         return repr(method), method
     if method == DEFAULT:
-        method = "boxes" if parameters.surface is None else parameters.surface.method
+        method = "boxes" if parameters.surface is None else parameters.surface.methods[0]
     if method not in METHODS:
         raise name_unknown("contact method", method, (DEFAULT, *METHODS))
-    if parameters.surface is not None and parameters.surface.method == "curved" != method:
-        raise FastModelError(f"the contact method {method} is for flat covers, this one is curved; leave it out")
+    if parameters.surface is not None and method not in parameters.surface.methods:
+        accepted = ", ".join(parameters.surface.methods)
+        raise FastModelError(f"the contact method {method} does not suit this cover; accepted: {accepted}")
     return method, METHODS[method].adapt(parameters.surface)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -23,8 +23,6 @@ from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.points import press_points
 from fastmodel.errors import FastModelError, MissedArrayError, check_type
 from fastmodel.parameters import Parameters
-from fastmodel.pose import Mount, make_z_rotation
-from fastmodel.surface import CoverPoints
 from fastmodel.validity import describe_limits
 from meshes import Indenter
 from meshes.array_types import FloatArray
@@ -154,20 +152,8 @@ def indent(
     found = press_points(surface, indenter, pose, load=load)
     contact_forces = np.bincount(surface.find_texels(array), found.forces, array.count).astype(np.float64)
     reading = Reading(contact_forces, found.texel_forces, load, np.array([found.depth]), fewest_cells=found.points)
-    return FastIndentation(
-        contact_forces=contact_forces,
-        texel_forces=found.texel_forces,
-        outside=0.0,
-        total_force=load,
-        chatter=0.0,
-        depth=found.depth,
-        method=name,
-        fewest_cells=found.points,
-        warnings=describe_limits(reading, parameters.validity),
-        seconds=time.perf_counter() - started,
-        force=found.force,
-        points=found.forces,
-    )
+    result = _describe(parameters, name, reading, found.depth, started)
+    return replace(result, outside=0.0, force=found.force, points=found.forces)
 
 
 def indent_together(
@@ -200,18 +186,27 @@ def indent_together(
         compile_kernels(chosen, parameters.array, parameters.surface, model.opt.cone)
     started = time.perf_counter()
     reading, chatter = _settle(model, reader, sum(placement.load for placement in placements))
+    depth = None
+    if reading.approach is not None and len(placements) == 1 and placements[0].guided:
+        depth = float(reading.approach[0])
+    return replace(_describe(parameters, name, reading, depth, started), chatter=chatter)
+
+
+def _describe(
+    parameters: Parameters, method: str, reading: Reading, depth: float | None, started: float
+) -> FastIndentation:
+    """Make the result of a press without chatter that began at a time [s]; see `FastIndentation`."""
     texel_forces = reading.texel_forces
     if texel_forces is None:
         texel_forces = parameters.spread.operator(parameters.array) @ reading.contact_forces
-    approach = reading.approach
     return FastIndentation(
         contact_forces=reading.contact_forces,
         texel_forces=texel_forces,
         outside=float(reading.carried - texel_forces.sum()),
         total_force=reading.carried,
-        chatter=chatter,
-        depth=float(approach[0]) if approach is not None and len(placements) == 1 and placements[0].guided else None,
-        method=name,
+        chatter=0.0,
+        depth=depth,
+        method=method,
         fewest_cells=reading.fewest_cells,
         warnings=describe_limits(reading, parameters.validity),
         seconds=time.perf_counter() - started,
@@ -244,7 +239,7 @@ def add_indenter(
     Returns:
         The added body.
     """
-    body = spec.worldbody.add_body(name=name, pos=[*at, height], quat=make_z_rotation(yaw).tolist())
+    body = spec.worldbody.add_body(name=name, pos=[*at, height], quat=[np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)])
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     body.mass, body.explicitinertial = load / STANDARD_GRAVITY, True
     body.inertia[:] = body.mass * GYRATION_RADIUS**2
@@ -276,12 +271,12 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
     spec.option.timestep = TIMESTEP
     spec.option.gravity[:] = [0, 0, -STANDARD_GRAVITY]
     spec.option.tolerance = SOLVER_TOLERANCE
-    method.attach(spec.worldbody, parameters.array, Mount.of((0, 0, 0), (1, 0, 0, 0)), _ARRAY)
+    method.attach(spec.worldbody.add_frame(), parameters.array, _ARRAY)
     for number, placement in enumerate(placements):
-        height = _choose_height(parameters, placement)
-        name = f"indenter{number}"
+        shape, at = placement.indenter, placement.at
+        height = method.find_start(parameters.array, at, np.hypot(*shape.footprint) + max(parameters.array.pitch))
         body = add_indenter(
-            spec, placement.indenter, placement.load, at=placement.at, height=height, yaw=placement.yaw, name=name
+            spec, shape, placement.load, at=at, height=height, yaw=placement.yaw, name=f"indenter{number}"
         )
         if not placement.guided:
             body.ipos[:] = [*placement.centre, 0.0]
@@ -292,21 +287,6 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
         # No friction: with friction, the edge of an indenter can hook on the side of a box texel and pull it upwards.
         geom.condim = 1
     return spec.compile()
-
-
-def _choose_height(parameters: Parameters, placement: Placement) -> float:
-    """Choose the height at which an indenter starts [m].
-
-    On a flat array this is the surface.  On a curved array it is a height at which the indenter touches no texel yet.
-    """
-    array = parameters.array
-    if isinstance(parameters.surface, CoverPoints):
-        return float(parameters.surface.points[:, 2].max())
-    if array.planar:
-        return 0.0
-    reach = np.hypot(*placement.indenter.footprint) + max(array.pitch)
-    under = np.hypot(*(array.centres[:, :2] - placement.at).T) <= reach
-    return float(array.centres[under, 2].max(initial=0.0)) + max(array.pitch)
 
 
 def _settle(model: mujoco.MjModel, reader: ContactReader, load: float) -> tuple[Reading, float]:

@@ -14,10 +14,12 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from fastmodel.compiled import compile_kernel
 from fastmodel.contact.bodies import Reasons, find_obstacles
 from fastmodel.contact.interface import TexelContact
 from fastmodel.parameters import Parameters
-from fastmodel.pressure.gap import describe_solid
+from fastmodel.pressure.gap import BodyShape, describe_solid
+from fastmodel.pressure.gap_kernels import cross_lines
 from fastmodel.signal.point_spread import Gaussian
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
@@ -41,8 +43,11 @@ _CLEARANCE = 1e-3
 _FACING = -0.5
 #: Most names that a sentence lists.
 _MOST_NAMES = 4
-#: Height over the top of an array that counts as flush [m], and relative tolerance of comparisons of heights [-].
-_FLUSH, _ROUNDING = 5e-6, 1e-6
+#: Height above or below the top of an array up to which a geom counts as flush with it [m].  Geoms that overlap the
+#: array by less do not count as pressing on it.
+_FLUSH = 5e-6
+#: Tolerance of comparisons with `_CLEARANCE`, over `_CLEARANCE`, for rounding [-].
+_ROUNDING = 1e-6
 
 
 class OptionWarning(UserWarning):
@@ -352,38 +357,16 @@ def find_span(
         Distances along the line from the point to the lower and upper end of the interval, each of shape (n,) [m];
         inf and -inf for a line that misses the geom.
     """
-    kinds = mujoco.mjtGeom
-    kind = int(model.geom_type[geom])
-    rotation, position = data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]
-    if kind in {kinds.mjGEOM_BOX, kinds.mjGEOM_MESH, kinds.mjGEOM_PLANE}:
-        return _clip(describe_solid(model, geom).planes, (points - position) @ rotation, normals @ rotation)
+    kind, position = int(model.geom_type[geom]), data.geom_xpos[geom]
+    if kind not in {mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF}:
+        shape, rotation = BodyShape.of([describe_solid(model, geom)]), data.geom_xmat[geom].reshape(1, 3, 3)
+        low, high = compile_kernel(cross_lines)(shape.arrays, rotation, position[None], points, normals)
+        return low[0], high[0]
+    reach = mujoco.mj_rayHfield if kind == mujoco.mjtGeom.mjGEOM_HFIELD else mujoco.mj_rayMesh
     low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
     for k, (point, normal) in enumerate(zip(points, normals, strict=True)):
         far = float(np.linalg.norm(point - position)) + 2 * float(model.geom_rbound[geom])
-        above, below = point + far * normal, point - far * normal
-        if kind in {kinds.mjGEOM_HFIELD, kinds.mjGEOM_SDF}:
-            reach = mujoco.mj_rayHfield if kind == kinds.mjGEOM_HFIELD else mujoco.mj_rayMesh
-            down, up = reach(model, data, geom, above, -normal), far
-        else:
-            box = (position, data.geom_xmat[geom], model.geom_size[geom])
-            down, up = (mujoco.mju_rayGeom(*box, *ray, kind) for ray in ((above, -normal), (below, normal)))
+        down = reach(model, data, geom, point + far * normal, -normal)
         if down >= 0:
-            low[k], high[k] = up - far, far - down
+            low[k], high[k] = 0.0, far - down
     return low, high
-
-
-def _clip(planes: FloatArray, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Find the interval of lines within a convex polytope; see `find_span`.
-
-    Args:
-        planes: Outward normal and offset of each of the f faces, shape (f, 4) [-, m].
-        points: A point of each of n lines in the frame of the polytope, shape (n, 3) [m].
-        directions: Direction of each line, shape (n, 3) [-].
-    """
-    slope, room = directions @ planes[:, :3].T, planes[:, 3] - points @ planes[:, :3].T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = room / slope
-    low = np.where(slope < 0, crossing, -np.inf).max(axis=1)
-    high = np.where(slope > 0, crossing, np.inf).min(axis=1)
-    missed = (low > high) | ((slope == 0) & (room < 0)).any(axis=1)
-    return np.where(missed, np.inf, low), np.where(missed, -np.inf, high)

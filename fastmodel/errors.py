@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import warnings
 from collections.abc import Iterable
 from pathlib import Path
+
+import numpy as np
 
 #: Folder of this package.
 _PACKAGE = Path(__file__).parent
@@ -53,6 +56,24 @@ def check_type(name: str, value: object, expected: type | tuple[type, ...], want
     """
     if not isinstance(value, expected):
         raise FastModelError(f"{name} must be {wanted}, not {type(value).__name__}")
+
+
+def check_count(name: str, number: float, least: int, unit: str = "") -> int:
+    """Check that an argument is a whole number of at least `least`, and return it as such.
+
+    Args:
+        name: Name of the argument.
+        number: Value of the argument.
+        least: Smallest accepted number.
+        unit: What it counts, for the message, for example " of physics steps".
+
+    Raises:
+        FastModelError: If the value is no number, not whole or smaller.
+    """
+    check_type(name, number, (int, float, np.integer), f"a whole number{unit}")
+    if not math.isfinite(number) or number != int(number) or number < least:
+        raise FastModelError(f"{name} must be a whole number{unit} from {least} on, not {number}")
+    return int(number)
 
 
 def warn_user(message: str, category: type[Warning]) -> None:

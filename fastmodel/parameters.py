@@ -5,8 +5,6 @@ The TOML file holds everything but the large tables, in SI units: array, point s
 cover between cells smaller than a texel, and any further tables.  The TOML file contains the sha256 of `cover.npz`.
 No file contains pickled objects.  If a save is interrupted, the folder still holds a matching pair of files, either
 the old pair or the new one.
-
-The two files of a parameters folder, `parameters.toml` and `cover.npz`: replaced together, read within limits.
 """
 
 from __future__ import annotations
@@ -39,59 +37,36 @@ _LOG = logging.getLogger(__name__)
 
 #: Version of the format of a parameters folder; `load` refuses other versions.
 FORMAT = 1
-#: Largest accepted number of bits of a converter.
-_MOST_BITS = 32
 #: Folder that holds one parameters folder for each sensor that comes with the package.
 SENSORS = Path(__file__).parent / "sensors"
+#: Names of the two files in a parameters folder.
+TOML_NAME, NPZ_NAME = "parameters.toml", "cover.npz"
+#: Largest accepted size of the TOML file; texels anywhere in space take most of it, ten thousand about 1.5 MiB [bytes].
+_MOST_TOML_BYTES = 3 * 2**20
+#: Largest accepted size of all tables of the npz file together, besides the operator of n x n numbers [bytes].
+_MOST_TABLE_BYTES = 2**27
 #: Name of the spread operator among the tables of the npz file.
 _OPERATOR = "operator"
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Section:
-    """How one kind of surface is stored.
-
-    Attributes:
-        name: Section of the TOML file, which holds the fields that are no arrays.
-        surface: The class.
-        tables: Fields that are arrays, with the names of their tables in the npz file.
-        number: Type of the numbers of these tables.  The compliance of points is dense; four bytes for each number
-            halve the file, with an error of 1e-7.
-    """
-
-    name: str
-    surface: type[CoverCells | CoverPoints]
-    tables: Mapping[str, str]
-    number: type[np.floating[Any]]
-
-
-def _name_tables(prefix: str, *fields: str) -> dict[str, str]:
-    """Name the table in the npz file of each field."""
-    return {name: f"{prefix}_{name}" for name in fields}
-
-
-#: How the surfaces are stored.  The names of the sections are those of the first version of the format.
-_SECTIONS = (
-    _Section(
-        name="cells",
-        surface=CoverCells,
-        tables=_name_tables(
-            "cells",
-            *("compliance", "influence", "table", "loads", "load_depths", "loaded_compliance", "loaded_influence"),
-        ),
-        number=np.float64,
-    ),
-    _Section(
-        name="curved",
-        surface=CoverPoints,
-        tables=_name_tables("curved", "points", "normals", "influence", "compliance"),
-        number=np.float32,
-    ),
-)
 #: Value of `validity` in the TOML file if the range of the fast model is not stated.
 _NOT_STATED = "not stated"
+#: Sections of the TOML file that hold one object of a class.
+_CLASSES: dict[str, type] = {
+    "electronics": Electronics,
+    "filter": Butterworth,
+    "validity": Validity,
+    CoverCells.section: CoverCells,
+    CoverPoints.section: CoverPoints,
+}
+
+
+def _name_tables(kind: type) -> dict[str, str]:
+    """Name the table in the npz file of each field of a class that is an array."""
+    section = next(name for name, each in _CLASSES.items() if each is kind)
+    return {each.name: f"{section}_{each.name}" for each in dataclasses.fields(kind) if "FloatArray" in str(each.type)}
+
+
 #: Names of tables that the format itself uses; further tables must not have them.
-_RESERVED = (_OPERATOR, *(table for section in _SECTIONS for table in section.tables.values()))
+_RESERVED = (_OPERATOR, *(table for kind in _CLASSES.values() for table in _name_tables(kind).values()))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,13 +135,12 @@ class Parameters:
         target.mkdir(parents=True, exist_ok=True)
         tables = {_OPERATOR: self.spread.operator(self.array), **self.tables}
         if self.surface is not None:
-            section = _section_of(self.surface)
-            for name, stored in section.tables.items():
+            for name, stored in _name_tables(type(self.surface)).items():
                 if (table := getattr(self.surface, name)) is not None:
-                    tables[stored] = table.astype(section.number)
+                    tables[stored] = table.astype(self.surface.number)
         packed = pack_npz(tables)
         text = tomli_w.dumps(_describe(self, hashlib.sha256(packed).hexdigest()))
-        replace_pair(target, packed, text.encode())
+        _replace_pair(target, packed, text.encode())
         return target / TOML_NAME
 
 
@@ -200,46 +174,28 @@ def load(sensor: str | Path) -> Parameters:
     with document.section("array"):
         array = _build_array(document)
     with document.section("cover"):
-        name, sha256 = document.take("cover.file"), document.take("cover.sha256")
-        if name != NPZ_NAME:
+        if document.take("cover.file") != NPZ_NAME:
             raise ValueError(f"file must be {NPZ_NAME!r}")
-        tables = read_tables(document.path.parent, sha256, array.count)
-    operator = tables.pop(_OPERATOR, np.zeros(0))
-    if operator.shape != (array.count, array.count):
-        raise ParametersError(
-            f"{document.path.parent / NPZ_NAME}: {_OPERATOR!r} has shape {operator.shape}; {array.count} texels need "
-            f"{(array.count, array.count)}"
-        )
+        tables = _read_tables(document.path.parent, document.take("cover.sha256"), array.count)
     with document.section("spread"):
-        spread = _build_spread(document.take("spread"), operator)
-    with document.section("electronics"):
-        electronics = _build_electronics(document)
-    with document.section("filter"):
-        low_pass = Butterworth(**document.take("filter")) if "filter" in document.values else None
-    surface = None
-    for section in _SECTIONS:
-        if section.name in document.values:
-            with document.section(section.name):
-                stored: dict[str, Any] = {name: tables[key] for name, key in section.tables.items() if key in tables}
-                values: dict[str, Any] = {
-                    key: tuple(value) if isinstance(value, list) else value
-                    for key, value in document.take(section.name).items()
-                }
-                surface = section.surface(**values, **stored)
-    with document.section("validity"):
-        stated = document.values.get("validity", _NOT_STATED)
-        validity = None if stated == _NOT_STATED else Validity(**stated)
-    with document.section("parameters"):
-        return Parameters(
-            array=array,
-            spread=spread,
-            electronics=electronics,
-            filter=low_pass,
-            provenance=dict(document.values.get("provenance", {})),
-            surface=surface,
-            validity=validity,
-            tables={name: table for name, table in tables.items() if name not in _RESERVED},
+        spread = _build_spread(dict(document.take("spread")), tables.pop(_OPERATOR, np.zeros(0)), array)
+    if "calibrated" not in document.take("electronics"):
+        _LOG.warning(
+            "%s: [electronics] has no `calibrated`, so counts follow the texel force; derive anew", document.path
         )
+    parts: dict[str, Any] = {}
+    for name, kind in _CLASSES.items():
+        if name in document.values and document.values[name] != _NOT_STATED:
+            with document.section(name):
+                values = {
+                    key: tuple(value) if isinstance(value, list) else value
+                    for key, value in document.take(name).items()
+                }
+                stored = {key: tables.pop(table) for key, table in _name_tables(kind).items() if table in tables}
+                parts["surface" if kind in (CoverCells, CoverPoints) else name] = kind(**values, **stored)
+    with document.section("parameters"):
+        provenance = dict(document.values.get("provenance", {}))
+        return Parameters(array=array, spread=spread, provenance=provenance, tables=tables, **parts)
 
 
 class _Document:
@@ -251,8 +207,16 @@ class _Document:
     """
 
     def __init__(self, path: Path) -> None:
+        """Read the file.
+
+        Raises:
+            ParametersError: If it cannot be read, or is no TOML within the limits on size and depth.
+        """
         self.path = path
-        self.values = read_values(path)
+        try:
+            self.values = parse_toml(_read_bytes(path, _MOST_TOML_BYTES).decode("utf-8-sig"))
+        except (FileLimitError, UnicodeDecodeError) as error:
+            raise ParametersError(f"{path}: not readable as TOML: {error}") from error
 
     def take(self, key: str) -> Any:  # noqa: ANN401 -- TOML values
         """Return the value under a dotted key such as `array.rows`; raise a `ParametersError` if it is missing."""
@@ -281,114 +245,31 @@ def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
         parameters: The parameters of the sensor.
         sha256: Hash of `cover.npz`.
     """
-    document: dict[str, Any] = {
-        "format": FORMAT,
-        "array": _describe_array(parameters.array),
-        "spread": _describe_spread(parameters.spread),
-        "electronics": _describe_dataclass(parameters.electronics),
-        "cover": {"file": NPZ_NAME, "sha256": sha256},
-    }
-    if parameters.filter is not None:
-        document["filter"] = _describe_dataclass(parameters.filter)
-    if parameters.surface is not None:
-        section = _section_of(parameters.surface)
-        document[section.name] = _convert_values(
-            {
-                each.name: getattr(parameters.surface, each.name)
-                for each in dataclasses.fields(parameters.surface)
-                if each.name not in section.tables
-            }
-        )
-    document["validity"] = _NOT_STATED if parameters.validity is None else _describe_dataclass(parameters.validity)
-    if parameters.provenance:
-        document["provenance"] = _convert_values(parameters.provenance)
-    return document
-
-
-def _describe_array(array: TexelArray) -> dict[str, Any]:
-    """Convert an array to TOML values; mask, positions and normals only if they differ from those of a full grid."""
-    values: dict[str, Any] = {
-        "name": array.name,
-        "rows": array.rows,
-        "columns": array.columns,
-        "pitch": list(array.pitch),
-        "texel_size": list(array.texel_size),
-    }
+    array, spread, surface = parameters.array, parameters.spread, parameters.surface
+    layout = {name: getattr(array, name) for name in ("name", "rows", "columns", "pitch", "texel_size")}
     if not array.active.all():
-        values["active"] = array.image(array.active).astype(int).tolist()
+        layout["active"] = array.image(array.active).astype(int)
     grid = TexelArray.grid(array.rows, array.columns, array.pitch)
     if not (np.array_equal(array.centres, grid.centres) and np.array_equal(array.normals, grid.normals)):
-        values["centres"] = array.centres.tolist()
-        values["normals"] = array.normals.tolist()
-    return values
-
-
-def _build_array(document: _Document) -> TexelArray:
-    """Build the array from the section `[array]` of the TOML file; this inverts `_describe_array`."""
-    pitch, size = document.take("array.pitch"), document.take("array.texel_size")
-    table = document.take("array")
-    check_texel_count(document.take("array.rows"), document.take("array.columns"))
-    check_type("name", document.take("array.name"), str, "a text")
-    grid = TexelArray.grid(
-        document.take("array.rows"),
-        document.take("array.columns"),
-        (pitch[0], pitch[1]),
-        texel_size=(size[0], size[1]),
-        active=table.get("active"),
-        name=document.take("array.name"),
-    )
-    if "centres" not in table:
-        return grid
-    return dataclasses.replace(
-        grid,
-        centres=np.array(table["centres"], dtype=np.float64),
-        normals=np.array(document.take("array.normals"), dtype=np.float64),
-    )
-
-
-def _describe_spread(spread: Spread) -> dict[str, Any]:
-    """Convert a point spread to TOML values: a Gaussian to its numbers, others to their source (their table is npz)."""
+        layout |= {"centres": array.centres, "normals": array.normals}
+    document: dict[str, Any] = {"format": FORMAT, "array": layout}
     if isinstance(spread, Gaussian):
-        return {"kind": "gaussian", **_describe_dataclass(spread)}
-    return {"kind": "operator", "source": getattr(spread, "source", type(spread).__name__)}
-
-
-def _build_spread(table: Mapping[str, Any], operator: FloatArray) -> Spread:
-    """Build the point spread from the section `[spread]` and the operator."""
-    values = dict(table)
-    match values.pop("kind", None):
-        case "gaussian":
-            kernel = Gaussian(**values)
-            if max(kernel.ksize_x, kernel.ksize_y) > MOST_TEXELS:
-                raise ValueError(f"ksize must be at most {MOST_TEXELS} texels")
-            return kernel
-        case "operator":
-            return Tabulated(matrix=operator, **values)
-        case kind:
-            raise ValueError(f"kind is {kind!r}; it must be 'gaussian' or 'operator'")
-
-
-def _build_electronics(document: _Document) -> Electronics:
-    """Build the electronics from the section `[electronics]`; warn if an earlier version wrote it."""
-    table = document.take("electronics")
-    values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
-    if not isinstance(bits := values.get("bits", 1), int) or not 1 <= bits <= _MOST_BITS:
-        raise ValueError(f"bits must be a whole number 1..{_MOST_BITS}, not {bits!r}")
-    if "calibrated" not in values:
-        _LOG.warning(
-            "%s: [electronics] has no `calibrated`, so counts follow the texel force; derive anew", document.path
-        )
-    return Electronics(**values)
-
-
-def _section_of(surface: Surface) -> _Section:
-    """Return how a surface is stored."""
-    return next(section for section in _SECTIONS if isinstance(surface, section.surface))
-
-
-def _describe_dataclass(instance: Any) -> dict[str, Any]:  # noqa: ANN401 -- any dataclass instance
-    """Convert the fields of a dataclass to TOML values, see `_convert_values`."""
-    return _convert_values(dataclasses.asdict(instance))
+        document["spread"] = {"kind": "gaussian", **vars(spread)}
+    else:  # the table of any other point spread is in the npz file
+        document["spread"] = {"kind": "operator", "source": getattr(spread, "source", type(spread).__name__)}
+    document["electronics"] = vars(parameters.electronics)
+    document["cover"] = {"file": NPZ_NAME, "sha256": sha256}
+    if parameters.filter is not None:
+        document["filter"] = vars(parameters.filter)
+    if surface is not None:
+        named = [each.name for each in dataclasses.fields(surface)]
+        document[surface.section] = {
+            name: getattr(surface, name) for name in named if name not in _name_tables(type(surface))
+        }
+    document["validity"] = _NOT_STATED if parameters.validity is None else vars(parameters.validity)
+    if parameters.provenance:
+        document["provenance"] = parameters.provenance
+    return _convert_values(document)
 
 
 def _convert_values(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -404,25 +285,45 @@ def _convert_values(values: Mapping[str, Any]) -> dict[str, Any]:
     return converted
 
 
-#: Names of the two files in a parameters folder.
-TOML_NAME = "parameters.toml"
-NPZ_NAME = "cover.npz"
-#: Largest accepted size of the TOML file; texels anywhere in space take most of it, ten thousand about 1.5 MiB [bytes].
-_MOST_TOML_BYTES = 3 * 2**20
-#: Largest accepted size of all tables of the npz file together, besides the operator of n x n numbers [bytes].
-_MOST_TABLE_BYTES = 2**27
+def _build_array(document: _Document) -> TexelArray:
+    """Build the array from the section `[array]` of the TOML file."""
+    take = {name: document.take(f"array.{name}") for name in ("rows", "columns", "pitch", "texel_size", "name")}
+    table = document.take("array")
+    check_texel_count(take["rows"], take["columns"])
+    check_type("name", take["name"], str, "a text")
+    for name in ("pitch", "texel_size"):
+        take[name] = (take[name][0], take[name][1])
+    grid = TexelArray.grid(**take, active=table.get("active"))
+    if "centres" not in table:
+        return grid
+    centres, normals = (np.array(document.take(f"array.{name}"), dtype=np.float64) for name in ("centres", "normals"))
+    return dataclasses.replace(grid, centres=centres, normals=normals)
 
 
-def replace_pair(folder: Path, packed: bytes, text: bytes) -> None:
-    """Replace `parameters.toml` and `cover.npz` such that a reader finds a matching pair at every moment.
+def _build_spread(table: dict[str, Any], operator: FloatArray, array: TexelArray) -> Spread:
+    """Build the point spread from the section `[spread]` and the operator."""
+    if operator.shape != (array.count, array.count):
+        raise ValueError(
+            f"{_OPERATOR!r} in {NPZ_NAME} has shape {operator.shape}; {array.count} texels need "
+            f"{(array.count, array.count)}"
+        )
+    match table.pop("kind", None):
+        case "gaussian":
+            kernel = Gaussian(**table)
+            if max(kernel.ksize_x, kernel.ksize_y) > MOST_TEXELS:
+                raise ValueError(f"ksize must be at most {MOST_TEXELS} texels")
+            return kernel
+        case "operator":
+            return Tabulated(matrix=operator, **table)
+        case kind:
+            raise ValueError(f"kind is {kind!r}; it must be 'gaussian' or 'operator'")
+
+
+def _replace_pair(folder: Path, packed: bytes, text: bytes) -> None:
+    """Replace both files of a folder, npz and TOML, such that a reader finds a matching pair at every moment.
 
     The old TOML file contains the hash of the old npz file, so a copy of the old npz file is kept until the TOML file
     is replaced too.
-
-    Args:
-        folder: The parameters folder.
-        packed: New content of the npz file.
-        text: New content of the TOML file.
 
     Raises:
         OSError: If the folder cannot be written; the old pair of files can still be read then.
@@ -432,7 +333,7 @@ def replace_pair(folder: Path, packed: bytes, text: bytes) -> None:
         atomic_file.replace(_path_of_copy(tables, hashlib.sha256(old).hexdigest()), [old])
     atomic_file.replace(tables, [packed])
     atomic_file.replace(folder / TOML_NAME, [text])
-    for copy in tables.parent.glob(f"{tables.stem}.????????????????{tables.suffix}"):
+    for copy in folder.glob(_path_of_copy(tables, "?" * 16).name):
         copy.unlink(missing_ok=True)
     atomic_file.sweep(folder)
 
@@ -442,26 +343,8 @@ def _path_of_copy(tables: Path, sha256: str) -> Path:
     return tables.with_name(f"{tables.stem}.{sha256[:16]}{tables.suffix}")
 
 
-def read_values(path: Path) -> dict[str, Any]:
-    """Read the TOML file.
-
-    Raises:
-        ParametersError: If it cannot be read, or is no TOML within the limits on size and depth.
-    """
-    content = _read_bytes(path, _MOST_TOML_BYTES)
-    try:
-        return parse_toml(content.decode("utf-8-sig"))
-    except (FileLimitError, UnicodeDecodeError) as error:
-        raise ParametersError(f"{path}: not readable as TOML: {error}") from error
-
-
-def read_tables(folder: Path, sha256: object, texels: int) -> dict[str, FloatArray]:
-    """Read the tables of the npz file.
-
-    Args:
-        folder: The parameters folder.
-        sha256: Hash of the npz file that the TOML file states.
-        texels: Number of texels n, on which the largest accepted size depends.
+def _read_tables(folder: Path, sha256: object, texels: int) -> dict[str, FloatArray]:
+    """Read the tables of the npz file with the hash that the TOML file states; the accepted size grows with the texels.
 
     Raises:
         ParametersError: If the file cannot be read, has another hash, is damaged or too large.

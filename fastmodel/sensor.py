@@ -30,7 +30,7 @@ from fastmodel.check import (
 )
 from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.bodies import NameInModel
-from fastmodel.contact.interface import ContactReader, Reading, TexelContact, compile_kernels
+from fastmodel.contact.interface import Reading, TexelContact, compile_kernels
 from fastmodel.errors import FastModelError, LifeCycleError, check_type, warn_user
 from fastmodel.parameters import Parameters
 from fastmodel.signal.chain import ChainFunctions, ChainState
@@ -55,10 +55,17 @@ class Sensor:
     Sensors pickle, and `copy.deepcopy` copies them, with the model and data that they are bound to: copy or pickle
     `(model, data, sensor)` together, and the copy of the sensor continues with the copies of model and data.
 
+    The filter runs on every sample of the contact forces.  Point spread and electronics run once per frame, on the
+    latest filtered sample.  Filter and point spread are linear and all texels have the same filter, so their order has
+    no effect on the result.
+
     Attributes:
         name: Name of the sensor.
         parameters: The array and its cover.
     """
+
+    #: The model that the sensor is bound to.
+    _model: mujoco.MjModel | None = None
 
     def __init__(
         self,
@@ -76,7 +83,7 @@ class Sensor:
         self._contact = contact
         self._every = every
         self._prefix, self._suffix = prefix, suffix
-        self._running: RunningSensor | None = None
+        self._data: mujoco.MjData | None = None
 
     def twin(self, *, prefix: str | None = None, suffix: str | None = None) -> Sensor:
         """Make another, unbound sensor of the same array.
@@ -127,13 +134,12 @@ class Sensor:
         suffix = self._suffix if suffix is None else suffix
         check_type("prefix", prefix, str, "a str, as in spec.attach(child, prefix='left_')")
         check_type("suffix", suffix, str, "a str, as in spec.attach(child, suffix='_left')")
-        self._running = self._start(model, prefix, suffix)
-        self._prefix, self._suffix = prefix, suffix
+        self._start_in(model, prefix, suffix)
         for sentence in self.check(model):
             warn_user(sentence, OptionWarning)
         return self
 
-    def _start(self, model: mujoco.MjModel, prefix: str, suffix: str) -> RunningSensor:
+    def _start_in(self, model: mujoco.MjModel, prefix: str, suffix: str) -> None:
         """Find the array in a model, compile the kernels, and start the sensor at rest; see `bind`."""
         name, parameters = NameInModel(f"{prefix}{self.name}", suffix), self.parameters
         try:
@@ -142,8 +148,25 @@ class Sensor:
             raise LifeCycleError(f"{error}{self._suggest_names(model, prefix, suffix)}") from error
         with report_slow_compilation(f"sensor {self.name!r}"):
             compile_kernels(self._contact, parameters.array, parameters.surface, model.opt.cone)
-        every = self._every or _choose_interval(parameters, self._contact, model.opt.timestep)
-        return RunningSensor(f"{name}{suffix}", parameters, reader, model, every)
+        interval, timestep = self._choose_interval(model), float(model.opt.timestep)
+        spreads = reader.at_rest(np.zeros(parameters.array.count)).texel_forces is None
+        functions = ChainFunctions(parameters, 1.0 / (interval * timestep), spreads=spreads)
+        # nothing has changed if an error was raised up to here
+        self._prefix, self._suffix, self._label = prefix, suffix, f"{name}{suffix}"
+        self._model, self._data, self._options, self._timestep = model, None, list_options(model), timestep
+        self._interval, self._reader, self._functions = interval, reader, functions
+        self._validity = parameters.validity
+        self._noise = make_generator(parameters.electronics.seed, self._label)
+        self._settle(np.zeros(()))
+
+    def _choose_interval(self, model: mujoco.MjModel) -> int:
+        """Choose the number of physics steps between two samples of the contact forces [-]."""
+        if self._every or not self._contact.costly:
+            return self._every or 1
+        wanted = self.parameters.electronics.rate_hz
+        if self.parameters.filter is not None:
+            wanted = max(wanted, _SAMPLES_PER_CUTOFF * self.parameters.filter.cutoff_hz)
+        return max(1, int((1 + _CLOCK_TOLERANCE) / (wanted * model.opt.timestep)))
 
     def check(self, model: mujoco.MjModel) -> tuple[str, ...]:
         """Find what makes this sensor measure less, or less accurately, than it could in a model.
@@ -164,15 +187,69 @@ class Sensor:
             LifeCycleError: If the array is not in the model.
         """
         check_type("model", model, mujoco.MjModel, "a mujoco.MjModel, as spec.compile() returns it")
-        array, name = self.parameters.array, f"{self._prefix}{self.name}"
+        name = f"{self._prefix}{self.name}"
         geoms = find_geoms_of(model, name, self._suffix)
+        name += self._suffix
         if not len(geoms):
             advice = self._suggest_names(model, self._prefix, self._suffix)
-            raise LifeCycleError(f"array {name + self._suffix!r} is not in this model{advice}")
-        every = self._every or _choose_interval(self.parameters, self._contact, model.opt.timestep)
-        around = check_surroundings(model, geoms, f"{name}{self._suffix}", self._contact, min(array.pitch))
+            raise LifeCycleError(f"array {name!r} is not in this model{advice}")
+        around = check_surroundings(model, geoms, name, self._contact, min(self.parameters.array.pitch))
         spread = () if self._contact.computes_spread else check_calibration(self.parameters)
-        return (*check_options(self.parameters, model, every, geoms), *spread, *around)
+        return (*check_options(self.parameters, model, self._choose_interval(model), geoms), *spread, *around)
+
+    def _suggest_names(self, model: mujoco.MjModel, prefix: str, suffix: str) -> str:
+        """Return advice if the model has an array of this name with another prefix or suffix, otherwise no text."""
+        part = re.compile(rf"(.*){re.escape(self.name)}/(?:plate|texel)\d*(.*)")
+        matches = (part.fullmatch(model.geom(geom).name) for geom in range(model.ngeom))
+        others = sorted({match.groups() for match in matches if match} - {(prefix, suffix)})
+        calls = [
+            f"bind(model, prefix={before!r})" if not after else f"bind(model, prefix={before!r}, suffix={after!r})"
+            for before, after in others
+        ]
+        return f".  Arrays of this name are in the model: {', '.join(calls)}" if calls else ""
+
+    def _require_model(self) -> mujoco.MjModel:
+        """Return the model, or raise an error if the sensor is not bound."""
+        if self._model is None:
+            raise LifeCycleError(f"sensor {self.name!r} is not bound; call bind(model) after compiling")
+        return self._model
+
+    def _settle(self, contact_forces: FloatArray) -> None:
+        """Restart the sensor under constant contact forces, see `reset`."""
+        count = self.parameters.array.count
+        if contact_forces.shape not in {(), (count,)}:
+            raise FastModelError(
+                f"sensor {self._label!r}: contact_forces to start from must be a number or one force for each of "
+                f"{count} texels, not of shape {contact_forces.shape}"
+            )
+        settled = np.broadcast_to(contact_forces, (count,))
+        if not (np.isfinite(settled) & (settled >= 0)).all():
+            raise FastModelError(
+                f"sensor {self._label!r}: contact forces to start from must be finite and not negative"
+            )
+        self._reading = self._reader.at_rest(settled)
+        self._state = self._functions.settle(*_list_signals(self._reading))
+        self._steps = self._frames = 0
+        self._time = self._start = math.nan
+        self._sampled_at = 0.0
+        self._make_frame(None)
+
+    def _make_frame(self, noise: np.random.Generator | None) -> None:
+        """Make a frame from the latest filtered sample, with or without the noise of the electronics."""
+        self._state, made = self._functions.frame(self._state, noise)
+        self._outside = float(made.outside)
+        vectors: FloatArray = made.others.copy()
+        self._frame = Frame(
+            time=self._sampled_at,
+            counts=made.counts,
+            texel_forces=made.texel_forces,
+            image=made.image,
+            texel_area=math.prod(self.parameters.array.texel_size),
+            net_force=vectors[:3] if len(vectors) else None,
+            net_torque=vectors[3:6] if len(vectors) else None,
+            tangential=vectors[6:].reshape(-1, 2) if len(vectors) else None,
+            tangential_source=self._reading.tangential_source,
+        )
 
     def step(self, data: mujoco.MjData) -> bool:
         """Update the sensor after one physics step; call this after every `mj_step`.
@@ -189,7 +266,32 @@ class Sensor:
                 advance by one timestep since the previous call.
             FastModelError: If a contact force is not finite.
         """
-        return self._bound().step(data)
+        model = self._require_model()
+        if data is not self._data:
+            check_type("data", data, mujoco.MjData, "the mujoco.MjData that was stepped")
+            if data.model is not model and not _are_equal(data.model, model):
+                raise LifeCycleError(f"sensor {self._label!r} is bound to another model; call bind(model) again")
+            self._data = data
+        now = data.time
+        if not abs(now - self._time - self._timestep) <= _CLOCK_TOLERANCE * self._timestep:
+            self._check_clock(now)
+        self._time = now
+        if self._steps % self._interval == 0:
+            reading = self._reader.read(data)
+            if not math.isfinite(reading.carried):
+                raise FastModelError(f"sensor {self._label!r}: contact forces are not finite at t = {now:g} s")
+            self._state = self._functions.take(self._state, *_list_signals(reading))
+            self._reading, self._sampled_at = reading, now
+            if self._validity is not None and self._validity.is_exceeded(reading):
+                warn_user(f"sensor {self._label!r}: {self._validity.describe_excess(reading)}", RangeWarning)
+                self._validity = None  # warn once
+        self._steps += 1
+        due = int((self._sampled_at - self._start) * self.parameters.electronics.rate_hz + _CLOCK_TOLERANCE)
+        if due <= self._frames:
+            return False
+        self._frames = due
+        self._make_frame(self._noise)
+        return True
 
     def frame(self) -> Frame:
         """Return the latest frame, or a frame of the unloaded array if no frame has been made yet.
@@ -197,7 +299,8 @@ class Sensor:
         Raises:
             LifeCycleError: If the sensor is not bound to a compiled model.
         """
-        return self._bound().frame
+        self._require_model()
+        return self._frame
 
     def contact_forces(self) -> FloatArray:
         """Return the contact force on each texel at the latest sample, before filter and spread, shape (n,) [N].
@@ -205,7 +308,8 @@ class Sensor:
         Raises:
             LifeCycleError: If the sensor is not bound.
         """
-        return self._bound().reading.contact_forces.copy()
+        self._require_model()
+        return self._reading.contact_forces.copy()
 
     def carried(self) -> float:
         """Return the total force that pressed on the array and its margin at the latest sample [N].
@@ -213,7 +317,8 @@ class Sensor:
         Raises:
             LifeCycleError: If the sensor is not bound.
         """
-        return self._bound().reading.carried
+        self._require_model()
+        return self._reading.carried
 
     def outside(self) -> float:
         """Return the part of the filtered contact force that no texel measures, at the latest frame [N].
@@ -221,7 +326,8 @@ class Sensor:
         Raises:
             LifeCycleError: If the sensor is not bound.
         """
-        return self._bound().outside
+        self._require_model()
+        return self._outside
 
     def reset(self, contact_forces: npt.ArrayLike = 0.0, *, seed: int | np.random.SeedSequence | None = None) -> None:
         """Restart clocks, filter and hysteresis; call this after `mj_resetData`.
@@ -243,21 +349,20 @@ class Sensor:
             FastModelError: If the timestep of the model has changed, and the filter's cut-off is not below half the
                 new sampling rate.
         """
-        running = self._bound()
-        if running.options != list_options(running.model):
-            noise = running.noise
-            self.bind(running.model)
-            running = self._bound()
-            running.noise = noise
+        model = self._require_model()
+        if self._options != list_options(model):
+            noise = self._noise
+            self.bind(model)
+            self._noise = noise
         try:
             forces = np.array(contact_forces, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise FastModelError(
                 f"sensor {self.name!r}: contact_forces must be numbers, not {contact_forces!r}"
             ) from error
-        running.reset(forces)
+        self._settle(forces)
         if seed is not None:
-            running.seed(seed)
+            self._noise = make_generator(seed, self._label)
 
     def get_state(self) -> State:
         """Return the state of the sensor as arrays by name, which `numpy.savez` writes.
@@ -269,7 +374,22 @@ class Sensor:
         Raises:
             LifeCycleError: If the sensor is not bound.
         """
-        return self._bound().get_state()
+        self._require_model()
+        clock = [self._steps, self._frames, self._time, self._start, self._sampled_at]
+        return {
+            "clock": np.array(clock, dtype=np.float64),
+            "method": np.array(type(self._reader).__name__),
+            **pack("reading", self._reading),
+            **pack("frame", self._frame),
+            **self._get_chain(),
+            **{f"contact/{name}": array for name, array in self._reader.get_state().items()},
+        }
+
+    def _get_chain(self) -> State:
+        """Return the states of filter, hysteresis and noise, and the force `outside`."""
+        filtered, play = (np.array(each) for each in self._state)
+        noise, outside = pack_generator(self._noise), np.array(self._outside)
+        return {"chain/filter": filtered, "chain/play": play, "chain/noise": noise, "chain/outside": outside}
 
     def set_state(self, state: State) -> None:
         """Restore a state that `get_state` returned, also that of another sensor of the same array and model.
@@ -281,185 +401,10 @@ class Sensor:
 
         Raises:
             LifeCycleError: If the sensor is not bound.
-            FastModelError: If an array is missing or has a wrong shape.
+            FastModelError: If an array is missing or has a wrong shape; the sensor then stays as it is.
         """
-        self._bound().set_state(state)
-
-    def __getstate__(self) -> tuple[dict[str, Any], tuple[Any, ...] | None]:
-        """Return the settings, and model, data and state of a bound sensor, for `pickle` and `copy`."""
-        settings, running = dict(vars(self)), self._running
-        settings["_running"] = None
-        return settings, None if running is None else (running.model, running.data, running.get_state())
-
-    def __setstate__(self, stored: tuple[dict[str, Any], tuple[Any, ...] | None]) -> None:
-        """Restore what `__getstate__` returned; a bound sensor is bound again, without the warnings of `bind`."""
-        settings, bound = stored
-        vars(self).update(settings)
-        if bound is not None:
-            model, data, state = bound
-            self._running = self._start(model, self._prefix, self._suffix)
-            self._running.set_state(state)
-            self._running.data = data
-
-    def _suggest_names(self, model: mujoco.MjModel, prefix: str, suffix: str) -> str:
-        """Return advice if the model has an array of this name with another prefix or suffix, otherwise no text."""
-        part = re.compile(rf"(.*){re.escape(self.name)}/(?:plate|texel)\d*(.*)")
-        matches = (part.fullmatch(model.geom(geom).name) for geom in range(model.ngeom))
-        others = sorted({match.groups() for match in matches if match} - {(prefix, suffix)})
-        calls = [
-            f"bind(model, prefix={before!r})" if not after else f"bind(model, prefix={before!r}, suffix={after!r})"
-            for before, after in others
-        ]
-        return f".  Arrays of this name are in the model: {', '.join(calls)}" if calls else ""
-
-    def _bound(self) -> RunningSensor:
-        """Return the state of the bound sensor, or raise an error if the sensor is not bound."""
-        if self._running is None:
-            raise LifeCycleError(f"sensor {self.name!r} is not bound; call bind(model) after compiling")
-        return self._running
-
-
-def _choose_interval(parameters: Parameters, contact: TexelContact, timestep: float) -> int:
-    """Choose the number of physics steps between two samples of the contact forces [-]."""
-    if not contact.costly:
-        return 1
-    wanted = parameters.electronics.rate_hz
-    if parameters.filter is not None:
-        wanted = max(wanted, _SAMPLES_PER_CUTOFF * parameters.filter.cutoff_hz)
-    return max(1, int((1 + _CLOCK_TOLERANCE) / (wanted * timestep)))
-
-
-class RunningSensor:
-    """The clocks, contact reader and signal chain of a sensor that is bound to a model.
-
-    The filter runs on every sample of the contact forces.  Point spread and electronics run once per frame, on the
-    latest filtered sample.  Filter and point spread are linear and all texels have the same filter, so their order has
-    no effect on the result.
-
-    Attributes:
-        model: The model.
-        options: Options of the model for which the sensor was started.
-        data: The state of the simulation that was stepped last; None before the first step.
-        reading: The contact forces of the latest sample.
-        noise: Random generator of the noise.
-        outside: Part of the filtered contact force that no texel measures, at the latest frame [N].
-        frame: The latest frame.
-    """
-
-    def __init__(
-        self, name: str, parameters: Parameters, reader: ContactReader, model: mujoco.MjModel, every: int
-    ) -> None:
-        """Build the signal chain, and start at rest.
-
-        Args:
-            name: Name of the sensor in the model.
-            parameters: The array and its cover.
-            reader: Reader of the contact forces.
-            model: The compiled model.
-            every: Number of physics steps between two samples of the contact forces [-].
-        """
-        self._name, self._count, self._reader, self.model = name, parameters.array.count, reader, model
-        self._area = float(np.prod(parameters.array.texel_size))
-        self._every, self._timestep, self.options = every, float(model.opt.timestep), list_options(model)
-        self._rate, self._validity = parameters.electronics.rate_hz, parameters.validity
-        self.data: mujoco.MjData | None = None
-        spreads = reader.at_rest(np.zeros(self._count)).texel_forces is None
-        self._functions = ChainFunctions(parameters, 1.0 / (every * self._timestep), spreads=spreads)
-        self.seed(parameters.electronics.seed)
-        self.reset(np.zeros(()))
-
-    def seed(self, seed: int | np.random.SeedSequence) -> None:
-        """Restart the noise from a seed; see `make_generator`."""
-        self.noise = make_generator(seed, self._name)
-
-    def reset(self, contact_forces: FloatArray) -> None:
-        """Restart the sensor under constant contact forces, see `Sensor.reset`."""
-        if contact_forces.shape not in {(), (self._count,)}:
-            raise FastModelError(
-                f"sensor {self._name!r}: contact_forces to start from must be a number or one force for each of "
-                f"{self._count} texels, not of shape {contact_forces.shape}"
-            )
-        settled = np.broadcast_to(contact_forces, (self._count,))
-        if not (np.isfinite(settled) & (settled >= 0)).all():
-            raise FastModelError(f"sensor {self._name!r}: contact forces to start from must be finite and not negative")
-        self.reading: Reading = self._reader.at_rest(settled)
-        self._state: ChainState = self._functions.settle(*_list_signals(self.reading))
-        self._steps = self._frames = 0
-        self._time = self._start = math.nan
-        self._sampled_at = 0.0
-        self._make_frame(noisy=False)
-
-    def step(self, data: mujoco.MjData) -> bool:
-        """Update the sensor after one physics step, see `Sensor.step`."""
-        if data is not self.data:
-            check_type("data", data, mujoco.MjData, "the mujoco.MjData that was stepped")
-            if data.model is not self.model and not _are_equal(data.model, self.model):
-                raise LifeCycleError(f"sensor {self._name!r} is bound to another model; call bind(model) again")
-            self.data = data
-        now = data.time
-        if not abs(now - self._time - self._timestep) <= _CLOCK_TOLERANCE * self._timestep:
-            self._check_clock(now)
-        self._time = now
-        if self._steps % self._every == 0:
-            reading = self._reader.read(data)
-            if not math.isfinite(reading.carried):
-                raise FastModelError(f"sensor {self._name!r}: contact forces are not finite at t = {now:g} s")
-            self._take(reading)
-            self.reading, self._sampled_at = reading, now
-            if self._validity is not None and self._validity.is_exceeded(reading):
-                warn_user(f"sensor {self._name!r}: {self._validity.describe_excess(reading)}", RangeWarning)
-                self._validity = None  # warn once
-        self._steps += 1
-        due = int((self._sampled_at - self._start) * self._rate + _CLOCK_TOLERANCE)
-        if due <= self._frames:
-            return False
-        self._frames = due
-        self._make_frame()
-        return True
-
-    def _take(self, reading: Reading) -> None:
-        """Pass one more sample of the contact forces through the filter."""
-        self._state = self._functions.take(self._state, *_list_signals(reading))
-
-    def _make_frame(self, *, noisy: bool = True) -> None:
-        """Make a frame from the latest filtered sample, with or without the noise of the electronics."""
-        self._state, made = self._functions.frame(self._state, self.noise if noisy else None)
-        self.outside = float(made.outside)
-        vectors: FloatArray = made.others.copy()
-        self.frame = Frame(
-            time=self._sampled_at,
-            counts=made.counts,
-            texel_forces=made.texel_forces,
-            image=made.image,
-            texel_area=self._area,
-            net_force=vectors[:3] if len(vectors) else None,
-            net_torque=vectors[3:6] if len(vectors) else None,
-            tangential=vectors[6:].reshape(-1, 2) if len(vectors) else None,
-            tangential_source=self.reading.tangential_source,
-        )
-
-    def _get_chain(self) -> State:
-        """Return the states of filter, hysteresis and noise, and the force `outside`."""
-        filtered, play = (np.array(each) for each in self._state)
-        noise = pack_generator(self.noise)
-        return {"filter": filtered, "play": play, "noise": noise, "outside": np.array(self.outside)}
-
-    def get_state(self) -> State:
-        """Return the state of the sensor, see `Sensor.get_state`."""
-        clock = [self._steps, self._frames, self._time, self._start, self._sampled_at]
-        return {
-            "clock": np.array(clock, dtype=np.float64),
-            "method": np.array(type(self._reader).__name__),
-            **pack("reading", self.reading),
-            **pack("frame", self.frame),
-            **{f"chain/{name}": array for name, array in self._get_chain().items()},
-            **{f"contact/{name}": array for name, array in self._reader.get_state().items()},
-        }
-
-    def set_state(self, state: State) -> None:
-        """Restore a state of the sensor, or leave it as it is and raise an error; see `Sensor.set_state`."""
-        check_type("state", state, Mapping, "a dict as Sensor.get_state() returns it")
         before = self.get_state()
+        check_type("state", state, Mapping, "a dict as Sensor.get_state() returns it")
         try:
             self._restore(state)
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
@@ -472,33 +417,48 @@ class RunningSensor:
         method, own = str(take_array(state, "method")), type(self._reader).__name__
         if method != own:
             raise FastModelError(f"state: it belongs to a sensor with a {method}; this sensor has a {own}")
-        for name, like in (("reading/contact_forces", np.zeros(self._count)), ("frame/counts", self.frame.counts)):
+        forces, counts = self._reading.contact_forces, self._frame.counts
+        for name, like in (("reading/contact_forces", forces), ("frame/counts", counts)):
             if not np.isfinite(take_array(state, name, like)).all():
                 raise FastModelError(f"state: {name!r} is not finite")
         reading, frame = (unpack(state, name, (Reading, Frame)) for name in ("reading", "frame"))
         if not isinstance(reading, Reading) or not isinstance(frame, Frame) or not math.isfinite(reading.carried):
             raise FastModelError("state: reading or frame is not complete or not finite")
-        chain = {name: take_array(state, f"chain/{name}", like) for name, like in self._get_chain().items()}
+        filtered, play, noise, outside = (take_array(state, name, like) for name, like in self._get_chain().items())
         steps, frames = int(clock[0]), int(clock[1])
-        contact = "contact/"
-        self._reader.set_state({k.removeprefix(contact): v for k, v in state.items() if k.startswith(contact)})
-        self._state, self.outside = ChainState(chain["filter"], chain["play"]), float(chain["outside"])
-        self.noise = unpack_generator(chain["noise"])
-        self.reading, self.frame = reading, frame
+        self._reader.set_state({k.removeprefix("contact/"): v for k, v in state.items() if k.startswith("contact/")})
+        self._state, self._outside = ChainState(filtered, play), float(outside)
+        self._noise = unpack_generator(noise)
+        self._reading, self._frame = reading, frame
         self._steps, self._frames = steps, frames
         self._time, self._start, self._sampled_at = clock[2:]
 
+    def __getstate__(self) -> tuple[dict[str, Any], tuple[Any, ...] | None]:
+        """Return the settings, and model, data and state of a bound sensor, for `pickle` and `copy`."""
+        bound = None if self._model is None else (self._model, self._data, self.get_state())
+        return vars(self.twin()), bound
+
+    def __setstate__(self, stored: tuple[dict[str, Any], tuple[Any, ...] | None]) -> None:
+        """Restore what `__getstate__` returned; a bound sensor is bound again, without the warnings of `bind`."""
+        settings, bound = stored
+        vars(self).update(settings)
+        if bound is not None:
+            model, data, state = bound
+            self._start_in(model, self._prefix, self._suffix)
+            self._restore(state)
+            self._data = data
+
     def _check_clock(self, now: float) -> None:
         """Start the clock of the sensor on its first step; on a later step raise an error about a jump in time."""
-        if self.model.opt.timestep != self._timestep:
+        timestep = self._require_model().opt.timestep
+        if timestep != self._timestep:
             raise LifeCycleError(
-                f"sensor {self._name!r}: the timestep has changed from {self._timestep:g} s to "
-                f"{self.model.opt.timestep:g} s, but filter and rates belong to the former; call reset(), which "
-                f"follows the new one"
+                f"sensor {self._label!r}: the timestep has changed from {self._timestep:g} s to {timestep:g} s, but "
+                f"filter and rates belong to the former; call reset(), which follows the new one"
             )
         if not math.isnan(self._time):
             raise LifeCycleError(
-                f"sensor {self._name!r}: time went from {self._time:g} s to {now:g} s; call step after every mj_step "
+                f"sensor {self._label!r}: time went from {self._time:g} s to {now:g} s; call step after every mj_step "
                 f"of {self._timestep:g} s, and reset() when the simulation is reset (MuJoCo resets an unstable one)"
             )
         self._start = now - self._timestep

@@ -18,8 +18,10 @@ from fastmodel.errors import FastModelError, check_type
 #: A state: arrays by name.
 State = dict[str, npt.NDArray[Any]]
 
-#: Last parts of the keys that hold the name of a class and the length of a tuple.
-_TYPE, _LENGTH = "type", "length"
+#: Last part of a key that holds the name of a class.
+_TYPE = "type"
+#: Last part of a key that holds the length of a tuple.
+_LENGTH = "length"
 #: Mask of the lower 64 of 128 bits.
 _LOW = (1 << 64) - 1
 

@@ -140,8 +140,11 @@ class CoverCells:
     loaded_compliance: FloatArray | None = None
     loaded_influence: FloatArray | None = None
 
-    #: Name of the contact method that takes this surface.
-    method: ClassVar[str] = "cover"
+    #: Section of `parameters.toml` that holds the fields that are no arrays, and type of the numbers of the others.
+    section: ClassVar[str] = "cells"
+    number: ClassVar[type] = np.float64
+    #: Contact methods that take an array under this cover, best first.
+    methods: ClassVar[tuple[str, ...]] = ("cover", "foundation", "area", "boxes")
 
     def __post_init__(self) -> None:
         """Check shapes and values, and make the tables read-only.
@@ -221,6 +224,11 @@ class CoverCells:
             return np.inf
         load = np.interp(depth, np.append(0.0, self.load_depths), np.append(0.0, self.loads))
         return max(float(load), 0.01 * float(self.loads[0]))
+
+    @property
+    def cells(self) -> CoverCells:
+        """The cells themselves, for the contact methods that need cells."""
+        return self
 
     @property
     def margin(self) -> int | None:
@@ -314,10 +322,13 @@ class CoverPoints:
     compliance: FloatArray
     thickness: float
 
-    #: Name of the contact method that takes this surface.
-    method: ClassVar[str] = "curved"
-    #: See `CoverCells.margin`; plates do not follow the top.
+    #: See `CoverCells`.  The compliance is dense; four bytes for each number halve the file, with an error of 1e-7.
+    section: ClassVar[str] = "curved"
+    number: ClassVar[type] = np.float32
+    #: See `CoverCells`; plates and boxes do not follow the top.
+    methods: ClassVar[tuple[str, ...]] = ("curved",)
     margin: ClassVar[int | None] = None
+    cells: ClassVar[None] = None
 
     def __post_init__(self) -> None:
         """Check shapes and values.

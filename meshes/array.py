@@ -151,10 +151,9 @@ class TexelArray:
     @property
     def regular(self) -> bool:
         """Whether the array is planar and its texels lie on a grid of the given pitch."""
-        if not self.planar:
-            return False
         grid = TexelArray.grid(self.rows, self.columns, self.pitch)
-        return bool(np.ptp(self.centres - grid.centres, axis=0).max() <= _REGULAR * min(self.pitch))
+        apart = np.ptp(self.centres - grid.centres, axis=0).max()
+        return self.planar and bool(apart <= _REGULAR * min(self.pitch))
 
     @property
     def extent(self) -> tuple[float, float]:

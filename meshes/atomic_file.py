@@ -156,7 +156,7 @@ def _is_abandoned(handle: int) -> bool:
         _lock(handle, wait=False)
     except BlockingIOError:
         return False
-    except OSError:  # on a file system without locks only the age of the file is a sign
+    except OSError:  # the file system has no locks: only the age of the file shows whether it is abandoned
         return time.time() - os.fstat(handle).st_mtime > _ABANDONED_AFTER
     return True
 

@@ -12,13 +12,11 @@ per call and several worlds per process keep the cost of sending small.
 
 from __future__ import annotations
 
-import math
 import multiprocessing
 import pickle
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from types import TracebackType
 from typing import Any, Self, TypeVar
 
 import mujoco
@@ -26,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.check import OptionWarning
-from fastmodel.errors import FastModelError, LifeCycleError, check_type
+from fastmodel.errors import FastModelError, LifeCycleError, check_count, check_type
 from fastmodel.sensor import Sensor
 from fastmodel.signal.frame import Frame
 from fastmodel.state import make_generator
@@ -77,12 +75,11 @@ class Batch:
             check_type("sensors", sensor, Sensor, "sensors, as fastmodel.attach returns them")
         if len({id(sensor) for sensor in sensors}) < len(sensors):
             raise FastModelError("the same sensor is given twice; attach each sensor once")
-        _check_count("worlds", worlds, 1)
-        _check_count("processes", processes, 1)
+        worlds, processes = check_count("worlds", worlds, 1), check_count("processes", processes, 1)
         _check_seed(seed)
         # bound here once for the warnings and errors of `bind`, and to compile the kernels before processes start
         twins = [sensor.twin().bind(model).twin() for sensor in sensors]
-        parts = np.array_split(np.arange(int(worlds)), min(int(processes), int(worlds)))
+        parts = np.array_split(np.arange(worlds), min(processes, worlds))
         self._closed, self._sensors = False, len(sensors)
         self._workers: list[ProcessPoolExecutor] = []
         self._own = _Worlds(model, twins, parts[0].tolist()) if len(parts) == 1 else None
@@ -115,10 +112,9 @@ class Batch:
             LifeCycleError: If the physics of a world was stepped without its sensors before.
             FastModelError: If a contact force is not finite.
         """
-        _check_count("steps", steps, 0)
-        if control is not None:
-            _check_function("control", control, "a function of the index of a world and its state")
-        return self._call("step", int(steps), control)
+        steps = check_count("steps", steps, 0)
+        check_type("control", control, (Callable, type(None)), "a function of the index of a world and its state")  # type: ignore[arg-type]
+        return self._call("step", steps, control)
 
     def visit(self, function: Visit[_T]) -> list[_T]:
         """Call a function for every world, for example to set or read its state, and return the results.
@@ -130,7 +126,8 @@ class Batch:
         Raises:
             FastModelError: If there are several processes, and the function cannot be imported.
         """
-        _check_function("function", function, "a function of the index of a world, its state and its sensors")
+        accepted = "a function of the index of a world, its state and its sensors"
+        check_type("function", function, Callable, accepted)  # type: ignore[arg-type]  # isinstance takes it
         return self._call("visit", function)
 
     def reset(self, seed: int | None = None) -> None:
@@ -150,8 +147,7 @@ class Batch:
         Args:
             sensor: Index of the sensor [-].
         """
-        _check_count("sensor", sensor, 0)
-        if sensor >= self._sensors:
+        if check_count("sensor", sensor, 0) >= self._sensors:
             raise FastModelError(f"sensor must be the index of one of {self._sensors} sensors, not {sensor}")
         return np.stack(self._call("images", int(sensor)))
 
@@ -165,9 +161,7 @@ class Batch:
         """Return the batch."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the processes."""
         self.close()
 
@@ -225,33 +219,18 @@ class _Worlds:
 
     def step(self, steps: int, control: Control | None) -> list[list[list[Frame]]]:
         """Make some physics steps in every world, and return the new frames, `[world][sensor][frame]`."""
-        return [self._run(world, steps, control) for world in range(len(self._numbers))]
-
-    def _run(self, world: int, steps: int, control: Control | None) -> list[list[Frame]]:
-        """Make some physics steps in one world, and return the new frames, `[sensor][frame]`."""
-        number, data, sensors = self._numbers[world], self._data[world], self._sensors[world]
-        frames: list[list[Frame]] = [[] for _ in sensors]
-        for _ in range(steps):
-            if control is not None:
-                control(number, data)
-            mujoco.mj_step(self._model, data)
-            for new, sensor in zip(frames, sensors, strict=True):
-                if sensor.step(data):
-                    new.append(sensor.frame())
-        return frames
-
-
-def _check_function(name: str, function: object, wanted: str) -> None:
-    """Raise an error if an argument is not a function."""
-    if not callable(function):
-        raise FastModelError(f"{name} must be {wanted}, not {type(function).__name__}")
-
-
-def _check_count(name: str, number: float, least: int) -> None:
-    """Raise an error if a number is not a whole number of at least `least`."""
-    check_type(name, number, (int, float, np.integer), "a whole number")
-    if not math.isfinite(number) or number != int(number) or number < least:
-        raise FastModelError(f"{name} must be a whole number from {least} on, not {number}")
+        made = []
+        for number, data, sensors in zip(self._numbers, self._data, self._sensors, strict=True):
+            frames: list[list[Frame]] = [[] for _ in sensors]
+            for _ in range(steps):
+                if control is not None:
+                    control(number, data)
+                mujoco.mj_step(self._model, data)
+                for new, sensor in zip(frames, sensors, strict=True):
+                    if sensor.step(data):
+                        new.append(sensor.frame())
+            made.append(frames)
+        return made
 
 
 def _check_seed(seed: int | None) -> None:

@@ -89,13 +89,31 @@ def write_block(
         ParametersError: If the block cannot hold the parameters, because the spread is no Gaussian, the characteristic
             no straight line, or the array curved or masked.
     """
-    spread = _check_block_holds(parameters)
-    values = {**_describe(parameters, spread), "dataTopicName": data_topic, "imageTopicName": image_topic}
+    spread, array, electronics = parameters.spread, parameters.array, parameters.electronics
+    faults = {
+        "the spread must be a Gaussian": not isinstance(spread, Gaussian),
+        "the characteristic must be a straight line": electronics.characteristic is not None,
+        "the array must be flat": not array.planar,
+        "no texel may be masked": not array.active.all(),
+    }
+    if any(faults.values()) or not isinstance(spread, Gaussian):
+        found = "; ".join(text for text, wrong in faults.items() if wrong)
+        raise ParametersError(f"the Gazebo plugin block cannot hold these parameters: {found}")
+    # the threshold of the firmware is subtracted from the offset, because there is no element for the threshold
+    offset = electronics.offset - electronics.threshold
+    slope = electronics.sensitivity / electronics.applied_share
+    low_pass = parameters.filter
+    values = (
+        *(array.rows, array.columns, max(-offset / slope, 0.0), (electronics.output_max - offset) / slope),
+        *(0, electronics.output_max, electronics.rate_hz, slope, offset, data_topic, image_topic),
+        *((0.0, 0) if low_pass is None else (low_pass.cutoff_hz, low_pass.order)),
+        *(spread.sigma_x, spread.sigma_y, spread.ksize_x, spread.ksize_y),
+    )
     plugin = ET.Element("plugin", name=name, filename=f"lib{name}.so")
-    if parameters.electronics.tip_radius is not None and parameters.electronics.tip_share is None:
-        plugin.set("calibrated", parameters.electronics.calibrated)
-    for element in ELEMENTS:
-        ET.SubElement(plugin, element).text = str(values[element])
+    if electronics.tip_radius is not None and electronics.tip_share is None:
+        plugin.set("calibrated", electronics.calibrated)
+    for element, value in zip(ELEMENTS, values, strict=True):
+        ET.SubElement(plugin, element).text = str(value)
     ET.indent(plugin)
     return ET.tostring(plugin, encoding="unicode") + "\n"
 
@@ -114,86 +132,26 @@ def read_block(
         ParametersError: If there is no such element, or if values are bad; the message lists all bad values.
     """
     values = _parse_values(text)
+    spread = {f"{name}_{axis}": values[f"{name}{axis}"] for name in ("sigma", "ksize") for axis in "xy"}
+    cutoff, order, white = values["cutFrequency"], values["orderFilter"], values["satMax"]
     try:
-        return PluginBlock(
-            parameters=Parameters(
-                array=TexelArray.grid(values["rows"], values["columns"], pitch, texel_size=texel_size, name="gazebo"),
-                spread=Gaussian(
-                    sigma_x=values["sigmax"],
-                    sigma_y=values["sigmay"],
-                    ksize_x=values["ksizex"],
-                    ksize_y=values["ksizey"],
-                ),
-                electronics=Electronics(
-                    rate_hz=values["tactile_rate"],
-                    sensitivity=values["liniaritySensibility"],
-                    offset=values["liniarityOfset"],
-                    output_max=values["satMax"],
-                    bits=max(_BITS, int(values["satMax"]).bit_length()),
-                    calibrated=values["calibrated"],
-                ),
-                filter=_build_filter(values["cutFrequency"], values["orderFilter"]),
-                provenance={"source": "Gazebo plugin block"},
+        parameters = Parameters(
+            array=TexelArray.grid(values["rows"], values["columns"], pitch, texel_size=texel_size, name="gazebo"),
+            spread=Gaussian(**spread),
+            electronics=Electronics(
+                rate_hz=values["tactile_rate"],
+                sensitivity=values["liniaritySensibility"],
+                offset=values["liniarityOfset"],
+                output_max=white,
+                bits=max(_BITS, int(white).bit_length()),
+                calibrated=values["calibrated"],
             ),
-            data_topic=values["dataTopicName"],
-            image_topic=values["imageTopicName"],
+            filter=None if cutoff == 0 and order == 0 else Butterworth(cutoff_hz=cutoff, order=order),
+            provenance={"source": "Gazebo plugin block"},
         )
     except ValueError as error:
         raise ParametersError(f"Gazebo plugin block: {error}") from error
-
-
-def _check_block_holds(parameters: Parameters) -> Gaussian:
-    """Check that a `<plugin>` element can represent the parameters, and return their Gaussian point spread.
-
-    Raises:
-        ParametersError: If the element cannot represent the parameters; the message lists all reasons.
-    """
-    spread, array = parameters.spread, parameters.array
-    faults = [
-        text
-        for wrong, text in (
-            (not isinstance(spread, Gaussian), "the spread must be a Gaussian"),
-            (parameters.electronics.characteristic is not None, "the characteristic must be a straight line"),
-            (not array.planar, "the array must be flat"),
-            (not array.active.all(), "no texel may be masked"),
-        )
-        if wrong
-    ]
-    if faults or not isinstance(spread, Gaussian):
-        raise ParametersError(f"the Gazebo plugin block cannot hold these parameters: {'; '.join(faults)}")
-    return spread
-
-
-def _describe(parameters: Parameters, spread: Gaussian) -> dict[str, int | float | str]:
-    """Compute the values of the `<plugin>` element's children, by their names.
-
-    The threshold of the firmware is subtracted from the offset, because there is no element for the threshold.
-    """
-    electronics, low_pass, array = parameters.electronics, parameters.filter, parameters.array
-    offset = electronics.offset - electronics.threshold
-    slope = electronics.sensitivity / electronics.applied_share
-    return {
-        "rows": array.rows,
-        "columns": array.columns,
-        "rangeMin": max(-offset / slope, 0.0),
-        "rangeMax": (electronics.output_max - offset) / slope,
-        "satMin": 0,
-        "satMax": electronics.output_max,
-        "tactile_rate": electronics.rate_hz,
-        "liniaritySensibility": slope,
-        "liniarityOfset": offset,
-        "cutFrequency": 0.0 if low_pass is None else low_pass.cutoff_hz,
-        "orderFilter": 0 if low_pass is None else low_pass.order,
-        "sigmax": spread.sigma_x,
-        "sigmay": spread.sigma_y,
-        "ksizex": spread.ksize_x,
-        "ksizey": spread.ksize_y,
-    }
-
-
-def _build_filter(cutoff_hz: float, order: int) -> Butterworth | None:
-    """Build the low-pass filter; return None if cut-off and order are zero."""
-    return None if cutoff_hz == 0 and order == 0 else Butterworth(cutoff_hz=cutoff_hz, order=order)
+    return PluginBlock(parameters=parameters, data_topic=values["dataTopicName"], image_topic=values["imageTopicName"])
 
 
 def _parse_values(text: str) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fastmodel.errors import FastModelError, LifeCycleError, check_type
+from fastmodel.errors import FastModelError, LifeCycleError, check_count, check_type
 from fastmodel.sensor import Sensor
 from fastmodel.signal.frame import Frame
 
@@ -110,7 +110,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         self._key = key
         self.sensors = {name: sensor.twin() for name, sensor in given.items()}
         self._simulation = simulation or _find_simulation
-        self._frames: dict[str, list[Frame]] = {name: [] for name in self.sensors}
+        self._made: dict[str, list[Frame]] = {name: [] for name in self.sensors}
         self._seeds: np.random.SeedSequence | None = None
         self._stepping = False
         self._time = math.nan
@@ -119,7 +119,8 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         self.observation_space = self._extend_space(env.observation_space)
         self._stepper = None if listen else next((name for name in _STEPPERS if hasattr(env.unwrapped, name)), None)
         self._steps_once = listen is None and self._stepper is None
-        self._room = {name: self._count_frames(sensor, frames) for name, sensor in self.sensors.items()}
+        rates = {name: sensor.parameters.electronics.rate_hz for name, sensor in self.sensors.items()}
+        self._room = {name: frames or self._count_frames(rate) for name, rate in rates.items()}
         if listen is not None:
             listen(env, self._step_sensors)
 
@@ -149,11 +150,15 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         try:
             with _step_singly(self.env.unwrapped, self._stepper, self._step_sensors):
                 observation, reward, terminated, truncated, info = self.env.step(action)
+            if self._steps_once:
+                self._step_sensors(data)
+        except LifeCycleError as error:
+            advice = ". This environment makes several physics steps per environment step: give listen=, a function "
+            advice += "that makes it call back after each physics step"
+            raise LifeCycleError(f"{error}{advice if self._steps_once else ''}") from error
         finally:
             self._stepping = False
-        if self._steps_once:
-            self._step_sensors_once(data)
-        elif data.time != self._time:
+        if data.time != self._time:
             raise LifeCycleError(
                 f"the environment went from {self._time:g} s to {data.time:g} s without calling back after each "
                 "physics step; check the function listen="
@@ -181,49 +186,27 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         self._time = data.time
         for name, sensor in self.sensors.items():
             if sensor.step(data):
-                self._frames[name].append(sensor.frame())
+                self._made[name].append(sensor.frame())
 
-    def _step_sensors_once(self, data: mujoco.MjData) -> None:
-        """Update the sensors after the only physics step of an environment step."""
-        self._stepping = True
-        try:
-            self._step_sensors(data)
-        except LifeCycleError as error:
-            raise LifeCycleError(
-                f"{error}. This environment makes several physics steps per environment step: give listen=, a function "
-                "that makes it call back after each physics step"
-            ) from error
-        finally:
-            self._stepping = False
-
-    def _count_frames(self, sensor: Sensor, frames: int | None) -> int:
-        """Return the number of frames of one sensor for which there is room, see the argument `frames`."""
-        if frames is not None:
-            return int(frames)
+    def _count_frames(self, rate_hz: float) -> int:
+        """Return the largest number of frames that a sensor can make in one step, see the argument `frames`."""
         if self._stepper is None:
             return 1
         steps = int(getattr(self.env.unwrapped, _STEPPERS[self._stepper]))
         period = steps * self._simulation(self.env)[0].opt.timestep
-        return min(steps, int(period * sensor.parameters.electronics.rate_hz * (1 + _TOLERANCE)) + 1)
+        return min(steps, int(period * rate_hz * (1 + _TOLERANCE)) + 1)
 
     def _inform(self, info: dict[str, Any]) -> dict[str, Any]:
         """Add the frames since the previous call to the info of the environment, or to those of a nested wrapper."""
-        frames, theirs = self._take_frames(), info.get(self._key, {})
+        frames, theirs = {}, info.get(self._key, {})
+        for name, made in self._made.items():
+            frames[name] = _stack_frames(made, self.sensors[name].frame(), self._room[name])
+            made.clear()
         if not isinstance(theirs, Mapping) or theirs.keys() & frames.keys():
             raise FastModelError(
                 f"the environment's info has an entry {self._key!r} already; give key= another name for the frames"
             )
         return {**info, self._key: {**theirs, **frames}}
-
-    def _take_frames(self) -> dict[str, dict[str, Any]]:
-        """Return the frames since the previous call as arrays, by sensor, and discard the stored frames."""
-        stacked = {
-            name: _stack_frames(frames, self.sensors[name].frame(), self._room[name])
-            for name, frames in self._frames.items()
-        }
-        for frames in self._frames.values():
-            frames.clear()
-        return stacked
 
     def _observe(self, observation: Any) -> dict[str, Any]:  # noqa: ANN401 -- whatever the environment observes
         """Add the latest image of each sensor to an observation of the environment."""
@@ -276,18 +259,12 @@ def _check_arguments(env: object, sensors: Mapping[str, Sensor], settings: Mappi
     for name, sensor in sensors.items():
         check_type("the name of a sensor", name, str, "a str")
         check_type(f"sensors[{name!r}]", sensor, Sensor, "a fastmodel.Sensor")
-    for name, wanted in (
-        ("simulation", "a function from the environment to its model and data"),
-        ("listen", "a function of the environment and a callback"),
-    ):
-        if settings[name] is not None:
-            check_type(name, settings[name], Callable, wanted)  # type: ignore[arg-type]  # isinstance takes it
+    function: Any = (Callable, type(None))
+    check_type("simulation", settings["simulation"], function, "a function from the environment to its model and data")
+    check_type("listen", settings["listen"], function, "a function of the environment and a callback")
     check_type("key", settings["key"], str, "a str")
-    frames = settings["frames"]
-    if frames is not None:
-        check_type("frames", frames, (int, float, np.integer), "a whole number")
-        if not 1 <= frames < math.inf or frames != int(frames):
-            raise FastModelError(f"frames must be a whole number from 1 on, not {frames}")
+    if settings["frames"] is not None:
+        check_count("frames", settings["frames"], 1)
 
 
 def _find_simulation(env: gymnasium.Env[Any, Any]) -> tuple[mujoco.MjModel, mujoco.MjData]:

@@ -29,8 +29,6 @@ from meshes.array_types import FloatArray
 SDF_VERSION = "1.9"
 #: Largest number that counts as zero, over the largest one of its group [-].
 _ROUNDING = 1e-12
-#: Names of the six independent entries of an inertia matrix, and their indices.
-_INERTIA = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,29 +91,23 @@ def write_sdf(boxes: Sequence[RigidBox], *, name: str, rate_hz: float, mass: flo
     """
     root = ET.Element("sdf", version=SDF_VERSION)
     model = ET.SubElement(root, "model", name=name)
-    _add_text(model, "static", "true" if mass is None else "false")
+    _add_texts(model, static="true" if mass is None else "false")
     link = ET.SubElement(model, "link", name="array")
     if mass is not None:
         centre, inertia = compute_inertia(boxes, mass)
         inertial = ET.SubElement(link, "inertial")
-        _add_text(inertial, "pose", _format((*centre, 0, 0, 0)))
-        _add_text(inertial, "mass", _format([mass]))
-        matrix = ET.SubElement(inertial, "inertia")
-        for entry, index in _INERTIA.items():
-            _add_text(matrix, entry, _format([inertia[index]]))
+        _add_texts(inertial, pose=_format((*centre, 0, 0, 0)), mass=_format([mass]))
+        _add_texts(ET.SubElement(inertial, "inertia"), **_list_entries(inertia))
     for box in boxes:
         for kind in ("collision", "visual"):
             shape = ET.SubElement(link, kind, name=f"{box.name}_{kind}")
-            _add_text(shape, "pose", _format((*box.position, *compute_angles(box))))
-            _add_text(ET.SubElement(ET.SubElement(shape, "geometry"), "box"), "size", _format(box.size))
-        material = ET.SubElement(shape, "material")
-        for light in ("ambient", "diffuse"):
-            _add_text(material, light, _format(box.colour))
+            _add_texts(shape, pose=_format((*box.position, *compute_angles(box))))
+            _add_texts(ET.SubElement(ET.SubElement(shape, "geometry"), "box"), size=_format(box.size))
+        _add_texts(ET.SubElement(shape, "material"), ambient=_format(box.colour), diffuse=_format(box.colour))
         sensor = ET.SubElement(link, "sensor", name=f"{box.name}_contact", type="contact")
-        _add_text(sensor, "update_rate", _format([rate_hz]))
+        _add_texts(sensor, update_rate=_format([rate_hz]))
         contact = ET.SubElement(sensor, "contact")
-        _add_text(contact, "collision", f"{box.name}_collision")
-        _add_text(contact, "topic", f"{name}/{box.name}")
+        _add_texts(contact, collision=f"{box.name}_collision", topic=f"{name}/{box.name}")
     return _to_text(root)
 
 
@@ -134,7 +126,7 @@ def write_urdf(boxes: Sequence[RigidBox], *, name: str, mass: float | None = Non
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz=_format(centre), rpy="0 0 0")
         ET.SubElement(inertial, "mass", value=_format([mass]))
-        ET.SubElement(inertial, "inertia", {entry: _format([inertia[index]]) for entry, index in _INERTIA.items()})
+        ET.SubElement(inertial, "inertia", _list_entries(inertia))
     colours: dict[str, str] = {}
     for box in boxes:
         for kind in ("visual", "collision"):
@@ -182,13 +174,20 @@ def compute_inertia(boxes: Sequence[RigidBox], mass: float) -> tuple[FloatArray,
     return _drop_rounding(centre), _drop_rounding(inertia)
 
 
+def _list_entries(inertia: FloatArray) -> dict[str, str]:
+    """Return the six independent entries of an inertia as texts, by name."""
+    return {f"i{'xyz'[i]}{'xyz'[j]}": _format([inertia[i, j]]) for i in range(3) for j in range(i, 3)}
+
+
 def _drop_rounding(values: FloatArray) -> FloatArray:
     """Replace numbers that are zero but for rounding, compared with the largest one, by zero."""
     return np.where(np.abs(values) < _ROUNDING * np.abs(values).max(initial=0.0), 0.0, values)
 
 
-def _add_text(parent: ET.Element, tag: str, text: str) -> None:
-    ET.SubElement(parent, tag).text = text
+def _add_texts(parent: ET.Element, **texts: str) -> None:
+    """Add an element with a text for each tag."""
+    for tag, text in texts.items():
+        ET.SubElement(parent, tag).text = text
 
 
 def _format(values: Sequence[float] | FloatArray) -> str:

@@ -164,7 +164,12 @@ class NameInModel(str):  # noqa: SLOT000 -- pickle restores the suffix through _
     suffix: str
 
     def __new__(cls, name: str, suffix: str = "") -> Self:
-        """Make the name of a sensor, which names of geoms start with, and store the suffix."""
+        """Make the name of a sensor.
+
+        Args:
+            name: Name of the sensor; the names of its geoms start with it.
+            suffix: What `mujoco.MjSpec.attach` appended to the names of the geoms.
+        """
         made = super().__new__(cls, name)
         made.suffix = suffix
         return made

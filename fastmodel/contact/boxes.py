@@ -14,7 +14,7 @@ guide takes up the moments.  The forces on boxes that a body touches only in poi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import mujoco
@@ -24,7 +24,7 @@ from fastmodel.compiled import compile_kernel
 from fastmodel.contact.bodies import EVERY, Bodies, Joints, check_box, describe_box, find_geoms
 from fastmodel.contact.forces import NetForceReader, press_boxes, read_contacts
 from fastmodel.contact.interface import Reading, TexelContact
-from fastmodel.pose import Mount, make_quaternions, multiply, rotate
+from fastmodel.pose import make_quaternions
 from fastmodel.signal.point_spread import find_tangents
 from fastmodel.state import State
 from fastmodel.surface import Surface
@@ -63,22 +63,16 @@ class BoxTexels(TexelContact):
         """
         check_box(self.height, self.contype, self.conaffinity)
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
-        """Add one box geom per texel to a body of the spec; see `TexelContact.attach`."""
-        axis_x, axis_y = find_tangents(array)
-        turns = multiply(pose.quaternion, make_quaternions(np.stack([axis_x, axis_y, array.normals], axis=-1)))
-        middles = array.centres - 0.5 * self.height * array.normals
-        places = pose.position + rotate(pose.quaternion, middles)
+    def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
+        """Add one box geom per texel; see `TexelContact.attach`."""
+        turns = make_quaternions(np.stack([*find_tangents(array), array.normals], axis=-1))
+        places = array.centres - 0.5 * self.height * array.normals
         half = (array.pitch[0] / 2, array.pitch[1] / 2, self.height / 2)
         box = describe_box(half, self.contype, self.conaffinity)
         for index, active in enumerate(array.active):
-            geom = body.add_geom(name=geom_name(name, index), pos=places[index], quat=turns[index], **box)
+            geom = frame.add_geom(name=f"{name}/texel{index}", pos=places[index], quat=turns[index], **box)
             if not active:
                 geom.rgba[:] = _MASKED_COLOUR
-
-    def adapt(self, surface: Surface | None) -> BoxTexels:  # noqa: ARG002
-        """Return the method as it is: boxes suit every cover."""
-        return self
 
     def bind(
         self,
@@ -93,22 +87,22 @@ class BoxTexels(TexelContact):
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
         """
-        return BoxReader(model, find_boxes(model, array, name), array, name)
+        return BoxReader(model, array, name)
 
 
 class BoxReader:
     """Reader that sums MuJoCo's contact forces on each box; a contact belongs to a box by its geom id."""
 
-    def __init__(self, model: mujoco.MjModel, geoms: IntArray, array: TexelArray, name: str) -> None:
-        """Tabulate the texel of each geom.
+    def __init__(self, model: mujoco.MjModel, array: TexelArray, name: str) -> None:
+        """Find the geoms of the n texels.
 
         Args:
             model: The compiled model.
-            geoms: Geom id of each texel, shape (n,) [-].
             array: The texels.
-            name: Name of the sensor, for error messages.
+            name: Name of the sensor, as given to `BoxTexels.attach`.
         """
-        self._count, self._model = len(geoms), model
+        geoms = find_geoms(model, [f"{name}/texel{index}" for index in range(array.count)], name)
+        self._count, self._model, self._first = len(geoms), model, int(geoms[0])
         self._bodies = Bodies(model, geoms, name)
         axes = np.stack([*(each[0] for each in find_tangents(array)), array.normals[0]], axis=-1)
         middle = array.centres[0] - model.geom_size[geoms[0], 2] * array.normals[0]
@@ -166,25 +160,6 @@ def _find_neighbours(array: TexelArray) -> BoolArray:
     return found
 
 
-def find_boxes(model: mujoco.MjModel, array: TexelArray, name: str) -> IntArray:
-    """Find the geom id of the box of each of n texels, shape (n,) [-].
-
-    Args:
-        model: The compiled model.
-        array: The array that was attached.
-        name: Name of the sensor, as given to `attach`.
-
-    Raises:
-        LifeCycleError: If a box is not in the model.
-    """
-    return find_geoms(model, [geom_name(name, index) for index in range(array.count)], name)
-
-
-def geom_name(name: str, index: int) -> str:
-    """Return the name of a texel's geom, made of the sensor's name and the texel's index."""
-    return f"{name}/texel{index}"
-
-
 #: Area of a contact polygon, over the product of the texel pitches, up to which it counts as a point or an edge [-].
 _FLAT = 1e-6
 #: Singular values of the moment equations below this share of the largest count as zero [-].  They occur where all
@@ -195,22 +170,13 @@ _TRIANGLE = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class AreaTexels(TexelContact):
+class AreaTexels(BoxTexels):
     """Contact method with rigid boxes, whose forces are redistributed by the area of contact polygons.
 
-    Attributes:
-        boxes: Settings of the boxes.
+    The settings are those of `BoxTexels`.
     """
 
-    boxes: BoxTexels = field(default_factory=BoxTexels)
-
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
-        """Add one box geom per texel to a body of the spec; see `TexelContact.attach`."""
-        self.boxes.attach(body, array, pose, name)
-
-    def adapt(self, surface: Surface | None) -> AreaTexels:  # noqa: ARG002
-        """Return the method as it is: boxes suit every cover."""
-        return self
+    costly: ClassVar[bool] = True
 
     def bind(
         self,
@@ -220,28 +186,16 @@ class AreaTexels(TexelContact):
         *,
         surface: Surface | None = None,  # noqa: ARG002
     ) -> AreaReader:
-        """Find the boxes in the compiled model; see `TexelContact.bind`.  The cover is not used.
-
-        Raises:
-            LifeCycleError: If the model was not compiled from the spec that the array was attached to.
-        """
-        return AreaReader(model, find_boxes(model, array, name), array, name)
+        """Find the boxes in the compiled model; see `BoxTexels.bind`."""
+        return AreaReader(model, array, name)
 
 
 class AreaReader(BoxReader):
     """Reader that sums contact forces on each box and redistributes the force of each body by contact area."""
 
-    def __init__(self, model: mujoco.MjModel, geoms: IntArray, array: TexelArray, name: str) -> None:
-        """Tabulate the texel and the body of each geom.
-
-        Args:
-            model: The compiled model.
-            geoms: Geom id of each texel, shape (n,) [-].
-            array: The texels.
-            name: Name of the sensor, for error messages.
-        """
-        super().__init__(model, geoms, array, name)
-        self._first = int(geoms[0])
+    def __init__(self, model: mujoco.MjModel, array: TexelArray, name: str) -> None:
+        """Find the geoms of the texels and the joints of the array; see `BoxReader`."""
+        super().__init__(model, array, name)
         self._joints = Joints(model, int(model.geom_bodyid[self._first]))
         self._smallest = _FLAT * array.pitch[0] * array.pitch[1]
 
@@ -253,7 +207,11 @@ class AreaReader(BoxReader):
         if np.count_nonzero(total) <= 1:
             return total
         self._bodies.follow_changes()
-        texel, body, force, place = self._list_contacts(data, pressed)
+        contact = data.contact
+        texels = self._net_force.parts[0][contact.geom]
+        k, side = ((texels >= 0) & (pressed != 0)).nonzero()
+        texel, force, place = texels[k, side], pressed[k, side], contact.pos[k]
+        body = self._bodies.of_geom[contact.geom[k, 1 - side]]
         rotation = data.geom_xmat[self._first].reshape(3, 3)
         local = (place - data.geom_xpos[self._first]) @ rotation
         scattered = body < 0
@@ -290,16 +248,6 @@ class AreaReader(BoxReader):
             pressure = np.linalg.lstsq(basis.T @ (area[:, None] * basis), wanted, rcond=_SINGULAR)[0]
         own[touched[wide]] = area * (basis @ pressure)
         return own
-
-    def _list_contacts(
-        self, data: mujoco.MjData, pressed: FloatArray
-    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """List texel, body, force against the box's normal [N], and position in the world [m] of contacts at fronts."""
-        contact = data.contact
-        texels = self._net_force.parts[0][contact.geom]
-        k, side = ((texels >= 0) & (pressed != 0)).nonzero()
-        body = self._bodies.of_geom[contact.geom[k, 1 - side]]
-        return texels[k, side], body, pressed[k, side], contact.pos[k]
 
 
 def _measure_polygon(points: FloatArray) -> tuple[float, float, float]:

@@ -92,14 +92,14 @@ class NetForceReader:
             forces = -reading.contact_forces[:, None] * self._array.normals
             torque = np.cross(self._array.centres, forces).sum(axis=0)
             wrench, tangential = np.append(forces.sum(axis=0), torque), np.zeros((self._array.count, 2))
-        elif self._by_geom:
-            _, fronts, wrench, _ = sums
-            tangential = fronts[:, :2]  # the axes of a box are the tangents of its texel
-            if self._masked is not None:
-                tangential[self._masked] = 0.0
         else:
             _, fronts, wrench, _ = sums
-            tangential = self._share_shear(fronts, self._axes, reading.contact_forces, self._tangents)
+            if self._by_geom:
+                tangential = fronts[:, :2]  # the axes of a box are the tangents of its texel
+                if self._masked is not None:
+                    tangential[self._masked] = 0.0
+            else:
+                tangential = self._share_shear(fronts, self._axes, reading.contact_forces, self._tangents)
         return reading._replace(wrench=wrench, tangential=tangential, tangential_source=source)
 
 
@@ -155,7 +155,9 @@ Sums = tuple[FloatArray, FloatArray, FloatArray, float]
 
 
 @called_by_kernels
-def sum_contacts(contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts) -> Sums:
+def sum_contacts(  # noqa: C901, PLR0912 -- loops over components
+    contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts
+) -> Sums:
     """Kernel: sum the forces and torques that all contacts exert on an array of m boxes or plates.
 
     A contact with a side of a box that has a neighbour there counts as one with its front: MuJoCo finds such contacts
@@ -176,70 +178,47 @@ def sum_contacts(contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArra
     geom, address, dim, frame, _, pos, _, _, _ = contacts
     part_of, neighbours, first, turn, middle = parts
     pressed, fronts, beside = np.zeros((len(geom), 2)), np.zeros((len(neighbours), 3)), 0.0
-    # force and torque in the frame of a contact; force in the world, torque about the centre of the first box or plate
-    local, net, moment = np.zeros(6), np.zeros(3), np.zeros(3)
+    # force and torque in the frame of a contact; net force in the world, torque about the centre of the first box or
+    # plate, and its lever arm; force in the world and along the axes of a box, normal away from the box along them
+    local, net, moment, arm = np.zeros(6), np.zeros(3), np.zeros(3), np.zeros(3)
+    force, own_force, outward = np.zeros(3), np.zeros(3), np.zeros(3)
     for k in range(len(geom)):
         if address[k] < 0 or (part_of[geom[k, 0]] < 0 and part_of[geom[k, 1]] < 0):
             continue
         _decode_force(contacts, k, local)
-        rx = pos[k, 0] - geom_xpos[first, 0]
-        ry = pos[k, 1] - geom_xpos[first, 1]
-        rz = pos[k, 2] - geom_xpos[first, 2]
+        for i in range(3):
+            arm[i] = pos[k, i] - geom_xpos[first, i]
         for side in range(2):
             own, part, sign = geom[k, side], part_of[geom[k, side]], 2.0 * side - 1.0
             if part < 0:
                 continue
-            fx = sign * (local[0] * frame[k, 0] + local[1] * frame[k, 3] + local[2] * frame[k, 6])
-            fy = sign * (local[0] * frame[k, 1] + local[1] * frame[k, 4] + local[2] * frame[k, 7])
-            fz = sign * (local[0] * frame[k, 2] + local[1] * frame[k, 5] + local[2] * frame[k, 8])
-            net[0] += fx
-            net[1] += fy
-            net[2] += fz
-            moment[0] += ry * fz - rz * fy
-            moment[1] += rz * fx - rx * fz
-            moment[2] += rx * fy - ry * fx
-            for axis in range(dim[k] - 3):
-                for i in range(3):
-                    moment[i] += sign * local[3 + axis] * frame[k, 3 * axis + i]
-            x, y, z = 0.0, 0.0, 0.0  # the normal away from the box, along the axes of the box
             for i in range(3):
-                x -= sign * frame[k, i] * geom_xmat[own, 3 * i]
-                y -= sign * frame[k, i] * geom_xmat[own, 3 * i + 1]
-                z -= sign * frame[k, i] * geom_xmat[own, 3 * i + 2]
-            along = fx * geom_xmat[own, 2] + fy * geom_xmat[own, 5] + fz * geom_xmat[own, 8]
-            if _is_front(x, y, z, neighbours, part):
-                pressed[k, side] = -along
-                fronts[part, 0] += fx * geom_xmat[own, 0] + fy * geom_xmat[own, 3] + fz * geom_xmat[own, 6]
-                fronts[part, 1] += fx * geom_xmat[own, 1] + fy * geom_xmat[own, 4] + fz * geom_xmat[own, 7]
-                fronts[part, 2] += along
-            else:
-                beside -= along
-    return pressed, fronts, _move_wrench(net, moment, geom_xmat[first], turn, middle), beside
-
-
-@called_by_kernels
-def _move_wrench(
-    net: FloatArray, moment: FloatArray, box: FloatArray, turn: FloatArray, middle: FloatArray
-) -> FloatArray:
-    """Return a force and the torque about the centre of a box in the frame of the array, about its origin, shape (6,).
-
-    Args:
-        net: The force, in the world, shape (3,) [N].
-        moment: The torque, in the world, shape (3,) [N m].
-        box: Axes of the box in the world, as columns, shape (9,) [-].
-        turn: Axes of the box in the frame of the array, as columns, shape (3, 3) [-].
-        middle: Centre of the box in the frame of the array, shape (3,) [m].
-    """
-    wrench = np.zeros(6)
-    for i in range(3):
-        for j in range(3):
+                force[i] = sign * (local[0] * frame[k, i] + local[1] * frame[k, 3 + i] + local[2] * frame[k, 6 + i])
+                net[i] += force[i]
+                for axis in range(dim[k] - 3):
+                    moment[i] += sign * local[3 + axis] * frame[k, 3 * axis + i]
+            for i, j, m in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+                moment[i] += arm[j] * force[m] - arm[m] * force[j]
             for axis in range(3):
-                wrench[j] += net[i] * box[3 * i + axis] * turn[j, axis]
-                wrench[3 + j] += moment[i] * box[3 * i + axis] * turn[j, axis]
-    wrench[3] += middle[1] * wrench[2] - middle[2] * wrench[1]
-    wrench[4] += middle[2] * wrench[0] - middle[0] * wrench[2]
-    wrench[5] += middle[0] * wrench[1] - middle[1] * wrench[0]
-    return wrench
+                own_force[axis] = outward[axis] = 0.0
+                for i in range(3):
+                    own_force[axis] += force[i] * geom_xmat[own, 3 * i + axis]
+                    outward[axis] -= sign * frame[k, i] * geom_xmat[own, 3 * i + axis]
+            if _is_front(outward[0], outward[1], outward[2], neighbours, part):
+                pressed[k, side] = -own_force[2]
+                for axis in range(3):
+                    fronts[part, axis] += own_force[axis]
+            else:
+                beside -= own_force[2]
+    place = _find_place(geom_xmat, geom_xpos, first, turn, middle)
+    wrench = np.zeros(6)
+    for j in range(3):
+        for i in range(3):
+            wrench[j] += net[i] * place[i, j]
+            wrench[3 + j] += moment[i] * place[i, j]
+    for i, j, m in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        wrench[3 + i] += middle[j] * wrench[m] - middle[m] * wrench[j]
+    return pressed, fronts, wrench, beside
 
 
 @called_by_kernels
@@ -335,16 +314,16 @@ def press_plate(
 
     Returns:
         Ids of the bodies of known shape that exert force on the plate's front, shape (bodies,); for each of these
-        bodies the sums over its contacts of force [N], force times x, and force times y [N m], its deepest penetration
-        [m], and the number of its contacts, shape (bodies, 5); for each of the m contacts with the plate's front the
-        index of its body, -1 for an unknown shape, shape (m,), and x, y [m] and force [N], shape (m, 3); axes of the
-        array in the world, as columns, and its origin, shape (4, 3) [-, m]; and what `sum_contacts` returns.
+        bodies the sums over its contacts of force [N], force times x, and force times y [N m], and its deepest
+        penetration [m], shape (bodies, 4); for each of the m contacts with the plate's front the index of its body, -1
+        for an unknown shape, shape (m,), and x, y [m] and force [N], shape (m, 3); axes of the array in the world, as
+        columns, and its origin, shape (4, 3) [-, m]; and what `sum_contacts` returns.
     """
     geom, _, _, _, _, pos, dist, _, _ = contacts
     _, _, plate, turn, middle = parts
     found = sum_contacts(contacts, geom_xmat, geom_xpos, parts)
     pressed, place = found[0], _find_place(geom_xmat, geom_xpos, plate, turn, middle)
-    bodies, sums = np.empty(len(geom), dtype=np.int64), np.zeros((len(geom), 5))
+    bodies, sums = np.empty(len(geom), dtype=np.int64), np.zeros((len(geom), 4))
     owner, points = np.empty(len(geom), dtype=np.int64), np.zeros((len(geom), 3))
     count, touching = 0, 0
     for k in range(len(geom)):
@@ -369,7 +348,6 @@ def press_plate(
             sums[slot, 1] += force * points[touching, 0]
             sums[slot, 2] += force * points[touching, 1]
             sums[slot, 3] = max(sums[slot, 3], -dist[k])
-            sums[slot, 4] += 1
         touching += 1
     return bodies[:count], sums[:count], owner[:touching], points[:touching], place, found
 

@@ -12,7 +12,6 @@ import mujoco
 import numpy as np
 
 from fastmodel.contact.bodies import sample_boxes
-from fastmodel.pose import Mount
 from fastmodel.state import State
 from fastmodel.surface import Surface
 from meshes import TexelArray
@@ -62,15 +61,33 @@ class TexelContact(Protocol):
     computes_spread: ClassVar[bool] = False
     takes_overlaps: ClassVar[bool] = False
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
-        """Add the geoms of the contact method to a body of a spec.
+    def adapt(self, surface: Surface | None) -> TexelContact:  # noqa: ARG002 -- some methods need it
+        """Return the method with the settings that suit a cover.
+
+        Raises:
+            FastModelError: If the method needs another cover.
+        """
+        return self
+
+    def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
+        """Add the geoms of the contact method to a spec.
 
         Args:
-            body: The body of a `mujoco.MjSpec` that carries the array.
+            frame: The frame of the array, on the body that carries the array.
             array: The texels, in the array's frame.
-            pose: Mount of the array's frame in the frame of the body.
             name: Name of the sensor, which is the prefix of the names of the geoms.
         """
+
+    def find_start(self, array: TexelArray, at: tuple[float, float], reach: float) -> float:
+        """Return a height at which a body within a distance of a place touches no texel yet: 0 on a flat array [m].
+
+        Args:
+            array: The texels.
+            at: Position x, y in the array's frame [m].
+            reach: The distance [m].
+        """
+        under = np.hypot(*(array.centres[:, :2] - at).T) <= reach
+        return float(array.centres[under, 2].max(initial=0.0)) + (not array.planar) * max(array.pitch)
 
     def sample_top(
         self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, pitch: float
@@ -154,7 +171,7 @@ def compile_kernels(contact: TexelContact, array: TexelArray, surface: Surface |
         return
     spec, normal, size = mujoco.MjSpec(), array.normals[0], 0.5 * min(array.pitch)
     spec.option.cone, spec.option.timestep, spec.option.gravity[:] = cone, 1e-3, -10 * normal
-    contact.attach(spec.worldbody, array, Mount.of((0, 0, 0), (1, 0, 0, 0)), "array")
+    contact.attach(spec.worldbody.add_frame(), array, "array")
     upright, height = np.zeros(4), size + (0.0 if surface is None else surface.thickness)
     mujoco.mju_quatZ2Vec(upright, normal)
     for later, kind in enumerate((mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX)):

@@ -24,7 +24,7 @@ from fastmodel.contact.interface import Reading, TexelContact
 from fastmodel.contact.points import PointPressure, solve_pressure
 from fastmodel.contact.reader import ArrayContact, PressureReader
 from fastmodel.errors import FastModelError, ParametersError
-from fastmodel.pose import Mount, rotate
+from fastmodel.pose import rotate
 from fastmodel.pressure.solvers import Load
 from fastmodel.state import State, take_array
 from fastmodel.surface import CoverPoints, Surface
@@ -82,8 +82,12 @@ class MeshContact(TexelContact):
             )
         return replace(self, surface=surface)
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
-        """Add the mesh geom to a body of the spec; see `TexelContact.attach`.
+    def find_start(self, array: TexelArray, at: tuple[float, float], reach: float) -> float:
+        """Return the height of the highest point; see `TexelContact.find_start`."""
+        return super().find_start(array, at, reach) if self.surface is None else float(self.surface.points[:, 2].max())
+
+    def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
+        """Add the mesh geom; see `TexelContact.attach`.
 
         Raises:
             ParametersError: If the method has no points.
@@ -92,11 +96,10 @@ class MeshContact(TexelContact):
         surface = self._require_surface(array)
         child = mujoco.MjSpec()
         child.add_mesh(name="plate", uservert=_list_vertices(surface).ravel().tolist())
-        frame = child.worldbody.add_frame(pos=pose.position.tolist(), quat=pose.quaternion.tolist())
-        geom = child.worldbody.add_geom(name="plate", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="plate", mass=0.0)
+        inner = child.worldbody.add_frame()
+        geom = inner.add_geom(name="plate", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="plate", mass=0.0)
         geom.contype, geom.conaffinity, geom.rgba[:] = self.contype, self.conaffinity, COLOUR
-        geom.set_frame(frame)
-        body.attach_frame(frame, f"{name}/", "")
+        frame.parent.attach_frame(inner, f"{name}/", "").set_frame(frame)
 
     def sample_top(
         self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, pitch: float
@@ -204,9 +207,11 @@ class MeshReader(PressureReader):
         return (contact, None) if contact.bodies or len(contact.points) else None
 
     def _solve(self, contact: ArrayContact) -> Reading:
-        """Find the forces of all bodies; bodies whose moments no pressure can have keep only their force.
+        """Compute the forces on the points of the cover from the loads of all bodies.
 
-        Where that fails too, the forces of the last step of the search stand.
+        First the pressure of each body is solved for its force and moments.  If no pressure balances the moments,
+        all bodies are solved again for their forces alone.  If this does not converge either, the forces of the last
+        iteration are returned.
         """
         forces, carried, fewest = np.zeros(len(self._cover.points)), 0.0, None
         if contact.loads:

@@ -25,15 +25,15 @@ from fastmodel.compiled import compile_kernel
 from fastmodel.contact.bodies import EVERY, check_box, describe_box, sample_boxes
 from fastmodel.contact.forces import FRONT, NetForceReader, Sums, press_plate, read_contacts
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact
-from fastmodel.contact.layout import Panel, PanelCells, PanelLayout, divide_into_panels, lay_out
 from fastmodel.contact.reader import ArrayContact, PressureReader
 from fastmodel.errors import ParametersError
-from fastmodel.pose import Mount, make_quaternions, multiply, rotate
+from fastmodel.pose import make_quaternions
+from fastmodel.pressure.cell_grid import Panel, PanelCells, divide_into_panels, lay_out
 from fastmodel.pressure.flexes import FlexSurfaces
 from fastmodel.pressure.gap import GapSamples, PosedBody, sample_gap
 from fastmodel.pressure.solvers import STEEP, CoverSolver, FoundationSolver, Load, PressureSolution
 from fastmodel.state import State, take_array
-from fastmodel.surface import CoverCells, Surface
+from fastmodel.surface import Surface
 from fastmodel.validity import FEWEST_CELLS
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
@@ -80,25 +80,17 @@ class Plate:
         if (self.solref is None) != (self.solimp is None):
             raise ValueError("solref and solimp belong together; give both or neither")
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
-        """Add the plate to a body of a spec: one box geom for each flat panel of the array.
-
-        Args:
-            body: The body of a `mujoco.MjSpec` that carries the array.
-            array: The array, in its own frame.
-            pose: Mount of the array's frame in the frame of the body.
-            name: Name of the sensor, which is the prefix of the names of the geoms.
-        """
+    def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
+        """Add the plate to a spec: one box geom for each flat panel of the array; see `TexelContact.attach`."""
         # with a higher priority, MuJoCo uses the softness of the plate alone and not that of the touching geom
         soft: dict[str, Any] = (
             {} if self.solref is None else {"solref": self.solref, "solimp": self.solimp, "priority": 1}
         )
         for panel, geom in zip(*self.divide(array, name), strict=True):
-            middle = panel.origin - 0.5 * self.height * panel.axes[:, 2]
-            body.add_geom(
+            frame.add_geom(
                 name=geom,
-                pos=pose.position + rotate(pose.quaternion, middle[None])[0],
-                quat=multiply(pose.quaternion, make_quaternions(panel.axes[None])[0]).tolist(),
+                pos=(panel.origin - 0.5 * self.height * panel.axes[:, 2]).tolist(),
+                quat=make_quaternions(panel.axes[None])[0].tolist(),
                 **describe_box((*panel.half, self.height / 2), self.contype, self.conaffinity),
                 **soft,
             )
@@ -120,9 +112,9 @@ class _PlateMethod(TexelContact):
 
     plate: Plate = field(default_factory=Plate)
 
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
-        """Add the plate to a body of the spec; see `TexelContact.attach`."""
-        self.plate.attach(body, array, pose, name)
+    def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
+        """Add the plate; see `TexelContact.attach`."""
+        self.plate.attach(frame, array, name)
 
     def adapt(self, surface: Surface | None) -> Self:
         """Return the method with a plate that ends at the texels if the cover has free side edges there."""
@@ -160,18 +152,16 @@ class Foundation(_PlateMethod):
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
             ParametersError: If there is neither a modulus nor cover data.
         """
-        cells = surface if isinstance(surface, CoverCells) else None
+        cells = None if surface is None else surface.cells
         if self.modulus is None and cells is None:
             raise ParametersError(
                 f"sensor {name!r}: the contact method 'foundation' needs the cover's cells or a modulus; derive the "
                 f"parameters anew, or use Foundation(modulus=...)"
             )
         modulus = self.modulus or (cells.foundation_modulus() if cells else 0.0)
-        layout = lay_out(array, self.plate.margin, self.per_texel or (cells.per_texel if cells else 4))
-        solver = FoundationSolver(layout.grid, modulus)
-        reader = PanelReader if layout.panels else CellReader
-        first = _FIRST * min(array.pitch)
-        return reader(self.plate, model, array, name, layout=layout, solver=solver, first=first)
+        grid = lay_out(array, self.plate.margin, self.per_texel or (cells.per_texel if cells else 4))
+        reader = PanelReader if grid.panels else CellReader
+        return reader(self.plate, model, array, name, solver=FoundationSolver(grid, modulus), first=min(array.pitch))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,18 +191,18 @@ class CoverContact(_PlateMethod):
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
             ParametersError: If the parameters hold no cover data for this pitch.
         """
-        if not isinstance(surface, CoverCells):
+        cells = None if surface is None else surface.cells
+        if cells is None:
             raise ParametersError(
                 f"sensor {name!r}: the contact method 'cover' needs the cover's cells, which these parameters do not "
                 f"hold; derive them anew, or use 'boxes' or 'area'"
             )
-        surface.check(array)
-        layout = lay_out(array, self.plate.margin, surface.per_texel, max(surface.compliance.shape))
-        bases = [layout.build_base_forces(each, array) for each in surface.under_loads]
-        solver = CoverSolver(surface, layout.grid, tolerance=self.tolerance, steps=self.steps, bases=bases)
-        reader = PanelReader if layout.panels else CellReader
-        first = _FIRST * surface.thickness
-        return reader(self.plate, model, array, name, layout=layout, solver=solver, first=first)
+        cells.check(array)
+        grid = lay_out(array, self.plate.margin, cells.per_texel, max(cells.compliance.shape))
+        bases = [grid.build_base_forces(each, array) for each in cells.under_loads]
+        solver = CoverSolver(cells, grid, tolerance=self.tolerance, steps=self.steps, bases=bases)
+        reader = PanelReader if grid.panels else CellReader
+        return reader(self.plate, model, array, name, solver=solver, first=cells.thickness)
 
 
 class CellReader(PressureReader):
@@ -228,7 +218,6 @@ class CellReader(PressureReader):
         array: TexelArray,
         name: str,
         *,
-        layout: PanelLayout,
         solver: CoverSolver | FoundationSolver,
         first: float,
     ) -> None:
@@ -239,22 +228,21 @@ class CellReader(PressureReader):
             model: The compiled model.
             array: The array that was attached.
             name: Name of the sensor, as given to `Plate.attach`.
-            layout: The cells of the array.
             solver: Solver that computes the forces on cells.
-            first: Reach at the first contact of a body, see `_FIRST` [m].
+            first: Reach at the first contact of a body over `_FIRST` [m].
         """
         panels, geoms = plate.divide(array, name)
-        axes, edges = panels[0].axes, layout.grid.edge
+        axes, edges = panels[0].axes, solver.grid.edge
         middle = panels[0].origin - 0.5 * plate.height * axes[:, 2]
         # solids with sharp edges are enlarged by an eighth of a cell; `fastmodel.pressure.gap` explains why
         edge = 0.125 * float(np.sqrt(edges[0] * edges[1]))
         super().__init__(model, array, name, geoms=geoms, frame=(axes, middle), edge=edge)
-        self._layout, self._grid, self._solver = layout, layout.grid, solver
+        self._grid, self._solver = solver.grid, solver
         self._length, self._height = min(edges), plate.height
         self._net_force = NetForceReader(model, array, self._geoms, axes=axes, middle=middle)
         self._flexes = FlexSurfaces(model, 0.5 * min(array.pitch))
         self._press_plate = compile_kernel(press_plate)
-        self._first, self._reach = first, dict[int, float]()
+        self._first, self._reach = _FIRST * first, dict[int, float]()
         self._nothing = self.at_rest(np.zeros(array.count))
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
@@ -303,19 +291,17 @@ class CellReader(PressureReader):
             owner, touches = self._flexes.replace_points(
                 data, pressed.sum(axis=1), owner, touches, place=frame, bounds=bounds
             )
-        found, poses, loads, pulls, scattered = [], [], [], [], len(owner)
-        for k, (body, (force, x, y, depth, count)) in enumerate(zip(bodies.tolist(), sums.tolist(), strict=True)):
-            scattered -= int(count)
+        found, poses, loads = [], [], []
+        for body, (force, x, y, depth) in zip(bodies.tolist(), sums.tolist(), strict=True):
             if force <= 0:  # false for nan
-                pulls.append(k)
                 continue
             tilts = self._joints.let_tilt(data, body, frame[:3, 2])
             loads.append(Load(force=force + 0 * (x + y), moment=np.array([x, y]), tilts=tilts))
             found.append(body)
             poses.append(self._find_pose(data, body, frame, depth))
         points = touches[:0]
-        if scattered or pulls:
-            lost = np.isin(owner, pulls) | ((owner < 0) & (touches[:, 2] <= 0))
+        if len(found) < len(bodies) or (owner < 0).any():
+            lost = np.isin(owner, (sums[:, 0] <= 0).nonzero()[0]) | ((owner < 0) & (touches[:, 2] <= 0))
             beside += float(touches[lost, 2].sum())
             points = touches[(owner < 0) & ~lost]
             kept = ~lost & (owner >= 0)
@@ -375,7 +361,7 @@ class CellReader(PressureReader):
         texel_forces = None
         if isinstance(self._solver, CoverSolver) and solution.window is not None:
             window, origin = solution.window, solution.origin
-            if len(pressed) == 1 and pressed[0] < FEWEST_CELLS and not self._layout.panels:
+            if len(pressed) == 1 and pressed[0] < FEWEST_CELLS and not self._grid.panels:
                 load = contact.loads[0]
                 window, origin = self._grid.shift_window(window, origin, load.moment / load.force)
             texel_forces = self._solver.find_base_forces(window, origin)
@@ -384,7 +370,7 @@ class CellReader(PressureReader):
             texel_forces=texel_forces,
             carried=float(solution.forces.sum()),
             # on cells in one plane the approach of a body is one number
-            approach=solution.approach if len(self._layout.panels) <= 1 else None,
+            approach=solution.approach if len(self._grid.panels) <= 1 else None,
             fewest_cells=int(pressed.min()),
         )
 
@@ -414,7 +400,7 @@ class PanelReader(CellReader):
         if not np.count_nonzero(sums[2]):
             return None
         frame = self._find_frame(data)
-        touches, panels = self._list_touches(data, frame), self._layout.panels
+        touches, panels = self._list_touches(data, frame), self._grid.panels
         normals = np.array([part.panel.axes[:, 2] for part in panels])
         normal = normals[touches.part]
         # only the component of friction along the panel's normal is used, because the other components are not pressure
@@ -443,22 +429,22 @@ class PanelReader(CellReader):
     def sample_gap(self, contact: ArrayContact, reach: Sequence[float]) -> GapSamples:
         """Sample the gap under every body, on the cells of every panel on which the body's force may press."""
         none, numbers, vectors = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-        found: list[tuple[FloatArray | IntArray, ...]] = [(*[numbers] * 3, *[none] * 4, vectors, vectors)]
+        found: list[tuple[Any, ...]] = [(*[numbers] * 3, *[none] * 4, vectors, vectors)]
         for body, (pose, load) in enumerate(zip(contact.poses, contact.loads, strict=True)):
-            parts = [each for each in self._layout.panels if each.panel.axes[:, 2] @ load.outward > STEEP]
-            tables = [self._sample_panel(each, pose, reach[body]) for each in parts if each.is_near(pose, reach[body])]
+            tables = []
+            for part in self._grid.panels:
+                # of panels that the bounding sphere of any solid of the body comes near
+                away = np.linalg.norm(pose.centres - part.panel.origin, axis=1) - part.radius
+                near = (away <= np.linalg.norm(pose.shape.halves, axis=1) + reach[body]).any()
+                if near and part.panel.axes[:, 2] @ load.outward > STEEP:
+                    tables.append(self._sample_panel(part, pose, reach[body]))
             lowest = min((table[5].min(initial=np.inf) for table in tables), default=np.inf)
             for table in tables:
                 kept = table[5] <= lowest + reach[body]
                 found.append((np.full(kept.sum(), body), *(each[kept] for each in table)))
-        owner, row, column, coverage, x, y, gap, place, normal = (
-            np.concatenate(each) for each in zip(*found, strict=True)
-        )
-        return GapSamples(
-            body=owner, row=row, column=column, coverage=coverage, x=x, y=y, gap=gap, place=place, normal=normal
-        )
+        return GapSamples(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
-    def _sample_panel(self, part: PanelCells, pose: PosedBody, reach: float) -> tuple[FloatArray | IntArray, ...]:
+    def _sample_panel(self, part: PanelCells, pose: PosedBody, reach: float) -> tuple[Any, ...]:
         """Sample the gap between a body and one panel; return the fields of `GapSamples` but the first."""
         axes, origin = part.panel.axes, part.panel.origin
         local = replace(pose, rotation=axes.T @ pose.rotation, position=(pose.position - origin) @ axes)

@@ -20,7 +20,6 @@ import numpy.typing as npt
 
 from fastmodel.contact.plate import Plate
 from fastmodel.errors import FastModelError
-from fastmodel.pose import Mount
 from meshes import Indenter, Sphere, TexelArray
 from meshes.array_types import FloatArray
 from meshes.constants import STANDARD_GRAVITY
@@ -34,8 +33,10 @@ _LEAST_STEPS = 2.5
 #: Impedance of the plate's contacts, unless the depth with the smallest time constant is too large; then the impedance
 #: is increased [-].
 _IMPEDANCE = 0.95
-#: Simulated time in which the ball comes to rest: number of time constants of the contact [-], and smallest time [s].
-_REST, _LEAST_REST = 60.0, 0.5
+#: Simulated time in which the ball comes to rest, over the time constant of the contact [-].
+_REST = 60.0
+#: Smallest simulated time in which the ball comes to rest [s].
+_LEAST_REST = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -210,7 +211,7 @@ def _simulate_depth(mass: float, constant: float, impedance: float, timestep: fl
     spec.option.gravity[:] = [0, 0, -STANDARD_GRAVITY]
     spec.option.tolerance = 1e-12
     plate = Plate(solref=(constant, 1.0), solimp=(impedance, impedance, 1e-3, 0.5, 2.0))
-    plate.attach(spec.worldbody, TexelArray.grid(4, 4, 10e-3), Mount.of((0, 0, 0), (1, 0, 0, 0)), "fit")
+    plate.attach(spec.worldbody.add_frame(), TexelArray.grid(4, 4, 10e-3), "fit")
     ball = Sphere(radius=10e-3)
     body = spec.worldbody.add_body()
     body.add_freejoint()

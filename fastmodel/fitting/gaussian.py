@@ -40,10 +40,11 @@ ESTIMATOR = "least-squares-uniform"
 SIGMA_RANGE = (0.05, 100.0)
 #: Factors on a fitted sigma; the kernel sizes of these sigmas are tried too, in case ksize changes near the sigma [-].
 _NEARBY = (0.99, 1.0, 1.01)
-#: Ranges to which the response at the loaded texel [-], and the sigma that follows from this response [pitches], are
-#: clipped to obtain a sigma from which the search starts.
-_START_PEAK, _START_SIGMA = (1e-4, 0.9), (0.3, 50.0)
-#: Half width, in sigmas, of a kernel that counts as not cut [-]: at this distance a Gaussian is below 1e-31 of its
+#: Range to which the response at the loaded texel is clipped before the start value of sigma is computed from it [-].
+_START_PEAK = (1e-4, 0.9)
+#: Range to which the start value of sigma is clipped [pitches].
+_START_SIGMA = (0.3, 50.0)
+#: Half width, in sigmas, of a kernel that counts as not cut [-].  At this distance a Gaussian is below 1e-31 of its
 #: peak.
 _UNCUT_REACH = 12
 #: Tolerances of the least-squares solver for step, cost and gradient [-], as small as rounding allows.

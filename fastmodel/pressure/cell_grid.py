@@ -1,19 +1,38 @@
-"""The contact grid of a flat array, and the forces on texels, at the cover's top and base, under forces on its cells.
+"""The cells of an array: its contact grid, its flat panels, and the forces on texels under forces on cells.
 
-A cell is a square or rectangle of the contact grid; whole numbers of cells divide each texel pitch.
+A cell is a square or rectangle of the contact grid; whole numbers of cells divide each texel pitch.  A panel is a flat
+part of the array, represented in MuJoCo by one rigid plate.  The cells of all panels are placed on one common grid,
+which represents the cover unrolled into a plane:
+
+- A flat, regular array has no panels; its cells are the grid.
+- Texels that lie about one pitch from their neighbours in the image, as on a bent sheet, are placed as in the image.
+  Cells of adjacent panels then interact as at their distance along the surface, whatever the angle between the panels.
+- Texels of any other layout in one plane form a single panel, whose cells are the common grid.
+- Of any other layout, each texel is a panel of its own.  The panels are placed so far apart on the common grid that
+  their cells do not interact.  A force on a cell still acts on other texels at the base, depending on their offset in
+  the plane of the loaded panel.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
 
+from fastmodel.signal.point_spread import find_tangents
 from fastmodel.surface import CoverCells
 from meshes import TexelArray
-from meshes.array_types import FloatArray, IntArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
+
+#: Largest distance of texels of one panel from a plane or from a flat, regular grid, over the pitch [-].
+_FLAT = 1e-3
+#: Largest difference between the pitch and the distance of neighbouring texels on a bent sheet, over the pitch [-].
+#: The distance is a chord of the bent surface and therefore shorter than the pitch.
+_BENT = 0.2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,6 +47,7 @@ class CellGrid:
         edge: Edge lengths of a cell along x and y [m].
         low: x and y of the grid's lowest corner in the array's frame, shape (2,) [m].
         texel_columns: Number of columns of texels [-].
+        panels: The flat panels of the array with their cells; none if the array is flat and regular.
     """
 
     per_texel: int
@@ -37,6 +57,7 @@ class CellGrid:
     edge: tuple[float, float]
     low: FloatArray
     texel_columns: int
+    panels: tuple[PanelCells, ...] = ()
 
     @classmethod
     def over(cls, array: TexelArray, per_texel: int, margin: int) -> CellGrid:
@@ -136,26 +157,9 @@ class CellGrid:
         inside = (i >= 0) & (j >= 0) & (i < self.rows - 2 * self.margin) & (j < self.columns - 2 * self.margin)
         return np.asarray(np.where(inside, i // self.per_texel * self.texel_columns + j // self.per_texel, -1))
 
-
-class _Window(NamedTuple):
-    """The factors of the influence (force on a texel per unit force on a cell) for one window of the contact grid.
-
-    A window is a rectangle of cells.
-
-    Attributes:
-        inside: Rows and columns of the window that lie within the grid.
-        first: Row and column in the grid of the first cell of the window that lies within the grid.
-        texels: Rows and columns of the texels that forces on the window reach.
-        along: Factors from rows of cells to rows of texels, for every term of the low-rank factorisation, shape (texel
-            rows * terms, rows) [-].
-        across: Factors from columns of cells to columns of texels, shape (terms * columns, texel columns) [-].
-    """
-
-    inside: tuple[slice, slice]
-    first: tuple[int, int]
-    texels: tuple[slice, slice]
-    along: FloatArray
-    across: FloatArray
+    def build_base_forces(self, cells: CoverCells, array: TexelArray) -> BaseForces:
+        """Build the operator from forces on cells to forces on texels at the base of the cover."""
+        return BaseForces(cells, self, array)
 
 
 class BaseForces:
@@ -168,22 +172,14 @@ class BaseForces:
     """
 
     def __init__(self, cells: CoverCells, grid: CellGrid, array: TexelArray) -> None:
-        """Tabulate the factors of the influence between all texels and all cells of the grid.
-
-        Args:
-            cells: Compliance and influence of the cover.
-            grid: The contact grid.
-            array: The texels.
-        """
+        """Store compliance and influence of the cover, the contact grid and the texels."""
         self._cells, self._grid, self._array = cells, grid, array
-        along, across = cells.influence_factors
         beyond = (grid.margin, grid.margin)
         # the table contains no cells in the margin; a force in the margin then reaches no texel
         self._table = None if cells.table is None else np.pad(cells.table, ((0, 0), beyond, beyond))
         self._masked = None if array.active.all() else ~array.active
-        self._rows = _lay_out_factor(along, array.rows, grid.rows, cells, grid.margin)
-        self._columns = _lay_out_factor(across, array.columns, grid.columns, cells, grid.margin)
-        self._window: tuple[tuple[tuple[int, int], tuple[int, ...]], _Window] | None = None
+        #: First cell and shape of the last window; its factors along rows and columns, and the texels that they reach.
+        self._last: tuple[tuple[int, ...], _Factors] | None = None
 
     def from_window(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
         """Compute the forces on n texels at the base under forces on a window of cells, shape (n,) [N].
@@ -195,20 +191,21 @@ class BaseForces:
                 grid; forces on cells outside the grid must be zero [N].
             origin: Row and column of the window's first cell in the grid.
         """
-        if self._window is None or self._window[0] != (origin, forces.shape):
-            self._window = ((origin, forces.shape), self._build_window(origin, forces.shape))
-        window = self._window[1]
-        forces = forces[window.inside]
+        key = (*origin, *forces.shape)
+        if self._last is None or self._last[0] != key:
+            self._last = (key, self._factor_window(origin, forces.shape))
+        along, across, near = self._last[1]
         if self._table is not None:
-            row, column = window.first
-            part = self._table[:, row : row + forces.shape[0], column : column + forces.shape[1]]
-            return self._mask(np.tensordot(part, forces, 2))
-        texels = np.zeros((self._array.rows, self._array.columns))
-        if window.along.size and window.across.size:
-            terms = len(self._rows)
-            products = window.along.dot(forces).reshape(-1, terms * forces.shape[1])
-            texels[window.texels] = products.dot(window.across)
-        return self._mask(texels.ravel())
+            texels = along.dot(forces.ravel())
+        else:
+            image = np.zeros((self._array.rows, self._array.columns))
+            if along.size and across.size:
+                terms = len(across) // forces.shape[1]
+                image[near] = along.dot(forces).reshape(-1, terms * forces.shape[1]).dot(across)
+            texels = image.ravel()
+        if self._masked is not None:
+            texels[self._masked] = 0.0
+        return np.asarray(texels)
 
     def from_texels(self, contact_forces: FloatArray) -> FloatArray:
         """Compute the forces on n texels at the base under contact forces on the texels, shape (n,) [N].
@@ -221,59 +218,338 @@ class BaseForces:
         uniform = np.kron(image, np.full((s, s), 1 / s**2))
         return self.from_window(uniform, (self._grid.margin, self._grid.margin))
 
-    def _build_window(self, origin: tuple[int, int], shape: tuple[int, ...]) -> _Window:
-        """Select the factors of the influence for a window with given first cell (row, column) and shape."""
-        row, rows, near_rows = self._clip(origin[0], shape[0], self._grid.rows, self._array.rows)
-        column, columns, near_columns = self._clip(origin[1], shape[1], self._grid.columns, self._array.columns)
-        height, width = rows.stop - rows.start, columns.stop - columns.start
-        along = self._rows[:, near_rows, row : row + height].transpose(1, 0, 2)
-        across = self._columns[:, near_columns, column : column + width].transpose(0, 2, 1)
-        return _Window(
-            inside=(rows, columns),
-            first=(row, column),
-            texels=(near_rows, near_columns),
-            along=along.reshape(along.shape[0] * along.shape[1], height),
-            across=across.reshape(across.shape[0] * width, across.shape[2]),
-        )
-
-    def _clip(self, start: int, length: int, cells: int, texels: int) -> tuple[int, slice, slice]:
-        """Clip a window to the grid along one axis.
-
-        Args:
-            start: Index of the window's first cell in the grid.
-            length: Number of cells of the window.
-            cells: Number of cells of the grid.
-            texels: Number of texels of the array.
+    def _factor_window(self, origin: tuple[int, int], shape: tuple[int, ...]) -> _Factors:
+        """Lay out the factors of the influence for a window with given first cell (row, column) and shape.
 
         Returns:
-            Index in the grid of the first cell within the grid; part of the window within the grid; and the texels
-            that forces on the window reach.
+            Factors from rows of cells to rows of texels, for every term, shape (texel rows * terms, rows); from columns
+            of cells to columns of texels, shape (terms * columns, texel columns) [-]; rows and columns of the texels.
+            With a table, its part for the window, shape (n, rows * columns), and nothing.
         """
-        skipped = max(0, -start)
-        inside = slice(skipped, max(skipped, min(length, cells - start)))
-        start, length = start + skipped, inside.stop - skipped
-        s, reach, margin = self._cells.per_texel, self._cells.reach, self._grid.margin
-        first = max(0, (start - margin - reach - s) // s + 1)
-        last = min(texels, (start + length - 1 - margin + reach) // s + 1)
-        return start, inside, slice(first, max(first, last))
+        cells = [start + np.arange(size) for start, size in zip(origin, shape, strict=True)]
+        if self._table is not None:
+            # outside the grid there are no forces, so that any entry of the table will do
+            row, column = (np.clip(c, 0, most - 1) for c, most in zip(cells, self._table.shape[1:], strict=True))
+            return self._table[:, row[:, None], column].reshape(len(self._table), -1), np.zeros(0), (slice(0), slice(0))
+        data, factors, near = self._cells, [], []
+        for factor, cell, texels in zip(
+            data.influence_factors, cells, (self._array.rows, self._array.columns), strict=True
+        ):
+            index = cell - self._grid.margin - data.per_texel * np.arange(texels)[:, None] + data.reach
+            inside = (index >= 0) & (index < factor.shape[1])
+            reached = inside.any(axis=1).nonzero()[0]
+            near.append(slice(reached[0], reached[-1] + 1) if len(reached) else slice(0))
+            values = np.where(inside, factor[:, np.clip(index, 0, factor.shape[1] - 1)], 0.0)
+            factors.append(values[:, near[-1]])
+        along, across = factors[0].transpose(1, 0, 2), factors[1].transpose(0, 2, 1)
+        return along.reshape(-1, shape[0]), across.reshape(-1, across.shape[2]), (near[0], near[1])
 
-    def _mask(self, texel_forces: FloatArray) -> FloatArray:
-        """Set the forces on masked texels to zero."""
-        if self._masked is not None:
-            texel_forces[self._masked] = 0.0
-        return texel_forces
+
+#: See `BaseForces._factor_window`.
+_Factors = tuple[FloatArray, FloatArray, tuple[slice, slice]]
 
 
-def _lay_out_factor(factor: FloatArray, texels: int, cells: int, data: CoverCells, margin: int) -> FloatArray:
-    """Tabulate the factors of the influence along one axis, shape (terms, texels, cells) [-].
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Panel:
+    """A flat part of an array.
+
+    Attributes:
+        origin: Centre of the panel in the array's frame, shape (3,) [m].
+        axes: x axis, y axis and outward normal of the panel in the array's frame, as columns, shape (3, 3) [-].
+        half: Half edge lengths of the panel's plate along its x and y axes [m].
+        first: Row and column in the tactile image of the panel's first texel if the array is a bent sheet; else None.
+    """
+
+    origin: FloatArray
+    axes: FloatArray
+    half: tuple[float, float]
+    first: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PanelCells:
+    """The cells of a panel.
+
+    Attributes:
+        panel: The panel.
+        grid: The cells of the panel, in the frame of the panel.
+        row: Row on the common grid of the panel's first cell.
+        column: Column on the common grid of the panel's first cell.
+        rim: Number of cells along each edge of `grid` that lie beyond the panel.  The gap is not sampled on these
+            cells, but a share of the force on a partly covered cell at the panel's edge acts on them [-].
+    """
+
+    panel: Panel
+    grid: CellGrid
+    row: int
+    column: int
+    rim: int = 0
+
+    def holds(self, row: IntArray, column: IntArray) -> BoolArray:
+        """Return whether cells of `grid` lie on the panel and not on the rim, same shape as `row`."""
+        inside = (row >= self.rim) & (row < self.grid.rows - self.rim)
+        return np.asarray(inside & (column >= self.rim) & (column < self.grid.columns - self.rim))
+
+    @property
+    def radius(self) -> float:
+        """Distance from the panel's centre to the farthest corner of the panel's cells [m]."""
+        return float(np.hypot(*np.abs(self.grid.low)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScatteredGrid(CellGrid):
+    """A common grid whose cells belong to texels in any arrangement.
+
+    Attributes:
+        shares: Share of each cell's area that belongs to each of n texels, sparse, shape (n, rows * columns) [-].
+    """
+
+    shares: sp.csr_array
+
+    @property
+    def texels(self) -> int:
+        """Number of texels [-]."""
+        return int(self.shares.shape[0])
+
+    def sum_on_texels(self, row: IntArray, column: IntArray, forces: FloatArray) -> FloatArray:
+        """Sum forces on cells over the texels that the cells belong to; see `CellGrid.sum_on_texels`."""
+        whole = np.bincount(row * self.columns + column, forces, self.rows * self.columns)
+        return np.asarray(self.shares @ whole)
+
+    def build_base_forces(self, cells: CoverCells, array: TexelArray) -> BaseForces:
+        """Build the operator for texels in any arrangement; see `CellGrid.build_base_forces`."""
+        return ScatteredBaseForces(cells, self, array)
+
+
+def divide_into_panels(array: TexelArray, margin: int) -> tuple[Panel, ...]:
+    """Divide an array into flat panels.
 
     Args:
-        factor: Factor of each term at each distance between cell and texel, shape (terms, distances) [-].
-        texels: Number of texels along the axis.
-        cells: Number of cells of the grid along the axis.
-        data: The cover.
-        margin: Number of cells of the grid before the first texel.
+        array: The texels.
+        margin: Number of pitches by which the plate of a flat array extends beyond the outermost texels.  Curved arrays
+            have no margin, because the plates of adjacent panels would overlap [-].
     """
-    index = np.arange(cells) - margin - data.per_texel * np.arange(texels)[:, None] + data.reach
-    inside = (index >= 0) & (index < factor.shape[1])
-    return np.where(inside, factor[:, np.clip(index, 0, factor.shape[1] - 1)], 0.0)
+    axes = np.stack([*find_tangents(array), array.normals], axis=-1)
+    is_bent = not array.planar and _is_bent_sheet(array, axes)
+    if is_bent:
+        return tuple(_build_panel(array, axes, block) for block in _find_blocks(array, axes))
+    local = (array.centres - array.centres[0]) @ axes[0]
+    pitch = np.array(array.pitch)
+    if _is_flat(local[:, 2], array) and np.abs(axes - axes[0]).max() < _FLAT:
+        low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
+        half = (high - low) / 2 + (0.5 + margin) * pitch
+        middle = array.centres[0] + axes[0] @ np.append((low + high) / 2, 0.0)
+        return (Panel(origin=middle, axes=axes[0], half=(float(half[0]), float(half[1]))),)
+    half = (array.pitch[0] / 2, array.pitch[1] / 2)
+    return tuple(Panel(origin=centre, axes=turn, half=half) for centre, turn in zip(array.centres, axes, strict=True))
+
+
+def lay_out(array: TexelArray, margin: int, per_texel: int, apart: int = 1) -> CellGrid:
+    """Divide an array, or every panel of it, into cells, and place the cells of all panels on a common grid.
+
+    Args:
+        array: The texels.
+        margin: Number of pitches by which the plate of a flat array extends beyond the outermost texels [-].
+        per_texel: Number of cells along each texel pitch [-].
+        apart: Number of cells between panels that do not interact [-].
+    """
+    if array.regular:
+        return CellGrid.over(array, per_texel, margin)
+    panels = divide_into_panels(array, margin)
+    edge = (array.pitch[0] / per_texel, array.pitch[1] / per_texel)
+    if panels[0].first is not None:
+        corners = [np.multiply(panel.first or (0, 0), per_texel).tolist() for panel in panels]
+        sheet = CellGrid.over(TexelArray.grid(array.rows, array.columns, array.pitch), per_texel, 0)
+        placed = (
+            PanelCells(panel=panel, grid=_divide_panel(panel, edge, 0), row=row, column=column)
+            for panel, (row, column) in zip(panels, corners, strict=True)
+        )
+        return dataclasses.replace(sheet, panels=tuple(placed))
+    grids = [_divide_panel(panel, edge, 1) for panel in panels]
+    wide = int(np.ceil(np.sqrt(len(panels))))
+    rows, columns = (max(getattr(grid, name) for grid in grids) + apart for name in ("rows", "columns"))
+    placed = (
+        PanelCells(panel=panel, grid=grid, row=k // wide * rows, column=k % wide * columns, rim=1)
+        for k, (panel, grid) in enumerate(zip(panels, grids, strict=True))
+    )
+    whole = ScatteredGrid(
+        per_texel=per_texel,
+        rows=((len(panels) - 1) // wide + 1) * rows,
+        columns=wide * columns,
+        margin=0,
+        edge=edge,
+        low=np.zeros(2),
+        texel_columns=array.columns,
+        panels=tuple(placed),
+        shares=sp.csr_array((0, 0)),
+    )
+    return dataclasses.replace(whole, shares=_share_cells(array, whole))
+
+
+class ScatteredBaseForces(BaseForces):
+    """The operator from forces on cells to forces at the base on texels in any layout; compare `BaseForces`."""
+
+    def __init__(self, cells: CoverCells, grid: ScatteredGrid, array: TexelArray) -> None:
+        """Tabulate the influence of every cell on every texel, that is, force on the texel per force on the cell."""
+        self._grid = grid
+        matrix = _tabulate_influence(cells, grid, array)
+        self._matrix = sp.csr_array(sp.diags_array(array.active.astype(np.float64)) @ matrix)
+        whole = np.asarray(grid.shares.sum(axis=1))
+        self._uniform = sp.csr_array(sp.diags_array(1 / np.maximum(whole, 1e-12)) @ grid.shares).T
+
+    def from_window(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
+        """Compute the texel forces under forces on a window of cells; see `BaseForces.from_window`."""
+        row, column = (np.arange(size) + start for size, start in zip(forces.shape, origin, strict=True))
+        inside = np.outer((row >= 0) & (row < self._grid.rows), (column >= 0) & (column < self._grid.columns))
+        whole = np.zeros(self._grid.rows * self._grid.columns)
+        whole[np.add.outer(row * self._grid.columns, column)[inside]] = forces[inside]
+        return np.asarray(self._matrix @ whole)
+
+    def from_texels(self, contact_forces: FloatArray) -> FloatArray:
+        """Compute the forces on n texels at the base under contact forces on the texels, shape (n,) [N].
+
+        Args:
+            contact_forces: Forces, each distributed uniformly over the cells of a texel, shape (n,) [N].
+        """
+        return np.asarray(self._matrix @ (self._uniform @ contact_forces))
+
+
+def _is_flat(heights: FloatArray, array: TexelArray) -> bool:
+    """Return whether texels of given heights [m] lie in one plane, up to the tolerance `_FLAT`."""
+    return bool(np.abs(heights).max() < _FLAT * min(array.pitch))
+
+
+def _is_bent_sheet(array: TexelArray, axes: FloatArray) -> bool:
+    """Return whether neighbouring texels of the image lie about one pitch apart, along the mean of their axes."""
+    turns = axes.reshape(array.rows, array.columns, 3, 3)
+    places = array.centres.reshape(array.rows, array.columns, 3)
+    for along, (here, there) in (
+        (0, (np.s_[:, :-1], np.s_[:, 1:])),
+        (1, (np.s_[:-1], np.s_[1:])),
+    ):
+        mean = turns[here] + turns[there]
+        length = np.linalg.norm(mean, axis=-2)
+        if (length < 1).any():
+            return False
+        apart = np.einsum("...i,...ij->...j", places[there] - places[here], mean / length[..., None, :])
+        apart[..., along] -= array.pitch[along]
+        if np.abs(apart / [*array.pitch, min(array.pitch)]).max(initial=0.0) > _BENT:
+            return False
+    return True
+
+
+def _find_blocks(array: TexelArray, axes: FloatArray) -> list[tuple[int, int, int, int]]:
+    """Divide the image into rectangular blocks of coplanar texels.
+
+    Returns:
+        First row, first column, one past the last row, and one past the last column of each block.
+    """
+    left = np.ones((array.rows, array.columns), dtype=bool)
+    found = []
+    for row, column in np.ndindex(array.rows, array.columns):
+        if not left[row, column]:
+            continue
+        bottom, right = row + 1, column + 1
+        while right < array.columns and left[row, right] and _is_regular(array, axes, (row, column, bottom, right + 1)):
+            right += 1
+        while bottom < array.rows and _is_regular(array, axes, (row, column, bottom + 1, right)):
+            bottom += 1
+        left[row:bottom, column:right] = False
+        found.append((row, column, bottom, right))
+    return found
+
+
+def _is_regular(array: TexelArray, axes: FloatArray, block: tuple[int, int, int, int]) -> bool:
+    """Return whether a block of texels (see `_find_blocks`) is a flat, regular grid."""
+    texels = _list_texels(array, block)
+    grid = TexelArray.grid(block[2] - block[0], block[3] - block[1], array.pitch).centres
+    local = (array.centres[texels] - array.centres[texels[0]]) @ axes[texels[0]]
+    straight = np.abs(axes[texels] - axes[texels[0]]).max() < _FLAT * min(array.pitch) / max(np.ptp(grid), 1e-9)
+    return bool(straight and np.abs(local - (grid - grid[0])).max() < _FLAT * min(array.pitch))
+
+
+def _list_texels(array: TexelArray, block: tuple[int, int, int, int]) -> IntArray:
+    """List the indices of the n texels of a block (see `_find_blocks`), shape (n,)."""
+    row, column = np.mgrid[block[0] : block[2], block[1] : block[3]]
+    return np.asarray((row * array.columns + column).ravel())
+
+
+def _build_panel(array: TexelArray, axes: FloatArray, block: tuple[int, int, int, int]) -> Panel:
+    """Build the panel of a block of coplanar texels (see `_find_blocks`)."""
+    texels = _list_texels(array, block)
+    rows, columns = block[2] - block[0], block[3] - block[1]
+    half = (columns * array.pitch[0] / 2, rows * array.pitch[1] / 2)
+    return Panel(origin=array.centres[texels].mean(axis=0), axes=axes[texels[0]], half=half, first=(block[0], block[1]))
+
+
+def _divide_panel(panel: Panel, edge: tuple[float, float], rim: int) -> CellGrid:
+    """Divide a panel into cells in the frame of the panel, with a rim of `rim` cells around the panel."""
+    columns, rows = (np.ceil(2 * np.array(panel.half) / edge - 1e-6).astype(int) + 2 * rim).tolist()
+    low = -np.array(panel.half) - rim * np.array(edge)
+    return CellGrid(per_texel=1, rows=rows, columns=columns, margin=0, edge=edge, low=low, texel_columns=columns)
+
+
+def _find_centres(part: PanelCells) -> FloatArray:
+    """Compute the centres of a panel's cells in the array's frame, shape (rows, columns, 3) [m]."""
+    grid, axes = part.grid, part.panel.axes
+    along, up = np.arange(grid.columns) + 0.5, np.arange(grid.rows) + 0.5
+    x, y = np.meshgrid(grid.low[0] + along * grid.edge[0], grid.low[1] + up * grid.edge[1])
+    return np.asarray(part.panel.origin + x[..., None] * axes[:, 0] + y[..., None] * axes[:, 1])
+
+
+def _number_cells(part: PanelCells, whole: CellGrid) -> IntArray:
+    """Number a panel's cells by their index on the common grid, counted row by row, shape (rows, columns)."""
+    row, column = np.arange(part.grid.rows) + part.row, np.arange(part.grid.columns) + part.column
+    return np.add.outer(row * whole.columns, column)
+
+
+def _share_cells(array: TexelArray, whole: CellGrid) -> sp.csr_array:
+    """Compute the share of each cell's area that belongs to each of n texels, shape (n, rows * columns) [-].
+
+    A point belongs to the nearest texel, if this texel's centre is at most half a pitch away along x and along y.
+    """
+    offset = (np.arange(4) + 0.5) / 4 - 0.5  # 4 x 4 points of a cell, in cells
+    texels: list[IntArray] = []
+    cells: list[IntArray] = []
+    for k, part in enumerate(whole.panels):
+        own = np.arange(array.count) if len(whole.panels) == 1 else np.array([k])
+        local = (array.centres[own] - part.panel.origin) @ part.panel.axes
+        tree = cKDTree(local[:, :2] / array.pitch)
+        centres = (_find_centres(part) - part.panel.origin) @ part.panel.axes
+        number = _number_cells(part, whole)
+        for dx, dy in np.ndindex(4, 4):
+            place = centres[..., :2] + np.array([offset[dx], offset[dy]]) * whole.edge
+            distance, nearest = tree.query(place / array.pitch, p=np.inf)
+            inside = distance <= 0.5 + 1e-9
+            texels.append(own[np.asarray(nearest)[inside]])
+            cells.append(number[inside])
+    texel, cell = np.concatenate(texels), np.concatenate(cells)
+    share = np.full(len(texel), 1 / 4**2)
+    return sp.csr_array(sp.coo_array((share, (texel, cell)), shape=(array.count, whole.rows * whole.columns)))
+
+
+def _tabulate_influence(cells: CoverCells, grid: ScatteredGrid, array: TexelArray) -> sp.csr_array:
+    """Tabulate the force on each of n texels per unit force on each cell, shape (n, rows * columns) [-].
+
+    The influence of the cover is interpolated by cubic splines at the offset between cell and texel in the plane of the
+    cell's panel.
+    """
+    from scipy.interpolate import RectBivariateSpline
+
+    index = np.arange(len(cells.influence)) - cells.reach + 0.5 - cells.per_texel / 2
+    y, x = index * cells.cell[1], index * cells.cell[0]
+    order = min(3, len(index) - 1)
+    table = RectBivariateSpline(y, x, cells.influence, kx=order, ky=order)
+    tree = cKDTree(array.centres)
+    found: list[tuple[IntArray, IntArray, FloatArray]] = []
+    for part in grid.panels:
+        axes, number, centres = part.panel.axes, _number_cells(part, grid), _find_centres(part)
+        texels = tree.query_ball_point(part.panel.origin, part.radius + np.hypot(x[-1], y[-1]))
+        for texel in (t for t in texels if array.normals[t] @ axes[:, 2] > 0):
+            apart = (centres - array.centres[texel]) @ axes[:, :2]
+            inside = (np.abs(apart[..., 0]) <= x[-1] + 1e-12) & (np.abs(apart[..., 1]) <= y[-1] + 1e-12)
+            if inside.any():
+                force = table.ev(apart[inside][:, 1], apart[inside][:, 0])
+                found.append((np.full(inside.sum(), texel), number[inside], force))
+    texel, cell, force = (np.concatenate(each) for each in zip(*found, strict=True))
+    return sp.csr_array(sp.coo_array((force, (texel, cell)), shape=(array.count, grid.rows * grid.columns)))

@@ -210,7 +210,7 @@ class PosedBody:
         return np.asarray(self.position + np.einsum("pij,pj->pi", self.rotation, self.shape.centres))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class GapSamples:
     """The m cells of the contact grid under bodies; a cell under two bodies is listed for each body.
 
@@ -282,14 +282,5 @@ def sample_gap(grid: CellGrid, bodies: Sequence[PosedBody], reach: Sequence[floa
     # filled in place, which takes a quarter of the time of numpy's functions for arrays this small
     place, normal = np.empty((len(x), 2)), np.zeros((len(x), 3))
     place[:, 0], place[:, 1], normal[:, 2] = x, y, 1.0
-    return GapSamples(
-        body=np.repeat(np.arange(len(found)), [len(each[0]) for each in found]),
-        row=row,
-        column=column,
-        coverage=coverage,
-        x=x,
-        y=y,
-        gap=gap,
-        place=place,
-        normal=normal,
-    )
+    body = np.repeat(np.arange(len(found)), [len(each[0]) for each in found])
+    return GapSamples(body, row, column, coverage, x, y, gap, place, normal)

@@ -16,8 +16,14 @@ import numpy as np
 from fastmodel.compiled import called_by_kernels
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Kinds of solids; a polytope is a convex solid with flat faces.
-POLYTOPE, ELLIPSOID, CYLINDER, CAPSULE = range(4)
+#: Value of `Solid.kind` for a convex solid with flat faces.
+POLYTOPE = 0
+#: Value of `Solid.kind` for an ellipsoid.
+ELLIPSOID = 1
+#: Value of `Solid.kind` for a cylinder.
+CYLINDER = 2
+#: Value of `Solid.kind` for a capsule.
+CAPSULE = 3
 #: The arrays of p solids, see `BodyShape.arrays`.
 Shape = tuple[IntArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray]
 #: Arrays that describe the contact grid, see `CellGrid.arrays`.

@@ -243,6 +243,7 @@ class CoverSolver:
     cover less; the smaller load at which the ball is equally deep is then used.
 
     Attributes:
+        grid: The contact grid of the array.
         bases: Operators to texel forces at the base, without load and at each of the loads of the cover.
     """
 
@@ -265,7 +266,7 @@ class CoverSolver:
             steps: Largest number of steps of the iteration [-].
             bases: See the attribute.
         """
-        self._grid, self._tolerance, self._steps, self._cells, self.bases = grid, tolerance, steps, cells, bases
+        self.grid, self._tolerance, self._steps, self._cells, self.bases = grid, tolerance, steps, cells, bases
         # displacement at the centre of a square on an elastic half space under uniform pressure of unit force
         self._square = 4 * float(np.arcsinh(1.0)) * cells.top_compliance / float(np.sqrt(cells.cell[0] * cells.cell[1]))
         kernels = [each.compliance / (cells.cell[0] * cells.cell[1]) for each in cells.under_loads]
@@ -323,7 +324,7 @@ class CoverSolver:
     def _solve_at(self, samples: GapSamples, loads: Sequence[Load], nearest: int) -> PressureSolution:
         """Compute the forces on the cells with the tables of one of the cover's loads; see `solve`."""
         cells = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
-        origin, shape, corner, weight, own = self._place(cells, self._grid.arrays, self._near[nearest], self._square)
+        origin, shape, corner, weight, own = self._place(cells, self.grid.arrays, self._near[nearest], self._square)
         cover = (corner, weight, own, *self._cells.under_loads[nearest].convolution.matrices(*shape))
         wanted = np.array([load.force for load in loads])
         start = self._start(
@@ -409,6 +410,7 @@ class FoundationSolver:
     """Solver for the pressure on an elastic foundation; no solution depends on previous ones.
 
     Attributes:
+        grid: The contact grid of the array.
         bases: Empty: a foundation does not compute forces at the base.
     """
 
@@ -421,7 +423,7 @@ class FoundationSolver:
             grid: The contact grid of the array.
             modulus: Modulus of the foundation, pressure per displacement [Pa/m].
         """
-        self._stiffness = modulus * grid.edge[0] * grid.edge[1]
+        self.grid, self._stiffness = grid, modulus * grid.edge[0] * grid.edge[1]
         self._match = compile_kernel(match_springs)
 
     def reset(self) -> None:

@@ -1,9 +1,9 @@
 """Butterworth low-pass filters of orders 1 to 20, applied to the signals of all texels at once.
 
-The filter is a cascade of second-order sections, with one first-order section if the order is odd.  Each section is
-the bilinear transform of an analogue section.  The cut-off is pre-warped, so that the gain at the cut-off is -3 dB at
-any sampling rate.  A single transfer function of high order would be unstable from about order 5 on, because rounding
-of its coefficients moves the poles; sections stay stable.
+The filter is a cascade of second-order sections, the bilinear transform of analogue sections, as scipy designs it.  The
+cut-off is pre-warped, so that the gain at the cut-off is -3 dB at any sampling rate.  A single transfer function of
+high order would be unstable from about order 5 on, because rounding of its coefficients moves the poles; sections stay
+stable.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from fastmodel.errors import FastModelError
 from fastmodel.signal.array_namespace import Array, find_namespace
@@ -48,40 +47,19 @@ class Butterworth:
     def sections(self, rate_hz: float) -> FloatArray:
         """Compute the coefficients b0 b1 b2 a0 a1 a2 of each section, shape (ceil(order / 2), 6) [-].
 
-        With K = tan(pi cutoff / rate), a pole pair of quality Q gives D = 1 + K/Q + K^2, b = K^2/D (1, 2, 1),
-        a = (1, 2(K^2 - 1)/D, (1 - K/Q + K^2)/D); the real pole of an odd order gives b = K/(1 + K) (1, 1),
-        a = (1, (K - 1)/(K + 1)).  Every section has unit gain at zero frequency.
-        Source: Oppenheim and Schafer, Discrete-Time Signal Processing, section 7.2 (bilinear transform).
-
         Args:
             rate_hz: Sampling rate [Hz].
 
         Raises:
             FastModelError: If the cut-off is not below half the sampling rate.
         """
+        from scipy.signal import butter
+
         if not self.cutoff_hz < rate_hz / 2:
             raise FastModelError(
                 f"cutoff_hz {self.cutoff_hz:g} must lie below half the sampling rate of {rate_hz:g} Hz"
             )
-        K = np.tan(np.pi * self.cutoff_hz / rate_hz)
-        rows = [_first_order(K)] if self.order % 2 else []
-        # Sections are in order of rising quality factor, so that the signals between sections stay small.
-        angles = np.pi * (2 * np.arange(self.order // 2)[::-1] + 1) / (2 * self.order)
-        rows += [_second_order(K, float(2 * np.sin(angle))) for angle in angles]
-        return np.array(rows)
-
-    def gain(self, frequency_hz: npt.ArrayLike, rate_hz: float) -> FloatArray:
-        """Compute the amplitude gain of the sampled filter at given frequencies, same shape as the frequencies [-].
-
-        Args:
-            frequency_hz: Frequencies, any shape [Hz].
-            rate_hz: Sampling rate [Hz].
-        """
-        z = np.exp(-2j * np.pi * np.asarray(frequency_hz) / rate_hz)
-        response = np.ones_like(z)
-        for b0, b1, b2, a0, a1, a2 in self.sections(rate_hz):
-            response *= (b0 + b1 * z + b2 * z**2) / (a0 + a1 * z + a2 * z**2)
-        return np.abs(response)
+        return np.asarray(butter(self.order, self.cutoff_hz, fs=rate_hz, output="sos"))
 
 
 class LowPass:
@@ -110,12 +88,14 @@ class LowPass:
         Raises:
             FastModelError: If the cut-off is not below half the sampling rate.
         """
-        sections = np.zeros((0, 6)) if design is None else design.sections(rate_hz)
+        sections, resting = np.zeros((0, 6)), np.zeros((0, 2))
+        if design is not None:
+            from scipy.signal import sosfilt_zi
+
+            sections = design.sections(rate_hz)
+            resting = sosfilt_zi(sections)
         self._transition = namespace.asarray(_combine(sections), dtype=dtype)
-        # Every section has unit gain at zero frequency, so its input and output are equal in the steady state.
-        b0, b2, a2 = sections[:, 0], sections[:, 2], sections[:, 5]
-        steady = np.append(np.column_stack([1.0 - b0, b2 - a2]).ravel(), 1.0)
-        self._steady = namespace.asarray(steady, dtype=dtype)
+        self._steady = namespace.asarray(np.append(resting.ravel(), 1.0), dtype=dtype)
 
     def settle(self, values: Array) -> Array:
         """Return the steady states under constant input, two for each of s sections and the filtered sample.
@@ -144,54 +124,6 @@ class LowPass:
         return xp.reshape(self._transition @ xp.reshape(before, (count, -1)), before.shape)
 
 
-class FilterBank:
-    """One low-pass filter applied to several signals, with separate states for each signal; see `LowPass`."""
-
-    def __init__(self, design: Butterworth | None, rate_hz: float, count: int) -> None:
-        """Build the filter, and set all states to zero.
-
-        Args:
-            design: The low-pass filter; None passes every sample unchanged.
-            rate_hz: Sampling rate [Hz].
-            count: Number of signals [-].
-
-        Raises:
-            FastModelError: If the cut-off is not below half the sampling rate.
-        """
-        self._filter = LowPass(design, rate_hz)
-        self._states = self._filter.settle(np.zeros(count))
-
-    @property
-    def filtered(self) -> FloatArray:
-        """The latest filtered sample of every signal, shape (count,) [unit of the input]."""
-        return np.asarray(self._states[-1])
-
-    def settle(self, values: npt.ArrayLike = 0.0) -> None:
-        """Set the filter to its steady state under constant input.
-
-        Args:
-            values: Constant input of every signal, a number or shape (count,) [any unit].
-        """
-        self._states = self._filter.settle(np.broadcast_to(values, self.filtered.shape))
-
-    def step(self, values: npt.ArrayLike) -> FloatArray:
-        """Filter one sample of every signal.
-
-        Args:
-            values: New sample of every signal, shape (count,) [any unit].
-
-        Returns:
-            The filtered sample of every signal, shape (count,) [unit of the input].
-
-        Raises:
-            FastModelError: If the input has another shape.
-        """
-        if np.shape(values) != self.filtered.shape:
-            raise FastModelError(f"the filter takes samples of shape {self.filtered.shape}, not {np.shape(values)}")
-        self._states = self._filter.step(self._states, np.asarray(values, dtype=np.float64))
-        return self.filtered.copy()
-
-
 def _combine(sections: FloatArray) -> FloatArray:
     """Build the matrix of one step of a cascade of s sections, shape (2 s + 1, 2 s + 1) [-].
 
@@ -212,16 +144,3 @@ def _combine(sections: FloatArray) -> FloatArray:
         signal = output
     matrix[-1] = signal
     return matrix
-
-
-def _second_order(K: float, inverse_quality: float) -> list[float]:
-    """Compute the coefficients of a section with a complex pole pair, see `Butterworth.sections` [-]."""
-    D = 1 + K * inverse_quality + K**2
-    b = K**2 / D
-    return [b, 2 * b, b, 1.0, 2 * (K**2 - 1) / D, (1 - K * inverse_quality + K**2) / D]
-
-
-def _first_order(K: float) -> list[float]:
-    """Compute the coefficients of the section with the real pole, see `Butterworth.sections` [-]."""
-    b = K / (1 + K)
-    return [b, b, 0.0, 1.0, (K - 1) / (K + 1), 0.0]

@@ -31,6 +31,8 @@ _SHARP = 1e-6
 TEXEL_FORCE = "texel force"
 #: Form of `Electronics.calibrated` for a characteristic of the force that a rounded tip applies through the cover.
 _THROUGH_COVER = re.compile(r"through the cover, tip (\d+\.?\d*(?:e[-+]?\d+)?) mm")
+#: Largest accepted number of bits of a converter [-].
+_MOST_BITS = 32
 #: Number of coefficients of a characteristic of degree 5, as in the 2015 report [-].
 _COEFFICIENTS = 6
 
@@ -91,59 +93,41 @@ class Electronics:
         Raises:
             ValueError: If a number is out of range; the message lists every fault.
         """
-        faults = [message for wrong, message in self._list_rules() if wrong]
-        if faults:
-            raise ValueError("; ".join(faults))
-
-    def _list_rules(self) -> list[tuple[bool, str]]:
-        """List for each rule whether the numbers break the rule, and the error message."""
-        largest = 2**self.bits - 1
-        c = self.characteristic
-        positive = [(name, getattr(self, name)) for name in ("rate_hz", "sensitivity")]
-        not_negative = [(name, getattr(self, name)) for name in ("noise", "hysteresis_width", "threshold")]
-        return [
-            *((not 0 < value < np.inf, f"{name} must be positive, not {value}") for name, value in positive),
-            (not np.isfinite(self.offset), f"offset must be finite, not {self.offset}"),
-            (
-                not 1 <= self.output_max <= largest,
-                f"output_max must lie in 1..{largest} ({self.bits} bits), not {self.output_max}",
-            ),
-            (not 0 <= self.hysteresis_share <= 1, f"hysteresis_share must lie in 0..1, not {self.hysteresis_share}"),
-            (
-                not self.temperature_gain > 0,
-                f"temperature_coefficient times temperature_excess must exceed -1; the gain is {self.temperature_gain}",
-            ),
-            *((not 0 <= value < np.inf, f"{name} must not be negative, not {value}") for name, value in not_negative),
-            (
-                not 0 <= self.saturation_band < self.output_max,
-                f"saturation_band must lie in 0..output_max, not {self.saturation_band}",
-            ),
-            (
-                c is not None and (len(c) != _COEFFICIENTS or not np.isfinite(c).all()),
-                f"characteristic takes {_COEFFICIENTS} finite coefficients c0..c5, not {c}",
-            ),
-            (
-                self.gains is not None and not all(0 <= gain < np.inf for gain in self.gains),
-                "gains must be finite and not negative",
-            ),
-            *self._list_rules_of_calibration(),
-        ]
-
-    def _list_rules_of_calibration(self) -> list[tuple[bool, str]]:
-        """List the rules of `calibrated` and `tip_share`, as `_list_rules` does."""
-        texel_force, share = self.calibrated == TEXEL_FORCE, self.tip_share
+        if not isinstance(self.bits, int) or not 1 <= self.bits <= _MOST_BITS:
+            raise ValueError(f"bits must be a whole number 1..{_MOST_BITS}, not {self.bits!r}")
+        largest, c, share, inf = 2**self.bits - 1, self.characteristic, self.tip_share, np.inf
+        is_texel_force = self.calibrated == TEXEL_FORCE
         accepted = f"{TEXEL_FORCE!r} or 'through the cover, tip 1 mm' (radius in mm)"
-        return [
-            (
-                not texel_force and not 0 < (self.tip_radius or 0) < np.inf,
-                f"calibrated must be {accepted}, not {self.calibrated!r}",
+        rules = {
+            f"rate_hz must be positive, not {self.rate_hz}": 0 < self.rate_hz < inf,
+            f"sensitivity must be positive, not {self.sensitivity}": 0 < self.sensitivity < inf,
+            f"offset must be finite, not {self.offset}": np.isfinite(self.offset),
+            f"output_max must lie in 1..{largest} ({self.bits} bits), not {self.output_max}": (
+                1 <= self.output_max <= largest
             ),
-            (share is not None and not 0 < share < np.inf, f"tip_share must be positive, not {share}"),
-            (
-                share is not None and texel_force,
-                f"tip_share must be left out if the characteristic was calibrated against {TEXEL_FORCE!r}",
+            f"hysteresis_share must lie in 0..1, not {self.hysteresis_share}": 0 <= self.hysteresis_share <= 1,
+            "temperature_coefficient times temperature_excess must exceed -1; the gain is "
+            f"{self.temperature_gain}": self.temperature_gain > 0,
+            f"noise must not be negative, not {self.noise}": 0 <= self.noise < inf,
+            f"hysteresis_width must not be negative, not {self.hysteresis_width}": 0 <= self.hysteresis_width < inf,
+            f"threshold must not be negative, not {self.threshold}": 0 <= self.threshold < inf,
+            f"saturation_band must lie in 0..output_max, not {self.saturation_band}": (
+                0 <= self.saturation_band < self.output_max
             ),
-        ]
+            f"characteristic takes {_COEFFICIENTS} finite coefficients c0..c5, not {c}": (
+                c is None or (len(c) == _COEFFICIENTS and np.isfinite(c).all())
+            ),
+            "gains must be finite and not negative": self.gains is None or all(0 <= gain < inf for gain in self.gains),
+            f"calibrated must be {accepted}, not {self.calibrated!r}": (
+                is_texel_force or 0 < (self.tip_radius or 0) < inf
+            ),
+            f"tip_share must be positive, not {share}": share is None or 0 < share < inf,
+            f"tip_share must be left out if the characteristic was calibrated against {TEXEL_FORCE!r}": (
+                share is None or not is_texel_force
+            ),
+        }
+        if faults := [message for message, holds in rules.items() if not holds]:
+            raise ValueError("; ".join(faults))
 
     @property
     def tip_radius(self) -> float | None:

@@ -255,12 +255,3 @@ def find_tangents(array: TexelArray) -> tuple[FloatArray, FloatArray]:
     length[sideways] = 1.0
     axis_x /= length[:, None]
     return axis_x, np.cross(array.normals, axis_x)
-
-
-def outside_share(operator: FloatArray) -> FloatArray:
-    """Compute the share of the force on each texel that no texel measures, 1 - column sum, shape (n,) [-].
-
-    Args:
-        operator: Spread operator `[texel, loaded texel]`, shape (n, n) [-].
-    """
-    return np.asarray(1.0 - operator.sum(axis=0))

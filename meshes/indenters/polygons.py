@@ -31,8 +31,8 @@ class _Numbers:
     #: Twice the area of three neighbouring corners below which they lie on a line, over the edge squared [-]; chosen
     #: far below the corners of a circle of 10 000 sides.
     straight: float = 1e-12
-    #: Number of the longest sides whose directions are tried for the lines that cut an outline [-]; chosen: more
-    #: directions rarely give fewer parts.
+    #: Number of directions in which cuts through a face are tried, to split it into few convex parts [-]; chosen.  The
+    #: directions are those of the longest sides.  More directions rarely give fewer parts.
     directions: int = 8
     #: Straight segments of a full circle in the arcs of an inset outline [-]; they deviate by 0.12 % of the radius.
     arc_segments: int = 64

@@ -266,7 +266,7 @@ class Cylinder(FlatPunch, AxisymmetricIndenter):
         return np.asarray(self.radius - np.hypot(x, y))
 
     def distance_from_inset(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the distance of points from the disk whose radius is smaller by the inset; see `FlatPunch`."""
+        """Return the distance of points from the disk with the radius `radius - inset`; see `FlatPunch` [m]."""
         require_remainder(inset, self.radius)
         return np.maximum(np.hypot(x, y) - self.radius + inset, 0.0)
 
@@ -373,9 +373,10 @@ class Box(FlatPunch):
         return np.asarray(-outside - np.minimum(np.maximum(dx, dy), 0))
 
     def distance_from_inset(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the distance of points from the rectangle that is smaller by the inset on each side; see `FlatPunch`.
+        """Return the distance of points from a smaller rectangle; see `FlatPunch` [m].
 
-        Outside a corner the distance is that from the corner of the smaller rectangle.
+        Each side of the smaller rectangle lies at the distance `inset` inside the side of the face.  Outside a corner
+        the distance is that from the corner of the smaller rectangle.
         """
         require_remainder(inset, min(self.footprint))
         dx, dy = np.abs(x) - self.size[0] / 2 + inset, np.abs(y) - self.size[1] / 2 + inset
@@ -424,7 +425,7 @@ class PolygonalPunch(FlatPunch):
         return compute_signed_distance(self.polygons, x, y)
 
     def distance_from_inset(self, inset: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the distance of points from the part of the face deeper inside than the inset; see `FlatPunch`.
+        """Return the distance of points from the part of the face deeper inside than `inset`; see `FlatPunch` [m].
 
         Raises:
             ModuleNotFoundError: If manifold3d is not installed.

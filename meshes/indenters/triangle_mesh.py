@@ -182,7 +182,8 @@ class _GapNumbers:
     most_pairs: int = 2_000_000
     #: Most cells along the longer side of the search grid [-]; more cells hardly save time, as measured.
     most_cells: int = 256
-    #: Largest mean number of grid cells that list a triangle [-]; chosen: long triangles take a coarser grid.
+    #: Largest mean number of grid cells in whose lists a triangle stands [-]; chosen.  Where the triangles are long,
+    #: the grid is made coarser until the mean number is below this limit.
     most_entries: int = 30
 
 
@@ -196,7 +197,8 @@ class HullNumbers:
     most: int = 64
     #: Most corners of a hull [-]; MuJoCo's collision detection becomes slower with more.
     most_corners: int = 1000
-    #: Share of the directions of the kept corners that point down [-]; chosen: only the lower surface touches.
+    #: Share of the directions that point down, among those in which the outermost corners are kept [-]; chosen.  Only
+    #: the lower surface touches the cover.
     downward: float = 0.8
     #: Grid points along the longer edge of the bounding rectangle, where hull and body are compared [-]; chosen.
     points: int = 97
@@ -212,7 +214,8 @@ class HullNumbers:
     narrow: float = 1e-3
 
 
-_GAP, HULLS = _GapNumbers(), HullNumbers()
+_GAP = _GapNumbers()
+HULLS = HullNumbers()
 
 
 def select_facing_down(triangles: FloatArray) -> FloatArray:

@@ -20,13 +20,14 @@ from meshes.surfaces.triangles import enclosed_volume
 _REGULAR = 1 / (6 * np.sqrt(2))
 #: Largest number of tetrahedra that a mesh may be expected to have [-].
 _MOST_TETRAHEDRA = 150_000
-#: Factor on the element size of a mesh with too few elements through the thickness, as on coarse triangles [-].
+#: Factor by which the element size is reduced if a mesh has too few elements through the thickness [-].
 _SMALLER = 0.85
-#: Largest number of times that this factor is taken [-].
+#: Largest number of reductions of the element size [-].
 _TRIES = 3
-#: Element size over the thickness of a mesh that is finer than the finest of a result [-].
+#: Element size of the mesh of `SolidCover.refine`, over the thickness [-].  This mesh is finer than all meshes that
+#: give a result, and verifies them.
 _FINER = 0.3
-#: Layers of elements of this mesh [-].
+#: Number of layers of elements of the mesh of `SolidCover.refine` [-].
 _FINER_LAYERS = 6
 
 #: Receives a line of text before each step.

@@ -11,8 +11,12 @@ import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
 
-#: Numbers of nodes of a quadrilateral, and of a linear and a quadratic triangle [-].
-QUADRILATERAL, TRIANGLE, QUADRATIC_TRIANGLE = 9, 3, 6
+#: Number of nodes of a quadratic quadrilateral [-].
+QUADRILATERAL = 9
+#: Number of nodes of a linear triangle [-].
+TRIANGLE = 3
+#: Number of nodes of a quadratic triangle [-].
+QUADRATIC_TRIANGLE = 6
 
 
 def line_shape(x: FloatArray) -> FloatArray:

@@ -51,19 +51,22 @@ class _OffsetNumbers:
 class _SideNumbers:
     """Numbers that decide which side of a surface is the outside, and which part of a body is bonded; chosen."""
 
-    #: Distance from the base up to which a triangle of a closed surface belongs to it, over the size [-].
+    #: Largest distance from the base of a triangle that belongs to the base, over the size of the surface [-].
     on_base: float = 0.01
-    #: Smallest cosine between the normals of such a triangle and of the base, or against it [-].
+    #: Smallest cosine of the angle between a triangle that belongs to the base and the nearest base triangle [-].
     aligned: float = 0.5
     #: Sum of solid angles from which a point counts as inside, over that of a whole sphere [-].
     inside: float = 0.5
-    #: Mean component of the normals away from the middle, over the size, below which they point inwards [-].
+    #: Mean of normal times position relative to the middle of a surface, weighted by area, over the size of the surface
+    #: [-].  Below this value the normals point inwards.
     inwards: float = -0.02
-    #: The same component below which a surface is so flat that its outside cannot be told [-].
+    #: Value of the same mean up to which a surface counts as flat [-].  The order of the corners then decides which
+    #: side is the outside.
     outwards: float = 0.02
 
 
-_OFFSET, _SIDES = _OffsetNumbers(), _SideNumbers()
+_OFFSET = _OffsetNumbers()
+_SIDES = _SideNumbers()
 #: Index of the strip between the borders of outer surface and base among the groups of triangles of a body.
 _STRIP = 2
 #: What is wrong where surfaces cross, and what to do.

@@ -19,9 +19,11 @@ from meshes.bounded_file import FileLimitError, pack_npz, parse_json, read_bytes
 from meshes.solids.facets import QUADRILATERAL, TRIANGLE, area_vectors, facet_shape, line_shape, line_slope
 from meshes.surfaces.triangles import label_parts
 
-#: Numbers of nodes of a hexahedron and of a tetrahedron [-].
-HEXAHEDRON, TETRAHEDRON = 27, 4
-#: Number of nodes of a facet by number of nodes of an element [-].
+#: Number of nodes of a hexahedron [-].
+HEXAHEDRON = 27
+#: Number of nodes of a tetrahedron [-].
+TETRAHEDRON = 4
+#: Number of nodes of a facet of an element; the key is the number of nodes of the element [-].
 _FACET_NODES = {HEXAHEDRON: QUADRILATERAL, TETRAHEDRON: TRIANGLE}
 #: Version of the file format.
 _FORMAT = "softcover-mesh 1"

@@ -22,8 +22,10 @@ from meshes.indenters.shapes import Prism
 from meshes.indenters.triangle_mesh import TriangleMesh, select_facing_down
 from meshes.surfaces.triangles import enclosed_volume, list_border, list_edges
 
-#: Endings of the names of files with surfaces, and with tetrahedra.
-SURFACES, TETRAHEDRA = (".stl", ".obj", ".ply", ".npy", ".tet"), (".tet",)
+#: Endings of the names of files that hold a surface.
+SURFACES = (".stl", ".obj", ".ply", ".npy", ".tet")
+#: Endings of the names of files that hold tetrahedra.
+TETRAHEDRA = (".tet",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +40,8 @@ class FileLimits:
     nodes: int = 250_000
     #: Largest file of a surface or of tetrahedra [bytes]; chosen from the two limits above.
     surface_bytes: int = 2**27
-    #: Largest STL file of an indenter [bytes]; a triangle takes about 250 bytes in ASCII, and this allows 400.
+    #: Largest STL file of an indenter [bytes]: 400 bytes for each triangle that is accepted.  A triangle takes about
+    #: 250 bytes in an ASCII file.
     stl_bytes: int = 80_000_000
     #: Largest coordinate of a surface, in the unit of the file; a larger one means damage.
     surface_coordinate: float = 1e9

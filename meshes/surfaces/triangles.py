@@ -55,7 +55,9 @@ class _CollapseNumbers:
     sliver: float = 0.1
 
 
-_SURFACE, _CRACKS, _COLLAPSE = _SurfaceNumbers(), _CrackNumbers(), _CollapseNumbers()
+_SURFACE = _SurfaceNumbers()
+_CRACKS = _CrackNumbers()
+_COLLAPSE = _CollapseNumbers()
 
 
 def check_closed(triangles: FloatArray, name: str, *, crossings: bool = True) -> None:

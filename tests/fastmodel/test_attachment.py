@@ -9,6 +9,7 @@ from fastmodel import WTS_0614_34, FastModelError, Gaussian, Parameters
 from fastmodel.errors import LifeCycleError
 from fastmodel.pose import rotate
 from meshes import TexelArray
+from tests.support.scenes import run
 
 PARAMETERS = Parameters(
     array=TexelArray.grid(3, 2, 3e-3), spread=Gaussian.from_sigma(0.5), electronics=WTS_0614_34, filter=None
@@ -117,9 +118,7 @@ def test_the_array_carries_what_rested_on_the_replaced_geom_as_a_pair(method):
     model = spec.compile()
     data = mujoco.MjData(model)
     sensor.bind(model)
-    for _ in range(300):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    run(sensor, model, data, 300)
     assert sensor.carried() == pytest.approx(0.981, rel=1e-3)
     assert sensor.contact_forces().sum() == pytest.approx(0.981, rel=1e-3)
 

@@ -13,6 +13,7 @@ from fastmodel import WTS_0614_34, Gaussian, OptionWarning, Parameters, Plate
 from fastmodel.errors import LifeCycleError
 from meshes import TexelArray
 from tests.support.cover_data import parameters
+from tests.support.scenes import make_spec, run
 
 SMALL = Parameters(
     array=TexelArray.grid(4, 3, 3e-3), spread=Gaussian.from_sigma(0.5), electronics=WTS_0614_34, filter=None
@@ -23,9 +24,7 @@ ENABLE, DISABLE = mujoco.mjtEnableBit, mujoco.mjtDisableBit
 
 def scene(*, pad=None, finger="finger", array=SMALL, ball=True, **settings):
     """A finger on a slide, whose array may have a pad below its top, and a free ball."""
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
+    spec = make_spec()
     body = spec.worldbody.add_body(name="finger")
     body.add_joint(name="hold", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     body.add_geom(name="bone", type=KINDS.mjGEOM_SPHERE, size=[5e-3, 0, 0], pos=[0, 0, -0.02], mass=0.1)
@@ -40,9 +39,7 @@ def scene(*, pad=None, finger="finger", array=SMALL, ball=True, **settings):
 
 def press_on_pad(below):
     """Share of 16 N under a guided box that the array carries next to a pad, and what the sensor says."""
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
+    spec = make_spec()
     sensor = fastmodel.attach(spec, "world", parameters(filter=None), every=1)
     spec.worldbody.add_geom(name="pad", type=KINDS.mjGEOM_BOX, size=[9e-3, 9e-3, 4e-3], pos=[0, 0, -4e-3 - below])
     box = spec.worldbody.add_body(pos=[0, 0, 4e-3])
@@ -55,9 +52,7 @@ def press_on_pad(below):
         warnings.simplefilter("ignore")
         sensor.bind(model)
     data.qfrc_applied[0] = 0.1 * 9.81 - 16
-    for _ in range(200):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    run(sensor, model, data, 200)
     return sensor.carried() / 16, said
 
 
@@ -256,24 +251,6 @@ def test_objects_that_fall_asleep_lose_their_force_and_this_is_told():
     forces, said = run_asleep(ball=never, finger=never)
     assert forces[-1] == pytest.approx(0.981, rel=1e-3)
     assert said == ()
-
-
-def test_an_array_on_a_tree_that_never_sleeps_keeps_objects_awake():
-    spec, sensor = scene()
-    spec.body("ball").pos = [0, 0, 5e-3]
-    spec.joint("hold").stiffness, spec.joint("hold").damping = [1e4, 0, 0], [20, 0, 0]
-    spec.option.enableflags = ENABLE.mjENBL_SLEEP
-    (said,) = sensor.check(spec.compile())
-    assert "fades to 0" in said
-    spec.add_actuator(target="hold", trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    assert sensor.check(model) == ()
-    sensor.bind(model)
-    for _ in range(500):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
-    assert sensor.carried() == pytest.approx(0.981, rel=0.02)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 import fastmodel
 from fastmodel import WTS_0614_34, Batch, Butterworth, FastModelError, Gaussian, Parameters, Placement
 from meshes import Sphere, TexelArray
+from tests.support.scenes import make_spec
 
 ARRAY = TexelArray.grid(2, 2, 3e-3)
 PARAMETERS = Parameters(array=ARRAY, spread=Gaussian.from_sigma(0.5), electronics=WTS_0614_34)
@@ -16,10 +17,7 @@ BALL = Sphere(radius=3e-3)
 
 @pytest.fixture
 def spec():
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
-    return spec
+    return make_spec()
 
 
 def bound(spec):
@@ -99,11 +97,6 @@ def bound(spec):
 def test_a_wrong_type_is_named_with_what_would_be_accepted(spec, call, message):
     with pytest.raises(FastModelError, match=message):
         call(spec)
-
-
-def test_an_argument_error_is_an_error_of_this_package():
-    with pytest.raises(FastModelError):
-        fastmodel.load(3)
 
 
 def test_a_body_of_another_spec_is_refused(spec):

@@ -12,8 +12,6 @@ import pytest
 import fastmodel
 from tests.support.cover_data import parameters
 
-SLOW = pytest.mark.slow
-
 FIRST_TOUCHES = """
 import gc, sys, mujoco, numpy, fastmodel, scipy.spatial
 from meshes import TexelArray
@@ -56,7 +54,8 @@ for sensed in (parameters(bent_array()), parameters(TexelArray.grid(3, 3, 3.4e-3
 """
 
 
-@pytest.mark.parametrize("method", ["boxes", *(pytest.param(k, marks=SLOW) for k in ("area", "cover", "foundation"))])
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["boxes", "area", "cover", "foundation"])
 def test_nothing_is_compiled_imported_or_prepared_after_binding(method):
     """A ball makes one contact and a block four, on a bent and a flat array; the hull of a mesh stands since bind."""
     command = [sys.executable, "-c", FIRST_TOUCHES, method]

@@ -1,6 +1,5 @@
 import copy
 import dataclasses
-import multiprocessing
 import pickle
 
 import mujoco
@@ -11,6 +10,7 @@ import fastmodel
 from fastmodel import Butterworth, FastModelError
 from fastmodel.errors import LifeCycleError
 from tests.support.cover_data import parameters
+from tests.support.scenes import make_spec
 
 #: An array whose frames depend on filter, hysteresis and noise.
 PARAMETERS = dataclasses.replace(
@@ -28,9 +28,7 @@ PLACES = {"one": (0, 0, 0), "two": (0.1, 0, 0)}
 
 def scene(method, array=PARAMETERS, names=("one",)):
     """A block that slides and rocks on an array, and a ball beside it: model, data, sensors bound to the model."""
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
+    spec = make_spec()
     sensors = [
         fastmodel.attach(spec, "world", array, name=name, position=PLACES[name], contact=method) for name in names
     ]
@@ -146,33 +144,6 @@ def test_an_unbound_sensor_is_copied_unbound():
     with pytest.raises(LifeCycleError, match="not bound"):
         twin.frame()
     assert not twin.bind(spec.compile()).frame().counts.any()
-
-
-#: Physics steps that give more than 1000 frames at 271 Hz.
-MANY = 3700
-
-
-def continue_elsewhere(stored):
-    return run(*pickle.loads(stored), MANY, pushed=2.0)  # noqa: S301
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", METHODS)
-def test_the_next_thousand_frames_are_the_same_also_in_another_process(method):
-    original = scene(method)
-    model, data, (sensor,) = original
-    run(*original, 200)
-    twin, stored = copy.deepcopy(original), pickle.dumps(original)
-    physics, state = np.empty(mujoco.mj_stateSize(model, EVERYTHING)), sensor.get_state()
-    mujoco.mj_getState(model, data, physics, EVERYTHING)
-    frames = run(*original, MANY, pushed=2.0)
-    assert len(frames) > 1000
-    mujoco.mj_setState(model, data, physics, EVERYTHING)
-    sensor.set_state(state)
-    assert_equal(run(*original, MANY, pushed=2.0), frames)
-    assert_equal(run(*twin, MANY, pushed=2.0), frames)
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        assert_equal(pool.apply(continue_elsewhere, (stored,)), frames)
 
 
 def noise_of(sensor, model, steps=40):

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import RangeWarning, Validity
+from fastmodel import RangeWarning
 from fastmodel.contact.interface import Reading
 from fastmodel.errors import ParametersError
-from fastmodel.validity import describe_limits
+from fastmodel.validity import Validity, describe_limits
 from meshes import Sphere
 
+PARAMETERS = fastmodel.load("wts-0614-34")
 RANGE = Validity(
     ball_radius=3e-3,
     load_2_percent=0.5,
@@ -69,10 +70,10 @@ def test_the_warning_states_the_contact_and_the_limit():
         ("strain", "large", "strain must be finite or small, not 'large'"),
     ],
 )
-def test_a_range_of_bad_values_is_refused_also_in_a_file(tmp_path, wts_derivation, name, value, message):
+def test_a_range_of_bad_values_is_refused_also_in_a_file(tmp_path, name, value, message):
     with pytest.raises(ValueError, match=message):
         dataclasses.replace(RANGE, **{name: value})
-    dataclasses.replace(wts_derivation.parameters, validity=RANGE).save(tmp_path / "sensor")
+    dataclasses.replace(PARAMETERS, validity=RANGE).save(tmp_path / "sensor")
     path = tmp_path / "sensor" / "parameters.toml"
     text = f'"{value}"' if isinstance(value, str) else str(value).lower()
     head, section = path.read_text().split("[validity]")
@@ -86,8 +87,8 @@ def test_a_contact_on_few_cells_is_told():
     assert describe_limits(reading(fewest_cells=9), None) == ()
 
 
-def test_a_running_sensor_warns_once(wts_derivation):
-    parameters = dataclasses.replace(wts_derivation.parameters, validity=RANGE)
+def test_a_running_sensor_warns_once():
+    parameters = dataclasses.replace(PARAMETERS, validity=RANGE)
     spec = mujoco.MjSpec()
     fastmodel.recommend_options(spec)
     sensor = fastmodel.attach(spec, "world", parameters, every=1)
@@ -105,9 +106,9 @@ def test_a_running_sensor_warns_once(wts_derivation):
     assert caught[0].filename == __file__
 
 
-def test_the_range_survives_saving_and_is_optional(wts_derivation, tmp_path):
+def test_the_range_survives_saving_and_is_optional(tmp_path):
     for validity in (RANGE, None):
-        dataclasses.replace(wts_derivation.parameters, validity=validity).save(tmp_path)
+        dataclasses.replace(PARAMETERS, validity=validity).save(tmp_path)
         assert fastmodel.load(tmp_path).validity == validity
     text = (tmp_path / "parameters.toml").read_text()
     assert 'validity = "not stated"' in text

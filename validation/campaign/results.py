@@ -91,11 +91,6 @@ class Reference(Result):
         return cls(**{name: getattr(found, name) for name in names if hasattr(found, name)}, found=found)
 
 
-def _as_reference(value: object) -> object:
-    """Return the result of a solver as a reference; what was read from a file is left as it is."""
-    return value if isinstance(value, dict) else Reference.of(value)
-
-
 @result_model
 class Prediction(Result):
     """Texel forces that a model predicts in one case, with their score.

@@ -120,7 +120,10 @@ class SolidBench(Bench):
         material, thickness = self.cover.material, self.cover.thickness
         meshes = tuple(grid.mesh for grid in self.derivation.responses.grids)
         yield "verification of the elements on a shell", lambda: [check_shell(material, thickness)]
-        yield "verification on a finer mesh", partial(check_finer_mesh, self.derivation.sensor, meshes, results)
+        yield (
+            "verification on a finer mesh",
+            partial(check_finer_mesh, self.cover, self.parameters.array, meshes, results, self.friction),
+        )
 
     def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
         """Propagate modulus, position and yaw through the fast model, by plus and minus one standard uncertainty each.

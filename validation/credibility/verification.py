@@ -25,11 +25,9 @@ from meshes.pose import Place, Pose
 from meshes.solids import SolidMesh, sweep
 from meshes.solids.covers import take_meshes
 from meshes.solids.swept import cylinder_surface
-from validation.campaign.case import Case
 from validation.campaign.reference_press import press_reference
 from validation.campaign.results import CaseResult
 from validation.results import Column, Number, Result, result_model
-from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fem_reference.indentation.grid_solution import GridSolution
@@ -307,7 +305,7 @@ def check_shell(material: Material, thickness: float) -> Check:
 
 
 def check_finer_mesh(
-    sensor: SensorDescription, meshes: tuple[SolidMesh, ...], results: Sequence[CaseResult]
+    cover: SolidCover, array: TexelArray, meshes: tuple[SolidMesh, ...], results: Sequence[CaseResult], friction: float
 ) -> list[Check]:
     """Compare a case on each mesh of the reference with the same case on a finer mesh; empty if there is none.
 
@@ -315,46 +313,39 @@ def check_finer_mesh(
     slowly.
 
     Args:
-        sensor: A sensor with a curved cover.
+        cover: The cover.
+        array: The texels on its base.
         meshes: Meshes of the cover, coarsest first.
         results: The scored cases.
+        friction: Coefficient of friction of the cases [-].
 
     Raises:
         ValueError: If the cover cannot be meshed more finely.
     """
-    cover = sensor.cover
-    if not isinstance(cover, SolidCover) or cover.refine is None:
+    if cover.refine is None:
         raise ValueError("there is none, because the mesh of this cover was given or made of tetrahedra")
     if len(meshes) == 1:
         return []
     finer = cover.refine(cover.thickness)
     kinds = ([each for each in results if each.case.indenter.axisymmetric == wanted] for wanted in (True, False))
-    chosen = [min(each, key=lambda result: result.reference.contact_area) for each in kinds if each]
     out = []
-    for result in chosen:
-        case = result.case
-        exact = _press_alone(sensor, finer, case)
-        peak = float(np.abs(exact).max())
-        errors = [float(np.abs(_press_alone(sensor, mesh, case) - exact).max()) / peak for mesh in meshes]
-        sizes = [float(len(mesh.cells)) ** (-1 / 3) for mesh in meshes]
+    for result in (min(each, key=lambda result: result.reference.contact_area) for each in kinds if each):
+        alone = (take_meshes((mesh,), cover.material) for mesh in (finer, *meshes))
+        exact, *found = (press_reference(each, array, result.case, friction=friction).texel_forces for each in alone)
+        errors = tuple(float(np.abs(each - exact).max() / np.abs(exact).max()) for each in found)
+        name = result.case.name
         out.append(
             Check(
-                name=f"any texel force of the case “{case.name}”, over the largest one; three meshes of the reference",
+                name=f"any texel force of the case “{name}”, over the largest one; three meshes of the reference",
                 exact=f"no closed form: the same press on a finer mesh of {len(finer.cells)} elements",
-                sizes=tuple(each / sizes[0] for each in sizes),
-                errors=tuple(errors),
+                sizes=_relative([len(mesh.cells) ** (-1 / 3) for mesh in meshes]),
+                errors=errors,
                 result=errors[-1],
                 least_order=_LEAST_ORDER,
                 tolerance=max(result.reference.error_estimate["peak_texel"], 0.0),
             )
         )
     return out
-
-
-def _press_alone(sensor: SensorDescription, mesh: SolidMesh, case: Case) -> FloatArray:
-    """Compute the texel forces of a case on one mesh, shape (n,) [N]."""
-    alone = take_meshes((mesh,), sensor.cover.layers[0].material)
-    return press_reference(alone, sensor.array, case, friction=sensor.friction).texel_forces
 
 
 #: Quantities of the table, with unit and factor from SI units to it.

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from fastmodel import BoxTexels, FastIndentation, Parameters, indent
-from fastmodel.contact.boxes import BoxReader, find_boxes
-from fastmodel.contact.interface import Reading, TexelContact
-from fastmodel.pose import Mount
+from fastmodel.contact.boxes import BoxReader
+from fastmodel.contact.interface import Reading
 from fastmodel.surface import Surface
 from fem_reference.closed_form.influence import TexelResponse
 from meshes import Cover, TexelArray
@@ -204,17 +203,10 @@ def _map_contact(array: TexelArray, case: Case) -> ContactMap:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _RecordingBoxes(TexelContact):
+class _RecordingBoxes(BoxTexels):
     """Contact method `BoxTexels` that keeps MuJoCo's contact points of each reading."""
 
-    boxes: BoxTexels = field(default_factory=BoxTexels)
     recorded: list[Contacts] = field(default_factory=list)
-
-    costly: ClassVar[bool] = False
-
-    def attach(self, body: mujoco.MjsBody, array: TexelArray, pose: Mount, name: str) -> None:
-        """Add one box geom per texel; see `TexelContact.attach`."""
-        self.boxes.attach(body, array, pose, name)
 
     def bind(
         self,
@@ -225,7 +217,7 @@ class _RecordingBoxes(TexelContact):
         surface: Surface | None = None,  # noqa: ARG002
     ) -> _RecordingReader:
         """Find the boxes in the compiled model; see `TexelContact.bind`."""
-        return _RecordingReader(model, find_boxes(model, array, name), array, name, self.recorded)
+        return _RecordingReader(model, array, name, self.recorded)
 
     def contacts(self, *, chattering: bool) -> Contacts:
         """Return the contacts at rest; if the indenter chatters, their mean over all readings, merged by position."""
@@ -241,13 +233,10 @@ class _RecordingBoxes(TexelContact):
 class _RecordingReader(BoxReader):
     """Reader of box texels that keeps the contacts of each reading."""
 
-    def __init__(
-        self, model: mujoco.MjModel, geoms: IntArray, array: TexelArray, name: str, recorded: list[Contacts]
-    ) -> None:
-        super().__init__(model, geoms, array, name)
+    def __init__(self, model: mujoco.MjModel, array: TexelArray, name: str, recorded: list[Contacts]) -> None:
+        super().__init__(model, array, name)
         self._recorded = recorded
-        self._texel_of = np.full(model.ngeom, -1)
-        self._texel_of[geoms] = np.arange(array.count)
+        self._texel_of = self._net_force.parts[0]
 
     def read(self, data: mujoco.MjData) -> Reading:
         """Compute the contact forces as `BoxReader.read` does, and keep the contacts."""

@@ -212,7 +212,7 @@ def lay_letter_h(array: TexelArray) -> tuple[LetterH, float, tuple[float, float]
 
 def list_methods(parameters: Parameters) -> tuple[str, ...]:
     """Return the contact methods that parameters allow."""
-    return METHODS_OF[None if parameters.surface is None else parameters.surface.method]
+    return METHODS_OF[None if parameters.surface is None else parameters.surface.methods[0]]
 
 
 def lay_flat(parameters: Parameters) -> Parameters:

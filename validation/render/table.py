@@ -1,9 +1,8 @@
 """Tables of results: rendered to the terminal, to CSV and, by the template of the report's page, to HTML.
 
-What a column prints stands beside the field that it shows: see `validation.results.Column`.  There are four ways to a
-table: `tabulate` makes one row for each result, `list_facts` one row for each named field of one result,
-`tabulate_facts` one row for every column of a result and of the results within it, and `Table` itself
-takes headings and rows of texts.  `validation.cli.output.render` prints any of them.
+What a column prints stands beside the field that it shows: see `validation.results.Column`.  There are three ways
+to a table: `tabulate` makes one row for each result, `tabulate_facts` one row for every column of a result and of the
+results within it, and `Table` itself takes headings and rows of texts.  `validation.cli.output.render` prints them.
 """
 
 from __future__ import annotations
@@ -98,23 +97,6 @@ class Table:
         for row in self.rows:
             table.add_row(*(Text(escape(f"{c.text} ({c.small})" if c.small else c.text)) for c in row))
         return table
-
-
-def list_facts(result: Result, fields: Sequence[str], *, caption: str = "") -> Table:
-    """Make a table of two columns, with one row for each field of a result: its heading, and its value with the unit.
-
-    Args:
-        result: The result.
-        fields: Names of the fields or properties that are shown.
-        caption: What the table shows.
-    """
-    known = columns(type(result))
-    rows = []
-    for field in fields:
-        cells, unit = _make_cells(result, field, known[field]), known[field].unit
-        text = ", ".join(cell.text if cell.value is None or not unit else f"{cell.text} {unit}" for cell in cells)
-        rows.append((known[field].heading, f"{text} ({cells[0].small})" if cells[0].small else text))
-    return Table((), rows, caption=caption)
 
 
 def tabulate(name: str, caption: str, results: Iterable[Result], shown: type[Result], fields: Sequence[str]) -> Table:

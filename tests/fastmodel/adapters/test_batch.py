@@ -9,6 +9,7 @@ import fastmodel
 from fastmodel import Batch, FastModelError
 from fastmodel.errors import LifeCycleError
 from tests.support.cover_data import parameters
+from tests.support.scenes import make_spec
 
 #: Counts at rest are not zero, so that they show the noise.
 NOISY = parameters(electronics=dataclasses.replace(parameters().electronics, offset=100.0, noise=0.01))
@@ -16,9 +17,7 @@ NOISY = parameters(electronics=dataclasses.replace(parameters().electronics, off
 
 def world(method):
     """A block over an array on a fixed holder, and a second array that nothing touches."""
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
+    spec = make_spec()
     sensors = [
         fastmodel.attach(spec, "world", NOISY, name=name, position=place, contact=method)
         for name, place in (("one", (0, 0, 0)), ("two", (0.1, 0, 0)))

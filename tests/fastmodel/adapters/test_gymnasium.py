@@ -58,14 +58,6 @@ def test_frames_are_those_of_the_bare_simulation_at_the_sensors_own_rate(physics
     assert (new["net_forces"][: new["made"], 2] < -0.1).all()
 
 
-def test_a_fast_environment_observes_each_image_until_the_next_frame():
-    env = wrap_ball()
-    env.reset()
-    new = [env.step(np.array([-0.5]))[4]["frames"]["tactile"]["made"] for _ in range(100)]
-    assert set(new) == {0, 1}
-    assert sum(new) == 27
-
-
 def test_of_frames_beyond_the_room_the_latest_are_kept_and_the_others_counted():
     spec, sensor = build_pushed_ball()
     env = TactileObservation(BallEnv(spec.compile(), physics_steps=20), sensor, listen=listen, frames=2)

@@ -5,11 +5,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-import fastmodel
-from fastmodel import AreaTexels, BoxTexels
-from fastmodel.contact.boxes import _measure_polygon
-from fastmodel.pose import Mount
+from fastmodel.contact.boxes import AreaTexels, BoxTexels, _measure_polygon
 from meshes import TexelArray
+from tests.support.scenes import make_spec
 
 ARRAY = TexelArray.grid(6, 6, 3e-3)
 
@@ -26,17 +24,6 @@ def test_area_of_a_polygon_equals_scipys_and_its_centroid_lies_inside(corners):
     assert np.all(hull.equations[:, :2] @ [x, y] + hull.equations[:, 2] < 1e-9)
 
 
-@given(points, st.floats(-5, 5), st.floats(-5, 5), st.floats(0, 6.3))
-def test_area_is_invariant_and_the_centroid_moves_with_the_polygon(corners, dx, dy, angle):
-    corners = np.array(corners)
-    assume(np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[1] > 1e-3)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    area, *centroid = _measure_polygon(corners)
-    moved, *there = _measure_polygon(corners @ turn.T + [dx, dy])
-    assert moved == pytest.approx(area, rel=1e-6)
-    np.testing.assert_allclose(there, turn @ centroid + [dx, dy], atol=1e-6)
-
-
 def test_points_on_a_line_have_no_area():
     assert _measure_polygon(np.array([[0.0, 0], [1, 1], [2, 2]])) == (0.0, 1.0, 1.0)
     assert _measure_polygon(np.array([[0.0, 0], [2, 0]])) == (0.0, 1.0, 0.0)
@@ -46,10 +33,8 @@ def block_readings(tilts):
     """Readings of a 10 mm block with its weight off its middle, on a slide or free, by number and by area."""
     readings = []
     for method in (BoxTexels(), AreaTexels()):
-        spec = mujoco.MjSpec()
-        fastmodel.recommend_options(spec)
-        spec.option.timestep = 1e-3
-        method.attach(spec.worldbody, ARRAY, Mount.of((0, 0, 0), (1, 0, 0, 0)), "a")
+        spec = make_spec()
+        method.attach(spec.worldbody.add_frame(), ARRAY, "a")
         body = spec.worldbody.add_body(pos=[0.4e-3, -0.7e-3, 5e-3])
         body.add_joint(type=mujoco.mjtJoint.mjJNT_FREE if tilts else mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-3, 5e-3, 5e-3], mass=0.0)
@@ -72,25 +57,3 @@ def test_redistribution_keeps_the_weight_and_the_moments_of_a_free_body(tilts):
     # Forces act at texel centres here, so that the centre of pressure is known to a fraction of a texel only.
     expected = np.array([0.4e-3, -0.7e-3]) + (np.array([1e-3, 0.5e-3]) if tilts else 0.0)
     np.testing.assert_allclose(centre, expected, atol=0.4e-3)
-
-
-def test_a_body_that_changes_its_shape_is_shared_by_its_new_area():
-    """As a reader that is bound after the change shares it."""
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
-    method = AreaTexels()
-    method.attach(spec.worldbody, ARRAY, Mount.of((0, 0, 0), (1, 0, 0, 0)), "a")
-    body = spec.worldbody.add_body(pos=[0.4e-3, -0.7e-3, 5e-3])
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    body.add_geom(name="block", type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-3, 5e-3, 5e-3], mass=0.2)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    reader = method.bind(model, ARRAY, "a")
-    mujoco.mj_step(model, data, 500)
-    before = reader.read(data).contact_forces
-    model.geom("block").size[:2] = 3.1e-3, 6.5e-3
-    mujoco.mj_step(model, data, 500)
-    after, fresh = (each.read(data).contact_forces for each in (reader, method.bind(model, ARRAY, "a")))
-    assert np.abs(after - before).max() > 0.02
-    assert after == pytest.approx(fresh, abs=1e-12)

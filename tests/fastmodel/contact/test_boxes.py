@@ -1,14 +1,10 @@
-import copy
-import dataclasses
-
 import mujoco
 import numpy as np
 import pytest
 
-from fastmodel.contact import forces
-from fastmodel.contact.boxes import BoxTexels, geom_name
-from fastmodel.pose import Mount, make_z_rotation, multiply
+from fastmodel.contact.boxes import BoxTexels
 from meshes import TexelArray
+from tests.support.quaternions import make_z_rotation, multiply
 
 ARRAY = TexelArray.grid(4, 5, 10e-3)
 
@@ -19,7 +15,7 @@ def scene(cone, condim, tilt=(1.0, 0.0, 0.0, 0.0), seed=0):
     spec = mujoco.MjSpec()
     spec.option.cone = cone
     spec.option.timestep = 1e-3
-    BoxTexels().attach(spec.worldbody, ARRAY, Mount.of((0, 0, 0), tilt), "a")
+    BoxTexels().attach(spec.worldbody.add_frame(quat=tilt), ARRAY, "a")
     kinds = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID)
     for k in range(6):
         place = [((k % 3) - 1) * 14e-3, (k // 3 - 0.5) * 16e-3, 7e-3]
@@ -36,7 +32,7 @@ def scene(cone, condim, tilt=(1.0, 0.0, 0.0, 0.0), seed=0):
 
 def add_contact_by_contact(model, data):
     """Sum of `mj_contactForce` over the contacts of each box, one at a time: the slow oracle."""
-    texel = {model.geom(geom_name("a", i)).id: i for i in range(ARRAY.count)}
+    texel = {model.geom(f"a/texel{i}").id: i for i in range(ARRAY.count)}
     total, force = np.zeros(ARRAY.count), np.zeros(6)
     for k in range(data.ncon):
         mujoco.mj_contactForce(model, data, k, force)
@@ -67,22 +63,9 @@ def test_box_forces_equal_mujocos_contact_forces(cone, condim):
     assert touched > 50
 
 
-def test_reading_elliptic_forces_as_pyramidal_ones_is_noticed(monkeypatch):
-    """The planted defect: elliptic forces read as pyramidal edges differ from the oracle."""
-    model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 3)
-    reader = BoxTexels().bind(model, ARRAY, "a")
-    healthy = forces.read_contacts
-    monkeypatch.setattr("fastmodel.contact.boxes.read_contacts", lambda model, data: (*healthy(model, data)[:-1], True))
-    worst = 0.0
-    for _ in range(60):
-        mujoco.mj_step(model, data)
-        worst = max(worst, abs(reader.read(data).carried - add_contact_by_contact(model, data).sum()))
-    assert worst > 1e-6
-
-
 def test_no_contact_is_zero_and_boxes_weigh_nothing():
     spec = mujoco.MjSpec()
-    BoxTexels().attach(spec.worldbody, ARRAY, Mount.of((0, 0, 0), (1, 0, 0, 0)), "a")
+    BoxTexels().attach(spec.worldbody.add_frame(), ARRAY, "a")
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data)
@@ -90,33 +73,11 @@ def test_no_contact_is_zero_and_boxes_weigh_nothing():
     assert model.body_mass.sum() == 0
 
 
-def test_masked_texels_are_grey_and_let_more_light_through_than_others():
-    array = dataclasses.replace(ARRAY, active=np.arange(ARRAY.count) % 3 > 0)
-    spec = mujoco.MjSpec()
-    BoxTexels().attach(spec.worldbody, array, Mount.of((0, 0, 0), (1, 0, 0, 0)), "a")
-    model = spec.compile()
-    colours = np.array([model.geom(geom_name("a", i)).rgba for i in range(array.count)])
-    masked, others = colours[~array.active], colours[array.active]
-    assert (masked[:, :3] == masked[:, :1]).all()
-    assert ((masked > 0) & (masked < 1)).all()
-    assert masked[:, 3].max() < others[:, 3].min()
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_random_scenes_never_give_negative_or_undefined_forces(seed):
-    model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 4, seed=seed)
-    reader = BoxTexels().bind(model, ARRAY, "a")
-    for _ in range(300):
-        mujoco.mj_step(model, data)
-        forces = reader.read(data).contact_forces
-        assert np.all(np.isfinite(forces) & (forces >= 0))
-
-
 def test_a_box_lifted_by_its_side_reads_zero_and_the_balance_stays():
     """A thin blade dragged along between boxes with high friction: signed sums go negative, readings do not."""
     spec = mujoco.MjSpec()
     spec.option.timestep = 1e-3
-    BoxTexels().attach(spec.worldbody, ARRAY, Mount.of((0, 0, 0), (1, 0, 0, 0)), "a")
+    BoxTexels().attach(spec.worldbody.add_frame(), ARRAY, "a")
     blade = spec.worldbody.add_body(pos=[1e-3, 2e-3, 3e-3], quat=make_z_rotation(0.7))
     for axis in np.eye(3):
         blade.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
@@ -138,7 +99,7 @@ def test_a_box_lifted_by_its_side_reads_zero_and_the_balance_stays():
 def test_one_reader_reads_several_states_of_a_model():
     model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 3)
     other, turned = mujoco.MjData(model), multiply(np.array([np.cos(0.2), np.sin(0.2), 0, 0]), make_z_rotation(0.4))
-    texels = [model.geom(geom_name("a", i)).id for i in range(ARRAY.count)]
+    texels = [model.geom(f"a/texel{i}").id for i in range(ARRAY.count)]
     # the boxes lean in the other state; without this MuJoCo would go by the turns they were compiled with
     model.geom_sameframe[texels] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     reader = BoxTexels().bind(model, ARRAY, "a")
@@ -153,22 +114,4 @@ def test_one_reader_reads_several_states_of_a_model():
             assert reading.carried == pytest.approx(max(expected.sum(), 0), rel=1e-12)
             if expected.min() >= 0:
                 np.testing.assert_allclose(reading.contact_forces, expected, rtol=1e-12, atol=1e-15)
-    assert touched > 20
-
-
-def test_a_copied_reader_reads_the_copied_data():
-    model, data = scene(mujoco.mjtCone.mjCONE_ELLIPTIC, 3)
-    texels = [model.geom(geom_name("a", i)).id for i in range(ARRAY.count)]
-    model.geom_sameframe[texels] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
-    reader = BoxTexels().bind(model, ARRAY, "a")
-    mujoco.mj_step(model, data)
-    reader.read(data)
-    reader, model, data = copy.deepcopy((reader, model, data))
-    model.geom_quat[texels] = multiply(np.array([np.cos(0.2), np.sin(0.2), 0, 0]), make_z_rotation(0.4))
-    touched = 0
-    for _ in range(30):
-        mujoco.mj_step(model, data)
-        expected = add_contact_by_contact(model, data)
-        assert reader.read(data).carried == pytest.approx(max(expected.sum(), 0), rel=1e-12)
-        touched += np.count_nonzero(expected)
     assert touched > 20

@@ -6,6 +6,7 @@ import pytest
 
 import fastmodel
 from tests.support.cover_data import parameters
+from tests.support.scenes import make_spec
 
 METHODS = ("cover", "foundation")
 
@@ -16,9 +17,7 @@ def find_misplaced(one, other):
 
 def build_pressed_ball(method):
     """A 10 mm ball on a slide along the normal, and its sensor."""
-    spec = mujoco.MjSpec()
-    spec.option.timestep = 1e-3
-    fastmodel.recommend_options(spec)
+    spec = make_spec()
     sensor = fastmodel.attach(spec, "world", parameters(filter=None), contact=method)
     ball = spec.worldbody.add_body(name="ball", pos=[0.4e-3, -0.3e-3, 10.05e-3])
     ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
@@ -34,7 +33,7 @@ def test_a_slowly_rising_load_ends_in_the_same_forces_as_a_sudden_one(method):
         data.xfrc_applied[1, 2] = -0.2 * 50 ** min(1, k / 650)
         mujoco.mj_step(model, data)
         sensor.step(data)
-    sudden = build_pressed_ball(method)[0]._running._reader.read(data)
+    sudden = build_pressed_ball(method)[0]._reader.read(data)
     assert sudden.carried > 10
     assert find_misplaced(sensor.contact_forces(), sudden.contact_forces) < 1e-4
 
@@ -42,7 +41,7 @@ def test_a_slowly_rising_load_ends_in_the_same_forces_as_a_sudden_one(method):
 @pytest.mark.parametrize("method", METHODS)
 def test_an_unchanged_contact_is_solved_once(method):
     sensor, data, model = build_pressed_ball(method)
-    reader = sensor._running._reader
+    reader = sensor._reader
     data.xfrc_applied[1, 2] = -2.0
     mujoco.mj_step(model, data, 800)
     first = reader.read(data).contact_forces
@@ -81,12 +80,12 @@ def build_guided(geoms):
 @pytest.mark.parametrize("geoms", GUIDED.values(), ids=GUIDED)
 def test_the_tilt_of_a_guided_body_changes_its_forces(geoms):
     sensor, data, model = build_guided(geoms)
-    reader = sensor._running._reader
+    reader = sensor._reader
     mujoco.mj_step(model, data, 300)
     level = reader.read(data)
     for tilt in (1e-3, 2e-3):
         data.mocap_quat[0] = [np.cos(tilt / 2), np.sin(tilt / 2), 0, 0]
         mujoco.mj_step(model, data, 100)
-        found, anew = reader.read(data), build_guided(geoms)[0]._running._reader.read(data)
+        found, anew = reader.read(data), build_guided(geoms)[0]._reader.read(data)
         assert find_misplaced(level.contact_forces, anew.contact_forces) > 5e-3
         assert find_misplaced(found.contact_forces, anew.contact_forces) < 1e-3

@@ -1,7 +1,6 @@
 """Every contact method on whole models: balance, symmetry, and errors for wrong use."""
 
 import dataclasses
-import warnings
 
 import mujoco
 import numpy as np
@@ -12,7 +11,6 @@ from fastmodel import (
     Butterworth,
     FastModelError,
     Foundation,
-    OptionWarning,
     Parameters,
     Placement,
     Plate,
@@ -20,12 +18,14 @@ from fastmodel import (
     indent_together,
 )
 from fastmodel.errors import LifeCycleError, ParametersError
-from fastmodel.pose import make_z_rotation, multiply, rotate
+from fastmodel.pose import rotate
 from meshes import Box, Cylinder, LetterH, Nut, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
 from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import WTS, cells, parameters
+from tests.support.quaternions import make_z_rotation, multiply
+from tests.support.scenes import bind, make_spec, run
 
 METHODS = ("boxes", "area", "foundation", "cover")
 
@@ -102,10 +102,7 @@ def test_each_of_two_bodies_presses_with_its_own_load():
 
 def scene(turn, method="cover", speed=0.0, **settings):
     """A 200 g block on a tilted array, held on a slide along its normal and one along it."""
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
-    spec.option.gravity = rotate(turn, np.array([[0, 0, -9.80665]]))[0]
+    spec = make_spec(gravity=rotate(turn, np.array([[0, 0, -9.80665]]))[0])
     holder = spec.worldbody.add_body(name="holder", quat=turn, pos=[0.1, -0.2, 0.3])
     sensor = fastmodel.attach(spec, "holder", PARAMETERS, contact=method, **settings)
     block = holder.add_body(name="block", pos=[-4e-3, 1e-3, 0])
@@ -116,19 +113,8 @@ def scene(turn, method="cover", speed=0.0, **settings):
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qvel[0] = speed
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", OptionWarning)
-        sensor.bind(model)
+    bind(sensor, model)
     return sensor, model, data
-
-
-def run(sensor, model, data, steps):
-    frames = []
-    for _ in range(steps):
-        mujoco.mj_step(model, data)
-        if sensor.step(data):
-            frames.append(sensor.frame())
-    return frames
 
 
 @pytest.mark.parametrize("method", NAMES)
@@ -171,10 +157,8 @@ def test_costly_methods_are_sampled_as_seldom_as_frames_and_filter_allow():
         spec = mujoco.MjSpec()
         spec.option.timestep = 1e-3
         sensor = fastmodel.attach(spec, "world", changed)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", OptionWarning)
-            sensor.bind(spec.compile())
-        assert sensor._running._every == every
+        bind(sensor, spec.compile())
+        assert sensor._interval == every
 
 
 def test_the_default_is_the_best_method_that_the_parameters_allow():
@@ -226,35 +210,11 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
             Plate(**wrong)
 
 
-def test_cells_travel_with_the_parameters(tmp_path):
-    PARAMETERS.save(tmp_path)
-    back = fastmodel.load(tmp_path).surface
-    for field in dataclasses.fields(back):
-        np.testing.assert_array_equal(getattr(back, field.name), getattr(PARAMETERS.surface, field.name))
-    assert "\ncompliance" not in (tmp_path / "parameters.toml").read_text()
-
-
-@pytest.mark.parametrize("count", [40, pytest.param(3000, marks=pytest.mark.slow)])
-def test_random_shapes_and_poses_never_break(count):
-    rng = np.random.default_rng(count)
-    for _ in range(count):
-        a, b, c = 10 ** rng.uniform(-3.5, -1.9, 3)
-        shape = rng.choice([Sphere(radius=a), Cylinder(radius=a), Box(size=(a, b, c)), RoundedTip(radius=a)])
-        at = (rng.uniform(-0.0102, 0.0102), rng.uniform(-0.0238, 0.0238))
-        load = 10 ** rng.uniform(-2, 1.0)
-        found = indent(PARAMETERS, shape, load=load, at=at, yaw=rng.uniform(0, 7), method="cover")
-        assert found.total_force == pytest.approx(load, rel=1e-3), (shape, at)
-        assert np.all(np.isfinite(found.texel_forces))
-        assert np.all(found.contact_forces >= 0)
-
-
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 30))])
 def test_tumbling_bodies_never_break(seed):
     """Free boxes, balls, capsules, ellipsoids and cylinders thrown on the array: on edges, on corners, in heaps."""
     rng = np.random.default_rng(seed)
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
+    spec = make_spec()
     sensor = fastmodel.attach(spec, "world", PARAMETERS, contact="cover", every=1)
     kinds = [getattr(mujoco.mjtGeom, f"mjGEOM_{n}") for n in ("BOX", "SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER")]
     for k, kind in enumerate(kinds):
@@ -264,9 +224,7 @@ def test_tumbling_bodies_never_break(seed):
         body.add_geom(type=kind, size=[4e-3, 3e-3, 5e-3], density=4000)
     model = spec.compile()
     data = mujoco.MjData(model)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", OptionWarning)
-        sensor.bind(model)
+    bind(sensor, model)
     felt = 0
     for _ in range(400):
         mujoco.mj_step(model, data)
@@ -279,41 +237,3 @@ def test_tumbling_bodies_never_break(seed):
         assert sensor.frame().counts.min() >= 0
         felt += sensor.carried() > 0
     assert felt > 50
-
-
-def test_forces_that_are_not_finite_are_named():
-    sensor, model, data = scene(np.array([1.0, 0, 0, 0]))
-    run(sensor, model, data, 20)
-    mujoco.mj_step(model, data)
-    data.efc_force[:] = np.nan
-    with pytest.raises(FastModelError, match="not finite"):
-        sensor._running._reader.read(data)
-
-
-def test_a_sensor_with_hysteresis_reads_less_on_the_way_up_than_on_the_way_down():
-    lazy = dataclasses.replace(
-        PARAMETERS,
-        filter=None,
-        electronics=dataclasses.replace(
-            PARAMETERS.electronics, offset=0.0, hysteresis_share=0.5, hysteresis_width=0.05
-        ),
-    )
-    spec = mujoco.MjSpec()
-    spec.option.timestep = 1e-3
-    sensor = fastmodel.attach(spec, "world", lazy)
-    body = spec.worldbody.add_body(pos=[0, 0, 0])
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[5e-3, 0, 0], pos=[0, 0, 5e-3], mass=0.1)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", OptionWarning)
-        sensor.bind(model)
-    readings = {}
-    for name, push in (("up", -1.0), ("top", -4.0), ("down", -1.0)):
-        data.xfrc_applied[1, 2] = push
-        run(sensor, model, data, 600)
-        readings[name] = sensor.frame()
-    np.testing.assert_allclose(readings["up"].texel_forces, readings["down"].texel_forces, atol=2e-3)
-    middle = readings["top"].texel_forces.argmax()
-    assert readings["down"].counts[middle] > readings["up"].counts[middle] + 50

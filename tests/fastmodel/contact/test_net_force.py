@@ -13,6 +13,7 @@ from fastmodel import Butterworth, Parameters
 from fastmodel.contact.forces import BY_GEOM, SHARED
 from meshes import TexelArray
 from tests.support.bent_array import bent_array
+from tests.support.scenes import run
 
 # Many methods and rates are tried here that a user is warned of.
 pytestmark = pytest.mark.filterwarnings("ignore::fastmodel.OptionWarning", "ignore::fastmodel.RangeWarning")
@@ -97,9 +98,7 @@ def slide_box(method, *, filtered=None, push=0.6, array=None, rate=500.0):
     data = mujoco.MjData(model)
     sensor.bind(model)
     data.xfrc_applied[model.body("box").id, :2] = -push, push / 2
-    for _ in range(400):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    run(sensor, model, data, 400)
     return sensor, sum_front(model, data)
 
 
@@ -183,9 +182,7 @@ def test_a_push_against_the_side_of_the_array_is_in_the_net_force_alone(method):
     data = mujoco.MjData(model)
     sensor.bind(model)
     data.xfrc_applied[model.body("box").id, 0] = -2.0
-    for _ in range(400):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    run(sensor, model, data, 400)
     frame = sensor.frame()
     assert frame.net_force == pytest.approx([-2, 0, 0], abs=0.01)
     assert frame.net_torque[1] == pytest.approx(2e-3, rel=0.1)  # 2 N, 1 mm below the front

@@ -1,18 +1,19 @@
 """Arrays that are not flat, regular grids: bent sheets, texels anywhere in a plane, texels anywhere in space."""
 
 import dataclasses
-import warnings
 
 import mujoco
 import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import FastModelError, OptionWarning, Placement, indent, indent_together
-from fastmodel.contact.layout import ScatteredBaseForces, divide_into_panels, lay_out
-from fastmodel.pose import make_z_rotation, multiply, rotate
+from fastmodel import FastModelError, Placement, indent, indent_together
+from fastmodel.pose import rotate
+from fastmodel.pressure.cell_grid import ScatteredBaseForces, divide_into_panels, lay_out
 from meshes import Box, Sphere, TexelArray
 from tests.support.cover_data import WTS, cells, parameters
+from tests.support.quaternions import make_z_rotation, multiply
+from tests.support.scenes import bind, make_spec, run
 
 PITCH = 3.4e-3
 CELLS = cells(WTS)
@@ -74,16 +75,6 @@ def test_a_flat_array_in_two_panels_reads_as_one_panel(shape, method):
     np.testing.assert_allclose(halves.texel_forces, whole.texel_forces, atol=1e-3)
 
 
-@pytest.mark.parametrize("method", ["foundation", "cover"])
-def test_two_coplanar_panels_read_as_one(method, monkeypatch):
-    up = parameters(dataclasses.replace(WTS, centres=WTS.centres + np.array([0, 0, 1e-6])), surface=CELLS)
-    shape, at = Box(size=(9e-3, 9e-3, 5e-3)), (0.9e-3, 1.3e-3)
-    whole = indent(up, shape, load=2.0, at=at, method=method)
-    monkeypatch.setattr("fastmodel.contact.layout._find_blocks", lambda *_: [(0, 0, 7, 6), (7, 0, 14, 6)])
-    halves = indent(up, shape, load=2.0, at=at, method=method)
-    assert 0 < np.abs(halves.texel_forces - whole.texel_forces).max() < 2e-6
-
-
 def test_boxes_on_a_ridge_carry_too_little():
     array = bent(10e-3)
     found = indent(parameters(array, surface=CELLS), Sphere(radius=5e-3), load=2.0, at=(0, 1.7e-3), method="boxes")
@@ -110,7 +101,7 @@ def test_scattered_texels_have_the_base_force_at_their_place():
     places = np.array([[0, 0, 0], [4.1e-3, 0.29e-3, 0], [-1.3e-3, 3.7e-3, 0]])
     array = dataclasses.replace(WTS, centres=places, normals=WTS.normals[:3], active=WTS.active[:3], rows=1, columns=3)
     layout = lay_out(array, 1, CELLS.per_texel, 1)
-    base, window = ScatteredBaseForces(CELLS, layout.panels, layout.grid, array), np.ones((1, 1))
+    base, window = ScatteredBaseForces(CELLS, layout, array), np.ones((1, 1))
     grid, panel = layout.panels[0].grid, layout.panels[0].panel
     for row, column in ((9, 11), (7, 6)):
         cell = panel.origin[:2] + grid.low + (np.array([column, row]) + 0.5) * grid.edge
@@ -151,10 +142,7 @@ def test_foundation_on_a_bent_sheet_accounts_for_both_curvatures(radius):
 
 def scene(array, turn, method):
     """A free 100 g ball held by gravity and a slide-less pose on a bent array, the whole scene turned."""
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
-    spec.option.gravity = rotate(turn, np.array([[0, 0, -9.80665]]))[0]
+    spec = make_spec(gravity=rotate(turn, np.array([[0, 0, -9.80665]]))[0])
     holder = spec.worldbody.add_body(name="holder", quat=turn, pos=[0.1, -0.2, 0.3])
     sensor = fastmodel.attach(spec, "holder", parameters(array, surface=CELLS), contact=method)
     ball = holder.add_body(name="ball", pos=[0.4e-3, 1.2e-3, 6e-3])
@@ -164,12 +152,8 @@ def scene(array, turn, method):
     spec.geoms[-1].condim = 1
     model = spec.compile()
     data = mujoco.MjData(model)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", OptionWarning)
-        sensor.bind(model)
-    for _ in range(500):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    bind(sensor, model)
+    run(sensor, model, data, 500)
     return sensor
 
 

@@ -4,9 +4,6 @@ import pytest
 
 import fastmodel
 from fastmodel import FastModelError, Foundation, Plate
-from fastmodel.contact.forces import press_plate, read_contacts
-from fastmodel.contact.reader import transform_poses
-from fastmodel.pose import Mount
 from tests.support.cover_data import WTS
 
 CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL}
@@ -18,7 +15,7 @@ def build_blocks(cone, condim=3):
     fastmodel.recommend_options(spec)
     spec.option.cone = cone
     spec.option.gravity = [1.0, 0.5, -9.0]
-    Plate().attach(spec.worldbody, WTS, Mount.of((0.1, 0.2, 0.3), (1, 0, 0, 0)), "pad")
+    Plate().attach(spec.worldbody.add_frame(pos=[0.1, 0.2, 0.3]), WTS, "pad")
     for k, (x, mass) in enumerate(((-5e-3, 0.1), (5e-3, 0.3))):
         body = spec.worldbody.add_body(name=f"block{k}", pos=[0.1 + x, 0.2, 0.303])
         body.add_freejoint()
@@ -53,22 +50,6 @@ def test_loads_are_the_sums_of_mujocos_own_contact_forces(cone, condim):
         assert load.tilts
 
 
-def test_kernels_give_the_same_compiled_and_in_plain_python():
-    reader, model, data = build_blocks(CONES["elliptic"])
-    contacts = read_contacts(model, data)
-    body_of_geom = np.append(model.geom_bodyid, -1)
-    bodies, sums, _, _, place, _ = press_plate(
-        contacts, data.geom_xmat, data.geom_xpos, reader._net_force.parts, body_of_geom
-    )
-    np.testing.assert_allclose(place, [*np.eye(3), [0.1, 0.2, 0.3]], atol=1e-12)
-    found, _ = reader.find_contact(data)
-    assert bodies.tolist() == list(found.bodies)
-    np.testing.assert_allclose(sums[:, 0], [load.force for load in found.loads], atol=1e-12)
-    rotation, position = transform_poses(np.array([1, 2]), data.geom_xmat, data.geom_xpos, place)
-    np.testing.assert_allclose(rotation, [pose.rotation[0] for pose in found.poses], atol=1e-12)
-    np.testing.assert_allclose(position, [pose.position[0] for pose in found.poses], atol=1e-12)
-
-
 def test_a_contact_equals_itself_and_no_changed_contact():
     reader, _, data = build_blocks(CONES["elliptic"])
     first, _ = reader.find_contact(data)
@@ -79,25 +60,6 @@ def test_a_contact_equals_itself_and_no_changed_contact():
     data.geom_xpos[1, 0] -= 1e-6
     data.efc_force[:] *= 1.001
     assert not reader.find_contact(data)[0].equals(first, 1e-5, 1e-3)
-
-
-def test_contacts_of_bodies_that_are_not_selected_become_points():
-    reader, _, data = build_blocks(CONES["elliptic"])
-    both, _ = reader.find_contact(data)
-    assert np.unique(both.owner).tolist() == [0, 1]
-    assert len(both.points) == 0
-    for kept in (0, 1):
-        found = both.select([kept])
-        assert (found.bodies, found.loads, found.poses) == (
-            (both.bodies[kept],), (both.loads[kept],), (both.poses[kept],),
-        )  # fmt: skip
-        assert not found.owner.any()
-        np.testing.assert_array_equal(found.touches, both.touches[both.owner == kept])
-        np.testing.assert_array_equal(found.points, both.touches[both.owner != kept])
-        assert len(found.owner) == len(found.touches)
-    swapped = both.select([1, 0])
-    np.testing.assert_array_equal(swapped.owner, 1 - both.owner)
-    np.testing.assert_array_equal(swapped.touches, both.touches)
 
 
 def test_contact_forces_that_are_not_finite_are_refused():

@@ -1,7 +1,5 @@
 """Random primitives and hollow bodies in random poses: the array measures the force with which it is pressed."""
 
-import warnings
-
 import mujoco
 import numpy as np
 import pytest
@@ -9,6 +7,7 @@ import pytest
 import fastmodel
 from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import parameters
+from tests.support.scenes import bind, make_spec
 
 METHODS = ("boxes", "area", "foundation", "cover")
 
@@ -31,18 +30,14 @@ def reach(kind, size, axis):
 
 def build_world(method, geoms):
     """A free body of some geoms and a sensor that reads at every step."""
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
+    spec = make_spec()
     sensor = fastmodel.attach(spec, "world", PARAMETERS, contact=method, every=1)
     body = spec.worldbody.add_body()
     body.add_freejoint()
     for geom in geoms:
         body.add_geom(density=4000, **geom)
     model = spec.compile()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", fastmodel.OptionWarning)
-        sensor.bind(model)
+    bind(sensor, model)
     return sensor, model, mujoco.MjData(model)
 
 

@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 import pathlib
-import warnings
 
 import mujoco
 import numpy as np
@@ -14,6 +13,7 @@ from fastmodel.errors import LifeCycleError
 from meshes import TexelArray
 from tests.support.contact_forces import measure_force
 from tests.support.cover_data import parameters
+from tests.support.scenes import make_spec, run, simulate
 
 METHODS = ("boxes", "area", "foundation", "cover")
 
@@ -68,34 +68,6 @@ SCENES = {
 }
 #: A pad of 4 x 4 texels fits into tubes.
 PAD = dataclasses.replace(PARAMETERS, array=TexelArray.grid(4, 4, PARAMETERS.array.pitch), tables={})
-
-
-def bind(sensor, model):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", fastmodel.OptionWarning)
-        return sensor.bind(model)
-
-
-def make_spec():
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.compiler.degree = False
-    spec.option.timestep = 1e-3
-    return spec
-
-
-def simulate(spec, sensors, steps, push=lambda data: None):
-    """Compile a spec, bind its sensors, and step both; `push` sets applied forces before each step."""
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    for sensor in sensors:
-        bind(sensor, model)
-    for _ in range(steps):
-        push(data)
-        mujoco.mj_step(model, data)
-        for sensor in sensors:
-            sensor.step(data)
-    return model, data
 
 
 def press(method, geoms, load=3.0, steps=250):
@@ -277,9 +249,7 @@ def test_an_exclusion_that_ends_during_a_simulation_is_followed(method):
     spec, sensor = build_excluded_part(method)
     model, data = simulate(spec, [sensor], 100)
     model.exclude_signature[:] = 0
-    for _ in range(250):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    run(sensor, model, data, 250)
     image = PAD.array.image(sensor.contact_forces())
     assert image[:, :2].sum() == pytest.approx(3.0, rel=1e-2)
     assert image[:, 2:].max() == 0
@@ -333,9 +303,7 @@ def test_changes_after_bind_are_followed(method):
     model.geom_size[number, :2] = 5.5e-3
     model.geom_aabb[number, 3:5] = 5.5e-3
     model.geom_rbound[number] = 10e-3
-    for _ in range(250):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    run(sensor, model, data, 250)
     assert sensor.carried() == pytest.approx(measure_force(model, data), rel=1e-5)
     assert sensor.contact_forces().sum() == pytest.approx(3.0, rel=1e-2)
     assert np.count_nonzero(sensor.contact_forces() > 1e-6) > few

@@ -19,6 +19,7 @@ from fastmodel.pressure.solvers import Wrench
 from fastmodel.surface import CoverPoints
 from meshes import Sphere, TexelArray
 from meshes.pose import Pose
+from tests.support.scenes import make_spec, run
 
 LOAD = 0.5
 UP = Pose.facing([0, 0, 0.1], [0, 0, -1])
@@ -54,9 +55,7 @@ def parameters():
 
 def press_ball(parameters, direction, *, joint="slide", steps=800, **options):
     """A ball on a guide presses a turned array on a finger; returns the bound sensor, the model and its data."""
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
+    spec = make_spec()
     finger = spec.worldbody.add_body(name="finger", pos=PLACE, quat=QUATERNION)
     finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[7e-3, 0, 0])
     sensor = fastmodel.attach(spec, "finger", parameters, **options)
@@ -74,9 +73,7 @@ def press_ball(parameters, direction, *, joint="slide", steps=800, **options):
     model = spec.compile()
     data = mujoco.MjData(model)
     sensor.bind(model)
-    for _ in range(steps):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    run(sensor, model, data, steps)
     return sensor, model, data
 
 
@@ -97,7 +94,7 @@ def test_a_press_along_a_direction_is_the_same_verb(parameters):
     np.testing.assert_allclose(found.force @ direction / np.linalg.norm(direction), LOAD, rtol=1e-6)
     assert found.contact_forces.sum() == pytest.approx(found.points.sum())
     assert found.depth > 0
-    with pytest.raises(FastModelError, match="for flat covers, this one is curved"):
+    with pytest.raises(FastModelError, match="does not suit this cover; accepted: curved"):
         fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, pose=pose, method="boxes")
     flat = dataclasses.replace(parameters, surface=None)
     with pytest.raises(FastModelError, match="along the normal"):
@@ -141,9 +138,7 @@ def test_an_untouched_array_measures_nothing(parameters):
 
 
 def test_a_body_without_a_convex_shape_presses_with_its_contact_points(parameters):
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
+    spec = make_spec()
     sensor = fastmodel.attach(spec, "world", parameters)
     plate = spec.worldbody.add_body(name="plate", pos=[0, 0, 12.2e-3], quat=[0, 1, 0, 0])
     spec.add_hfield(name="field", nrow=2, ncol=2, size=[10e-3, 10e-3, 1e-3, 1e-3], userdata=[1.0] * 4)
@@ -154,9 +149,7 @@ def test_a_body_without_a_convex_shape_presses_with_its_contact_points(parameter
     model = spec.compile()
     data = mujoco.MjData(model)
     sensor.bind(model)
-    for _ in range(600):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    run(sensor, model, data, 600)
     assert sensor.carried() == pytest.approx(LOAD, rel=0.02)
     assert sensor.frame().texel_forces.sum() == pytest.approx(0.8 * LOAD, rel=0.03)
 
@@ -197,9 +190,7 @@ def test_texels_of_a_curved_cover_may_share_corners(parameters):
 
 
 def test_a_free_plate_rests_with_its_weight(parameters):
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
+    spec = make_spec()
     sensor = fastmodel.attach(spec, "world", parameters)
     plate = spec.worldbody.add_body(pos=[0, 0, 12.1e-3])
     plate.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-3, 5e-3, 2e-3], mass=0.04)

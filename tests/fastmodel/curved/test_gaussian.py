@@ -9,11 +9,15 @@ import pytest
 from scipy.stats import norm
 
 from fastmodel.errors import FastModelError
-from fastmodel.fitting.gaussian import fit_surface_gaussian, unroll
+from fastmodel.fitting.gaussian import fit_surface_gaussian, unroll_from
 from meshes import TexelArray
 from meshes.solids.texels import cylinder_texels
 
 FLAT = TexelArray.grid(4, 5, (2e-3, 3e-3), texel_size=(1.8e-3, 2.5e-3))
+
+
+def unroll(array):
+    return unroll_from(array, array.centres, array.normals)
 
 
 def respond(sigma):
@@ -36,11 +40,6 @@ def test_a_gaussian_is_recovered():
     assert found.residual < 1e-6
 
 
-def test_force_elsewhere_is_residual():
-    moved = respond((1.1e-3, 1.7e-3)) + 0.01 * np.eye(20)
-    assert 1e-3 < fit_surface_gaussian(FLAT, moved).residual < 0.01
-
-
 def test_masked_texels_do_not_count():
     active = np.ones(20, dtype=bool)
     active[7] = False
@@ -60,12 +59,6 @@ def test_a_cylinder_unrolls_to_arc_lengths():
 def test_responses_of_another_array_are_refused():
     with pytest.raises(FastModelError, match="20 texels"):
         fit_surface_gaussian(FLAT, np.eye(3))
-
-
-def test_unrolling_a_cylinder_keeps_lengths_along_its_axis():
-    array = cylinder_texels(6e-3, rows=3, columns=5, pitch=(2e-3, 3e-3), size=(1.8e-3, 1.8e-3), name="patch")
-    along = unroll(array)[..., 1]
-    np.testing.assert_allclose(along, array.centres[None, :, 1] - array.centres[:, None, 1], atol=1e-12)
 
 
 def test_unrolling_a_sphere_gives_arcs_in_every_direction():

@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fastmodel import CoverContact, FastModelError, Plate, fit_contact, fit_foundation, indent
+from fastmodel import CoverContact, FastModelError, Plate, indent
+from fastmodel.fitting.contact_stiffness import fit_contact, fit_foundation
 from meshes import Box, Cylinder, Sphere
 from tests.support.cover_data import cells, parameters
 

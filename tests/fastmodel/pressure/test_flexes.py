@@ -6,7 +6,7 @@ import pytest
 
 import fastmodel
 from fastmodel import CoverContact, Plate
-from fastmodel.pressure.flexes import FlexSurfaces, _divide, spread_depths
+from fastmodel.pressure.flexes import _divide, spread_depths
 from meshes import TexelArray
 from tests.support.cover_data import parameters
 
@@ -79,15 +79,6 @@ def test_cloths_and_cables_are_laid_out_along_their_length(shape, wide):
     np.testing.assert_allclose(found, np.array(wide) / np.sqrt(12), atol=0.3 * max(PARAMETERS.array.pitch))
 
 
-@pytest.mark.parametrize(("corners", "pieces"), [(2, 4), (3, 16)])
-def test_pieces_are_equal_shares_of_an_element(corners, pieces):
-    shares = _divide(corners, 3.2)
-    assert shares.shape == (pieces, corners)
-    np.testing.assert_allclose(shares.sum(axis=1), 1.0)
-    np.testing.assert_allclose(shares.mean(axis=0), 1 / corners)
-    assert shares.min() > 0
-
-
 def test_the_force_follows_the_depth():
     """Under a tilted rectangle whose depth rises from 0 to its other end, the centre lies at two thirds."""
     long, wide, deep = 12e-3, 4e-3, 0.1e-3
@@ -105,16 +96,6 @@ def test_the_force_follows_the_depth():
     assert not len(spread_depths(corners + np.array([0, 0, 1e-3]), _divide(3, 12.0), bounds, (0.0, 0.0, 1e-3)))
     beside = spread_depths(corners, _divide(3, 12.0), bounds - [[0, 0, 0], [0.02 - long / 2, 0, 0]], (0.0, 0.0, 1e-3))
     assert (beside[:, 1] / beside[:, 0]).max() < long / 2
-
-
-def test_without_depth_contact_points_stay():
-    _, model, data = build_flex(CUBE, SOFT, 6e-3)
-    mujoco.mj_forward(model, data)
-    surfaces = FlexSurfaces(model, 1e-3)
-    bounds = np.array([[-0.01, -0.01, -2e-3], [0.01, 0.01, 0.0]])
-    assert surfaces.spread(0, 1.0, data.flexvert_xpos, 0.0, bounds) is None
-    points = surfaces.spread(0, 2.0, data.flexvert_xpos - np.array([0, 0, 1e-3]), 0.0, bounds)
-    assert points[:, 2].sum() == pytest.approx(2.0)
 
 
 def test_each_of_two_flexes_presses_with_its_own_force():

@@ -2,11 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from fastmodel.pressure.gap import BodyShape, sample_gap
-from fastmodel.pressure.gap_kernels import sample_body
 from meshes import Box, Cylinder, LetterH, Nut, Sphere
 from tests.support.posed_bodies import GRID, pose_body
 
@@ -29,14 +26,6 @@ def test_covered_area_is_that_of_the_face(name):
         tolerance = 0.45 if name == "blade" else 0.03  # a blade is 1.4 points wide
         assert found.coverage.sum() * GRID.edge[0] * GRID.edge[1] == pytest.approx(area, rel=tolerance)
         assert len(set(zip(found.row.tolist(), found.column.tolist(), strict=True))) == found.count
-
-
-def test_compiled_kernel_and_plain_python_agree():
-    body = pose_body(Cylinder(radius=2e-3), yaw=0.7, edge=1e-4)
-    plain = sample_body((body.shape.arrays, body.shape.edge, body.rotation, body.position), GRID.arrays, 1e-3, -np.inf)
-    found = sample_gap(GRID, [body], [1e-3])
-    for field, expected in zip(FIELDS, plain, strict=True):
-        np.testing.assert_allclose(getattr(found, field), expected, atol=1e-12)
 
 
 def test_centroid_of_covered_parts_is_that_of_the_face():
@@ -95,37 +84,3 @@ def test_parts_far_above_the_contact_do_not_lift_the_cells_at_its_edge():
     expected, found = (sample_gap(GRID, [body], [1e-3]) for body in (foot, both))
     for field in FIELDS:
         np.testing.assert_array_equal(getattr(found, field), getattr(expected, field))
-
-
-@settings(max_examples=15, deadline=None)
-@given(
-    rows=st.integers(-8, 8),
-    columns=st.integers(-4, 4),
-    yaw=st.floats(0.0, 3.0),
-    name=st.sampled_from(["box", "circle", "nut"]),
-)
-def test_translation_by_whole_cells_translates_the_samples(rows, columns, yaw, name):
-    shift = np.array([columns * GRID.edge[0], rows * GRID.edge[1]])
-    here = sample_gap(GRID, [pose_body(AREAS[name][0], at=(3e-5, 4e-5), yaw=yaw)], [1e-3])
-    there = sample_gap(GRID, [pose_body(AREAS[name][0], at=np.add((3e-5, 4e-5), shift), yaw=yaw)], [1e-3])
-    # a point within rounding of an outline may fall on either side of it
-    assert abs(there.count - here.count) <= 1
-    assert there.coverage.sum() == pytest.approx(here.coverage.sum(), abs=2 / 16)
-    if there.count == here.count and (there.coverage == here.coverage).all():
-        np.testing.assert_array_equal(there.row, here.row + rows)
-        np.testing.assert_array_equal(there.column, here.column + columns)
-        np.testing.assert_allclose(there.gap, here.gap, atol=1e-12)
-
-
-@settings(max_examples=15, deadline=None)
-@given(x=st.floats(-6e-3, 6e-3), y=st.floats(-1e-2, 1e-2), yaw=st.floats(0.01, 1.5))
-def test_mirrored_bodies_have_mirrored_samples(x, y, yaw):
-    shape = Box(size=(7e-3, 4e-3, 5e-3))
-    right = sample_gap(GRID, [pose_body(shape, at=(x, y), yaw=yaw)], [1e-3])
-    left = sample_gap(GRID, [pose_body(shape, at=(-x, y), yaw=-yaw)], [1e-3])
-    area = np.zeros((GRID.rows, GRID.columns))
-    mirrored = area.copy()
-    area[right.row, right.column] = right.coverage
-    mirrored[left.row, GRID.columns - 1 - left.column] = left.coverage
-    assert np.count_nonzero(np.abs(area - mirrored) > 1e-12) <= 2  # points within rounding of an outline
-    assert np.abs(area - mirrored).max() <= 1 / 16 + 1e-12

@@ -107,32 +107,6 @@ def test_a_frame_is_the_filtered_sample_spread_by_the_operator(every):
     np.testing.assert_allclose(spread.frame(before)[1].texel_forces, output.texel_forces, atol=1e-12)  # they commute
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"noise": 0.01},
-        {"hysteresis_share": 0.4, "hysteresis_width": 0.05},
-        {"temperature_coefficient": 0.01, "temperature_excess": 8.0},
-        {"gains": tuple(np.linspace(0.5, 1.5, 20))},
-        {"threshold": 30.0},
-        {"saturation_band": 3000.0},
-        {"characteristic": (-400.0, 2500.0, 10.0, -30.0, 2.0, 0.5)},
-    ],
-    ids=lambda changes: next(iter(changes)),
-)
-def test_every_stage_of_the_electronics_changes_counts_and_no_force(changes):
-    forces, noise = np.random.default_rng(0).uniform(0, 1.5, (12, ARRAY.count)), np.random.default_rng(1)
-    made = []
-    for electronics in (WTS_0614_34, dataclasses.replace(WTS_0614_34, **changes)):
-        functions = ChainFunctions(parameters(electronics, filter=None), RATE)
-        state = functions.settle(forces[0])
-        for sample in forces:
-            state, output = functions.frame(functions.take(state, sample), noise)
-        made.append(output)
-    np.testing.assert_array_equal(made[0].texel_forces, made[1].texel_forces)
-    assert (made[0].counts != made[1].counts).any()
-
-
 def test_without_filter_and_spread_the_latest_sample_passes_and_masked_texels_count_nothing():
     functions = ChainFunctions(parameters(WTS_0614_34, filter=None), RATE, spreads=False)
     forces = np.random.default_rng(0).uniform(0.5, 1.5, (2, ARRAY.count))
@@ -207,31 +181,6 @@ def test_with_32_bits_the_results_have_32_bits_and_differ_little(xp):
     assert rough.texel_forces.dtype == xp.float32
     np.testing.assert_allclose(np.asarray(rough.texel_forces), exact.texel_forces, atol=1e-5)
     assert np.abs(np.asarray(rough.counts) - exact.counts).max() <= 1
-
-
-def test_hysteresis_remembers_the_frames_before():
-    """Loading and unloading differ by twice the width of the play operator times its share."""
-    electronics = dataclasses.replace(
-        WTS_0614_34, offset=0.0, sensitivity=1000.0, hysteresis_share=0.3, hysteresis_width=0.05
-    )
-    functions = ChainFunctions(parameters(electronics, filter=None), RATE, spreads=False)
-    state, counts = functions.settle(np.zeros((2, ARRAY.count))), []
-    for force in [*np.arange(11), *np.arange(11)[::-1]]:
-        state = functions.take(state, np.full((2, ARRAY.count), 0.1 * force))
-        state, output = functions.frame(state)
-        counts.append(output.counts[:, ARRAY.active])
-    loading, unloading = np.array(counts[:11]), np.array(counts[:10:-1])
-    np.testing.assert_allclose((unloading - loading)[2:-2], 2 * 0.3 * 0.05 * 1000, atol=1)
-
-
-def test_no_argument_is_changed():
-    forces, _, noise = inputs()
-    functions = ChainFunctions(parameters(), RATE)
-    state = functions.settle(forces[0])
-    before = [each.copy() for each in (*state, forces[1], noise[1])]
-    functions.frame(functions.take(state, forces[1]), noise[1])
-    for values, kept in zip((*state, forces[1], noise[1]), before, strict=True):
-        np.testing.assert_array_equal(values, kept)
 
 
 def test_more_texels_than_a_dense_operator_takes():

@@ -75,31 +75,6 @@ def test_fit_is_never_worse_than_shipped_on_its_presses(prepared, presses):
     assert compared >= 6  # the fits do something
 
 
-@pytest.mark.slow
-def test_every_model_has_its_rows(prepared, cover):
-    names = [row.name for row in prepared.rows]
-    assert len(set(names)) == len(names)
-    for model in PUBLISHED.values():
-        assert (f"{model.name}, {AS_FITTED}" in names) == bool(model.fitted)
-        assert (f"{model.name}, {AS_SHIPPED}" in names) == (model.find_shipped(cover) is not None)
-
-
-@pytest.mark.slow
-def test_fit_finds_the_parameter_that_made_the_forces(cover, presses):
-    model = PUBLISHED["skinsim-2014"]
-    made = {"stiffness": 900.0, "amplitude": 0.4, "sigma": 3e-3}
-    forces = [model.predict(press.scene, **made) for press in presses]
-    own = [
-        dataclasses.replace(
-            press, reference=dataclasses.replace(press.reference, texel_forces=each.texels, outside=each.outside)
-        )
-        for press, each in zip(presses, forces, strict=True)
-    ]
-    fitted = make_rows(model, cover, own)[1]
-    assert fitted.error < 2e-3
-    assert fitted.parameters == {name: pytest.approx(value, rel=0.05) for name, value in made.items()}
-
-
 @pytest.fixture
 def made(scene, bonded):
     """Three small presses whose texel forces are those of a model with known parameters; the model, and the cover."""
