@@ -166,7 +166,7 @@ def derive(
         otherwise=way_out if description is BUILT_IN.get(description.name) else "",
     )
     from validation.derivation.derive import derive as derive_sensor
-    from validation.report.files import write_derivation
+    from validation.report.figures import write_derivation
 
     with new_folder(Path(out)) if out else contextlib.nullcontext() as folder:
         found = derive_sensor(description, progress=progress)

@@ -54,14 +54,16 @@ class ContactSettings:
     pull: float = 1e-7
     #: Gauss points along a panel in the integral of a texel's force [-].
     points: int = 8
-    #: Panels per cover thickness in that integral [-].
+    #: Panels per cover thickness in the integral of a texel's force [-].
     panels: int = 2
 
 
 _SETTINGS = ContactSettings()
 
-#: Points of the logarithmic grids, and natural logarithm of their largest over their middle value [-].
-LOGARITHMIC_POINTS, LOGARITHMIC_HALF_WIDTH = 8192, 20.0
+#: Number of points of a logarithmic grid [-].
+LOGARITHMIC_POINTS = 8192
+#: Natural logarithm of the largest value of a logarithmic grid over its middle value [-].
+LOGARITHMIC_HALF_WIDTH = 20.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,8 +25,8 @@ from meshes.pose import Pose
 #: direction.
 _QUADRILATERAL = ((0, 0), (1, 0), (1, 1), (0, 1))
 _HEXAHEDRON = tuple((*corner, height) for height in (0, 1) for corner in _QUADRILATERAL)
-#: Axes x, y, z of the components r, z and hoop of a stress in an axisymmetric mesh, in which x is the radius and y the
-#: hoop direction.
+#: Index of the axis of an axisymmetric mesh that becomes each of the axes x, y and z.  The axes of the mesh are r, z
+#: and hoop, with the indices 0, 1 and 2; r becomes x, the hoop direction becomes y, and z stays z.
 _RADIAL = (0, 2, 1)
 
 

@@ -39,10 +39,10 @@ class NewtonSettings:
     smallest_step: float = 1 / 256
     #: Largest length of the last step to a target over the planned step, so that no tiny step remains [-].
     last_step: float = 1.3
-    #: Factor by which the step along a loading path grows after an easy step, before the first failed step [-].
+    #: Factor by which the step along a loading path grows after an easy step, if no step has failed yet [-].
     growth: float = 1.8
-    #: The same after a failed step, which is near the longest that converges: most of a path's time would go into
-    #: further failures [-].
+    #: Factor by which the step along a loading path grows after an easy step, if a step has failed before [-].  The
+    #: failed step was near the longest that converges.  With faster growth most of the time would go into failed steps.
     careful_growth: float = 1.2
 
 

@@ -129,9 +129,9 @@ class GridStudy:
         solutions: For every target the three solutions, coarsest grid first.
         least_order: Smallest order of convergence that error estimates assume [-].
         most_order: Largest order of convergence that error estimates assume [-].
-        edge_safety: Safety factor on the change from the first to the second solution if this refines only the radius
-            of rounded edges, to half, and the third solution the elements besides (`add_refinements`); 0 if all three
-            refine everything [-].
+        edge_safety: Safety factor on the difference between the first and the second solution if the second has edges
+            of half the radius and the same elements, and only the third has smaller elements (`add_refinements`); 0
+            if each grid refines radius and elements [-].
         extrapolate: Whether a result is the value extrapolated to element size zero with order 1, or else the value on
             the finest grid.  Extrapolation is right under a sharp edge, where the singular pressure makes the error
             proportional to the element size.

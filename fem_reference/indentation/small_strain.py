@@ -29,9 +29,11 @@ from meshes.pose import Place, Pose
 #: Number of cells across the contact on all grids, coarsest first; three neighbouring grids give a result and its
 #: error.  The numbers are multiples of 16, the smallest number of cells of the pattern that all grids repeat [-].
 CELLS = (64, 96, 144, 224, 336)
-#: Smallest relative error that estimates assume: that of the tabulated compliance of the top, and on a cover of limited
-#: size that of the additional compliance due to its sides, whose mesh is the same on all grids [-].
-_LEAST_ERROR, _LEAST_ERROR_LIMITED = 1e-4, 1e-3
+#: Smallest estimated relative error on a wide cover: that of the tabulated compliance of the top [-].
+_LEAST_ERROR = 1e-4
+#: Smallest estimated relative error on a cover of limited size: that of the additional compliance due to its sides [-].
+#: The mesh for this compliance is the same on all grids, so that the grids do not show its error.
+_LEAST_ERROR_LIMITED = 1e-3
 #: Size of the rectangle of cells in which the contact is searched, over the estimated size of the contact [-].
 _WINDOW = 1.35
 #: Size of the contact over that of the rectangle of cells above which the rectangle may be too small for the contact;
@@ -198,7 +200,7 @@ def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, g
     inputs = {"cover": cover, "indenter": indenter, path.control: target, "cells": cells}
     if cover.size is not None:
         inputs["pose"] = _require_place(place).pose
-    return result_store.recall("contact", inputs, compute)
+    return result_store.fetch("contact", inputs, compute)
 
 
 @lru_cache(maxsize=4)

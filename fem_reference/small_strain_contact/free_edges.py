@@ -57,7 +57,7 @@ class SideSettings:
     least: float = 1.5
     #: Increase of the pattern's element size per distance from contact and sides, in the cover [-].
     growth: float = 1.2
-    #: The same increase in the surroundings of the cover [-].
+    #: Increase of the pattern's element size per distance from the sides, in the surroundings of the cover [-].
     outward: float = 1.6
     #: Distance between the edge of a face and a side or the middle of the cover, over the cover thickness, below which
     #: the edge of the face is no element edge of its own [-].

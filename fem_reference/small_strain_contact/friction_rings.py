@@ -27,7 +27,7 @@ from fem_reference.finite_strain.contact import divide_rings
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress, Units, name_grid
 from fem_reference.indentation import small_strain
-from fem_reference.indentation.correction import SolvedPair, correct_path, pair_grids
+from fem_reference.indentation.finite_strain import SolvedPair, correct_path, pair_grids
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, RadialBase
 from fem_reference.linear_response.axisymmetric import RadialCover
 from fem_reference.linear_response.surface_compliance import choose_friction_reach
@@ -55,9 +55,9 @@ class RingSettings:
     fit: int = 2
     #: Relative tolerance of the conditions of contact and slip [-].
     tolerance: float = 1e-9
-    #: Exchanges after which only the worst ring is exchanged [-].
+    #: Number of changes of the conditions of the rings after which only the worst ring is changed at a time [-].
     all_at_once: int = 40
-    #: Largest number of exchanges [-].
+    #: Largest number of changes of the conditions of the rings [-].
     exchanges: int = 2000
     #: Smallest estimated error of a result [-].
     least_error: float = 5e-4
@@ -66,16 +66,23 @@ class RingSettings:
 _SETTINGS = RingSettings()
 
 
-#: Number of elements through the cover on all grids; three neighbouring grids give a result and its error [-].
+#: Number of elements through the cover on each grid, coarsest grid first; three neighbouring grids give a result and
+#: its error [-].
 GRIDS = (6, 9, 13, 19, 28)
-#: Gauss points across a ring.
+#: Positions of the Gauss points across a ring, from -1 to 1, and their weights, shape (4,) each [-].
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 #: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
 _ON_BOUNDARY = 1e-9
 #: Lower bound of denominators that may be zero.
 _TINY = 1e-300
-#: Conditions of a ring; a sliding ring has the sign of its shear on the cover.
-_OPEN, _STICKS, _OUTWARD, _INWARD = 0, 1, 2, 3
+#: Condition of a ring without contact.
+_OPEN = 0
+#: Condition of a ring that sticks.
+_STICKS = 1
+#: Condition of a ring that slides with shear on the cover outwards; conditions above `_STICKS` slide.
+_OUTWARD = 2
+#: Condition of a ring that slides with shear on the cover inwards.
+_INWARD = 3
 
 
 class _Step(NamedTuple):
@@ -406,7 +413,7 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
                 )
             return pair_grids(pairs)
 
-        return result_store.recall("friction-rings", {"path": part, "grids": grids}, compute)
+        return result_store.fetch("friction-rings", {"path": part, "grids": grids}, compute)
 
     return GridStudy(
         solutions=correct_path(path, accurate.solutions, solve),

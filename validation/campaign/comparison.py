@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from fem_reference.errors import IncompletePathError, UnsupportedError
-from meshes import SolidCover
 from validation.campaign.case import Case, tabulate_pose
 from validation.campaign.results import Reference, score_forces
 from validation.cover_meshes import describe_mesh
@@ -134,11 +133,10 @@ def compare_models(
     fem, fast, score = None, None, None
     if "fast" in models and parameters is None:
         raise ValueError("the fast model needs its parameters")
-    if parameters is not None and parameters.surface is None and isinstance(getattr(sensor, "cover", None), SolidCover):
-        note = "the meshes of this cover are too fine for the fast model; --model fem leaves it out"
+    if parameters is not None and (reason := parameters.provenance.get("no_contact")):
         if "fem" not in models:
-            raise InputError("--model: the meshes of this cover are too fine for the fast model; write --model fem")
-        models = ("fem",)
+            raise InputError(f"--model: {reason}; write --model fem")
+        models, note = ("fem",), f"{reason}; --model fem leaves it out"
     if "fast" in models and parameters is not None:
         from fastmodel.attachment import choose_method
 

@@ -120,18 +120,20 @@ class SolidDerivation:
         """
         from fastmodel.parameters import Parameters
         from fastmodel.signal.point_spread import Tabulated
-        from validation.derivation.curved import derive_fast_model
+        from validation.derivation.cover_points import TOO_FINE, derive_fast_model
 
         sensor = self.sensor
+        surface = derive_fast_model(
+            tuple(grid.mesh for grid in self.responses.grids), sensor.array, sensor.cover.layers[0].material
+        )
+        provenance = describe_provenance(sensor) | {"mesh": self.mesh.digest}
         return Parameters(
             array=sensor.array,
             spread=Tabulated(matrix=self.uniform.T.copy(), source="finite elements of the curved cover"),
             filter=sensor.filter,
             electronics=sensor.electronics,
-            surface=derive_fast_model(
-                tuple(grid.mesh for grid in self.responses.grids), sensor.array, sensor.cover.layers[0].material
-            ),
-            provenance=describe_provenance(sensor) | {"mesh": self.mesh.digest},
+            surface=surface,
+            provenance=provenance if surface else provenance | {"no_contact": TOO_FINE},
         )
 
     @property

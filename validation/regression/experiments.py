@@ -579,7 +579,7 @@ def _make_spec(timestep: float) -> mujoco.MjSpec:
 
 
 def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile a spec without friction, as the simulated bench tests do."""
+    """Switch off the friction of all geoms of a spec, as in the simulated bench tests, and compile it."""
     for geom in spec.geoms:
         geom.condim = 1
     return spec.compile()

@@ -1,4 +1,4 @@
-"""Figures: plots that plotly.js draws in the report and matplotlib in files, and pictures of the cases.
+"""Figures: plots that plotly.js draws in the report and matplotlib in files, pictures of cases, files of derivations.
 
 What only one kind of cover has is registered by the type of its derivation; a new kind has none at first.
 """
@@ -15,14 +15,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshes.array_types import FloatArray
-from validation.campaign.evaluation import Evaluation
-from validation.campaign.results import CampaignResult, CaseResult
+from validation.derivation.base import Derivation
 from validation.derivation.layers import LayeredDerivation
 from validation.derivation.solid import SolidDerivation
 from validation.extras import MissingExtraError
+from validation.json_values import json_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from meshes import TexelArray
+    from validation.campaign.evaluation import Evaluation
+    from validation.campaign.results import CampaignResult, CaseResult
 
 _LOG = logging.getLogger(__name__)
 
@@ -168,19 +172,12 @@ def _(derivation: LayeredDerivation) -> dict[str, Plot]:
     return {"texel-plot": texels, "psf-plot": pressure}
 
 
-@singledispatch
-def find_outline(derivation: object, result: CaseResult) -> FloatArray | None:
-    """Return the corners (x, y) of the contact area of the reference, for planar images [m]; None for no line."""
-    del derivation, result
-    return None
-
-
-@find_outline.register(LayeredDerivation)
-def _(derivation: LayeredDerivation, result: CaseResult) -> FloatArray | None:
-    """Return the convex hull of the cells of the contact grid that are in contact."""
+def find_outline(array: TexelArray, result: CaseResult) -> FloatArray | None:
+    """Return the convex hull (x, y) of the contact area of the reference, for images of planar arrays [m]."""
     from scipy.spatial import ConvexHull, QhullError
 
-    del derivation
+    if not array.planar:
+        return None
     points = result.reference.found.contact_points[:, :2]
     try:
         return np.asarray(points[ConvexHull(points).vertices])
@@ -260,3 +257,81 @@ def _layout(x: str, y: str) -> dict[str, Any]:
         "paper_bgcolor": "rgba(0,0,0,0)",
         "height": 360,
     }
+
+
+def write_derivation(derivation: Derivation, folder: Path, picture: str = "png") -> tuple[str, ...]:
+    """Write a derivation: `parameters.toml`, `cover.npz`, `derive.json`, and what `draw_derivation` writes.
+
+    Args:
+        derivation: Response of a sensor's cover, and the fast model's parameters fitted to the response.
+        folder: An existing folder to write to.
+        picture: Format of a plot, `png` or `svg`.
+
+    Returns:
+        The names of the written files.
+
+    Raises:
+        OSError: If the folder cannot be written.
+    """
+    derivation.parameters.save(folder)
+    (folder / "derive.json").write_text(json_text(derivation.result), encoding="utf-8")
+    return ("parameters.toml", "cover.npz", "derive.json", *draw_derivation(derivation, folder, picture))
+
+
+@singledispatch
+def draw_derivation(derivation: object, folder: Path, picture: str) -> tuple[str, ...]:
+    """Write pictures and further files of a kind of cover; return their names.  A new kind has none at first."""
+    del derivation, folder, picture
+    return ()
+
+
+@draw_derivation.register(SolidDerivation)
+def _(derivation: SolidDerivation, folder: Path, picture: str) -> tuple[str, ...]:
+    """Write the mesh, `responses.npz`, and pictures where possible.
+
+    `responses.npz` holds the nodes of the top and the force on each texel per unit force vector on each of them.
+    """
+    from meshes.bounded_file import pack_npz
+    from meshes.solids import write_mesh
+    from validation.scene.cover_scene import show_mesh
+    from validation.scene.draw import write_scene
+
+    del picture  # three-dimensional ones are PNG
+    grid = derivation.responses.finest
+    arrays = {"points": grid.top.nodes, "normals": grid.top.normals, "influence": grid.influence}
+    (folder / "responses.npz").write_bytes(pack_npz(arrays))
+    write_mesh(folder / "mesh.npz", grid.mesh)
+    scene = show_mesh(grid.mesh, derivation.sensor.array, title=derivation.sensor.name)
+    return ("responses.npz", "mesh.npz", *write_scene(scene, folder))
+
+
+@draw_derivation.register(LayeredDerivation)
+def _(derivation: LayeredDerivation, folder: Path, picture: str) -> tuple[str, ...]:
+    """Draw the spread of a load as `psf.png` or `psf.svg`, if matplotlib is installed."""
+    try:
+        return (_plot(derivation, folder / f"psf.{picture}"),)
+    except ImportError:
+        _LOG.warning("no plot: %s", MissingExtraError("matplotlib"))
+        return ()
+
+
+def _plot(derivation: LayeredDerivation, path: Path) -> str:
+    """Draw the plots of the responses, and the image of the forces under a uniform load on one texel, row 0 below.
+
+    Returns:
+        The name of the file.
+    """
+    from matplotlib.figure import Figure
+
+    plots = plot_responses(derivation).values()
+    figure = Figure(figsize=(12, 4), layout="constrained")
+    *axes, image = figure.subplots(1, len(plots) + 1, width_ratios=(*(2 for _ in plots), 1))
+    for plot, each in zip(plots, axes, strict=True):
+        plot.draw(each)
+    drawn = image.imshow(100 * derivation.texel_response_uniform, origin="lower", cmap="viridis")
+    figure.colorbar(drawn, ax=image, label="uniform load on one texel [% of the load]")
+    image.set(xlabel="column", ylabel="row")
+    label = " (assumed cover)" if derivation.sensor.cover.assumed else ""
+    figure.suptitle(f"{derivation.sensor.name}{label}")
+    figure.savefig(path, dpi=150)
+    return path.name

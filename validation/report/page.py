@@ -10,6 +10,8 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,11 +37,12 @@ from validation.credibility.verification import Check, Convergence
 from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores, find_best_null
 from validation.data_sets.score import FAST
 from validation.derivation.base import Derivation
+from validation.extras import REPORT_MODULES, require
 from validation.json_values import json_text
 from validation.metrics import METRICS, TABULATED
 from validation.render.image import Scale, colour_bar, tactile_image
 from validation.render.table import Cell, Table, interval, number, tabulate, tabulate_facts
-from validation.report.figures import Pictures, campaign_figure, find_outline, plot_responses
+from validation.report.figures import Pictures, campaign_figure, draw_cases, find_outline, plot_responses
 from validation.results import Column, columns
 
 #: Name of the division of the recordings into fitted and scored weights whose score is shown at the top of the page:
@@ -140,7 +143,7 @@ def _show_case(evaluation: Evaluation, result: CaseResult, pictures: Pictures) -
     force = Scale(peak=float(max(reference.texel_forces.max(), fast.max())))
     apart = Scale(peak=float(np.abs(fast - reference.texel_forces).max()), difference=True)
     shown: tuple[tuple[str, FloatArray, Scale, FloatArray | None], ...] = (
-        ("reference", reference.texel_forces, force, find_outline(evaluation.derivation, result)),
+        ("reference", reference.texel_forces, force, find_outline(array, result)),
         ("fast", fast, force, None),
         ("fast \u2212 reference", fast - reference.texel_forces, apart, None),
     )
@@ -499,3 +502,40 @@ def name_limits(evidence: Evidence) -> dict[str, Any]:
         "hidden": 100 * stages.pooled["electronics"].mean,
         "inputs": 100 * float(np.mean(inputs)) if inputs else math.nan,
     }
+
+
+#: Files of the report's page that are copied unchanged.
+_ASSETS = ("report.css", "report.js")
+
+
+def write_report(evaluation: Evaluation, folder: Path) -> None:
+    """Write the report on a sensor's evaluation.
+
+    Args:
+        evaluation: The results to show.
+        folder: An existing folder to write to.
+
+    Raises:
+        MissingExtraError: If jinja2 or plotly is not installed.
+        OSError: If the folder cannot be written.
+    """
+    require(*REPORT_MODULES)
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    assets = resources.files("validation.report").joinpath("assets")
+    environment = Environment(
+        loader=PackageLoader("validation.report", "assets"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    template = environment.get_template("index.html.j2")
+    pictures = draw_cases(evaluation.derivation, evaluation, folder)
+    (folder / "index.html").write_text(template.render(contents(evaluation, pictures)), encoding="utf-8")
+    for name in _ASSETS:
+        (folder / name).write_bytes(assets.joinpath(name).read_bytes())
+    plotly = resources.files("plotly").joinpath("package_data", "plotly.min.js")
+    (folder / "plotly.min.js").write_bytes(plotly.read_bytes())
+    (folder / "report.json").write_text(json_text(evaluation.report), encoding="utf-8")
+    evaluation.derivation.parameters.save(folder)

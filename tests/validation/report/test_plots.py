@@ -9,8 +9,7 @@ import pytest
 pytest.importorskip("matplotlib")
 
 from fem_reference.closed_form import point_response
-from validation.report.figures import campaign_figure, plot_responses
-from validation.report.files import draw_derivation
+from validation.report.figures import campaign_figure, draw_derivation, plot_responses
 
 
 def test_the_plots_hold_the_curves_that_they_name(wts_derivation):
