@@ -40,9 +40,9 @@ from fem_reference.finite_strain.contact_problem import ContactProblem
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import Control, Units, name_part
+from fem_reference.indentation.finite_strain import choose_solid_fillet, state_rounding
 from fem_reference.indentation.problem import PressProblem
 from fem_reference.indentation.result import Indentation, warn_of_errors
-from fem_reference.indentation.rounding import choose_solid_fillet, state_rounding
 from meshes import Cover, Layer, Material, SolidCover, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.facets import area_vectors, facet_shape
@@ -147,7 +147,7 @@ def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
             "indenter": problem.indenter, "pose": problem.pose, problem.control: target,
             "friction": problem.friction, "finite": finite,
         }  # fmt: skip
-        number, found = result_store.recall("solid-press", inputs, compute)
+        number, found = result_store.fetch("solid-press", inputs, compute)
         out.append(replace(found, mesh=meshes[number], seconds=time.perf_counter() - started))
     return out
 

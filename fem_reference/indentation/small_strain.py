@@ -200,7 +200,7 @@ def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, g
     inputs = {"cover": cover, "indenter": indenter, path.control: target, "cells": cells}
     if cover.size is not None:
         inputs["pose"] = _require_place(place).pose
-    return result_store.recall("contact", inputs, compute)
+    return result_store.fetch("contact", inputs, compute)
 
 
 @lru_cache(maxsize=4)

@@ -175,7 +175,7 @@ def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None)
         return replace(grids[-1], coarse=tuple(grids[:-1]))
 
     inputs = {"cover": cover, "reach": reach, "grids": GRIDS, "settings": _SETTINGS}
-    return result_store.recall("point-spread", inputs, compute)
+    return result_store.fetch("point-spread", inputs, compute)
 
 
 def find_constrained(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -> IntArray:

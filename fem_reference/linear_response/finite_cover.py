@@ -465,7 +465,7 @@ def solid_influence(
         return out
 
     inputs = {"cover": cover, "centres": array.centres, "texel_size": array.texel_size, "grids": resolutions}
-    grids = result_store.recall("solid-influence", {**inputs, "settings": _SETTINGS}, compute)
+    grids = result_store.fetch("solid-influence", {**inputs, "settings": _SETTINGS}, compute)
     return SolidInfluence(cover=cover, array=array, grids=tuple(grids))
 
 

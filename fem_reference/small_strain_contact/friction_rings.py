@@ -27,7 +27,7 @@ from fem_reference.finite_strain.contact import divide_rings
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress, Units, name_grid
 from fem_reference.indentation import small_strain
-from fem_reference.indentation.correction import SolvedPair, correct_path, pair_grids
+from fem_reference.indentation.finite_strain import SolvedPair, correct_path, pair_grids
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, RadialBase
 from fem_reference.linear_response.axisymmetric import RadialCover
 from fem_reference.linear_response.surface_compliance import choose_friction_reach
@@ -413,7 +413,7 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
                 )
             return pair_grids(pairs)
 
-        return result_store.recall("friction-rings", {"path": part, "grids": grids}, compute)
+        return result_store.fetch("friction-rings", {"path": part, "grids": grids}, compute)
 
     return GridStudy(
         solutions=correct_path(path, accurate.solutions, solve),

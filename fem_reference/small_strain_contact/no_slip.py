@@ -432,7 +432,7 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
         return pairs
 
     inputs = {"cover": cover, "indenter": face, "pose": pose, "grids": FACE_GRIDS}
-    pairs = result_store.recall("no-slip-face", inputs, compute)
+    pairs = result_store.fetch("no-slip-face", inputs, compute)
     if max(tension for pair in pairs for _, tension in pair) > _SETTINGS.separates:
         return None
 
@@ -470,7 +470,7 @@ def _study_disk(path: LoadingPath, progress: Progress) -> GridStudy | None:
             out.append(press_stuck_disk(cover, radius, elements_per_thickness=count))
         return out
 
-    found = result_store.recall("no-slip-disk", {"cover": cover, "radius": radius, "grids": DISK_GRIDS}, compute)
+    found = result_store.fetch("no-slip-disk", {"cover": cover, "radius": radius, "grids": DISK_GRIDS}, compute)
     if max(tension for _, tension in found) > _SETTINGS.separates:
         return None
     return GridStudy(

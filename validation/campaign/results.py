@@ -390,8 +390,13 @@ Status = Literal["met", "missed", "open"]
 
 #: Largest error estimate of the reference, over the limit on misplaced force, at which a comparison decides [-].
 _RESOLVED = 1 / 3
-ACCEPTED, NOT_ACCEPTED, NOT_DECIDED = "accepted", "not accepted", "not decided"
-#: What a limit on the mean is on.
+#: Verdict if all requirements are met.
+ACCEPTED = "accepted"
+#: Verdict if a requirement is missed.
+NOT_ACCEPTED = "not accepted"
+#: Verdict if no requirement is missed, but one is undecided, a case is not scored or the reference is too inaccurate.
+NOT_DECIDED = "not decided"
+#: Value of `Finding.over` for a limit on the mean of a metric.
 _MEAN = "mean over the cases"
 
 

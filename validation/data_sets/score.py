@@ -160,7 +160,7 @@ def score_recordings(
             table.add_nulls()
             table.add_repeats()
             for name, method in methods.items():
-                say(f"{split.about}: {name}")
+                say(f"{split.about or split.name}: {name}")
                 table.add_model(name, method)
         except InputError as error:
             problems += error.faults
@@ -175,7 +175,7 @@ def score_recordings(
         rows=tuple(row for table in tables for row in table.rows),
         examples=tuple(table.example for table in tables),
         about={name: method.about for name, method in methods.items()}
-        | {table.split.name: table.split.about for table in tables},
+        | {table.split.name: table.split.about or table.split.name for table in tables},
         notes={table.split.name: (compare_with_nulls(table.rows), *table.notes) for table in tables},
         files={image.file.name: image.sha256 for image in images},
         noise=float(np.sqrt(np.mean([image.noise**2 for image in images]))),

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from fem_reference.finite_strain.block_path import NodalBase
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import finite_strain
-from fem_reference.indentation.correction import correct_path
+from fem_reference.indentation.finite_strain import SOLID_GRIDS, correct_path
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, extrapolate_solutions
-from fem_reference.indentation.rounding import SOLID_GRIDS
 from meshes import Box, Roller, TexelArray
 from meshes.pose import Place, Pose
 from tests.support.indentations import FixedBase
@@ -133,7 +132,7 @@ def test_each_pose_on_a_cover_of_limited_size_and_each_indenter_on_a_wide_one_is
         state = replace(make_solution(2.0, 2e-4), base=NodalBase(x=nodes, y=nodes, pressure=np.ones((5, 5))))
         return [state], [state], None
 
-    monkeypatch.setattr("fem_reference.indentation.correction.press_paired", press)
+    monkeypatch.setattr("fem_reference.indentation.finite_strain.press_paired", press)
     path = LoadingPath(cover=make_cover(0.45), indenter=FACE, targets=(2e-4,), control="depth")
     bounded = replace(path, cover=replace(path.cover, size=(16e-3, 12e-3)))
     array, grids = TexelArray.grid(2, 2, pitch=3e-3), len(SOLID_GRIDS)

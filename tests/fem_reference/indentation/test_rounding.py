@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fem_reference import press
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.indentation.rounding import (
+from fem_reference.indentation.finite_strain import (
     choose_edge_safety,
     choose_fillet,
     choose_solid_fillet,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem_reference.small_strain_contact.cell_grid import CellGrid, Face, choose_counts
+from fem_reference.small_strain_contact.frictionless import CellGrid, Face, choose_counts
 from meshes import Box, Cylinder, Nut, Prism
 
 L = Prism(points=((0, 0), (8e-3, 0), (8e-3, 2e-3), (3e-3, 2e-3), (3e-3, 9e-3), (0, 9e-3)))
