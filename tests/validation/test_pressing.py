@@ -18,7 +18,7 @@ from validation.derivation.derive import derive
 from validation.errors import InputError
 from validation.json_values import json_text
 from validation.places import SolidPlaces
-from validation.press_files.fields_file import write_press
+from validation.press_files import write_press
 
 BALL = "sphere:radius=4mm"
 
@@ -62,7 +62,7 @@ def test_the_fast_model_is_scored(press):
 def test_files_hold_the_forces(press, tmp_path, monkeypatch):
     monkeypatch.setattr("validation.scene.draw.write_scene", lambda *_: ())
     files = write_press(press, tmp_path)
-    assert set(files) == {"press.json", "texels.csv", "contact.csv", "mesh.npz", "press.svg", "press.png"}
+    assert set(files) == {"press.json", "texels.csv", "contact.csv", "mesh.npz", "press.png"}
     texels = np.loadtxt(tmp_path / "texels.csv", delimiter=",", skiprows=1)
     np.testing.assert_allclose(texels[:, -1], press.fem.texel_forces, rtol=1e-6, atol=1e-12)
     contact = np.loadtxt(tmp_path / "contact.csv", delimiter=",", skiprows=1)

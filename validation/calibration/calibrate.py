@@ -93,9 +93,11 @@ class HoldOut(Result):
 
     Attributes:
         recordings: Names of the left-out recordings.
-        image_changed_percent: Mean absolute difference of grey levels over 255, mean over images [%].
-        line_per_texel_percent: The same for a straight line in the load per texel and placement [%]; None if the
-            recordings that remain in a placement have fewer than two loads.
+        image_changed_percent: Mean absolute difference between recorded and predicted grey levels over 255, mean over
+            images [%].
+        line_per_texel_percent: Mean absolute difference of grey levels over 255 if each texel is predicted by a
+            straight line in the load, fitted for each placement [%]; None if the recordings that remain in a placement
+            have fewer than two loads.
         loads: Loads of the k left-out images, shape (k,) [N].
         recorded: Recorded counts, shape (k, n) [-].
         predicted: Counts predicted by the forward model, shape (k, n) [-].
@@ -335,10 +337,17 @@ def _list_poses(fit: ForwardFit, uncertainty: Uncertainty) -> dict[str, dict[str
 
 
 def _fit_polynomial(fit: ForwardFit, mean: float) -> FloatArray | None:
-    """Fit the polynomial of degree 5 from texel force to counts, with the gains of the line and below saturation.
+    """Fit a polynomial of degree 5 from the force on a texel to its counts, over all texels and images.
+
+    Counts are divided by the ratio of the texel's gain to the mean gain.  The gains are those that were fitted together
+    with a straight characteristic.  Counts of zero and counts in saturation are left out.
+
+    Args:
+        fit: The fit of the straight characteristic, with saturation if the data show it.
+        mean: Mean of the fitted gains [-].
 
     Returns:
-        Coefficients of ascending powers, shape (6,) [counts/N^k]; None for fewer than seven loads.
+        Coefficients of powers k = 0..5 of the force, shape (6,) [counts/N^k]; None for fewer than seven loads.
     """
     seen, curve = fit.observations, fit.curve
     if len(np.unique(seen.loads)) < NUMBERS.degree + 2:

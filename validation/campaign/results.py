@@ -169,12 +169,12 @@ class RowScores(Result):
     Attributes:
         name: Name of the row, unique in its table.
         title: Name of the model.
-        variant: As shipped or as fitted.
-        contact: What the model takes the texel forces from.
-        rule: Its rule.
-        certainty: How sure its equations are.
-        total: What the sum of its forces is.
-        not_built: What acts in time only, and is not built.
+        variant: `as shipped` (published parameters) or `as fitted`.
+        contact: Input from which the model computes texel forces, such as contact points.
+        rule: The model in a few words.
+        certainty: Source of the equations: published code, a summary, or other publications.
+        total: Whether the forces sum to the load, in words.
+        not_built: Part of the model that concerns changes in time and is not implemented, in words.
         parameters: Values of all parameters by name, in SI units.
         units: Units of the parameters by name.
         fitted: Names of the fitted parameters.
@@ -390,8 +390,13 @@ Status = Literal["met", "missed", "open"]
 
 #: Largest error estimate of the reference, over the limit on misplaced force, at which a comparison decides [-].
 _RESOLVED = 1 / 3
-ACCEPTED, NOT_ACCEPTED, NOT_DECIDED = "accepted", "not accepted", "not decided"
-#: What a limit on the mean is on.
+#: Verdict if all requirements are met.
+ACCEPTED = "accepted"
+#: Verdict if a requirement is missed.
+NOT_ACCEPTED = "not accepted"
+#: Verdict if no requirement is missed, but one is undecided, a case is not scored or the reference is too inaccurate.
+NOT_DECIDED = "not decided"
+#: Value of `Finding.over` for a limit on the mean of a metric.
 _MEAN = "mean over the cases"
 
 

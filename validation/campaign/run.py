@@ -153,11 +153,16 @@ _SECONDS = {
 _FOIL = 100.0
 #: Time of one case besides the missing solution: fast model, published models, scores [s].
 _PER_CASE = 0.7
-#: Time of everything besides the cases: fits, verification, uncertainty, the page [s]; of a solid cover without and
-#: with stored responses of its texels.
-_REST, _SOLID_REST, _STORED_SOLID_REST = 15.0, 150.0, 60.0
-#: Seconds per minute, and number of seconds from which minutes are printed.
-_MINUTE, _LONG = 60.0, 100.0
+#: Time of everything besides the cases, on a cover of planar layers [s]: fits, verification, uncertainty, the report.
+_REST = 15.0
+#: Time of everything besides the cases, on a solid cover whose texel responses are not in the store [s].
+_SOLID_REST = 150.0
+#: Time of everything besides the cases, on a solid cover whose texel responses are in the store [s].
+_STORED_SOLID_REST = 60.0
+#: Duration of a minute [s].
+_MINUTE = 60.0
+#: Time from which minutes are printed instead of seconds [s].
+_LONG = 100.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,10 @@ from meshes import TexelArray
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Width of a texel in the text, and width of the space between two images side by side [characters].
-CELL, GAP = 6, 3
+#: Width of a texel in the text [characters].
+CELL = 6
+#: Width of the space between two images side by side [characters].
+GAP = 3
 #: Background colour of negative values, dark blue: red, green and blue, each 0..255.
 NEGATIVE = (30, 50, 110)
 #: Red component of a background colour, 0..255, above which the text on the background is black; else it is white.

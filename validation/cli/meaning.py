@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from validation.campaign.comparison import Comparison
 
-#: Shares of the force on wrong texels below which the fast model is good, and below which it is usable: those of the
-#: range that `softcover derive` states [-].
-GOOD_MISPLACED, USABLE_MISPLACED = 0.02, 0.05
-#: Estimated error of the finite elements below which they are good [-].
+#: Share of the force on wrong texels below which the fast model is called good [-].  `softcover derive` states the
+#: range of loads for this share.
+GOOD_MISPLACED = 0.02
+#: Share of the force on wrong texels below which the fast model is called usable [-].  `softcover derive` states the
+#: range of loads for this share.
+USABLE_MISPLACED = 0.05
+#: Estimated relative error of the finite elements below which they are called good [-].
 GOOD_ERROR = 0.01
 
 

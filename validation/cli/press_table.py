@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def print_comparison(comparison: Comparison) -> None:
     """Print the images of texel forces of the chosen models, their results and their scores."""
     from validation.cli.heat_map import draw_force_images
-    from validation.press_files.picture import list_images
+    from validation.press_files import list_images
     from validation.sensor_file import SensorDescription
 
     console = make_console()

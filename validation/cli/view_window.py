@@ -20,10 +20,14 @@ if TYPE_CHECKING:
 
 #: Shortest time between two drawings of the window [s].
 DRAW_INTERVAL = 1 / 30
-#: Distance of the tactile image from the window's corner, and largest edge of the tactile image [pixels].
-MARGIN, IMAGE_HEIGHT = 10, 420
-#: Azimuth and elevation of the camera [degrees]; the x axis points to the right, as in the tactile image.
-AZIMUTH, ELEVATION = 90.0, -40.0
+#: Distance of the tactile image from the window's corner [pixels].
+MARGIN = 10
+#: Largest edge of the tactile image [pixels].
+IMAGE_HEIGHT = 420
+#: Azimuth of the camera [degrees]; the x axis points to the right, as in the tactile image.
+AZIMUTH = 90.0
+#: Elevation of the camera [degrees]; negative looks down.
+ELEVATION = -40.0
 #: Distance of the camera from the array, over the array's longer side [-].
 CAMERA_DISTANCE = 2.5
 #: Longest time to wait for a window to open, or for the viewer's threads to end [s].

@@ -36,15 +36,20 @@ if TYPE_CHECKING:
     from fem_reference.closed_form.layer import TexelResponse
     from fem_reference.linear_response.surface_compliance import SurfaceCompliance
 
-#: Cells across the contact [-]; half as many change the propagated uncertainty by less than 2 % of it.
+#: Number of cells across the contact [-].  Half as many cells change the propagated uncertainty by less than 2 % of it.
 CELLS = 32
 #: Largest Poisson ratio [-].
 _INCOMPRESSIBLE = 0.5
-#: Standard deviation of a uniform distribution over its width, and over its half width [-].
-_OF_WIDTH, _OF_HALF_WIDTH = 1 / math.sqrt(12), 1 / math.sqrt(3)
-#: Distance from a contact up to which compliances are tabulated, over the size of the contact and over the decay length
-#: of the cover's response [-].
-_REACH, _DECAY = 3.0, 4.0
+#: Standard deviation of a uniform distribution over its width [-].
+_OF_WIDTH = 1 / math.sqrt(12)
+#: Standard deviation of a uniform distribution over its half width [-].
+_OF_HALF_WIDTH = 1 / math.sqrt(3)
+#: Smallest distance from a contact up to which compliances are tabulated, over the size of the contact [-].
+_REACH = 3.0
+#: Smallest distance from a contact up to which compliances are tabulated, over the decay length of the cover's response
+#: [-].
+_DECAY = 4.0
+#: Name of the input for the coefficient of friction.
 FRICTION = "friction"
 
 

@@ -32,12 +32,20 @@ from validation.results import Column, Number, Result, result_model
 if TYPE_CHECKING:
     from fem_reference.indentation.grid_solution import GridSolution
 
-#: Wave numbers times the thickness at which the surface compliance is compared [-], and elements through a layer.
-_WAVE_NUMBERS, _WAVE_ELEMENTS = np.geomspace(0.2, 4.0, 25), (4, 8, 16)
-#: Depth of the contact checks over the thickness; radius of the cylinder and of the ball over the thickness [-].
-_DEPTH, _CYLINDER, _BALL = 0.05, 1.0, 2.0
-#: Elements through half the height of the bonded disk, and its radius over half its height [-].
-_DISK_ELEMENTS, _DISK_RADIUS = (4, 6, 9), 4.0
+#: Wave numbers times the thickness at which the surface compliance is compared [-].
+_WAVE_NUMBERS = np.geomspace(0.2, 4.0, 25)
+#: Number of elements through each layer on the three meshes of this comparison [-].
+_WAVE_ELEMENTS = (4, 8, 16)
+#: Depth of the contact checks over the thickness of the cover [-].
+_DEPTH = 0.05
+#: Radius of the cylinder of the contact checks over the thickness of the cover [-].
+_CYLINDER = 1.0
+#: Radius of the ball of the contact checks over the thickness of the cover [-].
+_BALL = 2.0
+#: Number of elements through half the height of the bonded disk on the three meshes [-].
+_DISK_ELEMENTS = (4, 6, 9)
+#: Radius of the bonded disk over half its height [-].
+_DISK_RADIUS = 4.0
 
 
 @result_model
@@ -249,14 +257,20 @@ def _relative(sizes: FloatArray | Sequence[float]) -> tuple[float, ...]:
     return tuple((values / values[0]).tolist())
 
 
-#: Radius of the core of the checked shell over its thickness, half its length over the thickness, and half the width
-#: of the load over the thickness [-].
-_CORE, _HALF_LENGTH, _LOAD = 3.0, 6.0, 1.25
-#: Element sizes over the thickness and layers of elements of the three meshes of the shell.
+#: Radius of the core of the checked shell over the thickness of the shell [-].
+_CORE = 3.0
+#: Half the length of the shell over its thickness [-].
+_HALF_LENGTH = 6.0
+#: Half the width of the strip that is loaded on the shell, over the thickness [-].
+_LOAD = 1.25
+#: Element size over the thickness, and number of layers of elements, of each of the three meshes of the shell [-].
 _SHELL_MESHES = ((0.8, 3), (0.55, 4), (0.4, 5))
-#: Largest accepted error of texel forces on the shell over the load, and least order [-].
-_SHELL_ERROR, _SHELL_ORDER = 5e-3, 1.0
-#: Least order of the reference against a finer mesh: that of the contact pressure at a sharp edge [-].
+#: Largest accepted error of a texel force on the shell over the load [-].
+_SHELL_ERROR = 5e-3
+#: Smallest accepted order of convergence of the texel forces on the shell [-].
+_SHELL_ORDER = 1.0
+#: Smallest accepted order of convergence of the reference against a finer mesh: that of the contact pressure at a sharp
+#: edge [-].
 _LEAST_ORDER = 0.7
 
 

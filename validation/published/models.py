@@ -33,16 +33,24 @@ _PRESSES = (
     ("calibration, flat punch", "cylinder:radius=3.5mm", "2 N", (-0.3, 0.4)),
     ("calibration, large ball", "sphere:radius=10mm", "1 N", (-0.9, -1.6)),
 )
-#: Fewest presses to fit to [-].
+#: Smallest number of presses to which a model is fitted [-].
 _FEWEST = 2
 #: First value of a foundation's stiffness under a cover of incompressible material, which has none [Pa/m].
 _START_STIFFNESS = 1e9
-#: The scan before the fit has 2^(3 + number of parameters) points [-]; its range in the logarithm, to both sides; edge
-#: of the first simplex in the logarithm.
-_SCAN, _SCAN_RANGE, _SIMPLEX = 3, 3.0, 0.1
-#: Largest number of evaluations per fitted parameter [-], and tolerances in the logarithm and in the misplaced force.
-_EVALUATIONS, _TOLERANCE = 50, 1e-4
-AS_SHIPPED, AS_FITTED = "as shipped", "as fitted"
+#: Number of points of the scan before the fit: its logarithm to base 2, minus the number of fitted parameters [-].
+_SCAN = 3
+#: Largest distance of a point of the scan from the start value, in the natural logarithm of each parameter [-].
+_SCAN_RANGE = 3.0
+#: Edge of the first simplex of the fit, in the natural logarithm of each parameter [-].
+_SIMPLEX = 0.1
+#: Largest number of evaluations of a fit per fitted parameter [-].
+_EVALUATIONS = 50
+#: Tolerance of a fit in the natural logarithm of each parameter, and in the mean misplaced force [-].
+_TOLERANCE = 1e-4
+#: Variant of a model with the parameters that its authors published.
+AS_SHIPPED = "as shipped"
+#: Variant of a model with parameters that are fitted to the calibration presses.
+AS_FITTED = "as fitted"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

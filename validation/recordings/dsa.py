@@ -80,8 +80,10 @@ _TOKEN_DIGITS = 8
 #: Patterns of the accepted whole numbers and decimal numbers, which limit the number of digits.
 _WHOLE_NUMBER = re.compile(r"[0-9]{1,15}")
 _NUMBER = re.compile(r"[+-]?[0-9]{1,15}(\.[0-9]{0,15})?([eE][+-]?[0-9]{1,2})?")
-#: A millimetre [m] and a millisecond [s].
-_MILLIMETRE, _MILLISECOND = 1e-3, 1e-3
+#: Length of a millimetre [m].
+_MILLIMETRE = 1e-3
+#: Duration of a millisecond [s].
+_MILLISECOND = 1e-3
 
 #: Child elements of each XML element, by the path of the parent; all are required but those in `_OPTIONAL`.  Elements
 #: in `_COUNT_OF` may occur any number of times, the others exactly once.

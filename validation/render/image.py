@@ -16,11 +16,18 @@ from meshes import TexelArray
 from meshes.array_types import FloatArray
 from validation.places import find_middle
 
-#: Longest edge of the drawing and its margin in its own units, and largest width and height on the page [px]: three
-#: drawings stand side by side.
-_SIZE, _MARGIN, _WIDEST, _HIGHEST = 200.0, 2.0, 190.0, 370.0
-#: Edge of a square over the smallest distance of two texels, and size of the printed value over the edge [-].
-_EDGE, _SHARE = 0.94, 0.36
+#: Longest edge of the drawing [units of the drawing].
+_SIZE = 200.0
+#: Margin of the drawing [units of the drawing].
+_MARGIN = 2.0
+#: Largest width of the drawing on the page [px]; three drawings stand side by side.
+_WIDEST = 190.0
+#: Largest height of the drawing on the page [px].
+_HIGHEST = 370.0
+#: Edge of the square that represents a texel, over the smallest distance between two texels [-].
+_EDGE = 0.94
+#: Font size of the printed value over the edge of the square [-].
+_SHARE = 0.36
 #: Largest number of characters of a printed value [-].
 _LONGEST = 5
 #: Colours of forces from zero to the peak, with increasing lightness.

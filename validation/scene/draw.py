@@ -70,8 +70,10 @@ class _Style:
 
 
 _STYLE = _Style()
-#: Direction of the camera from the middle of a flat cover, and of a cover with texels on all sides.
-_VIEW, _VIEW_ROUND = np.array([0.35, -0.75, 0.55]), np.array([0.75, 0.6, 0.5])
+#: Direction from the middle of a cover with texels on one side to the camera, of any length, shape (3,) [-].
+_VIEW = np.array([0.35, -0.75, 0.55])
+#: Direction from the middle of a cover with texels on all sides to the camera, of any length, shape (3,) [-].
+_VIEW_ROUND = np.array([0.75, 0.6, 0.5])
 #: Faces of a bar, as indices of its 8 corners.
 _FACES = ((3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
 #: Length in the pictures per length in the scene: pictures are in millimetres, glTF is in metres [-].

@@ -31,9 +31,11 @@ METRICS = tuple(field.name for field in dataclasses.fields(Score))
 _PLAIN = ("pixels_changed", "pixels_changed_line", "pixels_lit_line", "active_area_iou")
 #: Metrics that are no errors, so that no limit from above makes sense.
 _NOT_ERRORS = ("pixels_lit_line", "active_area_iou")
-#: Largest number of loads in one table, and of cases [-].
-_MOST_LOADS, _MOST_CASES = 100, 1000
-#: Of these keys of a case exactly one is given.
+#: Largest number of loads in one table [-].
+_MOST_LOADS = 100
+#: Largest number of cases [-].
+_MOST_CASES = 1000
+#: Keys of a case of which the file must give exactly one.
 _LOADS = ("load", "loads", "path")
 
 

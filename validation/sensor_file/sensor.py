@@ -36,9 +36,11 @@ _FARTHEST = 1000.0
 #: Largest difference between the heights of texels of one plane [m].
 _SAME_HEIGHT = 1e-9
 _EXAMPLE = "the first line must read x,y,z or x,y,z,nx,ny,nz, then one line of numbers in metres per texel"
-#: Frames per second [Hz] and slope of the characteristic [1/N] of a sensor whose file does not state them: with 12 bits
-#: the counts then saturate at 4.1 N on a texel.
-_ASSUMED_RATE, _ASSUMED_SENSITIVITY = 100.0, 1000.0
+#: Frame rate of a sensor whose file does not state it [Hz].
+_ASSUMED_RATE = 100.0
+#: Slope of the characteristic of a sensor whose file does not state it [counts/N].  With 12 bits the counts then
+#: saturate at 4.1 N on a texel.
+_ASSUMED_SENSITIVITY = 1000.0
 #: Electronics of the tactile arrays of the SCHUNK SDH-2 hand.  Their characteristic (counts over force) is unpublished,
 #: so the slope of the WTS 0614-34 is used.  The offset of the WTS 0614-34 is left out, because the firmware of the
 #: DSACON32m, which reads the arrays, subtracts a threshold.  To score recordings, a fitted characteristic replaces this

@@ -35,18 +35,23 @@ RUN_LENGTH_FLAG = 0x01
 #: Number of low bits of a 16-bit run-length unit that hold the count; the other bits hold the number of equal counts
 #: (1..15).
 RUN_LENGTH_VALUE_BITS = 12
-#: Payload of the command `tare` that makes the device subtract the present frame from later frames, and payload that
-#: ends the subtraction.
-TARE, UNTARE = 1, 0
+#: Payload of the command `tare` that makes the device subtract the present frame from later frames.
+TARE = 1
+#: Payload of the command `tare` that ends the subtraction.
+UNTARE = 0
 #: Order of the bits in the bytes of the answer to `get mask`, as numpy names it.
 MASK_BIT_ORDER: Literal["little", "big"] = "little"
-#: `struct` formats of the threshold and of the front-end gain in the payloads of requests and answers.
-_THRESHOLD, _GAIN = "<H", "<B"
+#: `struct` format of the threshold in the payloads of requests and answers.
+_THRESHOLD = "<H"
+#: `struct` format of the front-end gain in the payloads of requests and answers.
+_GAIN = "<B"
 
 #: First bytes of every message.
 PREAMBLE = b"\xaa\xaa\xaa"
-#: Number of bytes of a message before its payload, and after its payload.
-HEAD_SIZE, CHECKSUM_SIZE = 6, 2
+#: Number of bytes of a message before its payload [bytes].
+HEAD_SIZE = 6
+#: Number of bytes of a message after its payload [bytes].
+CHECKSUM_SIZE = 2
 #: Largest size of a payload that the 16-bit field in the head can state [bytes].
 _LARGEST_PAYLOAD = 0xFFFF
 #: Table of the CRC: checksum of each single byte, by the normal (non-reflected) CRC with the polynomial 0x1021, which
@@ -104,8 +109,10 @@ def encode_message(identifier: int, payload: bytes = b"") -> bytes:
 _STATUS = struct.Struct("<H")
 #: Bytes of the status `success`.
 _SUCCESS = b"\0\0"
-#: Units of the device per metre [1/m] and per kelvin [1/K]: the device gives lengths in 0.01 mm, temperatures in 0.1 K.
-_UNITS_PER_METRE, UNITS_PER_KELVIN = 100_000, 10
+#: Number of the device's units of length per metre [1/m]; the unit is 0.01 mm.
+_UNITS_PER_METRE = 100_000
+#: Number of the device's units of temperature per kelvin [1/K]; the unit is 0.1 K.
+UNITS_PER_KELVIN = 10
 
 #: Largest length of a text in a request or an answer, such as a sensor type or a tag [bytes].
 LONGEST_TEXT = 64

@@ -50,9 +50,11 @@ BUFFER_BYTES = 256 * 1024
 _READ_TIMEOUT = 0.05
 #: Longest wait until the port accepts bytes to send [s].
 WRITE_TIMEOUT = 1.0
-#: Number of bytes that are requested at a time from a socket, and longest wait for them [s].  A socket, unlike a serial
-#: port, does not report the number of bytes that can be read.
-_SOCKET_BYTES, _SOCKET_TIMEOUT = 64, 0.005
+#: Number of bytes that are requested at a time from a socket [bytes].  A socket, unlike a serial port, does not report
+#: the number of bytes that can be read.
+_SOCKET_BYTES = 64
+#: Longest wait for these bytes [s].
+_SOCKET_TIMEOUT = 0.005
 #: Description of the accepted names of ports, for error messages.
 _ACCEPTED = "accepted: a port such as /dev/ttyACM0, or a pyserial URL"
 

@@ -57,14 +57,14 @@ def test_no_error_and_no_request_beyond_the_folder(page):
     assert driver.execute_script("return document.documentElement.dataset.ready") == "true"
     assert driver.get_log("browser") == []
     asked = requests(driver)
-    assert any(url.endswith("plotly.min.js") for url in asked)
+    assert any(url.endswith("report.js") for url in asked)
     assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
 
 
 def test_a_broken_page_would_be_noticed(page):
     _, folder = page
     text = (folder / "index.html").read_text()
-    broken = text.replace("plotly.min.js", "http://127.0.0.1:9/plotly.min.js")
+    broken = text.replace("report.js", "http://127.0.0.1:9/report.js")
     (folder / "broken.html").write_text(broken)
     driver = fresh(page, "broken.html")
     assert driver.execute_script("return document.documentElement.dataset.ready") is None
@@ -75,7 +75,7 @@ def test_a_broken_page_would_be_noticed(page):
 def test_figures_are_drawn(page):
     driver = fresh(page)
     for name in ("psf-plot", "texel-plot", "campaign-plot"):
-        assert driver.execute_script(f"return document.querySelectorAll('#{name} svg.main-svg').length") > 0
+        assert driver.execute_script(f"return document.querySelectorAll('#{name} svg').length") > 0
 
 
 def column(driver, index):

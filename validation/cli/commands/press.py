@@ -24,7 +24,7 @@ from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from validation.press_files.curve import LoadCurve
+    from validation.press_files import LoadCurve
     from validation.pressing import PressRequest
     from validation.sensor_file import SensorDescription
 
@@ -114,7 +114,7 @@ def _compare(request: PressRequest, out: Path | None, *, json: bool) -> int:
     """Compute one indentation by the chosen models, print it, and write its files to `out` if given."""
     from validation.cli.press_table import print_comparison
     from validation.output_folder import new_folder
-    from validation.press_files.fields_file import write_press
+    from validation.press_files import write_press
     from validation.scene.draw import lacks_picture
 
     files: tuple[str, ...] = ()

@@ -40,8 +40,10 @@ _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is 
 _Quick = Annotated[bool, Parameter(name="--quick", help="Six cases instead of all.")]
 _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings under known loads, or a data-set file.")]
 
-#: Built-in sensor that `softcover demo` evaluates, and built-in sensor that made the recordings under known weights.
-_DEMO, _RECORDED = "wts-0614-34", "sdh2-distal"
+#: Built-in sensor that `softcover demo` evaluates.
+_DEMO = "wts-0614-34"
+#: Built-in sensor with which the recordings under known weights were made.
+_RECORDED = "sdh2-distal"
 #: Names of the metrics in the printed table of scores; number of its rows [-].
 SHOWN = ("misplaced_force", "centre_of_pressure_m", "image_changed_percent")
 _ROWS = 10

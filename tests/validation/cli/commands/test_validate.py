@@ -3,12 +3,10 @@ import re
 import signal
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
 
 from tests.support.recordings import RECORDINGS
-from validation.campaign.results import SkippedCase
 
 
 @pytest.mark.skipif(RECORDINGS is None, reason="no recordings here")
@@ -29,7 +27,7 @@ def test_demo_writes_report_scores_and_parameters(softcover, tmp_path):
     assert json.loads(out)["campaign"]["skill"]["zeros"]["mean"] > 0.4
     assert "softcover-report/index.html" in err
     names = {path.name for path in (tmp_path / "softcover-report").iterdir()}
-    assert names >= {"index.html", "report.json", "parameters.toml", "cover.npz", "plotly.min.js"}
+    assert names >= {"index.html", "report.json", "parameters.toml", "cover.npz"}
 
 
 BALL = "[[case]]\nname = 'ball'\nindenter = 'sphere:radius=5mm'\nload = '100 g'\n"
@@ -55,43 +53,6 @@ def test_a_damaged_case_costs_a_line_and_the_rest_is_scored(softcover, tmp_path,
     assert out.splitlines()[-1].startswith("verdict: NOT DECIDED, 1 of 3 cases; ")
     scores = json.loads((tmp_path / "softcover-report" / "report.json").read_text())
     assert [case["name"] for case in scores["campaign"]["cases"]] == ["ball"]
-
-
-@pytest.mark.parametrize("interrupted", [False, True])
-def test_cases_without_scores_and_warnings_are_told_once_each(softcover, monkeypatch, interrupted):
-    told = SimpleNamespace(
-        report=SimpleNamespace(as_json=dict),
-        verdict=SimpleNamespace(short="verdict", accepted=True),
-        plan=SimpleNamespace(left_out=()),
-        recordings=SimpleNamespace(problems=["a.mcap: no load"]),
-        campaign=SimpleNamespace(
-            interrupted=interrupted,
-            skipped=[SkippedCase(name="far", indenter="ball", load=2.0, reason="beside the array", converged=True)],
-            cases=[
-                SimpleNamespace(
-                    case=SimpleNamespace(name=name), reference=SimpleNamespace(warnings=reference), warnings=fast
-                )
-                for name, reference, fast in (("a", ("thin",), ("thin", "tilts")), ("b", (), ("thin",)), ("c", (), ()))
-            ],
-        ),
-    )
-    monkeypatch.setattr("validation.campaign.evaluation.evaluate", lambda *_, **__: told)
-    monkeypatch.setattr("validation.report.write_report", lambda *_: None)
-    status, _, err = softcover("validate", "wts-0614-34", "--quick", "--json", "--out", "out")
-    lines = err.splitlines()
-    expected = [
-        "softcover: recordings: a.mcap: no load",
-        "not scored: far (ball, 2 N): beside the array",
-        "softcover: warning: a: thin",
-        "softcover: warning: a: tilts",
-        "softcover: warning: b: thin",
-    ]
-    if interrupted:
-        expected.append("interrupted: the report has the finished cases; run the same command again to continue")
-    start = lines.index(expected[0])
-    assert lines[start : start + len(expected)] == expected
-    assert lines[start + len(expected)].startswith("report: ")
-    assert status == (130 if interrupted else 0)
 
 
 #: Number of cases of a campaign that is stopped.

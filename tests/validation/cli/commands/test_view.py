@@ -11,7 +11,6 @@ import time
 import numpy as np
 import pytest
 
-import fastmodel
 from meshes.catalogue import ARRAYS
 
 ARRAY = ARRAYS["wts-0614-34"]
@@ -44,21 +43,6 @@ def test_view_prints_the_last_frame_as_json(softcover):
     peak = np.unravel_index(np.argmax(result["texel_forces"]), (14, 6))
     assert peak[0] in {6, 7}
     assert peak[1] in {2, 3}
-
-
-def test_the_faults_of_all_options_are_reported_at_once(softcover):
-    status, out, err = softcover(
-        "view", "wts-0614-3", "--indenter", "shpere", "--load", "0N", "--method", "boxs", "--seconds=-1"
-    )
-    assert (status, out) == (2, "")
-    for part in ("'wts-0614-34'", "'sphere'", "--load: must be positive", "'boxes'", "--seconds: accepted: 0 or more"):
-        assert part in err
-
-
-def test_the_contact_methods_that_can_be_named_are_those_of_the_fast_model():
-    from validation.campaign.comparison import METHODS
-
-    assert set(METHODS) == {"default", *fastmodel.METHODS}
 
 
 @pytest.mark.parametrize(
