@@ -317,13 +317,13 @@ def _break_ties(vector: FloatArray, lowest: FloatArray, error: Callable[[FloatAr
         error: Score of a vector.
     """
     vector = vector.copy()
-    most = (1 + _SAME_SCORE) * error(vector)
+    best = error(vector)
     for k in range(len(vector)):
 
         def is_same(steps: int, k: int = k) -> bool:
             moved = vector.copy()
             moved[k] = steps * _TIE_STEP
-            return error(moved) <= most
+            return abs(error(moved) - best) <= _SAME_SCORE * best
 
         low, high = math.ceil(lowest[k] / _TIE_STEP), math.floor(vector[k] / _TIE_STEP)
         if high <= low or not is_same(high):
