@@ -80,8 +80,8 @@ def warn_user(message: str, category: type[Warning]) -> None:
     """Give a warning that names the line of the caller outside this package, however deep inside it the cause lies.
 
     Args:
-        message: The warning.
-        category: Its class.
+        message: Text of the warning.
+        category: Class of the warning.
     """
     level, frame = 1, sys._getframe(1)  # noqa: SLF001 -- the documented way to the calling line
     while frame.f_back is not None and Path(frame.f_code.co_filename).is_relative_to(_PACKAGE):

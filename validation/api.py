@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 import fastmodel
 from fastmodel import Parameters
-from validation.errors import InputError, nearest
+from validation.errors import InputError
 from validation.extras import REPORT_MODULES, require
 from validation.output_folder import make_file_name, new_folder, write_text
 from validation.parameters import find_parameters, holds_parameters
@@ -465,30 +465,6 @@ def replay(
     return open_recording(Path(file), topic=topic, rows=rows, columns=columns)
 
 
-def check_export(format: str, method: str, mass: str | None) -> None:  # noqa: A002 -- as on the command line
-    """Check the options of `export`.
-
-    Raises:
-        InputError: With one line per fault.
-    """
-    from validation.campaign.comparison import METHODS
-    from validation.simulator_models import FORMATS, read_mass
-
-    faults = []
-    if format not in FORMATS:
-        faults.append(f"--format: unknown format {format!r}; {nearest(format, FORMATS)}")
-    if method not in METHODS:
-        faults.append(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")
-    if not faults and format == "gazebo" and method != METHODS[0]:
-        faults.append("--method: the Gazebo plugin block has one method of its own; use --format mjcf with --method")
-    try:
-        read_mass(mass, format)
-    except InputError as error:
-        faults += error.faults
-    if faults:
-        raise InputError(*faults)
-
-
 def export(
     sensor: Sensor,
     out: str | Path,
@@ -512,16 +488,16 @@ def export(
         InputError: If an option is wrong, or the Gazebo plugin cannot describe the sensor.
         MissingExtraError: If finite elements are needed and not installed.
     """
-    from validation.simulator_models import FORMATS, Exported, check_gazebo, read_mass, write_model
+    from validation.simulator_models import FORMATS, Exported, check_gazebo, read_options, write_model
 
-    check_export(format, method, mass)
+    kilograms = read_options(format, method, mass)
     found = load_any(sensor)
     if format == "gazebo":
         check_gazebo(found)
     model = make_file_name(found.array.name, suffix=FORMATS[format])
     with new_folder(Path(out)) as folder:
         parameters = find_parameters(found, progress)
-        used = write_model(parameters, folder / model, form=format, method=method, mass=read_mass(mass, format))
+        used = write_model(parameters, folder / model, form=format, method=method, mass=kilograms)
     return Exported(
         sensor=found.array.name, format=format, method=used, out=str(out),
         files=(model, "parameters.toml", "cover.npz"), warnings=list_unused(found),

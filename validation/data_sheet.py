@@ -60,7 +60,7 @@ class DataSheet:
 
     Attributes:
         sensor: Name of the sensor.
-        entries: Its lines.
+        entries: Lines of the data sheet.
     """
 
     sensor: str

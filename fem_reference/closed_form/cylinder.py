@@ -122,7 +122,7 @@ def check_resolved(coarse: npt.NDArray[Any], fine: npt.NDArray[Any], size: float
 
     Args:
         coarse: Harmonics, any shape.
-        fine: The same from twice the panels.
+        fine: Harmonics from twice the number of panels, same shape.
         size: Sum of the moduli of the forces, in the unit of the harmonics.
 
     Raises:

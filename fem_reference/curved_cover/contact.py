@@ -111,9 +111,9 @@ class ContactForces:
 
     Attributes:
         forces: Force of the pressure of each hat, against the normals, never negative, shape (m,) [N].
-        nodal: The same pressures, and the shear of hats that stick, as forces on the nodes, by the shape functions of
-            the displacement, shape (m, 3) [N].
-        area: Area of the hats in contact, those included that are lifted by less than 2 % of the depth [m2].
+        nodal: Nodal forces that are equivalent to the pressures of the hats and to the shear of hats that stick, by the
+            shape functions of the displacement, shape (m, 3) [N].
+        area: Area of the hats in contact, and of those that are lifted by less than 2 % of the depth [m2].
         spacing: Mean distance of the nodes in contact [m].
         half_width: Half the smaller width of the contact, by the second moments of its area; a disk's radius [m].
         has_edge: Whether an edge of the indenter ends the pressure.

@@ -59,39 +59,45 @@ class SolidPressSettings:
     warn_depth: float = 0.15
     #: Smallest order of convergence that error estimates of depth, load and area assume: that of a sharp edge [-].
     order: float = 1.0
-    #: Smallest estimated error of depth and load where a sharp edge ends the pressure, which is singular there, over
-    #: the distance of the nodes per half the smaller width of the contact [-].
+    #: Smallest estimated relative error of depth and load without friction where a sharp edge ends the pressure, over
+    #: the relative node distance [-].  This is the distance of the nodes in contact over half the smaller width of the
+    #: contact.  The pressure is singular at a sharp edge.
     edge: float = 0.25
-    #: The same without slip [-].
+    #: Smallest estimated relative error of depth and load without slip where a sharp edge ends the pressure, over the
+    #: relative node distance [-].
     sticking_edge: float = 0.4
-    #: Smallest estimated error elsewhere, over the square of that ratio [-].
+    #: Smallest estimated relative error of depth and load where no sharp edge ends the pressure, over the square of the
+    #: relative node distance [-].
     round: float = 0.13
-    #: Ratio above which depth, load and area are not resolved: on flat pads the depth was up to eight times too large
-    #: [-].
+    #: Relative node distance above which depth, load and area are not resolved [-].  On flat pads the depth was then up
+    #: to eight times too large.
     unresolved: float = 1.2
-    #: Order with which changes of texel forces between meshes decrease at least, unless a sharp edge ends the pressure:
-    #: then the error varies with the place of the edge on the mesh more than with the size of the elements [-].
+    #: Smallest order of convergence of the changes of texel forces between meshes where no sharp edge ends the pressure
+    #: [-].  At a sharp edge the error depends on the place of the edge on the mesh more than on the element size, and
+    #: no convergence is assumed.
     smooth: float = 2.0
-    #: Safety factor on the largest change of one texel force between successive meshes, with which 36 of 36 estimates
-    #: covered the errors of presses on flat pads [-].
+    #: Safety factor on the largest change of one texel force between successive meshes [-].  With it 36 of 36 estimates
+    #: covered the errors of presses on flat pads.
     one_texel: float = 2.5
-    #: Safety factor on half the sum of the changes of all texel forces, with which 34 of 36 estimates did [-].
+    #: Safety factor on half the sum of the changes of all texel forces between successive meshes [-].  With it 34 of 36
+    #: estimates covered the errors of presses on flat pads.
     sum: float = 1.5
-    #: Safety factor on both with two meshes [-].
+    #: Safety factor in place of `one_texel` and `sum` if there are only two meshes [-].
     two_meshes: float = 3.0
     #: Smallest cosine between the normal of the top and the axis of the indenter at points that can touch, at finite
     #: strain [-].
     least_cosine: float = 0.05
-    #: First step of the loading path, from the first touch of a contact point, over the way from there to the depth at
-    #: small strain [-].
+    #: First step of the loading path at finite strain, measured from the depth at which the first contact point
+    #: touches, over the distance from that depth to the depth at small strain [-].
     first_step: float = 0.5
     #: Mean penetration of indenter and cover, over the depth, below which augmentation stops [-].
     overlap: float = 0.002
-    #: Stiffness of the contact at small strain over the penalty, as augmentation makes it [-].
+    #: Stiffness of the contact springs at small strain over the penalty at finite strain [-].  Augmentation makes the
+    #: contact at finite strain stiffer by about this factor.
     augmented: float = 30.0
-    #: Largest estimated error of the effect of finite strain that one mesh gives, over the effect [-].
+    #: Estimated error of the effect of finite strain on one mesh, over the effect [-].
     one_mesh: float = 0.5
-    #: Safety factor on the difference between the effects on two meshes [-].
+    #: Safety factor on the difference between the effects of finite strain on two meshes [-].
     safety: float = 1.5
 
 

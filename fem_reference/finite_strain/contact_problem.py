@@ -421,7 +421,7 @@ class SolvedPath:
         elements: Elements of the mesh.
         equilibria: Equilibrium at every target load or depth.
         steps: Equilibria between the targets, ascending.
-        coarse: The same loading path on a coarser mesh, whose steps serve below the first of `steps`.
+        coarse: This loading path on a coarser mesh, which gives initial guesses below the first of `steps`.
     """
 
     elements: MixedElements

@@ -369,12 +369,12 @@ def _raise_targets(targets: Sequence[float], relative_depths: Sequence[float]) -
     return [target if target >= least else shared for target in targets]
 
 
-#: Number of elements through the cover on all axisymmetric grids; three neighbouring grids give a result, that of the
-#: finest, and its error [-].
+#: Number of elements through the cover on each axisymmetric grid, coarsest grid first [-].  Three neighbouring grids
+#: are solved.  The result is that of the finest of the three; its error is estimated from all three.
 GRIDS = (6, 9, 13, 19, 28)
 #: Number of elements through the cover under a ball on one coarse grid [-].
 _BALL_ELEMENTS = 4
-#: Largest radius of the region of small elements there, over the radius of the ball [-].
+#: Largest radius of the region of small elements under a ball, over the radius of the ball [-].
 _LARGEST_CONTACT = 0.8
 
 

@@ -300,8 +300,8 @@ def correct_solution(
     Solutions with finite strain or friction use coarse grids and rounded edges, and converge slowly.  The frictionless
     small-strain solution on the same grid, under the same rounded indenter, has nearly the same discretisation error.
     The difference of the two solutions is therefore much more accurate than each of them (a control variate).  The
-    contact tractions are not corrected: they are those of `full`, multiplied by one factor to the force of the result.
-    Likewise the fields, their displacements by one factor to the depth of the result.
+    contact tractions are not corrected: those of `full` are multiplied by one factor, which makes their sum the force
+    of the result.  The displacements in the cover are multiplied by one factor to the depth of the result.
 
     Args:
         accurate: Converged frictionless small-strain solution at the target load or depth.

@@ -169,12 +169,12 @@ class RowScores(Result):
     Attributes:
         name: Name of the row, unique in its table.
         title: Name of the model.
-        variant: As shipped or as fitted.
-        contact: What the model takes the texel forces from.
-        rule: Its rule.
-        certainty: How sure its equations are.
-        total: What the sum of its forces is.
-        not_built: What acts in time only, and is not built.
+        variant: `as shipped` (published parameters) or `as fitted`.
+        contact: Input from which the model computes texel forces, such as contact points.
+        rule: The model in a few words.
+        certainty: Source of the equations: published code, a summary, or other publications.
+        total: Whether the forces sum to the load, in words.
+        not_built: Part of the model that concerns changes in time and is not implemented, in words.
         parameters: Values of all parameters by name, in SI units.
         units: Units of the parameters by name.
         fitted: Names of the fitted parameters.

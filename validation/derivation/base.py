@@ -20,9 +20,9 @@ class ResponseMap(NamedTuple):
     """Forces on the n texels under a unit force over one of them, for an image.
 
     Attributes:
-        caption: What it shows.
+        caption: Caption of the image.
         values: Forces over the load, shape (n,) [-].
-        is_difference: Whether it is the difference of two maps.
+        is_difference: Whether `values` is the difference of two maps.
     """
 
     caption: str

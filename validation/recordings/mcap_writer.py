@@ -178,7 +178,7 @@ def encode_labels(
         arrays: The texel arrays; their frames are left out.
         serial: Serial number of the sensor.
         start: Time at the start of the recording, UTC since 1970 [ns].
-        monotonic: The same time on the monotonic clock of the host [ns].
+        monotonic: Time at the start of the recording, on the monotonic clock of the host [ns].
     """
     described = [
         {
@@ -278,8 +278,8 @@ def encode(kind: str, /, **fields: object) -> bytes:
     """Encode a message in CDR.
 
     Args:
-        kind: Its ROS 2 type.
-        fields: Values of its fields; a mapping stands for a message within the message.
+        kind: ROS 2 type of the message.
+        fields: Values of the fields of the message; a mapping stands for a message within the message.
     """
     return bytes(load_types().serialize_cdr(_make_message(kind, fields), kind))
 

@@ -374,8 +374,8 @@ class Budget:
 
         Args:
             topic: Topic of the message.
-            size: Size of its data [bytes].
-            times: Its times [ns since 1970].
+            size: Size of the data of the message [bytes].
+            times: Times that the message states [ns since 1970].
 
         Raises:
             RecordingError: If the messages are more than a recording of its size holds, or a time is impossible.

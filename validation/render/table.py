@@ -104,9 +104,9 @@ def tabulate(name: str, caption: str, results: Iterable[Result], shown: type[Res
 
     Args:
         name: Identifier of the table.
-        caption: What it shows.
+        caption: Caption of the table.
         results: The results.
-        shown: Their type.
+        shown: Type of the results.
         fields: Names of the fields or properties that are shown.
     """
     known = columns(shown)

@@ -10,6 +10,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,7 @@ from validation.json_values import json_text
 from validation.metrics import METRICS, TABULATED
 from validation.render.image import Scale, colour_bar, tactile_image
 from validation.render.table import Cell, Table, interval, number, tabulate, tabulate_facts
-from validation.report.figures import Pictures, campaign_figure, draw_cases, find_outline, plot_responses
+from validation.report.figures import Pictures, draw_campaign, draw_cases, find_outline, plot_responses, render_svg
 from validation.results import Column, columns
 
 #: Name of the division of the recordings into fitted and scored weights whose score is shown at the top of the page:
@@ -61,8 +62,6 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         pictures: Pictures of the cases in three dimensions.
     """
     campaign, derivation, evidence = evaluation.campaign, evaluation.derivation, evaluation.evidence
-    plots = plot_responses(derivation)
-    drawn = {"campaign-plot": campaign_figure(campaign)} | {name: plot.to_plotly() for name, plot in plots.items()}
     return {
         "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "sensor": evaluation.sensor,
@@ -86,11 +85,10 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         "input_list": list_inputs(evidence),
         "limits": name_limits(evidence),
         "splits": _show_splits(evaluation.recordings, evaluation.recorded.array) if evaluation.recordings else [],
-        "plots": {name: plot.caption for name, plot in plots.items()},
+        "plots": {name: (text, render_svg(draw)) for name, (text, draw) in plot_responses(derivation).items()},
+        "campaign_plot": render_svg(partial(draw_campaign, campaign)),
         "reference_error": describe_reference_error(campaign),
         "percent": lambda value, digits=2: "\u2013" if math.isnan(value) else f"{100 * value:.{digits}g}",
-        # The figures' data stand in a script element of the page; a text "</" in the data would end this element.
-        "figures": json_text(drawn, indent=None).replace("</", "<\\/"),
     }
 
 
@@ -516,7 +514,7 @@ def write_report(evaluation: Evaluation, folder: Path) -> None:
         folder: An existing folder to write to.
 
     Raises:
-        MissingExtraError: If jinja2 or plotly is not installed.
+        MissingExtraError: If jinja2 or matplotlib is not installed.
         OSError: If the folder cannot be written.
     """
     require(*REPORT_MODULES)
@@ -535,7 +533,5 @@ def write_report(evaluation: Evaluation, folder: Path) -> None:
     (folder / "index.html").write_text(template.render(contents(evaluation, pictures)), encoding="utf-8")
     for name in _ASSETS:
         (folder / name).write_bytes(assets.joinpath(name).read_bytes())
-    plotly = resources.files("plotly").joinpath("package_data", "plotly.min.js")
-    (folder / "plotly.min.js").write_bytes(plotly.read_bytes())
     (folder / "report.json").write_text(json_text(evaluation.report), encoding="utf-8")
     evaluation.derivation.parameters.save(folder)

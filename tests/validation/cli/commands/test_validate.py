@@ -27,7 +27,7 @@ def test_demo_writes_report_scores_and_parameters(softcover, tmp_path):
     assert json.loads(out)["campaign"]["skill"]["zeros"]["mean"] > 0.4
     assert "softcover-report/index.html" in err
     names = {path.name for path in (tmp_path / "softcover-report").iterdir()}
-    assert names >= {"index.html", "report.json", "parameters.toml", "cover.npz", "plotly.min.js"}
+    assert names >= {"index.html", "report.json", "parameters.toml", "cover.npz"}
 
 
 BALL = "[[case]]\nname = 'ball'\nindenter = 'sphere:radius=5mm'\nload = '100 g'\n"
