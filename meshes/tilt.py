@@ -38,9 +38,9 @@ class TiltNumbers:
     shape_samples: int = 101
     #: Samples along each side of a rectangle that is searched for the lowest point [-].
     samples: int = 61
-    #: Rectangles that are searched, one in the other [-].
+    #: Number of successively smaller rectangles that are searched for the lowest point [-].
     searches: int = 8
-    #: Size of the next rectangle over the distance of the samples [-].
+    #: Half the size of the next smaller rectangle over the distance of the samples in the present one [-].
     zoom: float = 4.0
 
 

@@ -388,9 +388,9 @@ def _list_fitted(row: RowScores) -> str:
 
 
 def describe_comparison(campaign: CampaignResult) -> dict[str, Any]:
-    """Name the presses of the fit, the models that are as good as the fast model or better, and what is not built.
+    """Name the presses of the fit, the models at least as good as the fast model, and what is not implemented.
 
-    As good is a model that the cases do not tell from the fast model: the interval of the skill includes zero.
+    A model counts as equally good if the interval of the fast model's skill against it includes zero.
     """
     as_good: dict[str, list[str]] = {METRICS[metric].heading: [] for metric in SKILL_METRICS}
     for row in campaign.published:
@@ -488,7 +488,12 @@ def list_inputs(evidence: Evidence) -> list[str]:
 
 
 def name_limits(evidence: Evidence) -> dict[str, Any]:
-    """Say which stage of the model has the largest error, how much the electronics hide, and the inputs change [%]."""
+    """Return the errors of the fast model by cause.
+
+    Returns:
+        `stage`: name of the stage with the largest mean error; `error`: this error [%]; `hidden`: mean error by the
+        electronics [%]; `inputs`: mean misplaced force by uncertain inputs [%].
+    """
     if (stages := evidence.stages) is None:
         return {}
     model = {name: each.mean for name, each in stages.pooled.items() if name != "electronics" and each.cases}

@@ -120,7 +120,10 @@ def renamed(key: str) -> Any:  # noqa: ANN401 -- as `pydantic.Field`
 
 
 class Result:
-    """Base of results: equality by what is written, JSON and back.  Subclasses are decorated with `result_model`."""
+    """Base of results that can be written as JSON and read again; results with equal JSON are equal.
+
+    Subclasses are decorated with `result_model`.
+    """
 
     #: Properties that are written beside the fields, as pairs of key in JSON and name; they are not read.
     computed: ClassVar[tuple[tuple[str, str], ...]] = ()
