@@ -124,14 +124,14 @@ def _interval(value: Pooled, factor: float, digits: int = 3) -> str:
 
 
 def _draw_maps(derivation: Derivation) -> dict[str, Any]:
-    """Draw the responses to a load on one texel; those that are no difference have the scale of the uniform load."""
-    array, (uniform, _, difference) = derivation.sensor.array, derivation.maps[-3:]
-    force = Scale(peak=float(uniform.values.max()), unit="% of the load", factor=100)
-    apart = dataclasses.replace(force, peak=float(np.abs(difference.values).max()), difference=True)
-    images = [
-        (each.caption, tactile_image(array, each.values, apart if each.is_difference else force, name=each.caption))
-        for each in derivation.maps
-    ]
+    """Draw the responses to a load on one texel on one scale, and the difference of the last two."""
+    array, maps = derivation.sensor.array, derivation.maps
+    *_, uniform, kernel = maps.values()
+    force = Scale(peak=float(uniform.max()), unit="% of the load", factor=100)
+    apart = dataclasses.replace(force, peak=float(np.abs(kernel - uniform).max()), difference=True)
+    difference = f"{list(maps)[-1]} \u2212 reference"
+    images = [(caption, tactile_image(array, values, force, name=caption)) for caption, values in maps.items()]
+    images.append((difference, tactile_image(array, kernel - uniform, apart, name=difference)))
     return {"images": images, "bars": colour_bar(force) + colour_bar(apart)}
 
 
