@@ -63,7 +63,7 @@ class Bodies:
         self._sizes = sizes
 
     def follow_changes(self) -> None:
-        """Discard what is known of geoms if their shapes, or what they may touch, have changed since the last call.
+        """Discard stored shapes and pairs of geoms if the model's geoms or collision rules have changed.
 
         Raises:
             LifeCycleError: If the size of the array's own geoms has changed.

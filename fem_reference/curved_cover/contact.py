@@ -386,7 +386,7 @@ class StickingPress(MeshPress):
         return self.under_load(target, start=whole.travel - self.touch, least=self._state.travel - self.touch)
 
     def _solve(self, travel: float) -> ContactForces:
-        """Solve the contact in one step after the last state, and remember the state that it leads to."""
+        """Solve the contact at a travel [m] in one step after the last state, and store the new state."""
         gaps, normals, last = self._sampler.at(travel), self._compliance.top.normals, self._state
         record = self._record_touch(gaps, travel)
         mean = gaps.spread.T @ normals
@@ -409,7 +409,11 @@ class StickingPress(MeshPress):
         return replace(self._describe(equations, found, travel), shear=shear)
 
     def _record_touch(self, gaps: MeanGaps, travel: float) -> FloatArray:
-        """Return what each hat keeps from its touch, predicted for those that are not in contact, shape (m, 3) [m]."""
+        """Return `_State.record` of every hat at the end of a step, shape (m, 3) [m].
+
+        It is unchanged for hats that are in contact.  For the others it is predicted: the time of touch follows from
+        the gap and from the speed at which the gap closes.
+        """
         last, before, normals = self._state, self._state.before, self._compliance.top.normals
         step = travel - last.travel
         speed = np.zeros_like(last.moved)

@@ -51,7 +51,8 @@ class RingSettings:
     edge: float = 0.2
     #: Size ratio of neighbouring elements, minus one, times the number of elements through the cover [-].
     growth: float = 1.2
-    #: Rings of each of the two forces from which the edge of the contact is found [-].
+    #: Number of rings in each of two groups at the edge of the contact [-].  The position of the edge follows from the
+    #: ratio of the forces on the two groups.
     fit: int = 2
     #: Relative tolerance of the conditions of contact and slip [-].
     tolerance: float = 1e-9

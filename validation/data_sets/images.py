@@ -16,8 +16,8 @@ from validation.recordings.importing import open_recording
 from validation.recordings.recording import BoolArray, RecordedArray, Recording, RecordingError, find_pressed_array
 from validation.schema.data_set import FORCE
 
-#: Sum of counts over its final value [-]: the load counts as applied from the time after which the sum of counts stays
-#: above this share.
+#: Sum of counts over its final value above which the load counts as applied [-].  The load is applied at the time after
+#: which the sum stays above this share.
 _APPLIED_SHARE = 0.5
 #: Length of the part at the end of a recording whose median sum of counts is the final value [s].
 _FINAL_PERIOD = 2.0

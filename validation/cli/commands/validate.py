@@ -43,8 +43,9 @@ _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings unde
 _DEMO = "wts-0614-34"
 #: Built-in sensor with which the recordings under known weights were made.
 _RECORDED = "sdh2-distal"
-#: Names of the metrics in the printed table of scores; number of its rows [-].
+#: Names of the metrics in the printed table of scores.
 SHOWN = ("misplaced_force", "centre_of_pressure_m", "image_changed_percent")
+#: Largest number of rows of the printed table of scores [-].
 _ROWS = 10
 
 
