@@ -42,7 +42,7 @@ SKILL_METRICS = ("misplaced_force", "image_changed_percent", "image_changed_line
 
 @result_model
 class Reference(Result):
-    """Result of the finite elements in one case, as far as it is kept.
+    """Part of the finite-element result of one case that is kept for scores and reports.
 
     Attributes:
         texel_forces: Force on each of n texels, along its normal on a curved cover, shape (n,) [N].
