@@ -22,7 +22,7 @@ from meshes.array_types import FloatArray, IntArray
 
 
 class Bodies:
-    """The bodies of a model as an array sees them.
+    """The bodies of a model that can touch an array, with their shapes.
 
     Attributes:
         of_geom: Id of the body that each geom moves with; -1 for a geom whose shape is not a convex solid; the last
