@@ -220,7 +220,7 @@ def _refuse_crossings(groups: tuple[FloatArray, ...], words: tuple[str, str]) ->
 
     Args:
         groups: Triangles of each group, shape (n, 3, 3) [m].
-        words: What is wrong if the first two cross, and if the third crosses one of them or itself.
+        words: Error message if the first two groups cross, and if the third crosses one of them or itself.
 
     Raises:
         ValueError: With the number of pairs that cross and the place of one.

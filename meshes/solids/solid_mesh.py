@@ -76,7 +76,7 @@ class SolidMesh:
         base: Facets that are bonded to the rigid base, shape (b, 9) or (b, 3).
         top: Facets that an indenter can touch, shape (t, 9) or (t, 3).
         sides: All other facets of the surface, shape (s, 9) or (s, 3).
-        source: What the mesh was made from, for reports.
+        source: Origin of the mesh, in words.
         settings: Settings with which it was made.
     """
 

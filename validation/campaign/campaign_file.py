@@ -69,8 +69,8 @@ class Campaign:
     Attributes:
         name: Name of the campaign.
         source: The file, or `built-in`.
-        intended_use: What the fast model is to be used for.
-        criterion: What is required.
+        intended_use: Intended use of the fast model, in words.
+        criterion: Acceptance criterion.
         inputs: Uncertainty of the inputs.
         cases: The cases without faults.
         quick: Names of the cases of a quick run.

@@ -148,7 +148,7 @@ class SkippedCase(Result):
         name: Name of the case.
         indenter: The indenter as text.
         load: Applied force [N].
-        reason: Why a model cannot compute the indentation; for example, the indenter would pierce a soft cover.
+        reason: Reason why a model cannot compute the indentation; for example, the indenter would pierce a soft cover.
         converged: False if the finite-element solver did not converge.
     """
 
@@ -408,7 +408,7 @@ class Finding(Result):
 
     Attributes:
         metric: Name of the metric, a field of `Score`.
-        over: What the limit is on: `mean over the cases`, or the name of a case.
+        over: Object of the limit: `mean over the cases`, or the name of a case.
         value: The mean or the value, in SI units, as a fraction, or in percent where the name says so.
         low: Lower end of the 95 % interval of a mean, same unit; equal to `value` for a case.
         high: Upper end, same unit.

@@ -62,7 +62,7 @@ class InputUncertainty(Result):
         uncertainties: Standard uncertainty of each input by its name, with its unit in the name.
         image: Forces on the n texels with the nominal inputs, on the coarse grid, shape (n,) [N].
         effects: Change of the image by one standard uncertainty, by the name of the input, shape (n,) each [N].
-        note: What was not computed; empty if nothing.
+        note: Sentence about inputs that were not propagated; empty if all were.
     """
 
     load: float

@@ -132,7 +132,7 @@ def tactile_image(
         scale: Colour scale of the image.
         outline: Corners (x, y) of a closed line that is drawn over the image of a planar array, for example around the
             contact area, in the array's frame, shape (m, 2) [m]; None for no line.
-        name: What the image shows, for its label.
+        name: Title of the image, for its label.
     """
     frame = _Frame.of(array)
     rows, columns = np.divmod(np.arange(array.count), array.columns)
