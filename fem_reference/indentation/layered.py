@@ -31,6 +31,7 @@ from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, estimate_spread
 from fem_reference.indentation.problem import PressProblem
 from fem_reference.indentation.result import Indentation, warn_of_errors
+from fem_reference.materials import describe_instability, warn_of_instability
 from meshes import Cover, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Place
@@ -266,8 +267,6 @@ def _is_linear(path: LoadingPath) -> bool:
 
 def _explain(path: LoadingPath, error: Exception, reached: list[Indentation]) -> str:
     """Say in one line how far a path came, why it stopped, and what to do."""
-    from fem_reference.materials import describe_instability
-
     thickness = path.cover.thickness
     if reached:
         far = reached[-1]
@@ -381,8 +380,6 @@ def _warn(path: LoadingPath, balance: float, depth: float) -> list[str]:
         out.append(f"the forces on the base differ from the load by {balance:+.2%}")
     if path.cover.small_strain_only:
         return out
-    from fem_reference.materials import warn_of_instability
-
     remaining = 1 - depth / path.cover.thickness
     unstable = dict.fromkeys(warn_of_instability(layer.material, remaining) for layer in path.cover.layers)
     return [*out, *(sentence for sentence in unstable if sentence)]
