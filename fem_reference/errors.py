@@ -19,10 +19,10 @@ class PiercedError(ValueError):
 
 
 class UnsupportedError(ValueError):
-    """The solver of a kind of cover cannot do what is asked for.
+    """An argument of `press` is not supported for this kind of cover.
 
     Attributes:
-        argument: Name of the argument of `press` that asks for it.
+        argument: Name of the argument of `press`.
     """
 
     def __init__(self, message: str, argument: str) -> None:

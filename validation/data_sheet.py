@@ -146,7 +146,7 @@ def make_datasheet(parameters: Parameters, sensor: SensorDescription | None) -> 
 
 
 def _make_entry(name: str, text: str | None, definition: str, source: str, values: dict[str, Any]) -> Entry:
-    """Make a line of the sheet; a text of None says that nothing is stated."""
+    """Make a line of the data sheet; if `text` is None the line says `not stated`."""
     return Entry(name=name, text=text or NOT_STATED, values=values, definition=definition, source=source)
 
 

@@ -34,8 +34,9 @@ class NewtonSettings:
     least_back: float = 0.1
     #: Largest fraction of a Newton step that is reversed [-].
     most_back: float = 0.9
-    #: Smallest step along a loading path over the load or depth reached; with smaller steps the solver gives up.
-    #: Under a tip the first loads are far below the target [-].
+    #: Smallest step along a loading path, over the load or depth that has been reached [-].  If a smaller step would be
+    #: needed, the solver stops.  The step is not compared with the target, because under a sharp tip the first loads
+    #: are far below the target.
     smallest_step: float = 1 / 256
     #: Largest length of the last step to a target over the planned step, so that no tiny step remains [-].
     last_step: float = 1.3

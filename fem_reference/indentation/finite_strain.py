@@ -298,7 +298,7 @@ def state_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolution
 
 
 def _needs_no_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolution]]) -> bool:
-    """Return whether finite strain has no effect under a flat face that is pressed so little."""
+    """Return whether the last depth under a flat face is so small that the effect of finite strain is negligible."""
     if not path.indenter.is_flat or path.has_friction_effect or path.fields:
         return False
     return accurate[-1][-1].depth < _NEGLIGIBLE * _SMALLEST_RESOLVED_DEPTH * path.cover.thickness

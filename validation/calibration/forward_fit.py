@@ -94,7 +94,7 @@ NUMBERS = FitNumbers()
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What is fitted, and what is given.
+    """Options of a fit: which parameters are fitted, and values of the others.
 
     Attributes:
         gains: Whether a gain is fitted for each texel.

@@ -52,7 +52,9 @@ class ModelForces(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bench(ABC):
-    """What a campaign asks of a sensor with any cover.
+    """Interface between a campaign and a sensor: reference, models, verification and classes of cases.
+
+    There is one subclass for each kind of cover.
 
     Attributes:
         cover: The cover in the finite-element model.

@@ -202,7 +202,7 @@ def find_cover(sensor: SensorDescription | Parameters) -> Any:  # noqa: ANN401 -
 
 @contextlib.contextmanager
 def name_unsupported(sensor: SensorDescription | Parameters, friction: float | None) -> Iterator[None]:
-    """Begin what a solver says that it cannot do with the option, or the key of the sensor file, that asks for it."""
+    """Turn an `UnsupportedError` of a solver into an `InputError` that names the option or key of the sensor file."""
     try:
         yield
     except UnsupportedError as error:

@@ -352,7 +352,10 @@ def _find_file(data_set: str | Path | None, folder: Path | None) -> Path:
 
 
 def _may_be_data_set(path: Path) -> bool:
-    """Return whether a file in the folder of recordings has series, or cannot be read, which is then reported."""
+    """Return whether a file in the folder of recordings names series, or cannot be read.
+
+    A file that cannot be read is taken as a data set, so that the user sees the error when it is opened.
+    """
     if not path.is_file():
         return False
     try:

@@ -130,6 +130,7 @@ def foundation_stiffness(cover: Cover) -> float | None:
 
 #: All published models, by name.  Null models and the fast model are in `validation.campaign.results.MODELS`.
 PUBLISHED: dict[str, Model] = {}
+#: Function of a scene and of the parameters of a model by name that returns the forces.
 Predict = Callable[..., Forces]
 
 

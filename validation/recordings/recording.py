@@ -351,7 +351,7 @@ def open_recorded(path: Path) -> IO[bytes]:
 
 
 class Budget:
-    """Bounds in total what is read from one recording: records, unpacked bytes, and times that are possible."""
+    """Limits of what is read from one recording: total number of records, total unpacked bytes, and range of times."""
 
     def __init__(self, path: Path, size: int) -> None:
         """Begin with what a recording of a given size may hold [bytes]."""

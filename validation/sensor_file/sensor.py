@@ -84,7 +84,7 @@ class SensorDescription:
 
     @property
     def layered_cover(self) -> Cover:
-        """The cover, for what is computed for planar layers alone.
+        """The cover, for computations that support planar layers only.
 
         Raises:
             InputError: If the cover is a solid.

@@ -105,11 +105,11 @@ class _ShownValues:
     Attributes:
         cold: Temperature of the device at the start [degC].
         warm: Temperature of the device after a long time [degC].
-        warming_time: Time constant of the exponential rise between them [s].
+        warming_time: Time constant of the exponential rise from `cold` to `warm` [s].
         blob_peak: Largest count of the pattern `blob`, a moving Gaussian peak [-].
-        blob_spread: Twice the variance of this Gaussian [texels^2].
+        blob_spread: Twice the variance of the Gaussian of the pattern `blob` [texels^2].
         ramp_step: Difference of the counts of consecutive texels of the pattern `ramp` [-].
-        ramp_rate: Increase of these counts over time [counts/s].
+        ramp_rate: Increase of the counts of the pattern `ramp` over time [counts/s].
         corner_count: Count of the first texel of the pattern `corner`; all others are zero [-].
     """
 

@@ -5,11 +5,6 @@ import shutil
 
 import pytest
 
-from validation.campaign.case import Case
-from validation.campaign.evaluation import evaluate
-from validation.report import write_report
-from validation.sensor_file import load
-
 pytestmark = [
     pytest.mark.browser,
     pytest.mark.skipif(
@@ -17,17 +12,11 @@ pytestmark = [
     ),
 ]
 
-CASES = tuple(
-    Case.read(f"sphere {radius}", f"sphere:radius={radius}mm", "100 g", at="0.7mm,-1.1mm") for radius in (5, 3, 8)
-)
-
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory):
+def page(folder):
     from selenium import webdriver
 
-    folder = tmp_path_factory.mktemp("report")
-    write_report(evaluate(load("wts-0614-34"), cases=CASES), folder)
     options = webdriver.ChromeOptions()
     options.binary_location = shutil.which("chromium")
     for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1300,900"):
@@ -87,7 +76,6 @@ def column(driver, index):
 def test_tables_sort_both_ways(page, index):
     driver = fresh(page)
     before = column(driver, index)
-    assert before[:3] == column(driver, index)
     key = float if index else str
     header = driver.find_elements("css selector", "#case-table thead th")[index]
     driver.execute_script("arguments[0].click()", header)
