@@ -31,8 +31,8 @@ class Frame:
             the texel's tangents, see `fastmodel.signal.point_spread.find_tangents`), shape (n, 2); filtered, without
             spread; zero on masked texels.  None for a real sensor [N].
         tangential_source: Method by which the tangential forces were computed: "contacts of each texel" for the contact
-            methods `boxes` and `area`; "net shear, shared in proportion to pressure" for `cover` and `foundation`.  With
-            the latter only the sum of the tangential forces is meaningful, not their distribution.
+            methods `boxes` and `area`; "net shear, shared in proportion to pressure" for `cover` and `foundation`.  In
+            this case only the sum of the tangential forces is meaningful, not their distribution.
     """
 
     time: float
