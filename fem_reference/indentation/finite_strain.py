@@ -23,11 +23,11 @@ from functools import partial
 import numpy as np
 
 from fem_reference import result_store
+from fem_reference.errors import PathConvergenceError
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.block_path import Block, is_rectangular, lay_out_block, lay_out_cover, press_paired
 from fem_reference.finite_strain.contact_problem import OVERLAP
 from fem_reference.finite_strain.loading_path import LoadingPath, Progress, name_grid
-from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import (
     GridSolution,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
@@ -16,9 +17,11 @@ from scipy import ndimage
 from fem_reference.errors import ConvergenceError, TooShallowError
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
-from fem_reference.small_strain_contact.free_edges import SideEdges
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from fem_reference.small_strain_contact.free_edges import SideEdges
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -131,8 +131,8 @@ class Calibration(Result):
         gains: Gain of every texel of the array, of mean 1 over `texels`, shape (n,); 1 for other texels [-].
         gain_half_widths: Half width of the interval of each gain, shape (n,); NaN for texels without one [-].
         texels: Indices of the texels whose gains are determined.
-        poses: By placement and by the parts `x_m`, `y_m`, `yaw_rad`, `tilt_x_rad`, `tilt_y_rad`: value and half width,
-            which is 0 for parts that were given.
+        poses: Value and half width of the interval of each part of a pose, by the name of the placement and of the part
+            (`x_m`, `y_m`, `yaw_rad`, `tilt_x_rad`, `tilt_y_rad`); the half width is 0 for given parts.
         residual_rms_counts: Root mean square of predicted minus recorded counts [counts].
         polynomial: Coefficients c0..c5 of the polynomial characteristic [counts/N^k]; None with fewer than seven loads.
         hold_out: Score on recordings that were left out of a second fit; None with too few recordings.

@@ -57,8 +57,10 @@ class Reference(Result):
         energy: Elastic energy stored in the cover; None on curved covers [J].
         seconds: Elapsed time of the computation [s].
         grid_values: Quantities on the three grids, coarsest first, in SI units.
-        force, moment: Of the indenter on the cover, shape (3,) [N], [N m]; no moment with friction on flat covers.
-        base_force, base_moment: Of the cover on the base, shape (3,) [N], [N m]; the moment on curved covers.
+        force: Force of the indenter on the cover, shape (3,) [N].
+        moment: Moment of this force about the origin, shape (3,) [N m]; None with friction on flat covers.
+        base_force: Force of the cover on the base, shape (3,) [N].
+        base_moment: Moment of `base_force` about the origin, shape (3,) [N m]; None on flat covers.
         unmeasured: Part of the base force that no texel measures, shape (3,) [N].
         found: The whole result of the solver; None in a result that was read from a file.
     """
