@@ -79,7 +79,7 @@ def test_a_planted_import_is_seen():
         ("meshes", {"scipy", "mujoco", "skfem", "trimesh"}),
         ("fem_reference", {"mujoco", "fastmodel", "pyvista", "matplotlib"}),
         ("fem_reference.result_store", {"skfem", "scipy", "mujoco", "fastmodel"}),
-        ("validation.cli", {"mujoco", "skfem", "matplotlib", "plotly", "scipy", "pyvista"}),
+        ("validation.cli", {"mujoco", "skfem", "matplotlib", "scipy", "pyvista"}),
         ("validation.press_files", {"pyvista", "vtkmodules"}),
     ],
 )

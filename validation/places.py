@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from validation.schema.campaign import LoadsForTable
     from validation.sensor_file import SensorDescription
 
-#: Distance of the place `off grid` from the array's centre along x, and of the place `edge` from the middle texel along
-#: y, over the pitch [-]; 0.7 mm on a pitch of 3.4 mm.  A symmetric indenter there is not symmetric to the texels.
+#: First offset of an indenter from symmetry lines of the texels, over the pitch [-]; 0.7 mm on a pitch of 3.4 mm.  It
+#: is the offset of `off grid` along x and of `edge` along y.
 _OFF_GRID_X = 0.206
-#: Distance of the place `off grid` from the array's centre along y, and of the place `corner` from the centre of the
-#: corner texel along x and y, over the pitch [-]; 1.1 mm on a pitch of 3.4 mm.
+#: Second offset of an indenter from symmetry lines of the texels, over the pitch [-]; 1.1 mm on a pitch of 3.4 mm.  It
+#: is the offset of `off grid` along y and of `corner` along x and y.
 _OFF_GRID_Y = 0.324
 #: Directions of motion by name.
 DIRECTIONS = ("normal", "oblique x", "oblique y")

@@ -23,11 +23,11 @@ from functools import partial
 import numpy as np
 
 from fem_reference import result_store
+from fem_reference.errors import PathConvergenceError
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.block_path import Block, is_rectangular, lay_out_block, lay_out_cover, press_paired
 from fem_reference.finite_strain.contact_problem import OVERLAP
 from fem_reference.finite_strain.loading_path import LoadingPath, Progress, name_grid
-from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import (
     GridSolution,
@@ -298,7 +298,7 @@ def state_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolution
 
 
 def _needs_no_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolution]]) -> bool:
-    """Return whether finite strain has no effect under a flat face that is pressed so little."""
+    """Return whether the last depth under a flat face is so small that the effect of finite strain is negligible."""
     if not path.indenter.is_flat or path.has_friction_effect or path.fields:
         return False
     return accurate[-1][-1].depth < _NEGLIGIBLE * _SMALLEST_RESOLVED_DEPTH * path.cover.thickness
@@ -369,12 +369,12 @@ def _raise_targets(targets: Sequence[float], relative_depths: Sequence[float]) -
     return [target if target >= least else shared for target in targets]
 
 
-#: Number of elements through the cover on all axisymmetric grids; three neighbouring grids give a result, that of the
-#: finest, and its error [-].
+#: Number of elements through the cover on each axisymmetric grid, coarsest grid first [-].  Three neighbouring grids
+#: are solved.  The result is that of the finest of the three; its error is estimated from all three.
 GRIDS = (6, 9, 13, 19, 28)
 #: Number of elements through the cover under a ball on one coarse grid [-].
 _BALL_ELEMENTS = 4
-#: Largest radius of the region of small elements there, over the radius of the ball [-].
+#: Largest radius of the region of small elements under a ball, over the radius of the ball [-].
 _LARGEST_CONTACT = 0.8
 
 

@@ -174,7 +174,7 @@ def estimate_uncertainty(fit: ForwardFit, *, confidence: float = 0.95) -> Uncert
     prior = np.diag(fit.layout.prior)
     bread = np.asarray(np.linalg.pinv(fit.jacobian.T @ fit.jacobian + prior, hermitian=True), dtype=np.float64)
     errors = _measure_errors(fit, bread)
-    parts = [variance * bread @ meat @ bread for meat, variance, _ in errors]
+    parts = [bread @ meat @ bread * variance for meat, variance, _ in errors]
     variances = [np.diag(each) for each in parts]
     total = np.maximum(sum(variances), 1e-300)
     of_parts = sum(each**2 / freedom for each, (*_, freedom) in zip(variances, errors, strict=True))

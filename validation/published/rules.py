@@ -41,10 +41,11 @@ class Parameter:
     """A parameter of a model.
 
     Attributes:
-        shipped: Its published value; None if it is unknown, or for a stiffness that is fitted, that of the cover.
-        unit: Its unit; empty for none.
-        start: First value for a fit, if it is not the published one.
-        fitted: Whether it is fitted; it must be positive then.
+        shipped: Published value of the parameter.  None if it is unknown, or if it is a fitted stiffness whose
+            published value is that of the cover.
+        unit: Unit of the parameter; empty for none.
+        start: First value for a fit; None starts from the published value.
+        fitted: Whether the parameter is fitted; a fitted parameter must be positive.
     """
 
     shipped: float | None = None
@@ -68,12 +69,12 @@ class Model:
     Attributes:
         name: Short name, unique in the table.
         title: Name of the tool or first author, with the year.
-        contact: What the model takes the texel forces from: `POINTS`, `PENETRATION` or `MAP`.
+        contact: Input from which the model computes texel forces: `POINTS`, `PENETRATION` or `MAP`.
         rule: The model in a few words.
-        certainty: How sure the implementation is.
+        certainty: Source of the implementation, such as `CODE`.
         predict: Function of a scene and of the parameters by name, which returns the forces.
         parameters: The parameters by name.
-        total: What the sum of the forces is, if it is not the load by the model itself.
+        total: Sum of the forces in words, if the model itself does not make it the load.
         in_time: Published filters, dampers and noise, which have no effect on a held load and are not built.
     """
 
@@ -129,6 +130,7 @@ def foundation_stiffness(cover: Cover) -> float | None:
 
 #: All published models, by name.  Null models and the fast model are in `validation.campaign.results.MODELS`.
 PUBLISHED: dict[str, Model] = {}
+#: Function of a scene and of the parameters of a model by name that returns the forces.
 Predict = Callable[..., Forces]
 
 

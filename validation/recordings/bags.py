@@ -314,7 +314,7 @@ def _limit_memory(path: Path, size: int) -> Iterator[None]:
 
     Args:
         path: The bag, for the error message.
-        size: Its size [bytes].
+        size: Size of the bag [bytes].
 
     Raises:
         RecordingError: If the bag unpacks to more.

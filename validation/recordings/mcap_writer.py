@@ -174,11 +174,11 @@ def encode_labels(
     """Return labels as the text of a JSON object.
 
     Args:
-        setup: How the recording is made.
+        setup: Indenter, load and notes of the recording.
         arrays: The texel arrays; their frames are left out.
         serial: Serial number of the sensor.
         start: Time at the start of the recording, UTC since 1970 [ns].
-        monotonic: The same time on the monotonic clock of the host [ns].
+        monotonic: Time at the start of the recording, on the monotonic clock of the host [ns].
     """
     described = [
         {
@@ -278,8 +278,8 @@ def encode(kind: str, /, **fields: object) -> bytes:
     """Encode a message in CDR.
 
     Args:
-        kind: Its ROS 2 type.
-        fields: Values of its fields; a mapping stands for a message within the message.
+        kind: ROS 2 type of the message.
+        fields: Values of the fields of the message; a mapping stands for a message within the message.
     """
     return bytes(load_types().serialize_cdr(_make_message(kind, fields), kind))
 
@@ -325,7 +325,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
     Args:
         path: The file to write; it must not exist.
         arrays: The arrays whose frames will be added; frames that `arrays` already hold are not written.
-        setup: How the recording is made.
+        setup: Indenter, load and notes of the recording.
         serial: Serial number of the sensor.
         start: Time at the start of the recording, UTC since 1970; the present time if not given [ns].
 

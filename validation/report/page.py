@@ -10,6 +10,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,7 @@ from validation.json_values import json_text
 from validation.metrics import METRICS, TABULATED
 from validation.render.image import Scale, colour_bar, tactile_image
 from validation.render.table import Cell, Table, interval, number, tabulate, tabulate_facts
-from validation.report.figures import Pictures, campaign_figure, draw_cases, find_outline, plot_responses
+from validation.report.figures import Pictures, draw_campaign, draw_cases, find_outline, plot_responses, render_svg
 from validation.results import Column, columns
 
 #: Name of the division of the recordings into fitted and scored weights whose score is shown at the top of the page:
@@ -61,8 +62,6 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         pictures: Pictures of the cases in three dimensions.
     """
     campaign, derivation, evidence = evaluation.campaign, evaluation.derivation, evaluation.evidence
-    plots = plot_responses(derivation)
-    drawn = {"campaign-plot": campaign_figure(campaign)} | {name: plot.to_plotly() for name, plot in plots.items()}
     return {
         "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "sensor": evaluation.sensor,
@@ -86,11 +85,10 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         "input_list": list_inputs(evidence),
         "limits": name_limits(evidence),
         "splits": _show_splits(evaluation.recordings, evaluation.recorded.array) if evaluation.recordings else [],
-        "plots": {name: plot.caption for name, plot in plots.items()},
+        "plots": {name: (text, render_svg(draw)) for name, (text, draw) in plot_responses(derivation).items()},
+        "campaign_plot": render_svg(partial(draw_campaign, campaign)),
         "reference_error": describe_reference_error(campaign),
         "percent": lambda value, digits=2: "\u2013" if math.isnan(value) else f"{100 * value:.{digits}g}",
-        # The figures' data stand in a script element of the page; a text "</" in the data would end this element.
-        "figures": json_text(drawn, indent=None).replace("</", "<\\/"),
     }
 
 
@@ -126,14 +124,14 @@ def _interval(value: Pooled, factor: float, digits: int = 3) -> str:
 
 
 def _draw_maps(derivation: Derivation) -> dict[str, Any]:
-    """Draw the responses to a load on one texel; those that are no difference have the scale of the uniform load."""
-    array, (uniform, _, difference) = derivation.sensor.array, derivation.maps[-3:]
-    force = Scale(peak=float(uniform.values.max()), unit="% of the load", factor=100)
-    apart = dataclasses.replace(force, peak=float(np.abs(difference.values).max()), difference=True)
-    images = [
-        (each.caption, tactile_image(array, each.values, apart if each.is_difference else force, name=each.caption))
-        for each in derivation.maps
-    ]
+    """Draw the responses to a load on one texel on one scale, and the difference of the last two."""
+    array, maps = derivation.sensor.array, derivation.maps
+    *_, uniform, kernel = maps.values()
+    force = Scale(peak=float(uniform.max()), unit="% of the load", factor=100)
+    apart = dataclasses.replace(force, peak=float(np.abs(kernel - uniform).max()), difference=True)
+    difference = f"{list(maps)[-1]} \u2212 reference"
+    images = [(caption, tactile_image(array, values, force, name=caption)) for caption, values in maps.items()]
+    images.append((difference, tactile_image(array, kernel - uniform, apart, name=difference)))
     return {"images": images, "bars": colour_bar(force) + colour_bar(apart)}
 
 
@@ -199,8 +197,9 @@ def _draw_example(example: RecordingExample, array: TexelArray, names: tuple[str
     return {"images": images, "bars": colour_bar(grey) + colour_bar(apart)}
 
 
-#: Words for the status of a requirement, and for the kinds of rows that are no model of the sensor.
+#: Words for the status of a requirement.
 _STATUS = {"met": "met", "missed": "missed", "open": "not decided"}
+#: Words for the kinds of rows that are not models of the sensor.
 _KINDS = {"null": "null", "floor": "repeatability"}
 #: How each range of the validated domain is printed.
 _RANGES = {
@@ -390,9 +389,9 @@ def _list_fitted(row: RowScores) -> str:
 
 
 def describe_comparison(campaign: CampaignResult) -> dict[str, Any]:
-    """Name the presses of the fit, the models that are as good as the fast model or better, and what is not built.
+    """Name the presses of the fit, the models at least as good as the fast model, and what is not implemented.
 
-    As good is a model that the cases do not tell from the fast model: the interval of the skill includes zero.
+    A model counts as equally good if the interval of the fast model's skill against it includes zero.
     """
     as_good: dict[str, list[str]] = {METRICS[metric].heading: [] for metric in SKILL_METRICS}
     for row in campaign.published:
@@ -490,7 +489,12 @@ def list_inputs(evidence: Evidence) -> list[str]:
 
 
 def name_limits(evidence: Evidence) -> dict[str, Any]:
-    """Say which stage of the model has the largest error, how much the electronics hide, and the inputs change [%]."""
+    """Return the errors of the fast model by cause.
+
+    Returns:
+        `stage`: name of the stage with the largest mean error; `error`: this error [%]; `hidden`: mean error by the
+        electronics [%]; `inputs`: mean misplaced force by uncertain inputs [%].
+    """
     if (stages := evidence.stages) is None:
         return {}
     model = {name: each.mean for name, each in stages.pooled.items() if name != "electronics" and each.cases}
@@ -516,7 +520,7 @@ def write_report(evaluation: Evaluation, folder: Path) -> None:
         folder: An existing folder to write to.
 
     Raises:
-        MissingExtraError: If jinja2 or plotly is not installed.
+        MissingExtraError: If jinja2 or matplotlib is not installed.
         OSError: If the folder cannot be written.
     """
     require(*REPORT_MODULES)
@@ -535,7 +539,5 @@ def write_report(evaluation: Evaluation, folder: Path) -> None:
     (folder / "index.html").write_text(template.render(contents(evaluation, pictures)), encoding="utf-8")
     for name in _ASSETS:
         (folder / name).write_bytes(assets.joinpath(name).read_bytes())
-    plotly = resources.files("plotly").joinpath("package_data", "plotly.min.js")
-    (folder / "plotly.min.js").write_bytes(plotly.read_bytes())
     (folder / "report.json").write_text(json_text(evaluation.report), encoding="utf-8")
     evaluation.derivation.parameters.save(folder)

@@ -128,7 +128,13 @@ class Command(IntEnum):
     answer: str | None
 
     def __new__(cls, identifier: int, request: str | None = "", answer: str | None = "") -> Self:
-        """Make a command that is its identifier and knows its layouts."""
+        """Make a command whose value is its identifier.
+
+        Args:
+            identifier: Identifier of the command in messages.
+            request: Layout of the payload of the request.
+            answer: Layout of the payload of the answer after its status.
+        """
         made = int.__new__(cls, identifier)
         made._value_ = identifier
         made.request, made.answer = request, answer

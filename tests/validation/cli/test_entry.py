@@ -48,7 +48,7 @@ def test_help_pages_import_no_heavy_package():
         f"for words in {[[], *PAGES]!r}:\n"
         "    with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):\n"
         "        main([*words, '--help'])\n"
-        "heavy = {'numpy', 'scipy', 'mujoco', 'skfem', 'pint', 'pydantic', 'plotly', 'matplotlib'}\n"
+        "heavy = {'numpy', 'scipy', 'mujoco', 'skfem', 'pint', 'pydantic', 'matplotlib'}\n"
         "print(*heavy & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)  # noqa: S603 -- ours
