@@ -34,6 +34,21 @@ class ConvergenceError(RuntimeError):
     """An iterative solver stopped before it reached its tolerance."""
 
 
+class PathConvergenceError(ConvergenceError):
+    """The solution of a loading path stopped before its target, although steps were halved repeatedly.
+
+    Attributes:
+        cause: Reason why the last step did not converge, in words.
+        load: Load of the last equilibrium, in the units of `walk_to`; 0 if no step converged.  Solvers of indentations
+            convert it to newtons.
+        depth: Depth of the last equilibrium, in metres likewise; 0 if no step converged.
+    """
+
+    def __init__(self, message: str, *, cause: str, load: float = 0.0, depth: float = 0.0) -> None:
+        super().__init__(message)
+        self.cause, self.load, self.depth = cause, load, depth
+
+
 class TooShallowError(ConvergenceError):
     """Nothing touches on the grid of the contact, because the load or depth is too small for it."""
 

@@ -361,7 +361,7 @@ class _State:
 
 
 class StickingPress(MeshPress):
-    """Contact without slip; the compliance is that to vectors.  See `MeshPress`."""
+    """Contact without slip; the compliance has three directions at each node.  See `MeshPress`."""
 
     def to(self, target: float, control: Control, steps: int = STEPS) -> ContactForces:
         """Follow the indenter to a load [N] or a depth [m] in a number of steps; see `MeshPress.to`."""
@@ -435,7 +435,10 @@ def _normalise(vectors: FloatArray) -> FloatArray:
 
 
 def _load_vectors(spread: sp.csc_matrix, normals: FloatArray, tangents: FloatArray) -> sp.csc_matrix:
-    """Return the force along x, y and z on each node per unit force of each hat against and across the normal.
+    """Return the forces on the nodes per unit force of each hat, shape (3 m, 3 m) [-].
+
+    Row 3 i + c is the component c (x, y or z) of the force on node i.  Column 3 j + d is the direction d of the force
+    of hat j: against the normal, then along the two tangents.
 
     Args:
         spread: Force on each node (row) per unit force of each hat (column), shape (m, m) [-].
@@ -452,11 +455,13 @@ def _load_vectors(spread: sp.csc_matrix, normals: FloatArray, tangents: FloatArr
 
 
 def measure_half_width(nodes: FloatArray, area: FloatArray, spacing: float) -> float:
-    """Measure half the smaller width of a contact: twice the root of its smaller second moment, a disk's radius [m].
+    """Measure half the smaller width of a contact: twice the root of its smaller second moment of area [m].
+
+    For a disk this is the radius.
 
     Args:
-        nodes: Places of the k hats in contact, shape (k, 3) [m].
-        area: Area of each, shape (k,) [m2].
+        nodes: Positions of the k hats in contact, shape (k, 3) [m].
+        area: Areas of the hats, shape (k,) [m2].
         spacing: Mean width of a hat [m].
     """
     if not area.sum() > 0:

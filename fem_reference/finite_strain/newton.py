@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from fem_reference.elements.taylor_hood import MixedElements
-from fem_reference.errors import ConvergenceError
+from fem_reference.errors import ConvergenceError, PathConvergenceError
 from fem_reference.finite_strain.hyperelastic import InvertedElementError
 from fem_reference.finite_strain.loading_path import Control
 from meshes.array_types import FloatArray, IntArray
@@ -79,21 +79,6 @@ class Equilibrium:
 
 #: Type of equilibrium that a problem returns.
 Reached = TypeVar("Reached", bound=Equilibrium)
-
-
-class PathConvergenceError(ConvergenceError):
-    """The solution of a loading path stopped before its target, although steps were halved repeatedly.
-
-    Attributes:
-        cause: Why the last step did not converge.
-        load: Load of the last equilibrium, in the units of `walk_to`; 0 if no step converged.  Solvers of indentations
-            convert it to newtons.
-        depth: Depth of the last equilibrium, in metres likewise; 0 if no step converged.
-    """
-
-    def __init__(self, message: str, *, cause: str, load: float = 0.0, depth: float = 0.0) -> None:
-        super().__init__(message)
-        self.cause, self.load, self.depth = cause, load, depth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -62,7 +62,7 @@ class InputUncertainty(Result):
         uncertainties: Standard uncertainty of each input by its name, with its unit in the name.
         image: Forces on the n texels with the nominal inputs, on the coarse grid, shape (n,) [N].
         effects: Change of the image by one standard uncertainty, by the name of the input, shape (n,) each [N].
-        note: What was not computed; empty if nothing.
+        note: Sentence about inputs that were not propagated; empty if all were.
     """
 
     load: float
@@ -140,7 +140,7 @@ def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs
     return InputUncertainty(load=case.load, uncertainties=listed, image=data["image"], effects=effects, note=note)
 
 
-#: A change of the inputs: cover, position of the axis and yaw become others.
+#: Function of a cover, a case and the change of one input that returns the changed cover and case.
 Change = Callable[[Cover, Case, float], tuple[Cover, Case]]
 
 

@@ -52,10 +52,10 @@ class Derivation(Protocol):
 
     @property
     def result(self) -> Responses:
-        """What is written of the derivation."""
+        """The results that are written to files."""
 
     def explain(self) -> Iterator[str]:
-        """Yield sentences about what the numbers mean."""
+        """Yield sentences that explain the results to the user."""
 
 
 def describe_provenance(sensor: SensorDescription) -> dict[str, Any]:

@@ -94,7 +94,7 @@ class LayeredDerivation:
 
     @cached_property
     def outside(self) -> tuple[float, float]:
-        """Forces that no texel measures under these two loads [-].
+        """Forces that no texel measures under a unit point load and a unit uniform load over the middle texel [-].
 
         For a wide cover they are integrated over the radius, independently of the texel forces: that the two add up to
         the load is a check.
@@ -164,7 +164,7 @@ class LayeredDerivation:
 
     @cached_property
     def result(self) -> Responses:
-        """What is written of the derivation."""
+        """The results that are written to files."""
         sensor, fit, spread = self.sensor, self.fit, self.point_spread
         estimates = {name: pair for name, pair in fit.estimates.items() if np.isfinite(pair).all()}
         return Responses(

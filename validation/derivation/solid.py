@@ -143,7 +143,7 @@ class SolidDerivation:
 
     @property
     def result(self) -> Responses:
-        """What is written of the derivation."""
+        """The results that are written to files."""
         sensor, array = self.sensor, self.sensor.array
         return Responses(
             sensor=sensor.name,

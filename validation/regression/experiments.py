@@ -408,7 +408,7 @@ _STEP = 0.15
 _PERIODS = 5.0
 #: Cut-off frequency of the filters that are measured besides the sensor's own one [Hz].
 _CUTOFF = 20.0
-#: Orders of these filters [-].
+#: Orders of the filters with the cut-off frequency `_CUTOFF` [-].
 _ORDERS = (1, 2, 3, 4)
 #: Number of frames under the ramp [-].
 _FRAMES = 8

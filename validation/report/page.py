@@ -197,8 +197,9 @@ def _draw_example(example: RecordingExample, array: TexelArray, names: tuple[str
     return {"images": images, "bars": colour_bar(grey) + colour_bar(apart)}
 
 
-#: Words for the status of a requirement, and for the kinds of rows that are no model of the sensor.
+#: Words for the status of a requirement.
 _STATUS = {"met": "met", "missed": "missed", "open": "not decided"}
+#: Words for the kinds of rows that are not models of the sensor.
 _KINDS = {"null": "null", "floor": "repeatability"}
 #: How each range of the validated domain is printed.
 _RANGES = {

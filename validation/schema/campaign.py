@@ -98,13 +98,13 @@ class InputsTable(Table):
     """Standard uncertainties of the inputs of a comparison.
 
     Attributes:
-        modulus: Of every modulus, where the material states no spread.
-        poisson_ratio: Of every Poisson ratio, where the material states no spread.
-        thickness: Of every layer.
-        position: Of the indenter's axis, along x and along y.
-        yaw: Of the rotation of the indenter about its axis.
+        modulus: Relative uncertainty of Young's modulus, for materials that state no spread.
+        poisson_ratio: Uncertainty of Poisson's ratio, for materials that state no spread.
+        thickness: Relative uncertainty of the thickness of each layer.
+        position: Uncertainty of the position of the indenter's axis, along x and along y.
+        yaw: Uncertainty of the rotation of the indenter about its axis.
         friction: Upper bound of the friction coefficient, or "no-slip"; the lower bound is zero.
-        data: Of measured forces; 0 if the reference is the data.
+        data: Relative uncertainty of measured forces; 0 if finite elements stand for a measurement.
     """
 
     modulus: Annotated[float, percentage(1)] | None = None

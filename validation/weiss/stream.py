@@ -251,7 +251,7 @@ class Residual:
         largest: Largest of these times [s].
         tick: Length of a tick of the device by the clock of the host [s].
         unfitted: Number of frames whose device clock did not fit, stamped by their arrival [-].
-        restarts: How often the fit started again because the device's clock was set anew [-].
+        restarts: Number of times that the fit started again because the device's clock was set anew [-].
     """
 
     median: float

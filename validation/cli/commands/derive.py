@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Literal
 
 from validation.cli.entry import DONE, OUTSIDE_FAILED
-from validation.cli.meaning import explain_error
 from validation.cli.options import UNCHANGED, CoverChanges, Json, SensorFile, read_description
 from validation.cli.output import (
     Progress,
     describe_cover,
+    explain_error,
     make_console,
     print_json,
     print_meaning,
