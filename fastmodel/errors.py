@@ -37,7 +37,7 @@ def name_unknown(kind: str, name: str, valid: Iterable[str], note: str = "") -> 
         kind: Kind of the named object, for example "body".
         name: The name that was given.
         valid: The names that exist.
-        note: What follows the valid names in the message.
+        note: Text that follows the valid names in the message.
     """
     return FastModelError(f"no {kind} named {name!r}; valid names: {', '.join(sorted(valid)) or '(none)'}{note}")
 
@@ -65,7 +65,7 @@ def check_count(name: str, number: float, least: int, unit: str = "") -> int:
         name: Name of the argument.
         number: Value of the argument.
         least: Smallest accepted number.
-        unit: What it counts, for the message, for example " of physics steps".
+        unit: Unit of the number, for the message, for example " of physics steps".
 
     Raises:
         FastModelError: If the value is no number, not whole or smaller.
@@ -80,8 +80,8 @@ def warn_user(message: str, category: type[Warning]) -> None:
     """Give a warning that names the line of the caller outside this package, however deep inside it the cause lies.
 
     Args:
-        message: The warning.
-        category: Its class.
+        message: Text of the warning.
+        category: Class of the warning.
     """
     level, frame = 1, sys._getframe(1)  # noqa: SLF001 -- the documented way to the calling line
     while frame.f_back is not None and Path(frame.f_code.co_filename).is_relative_to(_PACKAGE):

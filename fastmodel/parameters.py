@@ -39,8 +39,10 @@ _LOG = logging.getLogger(__name__)
 FORMAT = 1
 #: Folder that holds one parameters folder for each sensor that comes with the package.
 SENSORS = Path(__file__).parent / "sensors"
-#: Names of the two files in a parameters folder.
-TOML_NAME, NPZ_NAME = "parameters.toml", "cover.npz"
+#: Name of the file with parameters as text in a parameters folder.
+TOML_NAME = "parameters.toml"
+#: Name of the file with large tables in a parameters folder.
+NPZ_NAME = "cover.npz"
 #: Largest accepted size of the TOML file; texels anywhere in space take most of it, ten thousand about 1.5 MiB [bytes].
 _MOST_TOML_BYTES = 3 * 2**20
 #: Largest accepted size of all tables of the npz file together, besides the operator of n x n numbers [bytes].

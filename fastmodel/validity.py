@@ -26,10 +26,11 @@ class Validity:
     Attributes:
         ball_radius: Radius of the ball, one pitch [m].
         load_2_percent: Load up to which at most 2 % of the force is on wrong texels [N].
-        load_5_percent: The same for 5 % [N].
+        load_5_percent: Load up to which at most 5 % of the force is on wrong texels [N].
         depth_2_percent: Depth of the ball in the fast model at `load_2_percent` [m].
         depth_5_percent: Depth of the ball in the fast model at `load_5_percent` [m].
-        largest_load: Largest load of the comparison.  A load above that equals it was not exceeded [N].
+        largest_load: Largest load of the comparison [N].  If `load_2_percent` or `load_5_percent` equals it, the true
+            limit is larger.
         strain: Strain of the finite elements: `finite` or `small`.
     """
 

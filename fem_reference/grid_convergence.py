@@ -8,9 +8,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
-#: Safety factors on the estimated error, for results that converge monotonically with an order in the accepted range,
-#: and for all others; values of Roache (1994) [-].
-_SAFETY, _UNSURE = 1.25, 3.0
+#: Safety factor on the estimated error of results that converge monotonically with an order in the accepted range;
+#: value of Roache (1994) [-].
+_SAFETY = 1.25
+#: Safety factor on the estimated error of all other results; value of Roache (1994) [-].
+_UNSURE = 3.0
 #: Relative deviation that rounding may cause in the ratio of the differences between successive grids [-].
 _ROUNDING = 1e-9
 

@@ -7,7 +7,7 @@ against its sha256 when it is read, and computed again if the check fails.  If t
 both write the entry and the second file replaces the first.  If the folder cannot be written, results are computed each
 time and a warning is logged.
 
-`fetch` keeps arrays by name, `recall` any tree of dataclasses of this project, lists, arrays and plain values.
+A result is any tree of dataclasses of this project, mappings, lists, arrays and plain values.
 """
 
 from __future__ import annotations
@@ -56,8 +56,9 @@ _SETTINGS = StoreSettings()
 
 _LOG = logging.getLogger(__name__)
 
-#: Pattern of the header, which is the first line of an entry's file, and the length of the header [bytes].
+#: Pattern of the header, which is the first line of an entry's file.
 _HEADER = re.compile(rb"softcover-entry 1 sha256=([0-9a-f]{64}) bytes=(\d{16})\n")
+#: Length of the header [bytes].
 _HEADER_LENGTH = len(f"softcover-entry 1 sha256={'0' * 64} bytes={0:016d}\n")
 #: Ending of the file name of an entry.
 _SUFFIX = ".entry"
@@ -66,7 +67,7 @@ _LIBRARIES = ("numpy", "scipy", "scikit-fem")
 
 #: The arrays of a result by name.
 Arrays = dict[str, npt.NDArray[Any]]
-#: Type of a result that `recall` keeps.
+#: Type of a result.
 Stored = TypeVar("Stored")
 
 
@@ -121,19 +122,16 @@ def folder() -> Path:
     return base / "softcover"
 
 
-def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Mapping[str, Any]]) -> Arrays:
+def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Stored]) -> Stored:
     """Return a result from the store; if it is not stored, compute and store it.
 
     Args:
         kind: Kind of the result, a name that is part of the key.
         inputs: Everything that the result depends on besides the code: dataclasses, arrays, numbers, strings.
-        compute: Function that computes the result and returns its arrays and numbers by name.
-
-    Returns:
-        The arrays of the result by name; numbers become arrays of shape ().
+        compute: Function that computes the result, a tree that `pack` accepts.
 
     Raises:
-        TypeError: If an input cannot be part of a key.
+        TypeError: If an input cannot be part of a key, or the result cannot be stored.
         NotStoredError: If the result is not stored, within `stored_only`.
     """
     _sweep_at_start(folder())
@@ -141,25 +139,21 @@ def fetch(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Mapping[st
     key = make_key(kind, described)
     found = read(key)
     if found is not None:
-        return _StoredArrays(found, lambda: _compute(key, kind, described, compute))
+        try:
+            return unpack(found)  # type: ignore[no-any-return]
+        except (LookupError, TypeError, ValueError, AttributeError, ImportError) as error:
+            _LOG.warning("store entry %s has bad content (%r); it is computed again", _path(key), error)
     if _STORED_ONLY.get():
         raise NotStoredError(kind)
-    return _compute(key, kind, described, compute)
-
-
-def recall(kind: str, inputs: Mapping[str, Any], compute: Callable[[], Stored]) -> Stored:
-    """Return a result of any type that `pack` accepts from the store; if it is not stored, compute and store it.
-
-    Args:
-        kind: Kind of the result, a name that is part of the key.
-        inputs: Everything that the result depends on besides the code, as for `fetch`.
-        compute: Function that computes the result.
-
-    Raises:
-        TypeError: If an input cannot be part of a key, or the result cannot be stored.
-        NotStoredError: If the result is not stored, within `stored_only`.
-    """
-    return unpack(fetch(kind, inputs, lambda: pack(compute())))  # type: ignore[no-any-return]
+    arrays = pack(compute())
+    try:
+        if hash_sources() == code_version():
+            write(key, arrays, {"kind": kind, "code": code_version(), "inputs": described})
+        else:
+            _warn_once(folder(), "the sources changed after this process loaded them")
+    except OSError as error:
+        _warn_once(folder(), error.strerror or str(error))
+    return unpack(arrays)  # type: ignore[no-any-return]
 
 
 @contextmanager
@@ -173,32 +167,6 @@ def stored_only() -> Iterator[None]:
         yield
     finally:
         _STORED_ONLY.reset(token)
-
-
-class _StoredArrays(Arrays):
-    """The arrays of an entry; they are computed again if an array is asked for that the entry lacks."""
-
-    def __init__(self, arrays: Arrays, compute: Callable[[], Arrays]) -> None:
-        super().__init__(arrays)
-        self._compute = compute
-
-    def __missing__(self, name: str) -> npt.NDArray[Any]:
-        _LOG.warning("a store entry has no array %r; it is computed again", name)
-        self.update(self._compute())
-        return dict(self)[name]
-
-
-def _compute(key: str, kind: str, described: Any, compute: Callable[[], Mapping[str, Any]]) -> Arrays:  # noqa: ANN401
-    """Compute a result and store it, if the store can be written."""
-    result = {name: np.asarray(value) for name, value in compute().items()}
-    if hash_sources() != code_version():
-        _warn_once(folder(), "the sources changed after this process loaded them")
-        return result
-    try:
-        write(key, result, {"kind": kind, "code": code_version(), "inputs": described})
-    except OSError as error:
-        _warn_once(folder(), error.strerror or str(error))
-    return result
 
 
 def make_key(kind: str, described: Any) -> str:  # noqa: ANN401 -- JSON

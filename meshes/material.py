@@ -17,8 +17,8 @@ class Parameter:
 
     Attributes:
         unit: `Pa` or `-`.
-        meaning: What it is, for the documentation of sensor files.
-        positive: Whether it must be positive.
+        meaning: Name of the physical quantity, for the documentation of sensor files.
+        positive: Whether the parameter must be positive.
     """
 
     unit: str = "Pa"
@@ -31,7 +31,7 @@ class Model:
     """A material model; its strain energy is registered in `fem_reference.materials.ENERGIES`.
 
     Attributes:
-        parameters: Its parameters by name.
+        parameters: Parameters of the model by name.
         shear_modulus: Function that returns the shear modulus at small strain of a material of this model [Pa].
         has_terms: Whether the strain energy is a sum of any number of terms; each parameter then has one number per
             term.
@@ -97,7 +97,8 @@ class Material:
         source: Origin of the parameters, for reports.
         spread: Distance from Young's modulus down to the lower end of its range in the literature, over the modulus:
             0.5 for -50 % [-].
-        spread_above: The same up to the upper end; equal to `spread`, +-50 %, if None [-].
+        spread_above: Distance from Young's modulus up to the upper end of its range in the literature, over the
+            modulus; None stands for the value of `spread` [-].
         poisson_spread: Half-width of the range of the Poisson ratio in the literature [-].
     """
 

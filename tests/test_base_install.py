@@ -46,10 +46,11 @@ def run(installed, tmp_path):
     return call
 
 
-def test_the_environment_holds_no_extra(run):
-    code = "import importlib.util as u; print([n for n in ('skfem', 'matplotlib', 'mcap', 'pytest') if u.find_spec(n)])"
-    assert run("python", "-c", code).stdout.strip() == "[]"
-    assert str(ROOT) not in run("python", "-c", "import validation; print(validation.__file__)").stdout
+def test_the_environment_holds_no_extra_and_nothing_of_the_source_tree(run):
+    code = "import importlib.util as u, validation; print([n for n in ('skfem', 'mcap') if u.find_spec(n)], validation)"
+    found = run("python", "-c", code).stdout
+    assert found.startswith("[] ")
+    assert str(ROOT) not in found
 
 
 def test_the_description_on_a_package_index_has_no_broken_pictures_or_links(run):
@@ -68,50 +69,18 @@ def test_the_example_of_the_readme_runs_without_a_warning(run):
     assert max(int(word) for word in re.findall(r"\d+", done.stdout)) > 100
 
 
-@pytest.mark.parametrize("form", ["mjcf", "gazebo", "sdf", "urdf"])
-def test_export(run, tmp_path, form):
-    result = json.loads(run("softcover", "export", "wts-0614-34", "--format", form, "--out", "out", "--json").stdout)
+def test_commands_of_the_base(run, tmp_path):
+    """Export, terminal view, press by the fast model, store, materials, template and doctor."""
+    result = json.loads(run("softcover", "export", "wts-0614-34", "--format", "urdf", "--out", "out", "--json").stdout)
     assert {path.name for path in (tmp_path / "out").iterdir()} >= set(result["files"])
-
-
-def test_view_in_a_terminal(run):
     done = run("softcover", "view", "wts-0614-34", *TOUCH, "--display", "terminal", "--seconds", "1.2")
     assert "4.90 N at" in done.stdout
-
-
-def test_press_by_the_fast_model(run):
     done = run("softcover", "press", "sdh2-distal", *TOUCH, "--model", "fast", "--json")
     assert json.loads(done.stdout)["models"]["fast"]["total_force"] == pytest.approx(0.5 * 9.80665, rel=1e-3)
-
-
-def test_list_of_the_store(run, tmp_path):
     assert run("softcover", "store", "list").stdout.strip() == f"0 entries, 0 bytes in {tmp_path / 'store'}"
-
-
-def test_materials_init_and_doctor(run, tmp_path):
     assert "dragon-skin-30" in run("softcover", "materials").stdout
     run("softcover", "init")
-    assert (tmp_path / "sensor.toml").is_file()
     assert "'.[fem]'" in run("softcover", "doctor").stdout
-
-
-@pytest.mark.parametrize(
-    ("words", "extras"),
-    [
-        (["derive", "wts-0614-34", "--thickness", "1mm"], "fem"),
-        (["press", "wts-0614-34", *TOUCH, "--model", "fast", "--thickness", "1mm"], "fem"),
-        (["demo"], "fem,report"),
-        (["validate", "wts-0614-34"], "fem,report"),
-        (["record", "/dev/null"], "device"),
-        (["replay", "touch.mcap"], "device"),
-    ],
-)
-def test_a_missing_extra_is_one_line_with_the_command_that_installs_it(run, tmp_path, words, extras):
-    (tmp_path / "touch.mcap").write_bytes(b"\x89MCAP0\r\n")
-    lines = run("softcover", *words, status=3).stderr.splitlines()
-    assert len(lines) == 1
-    assert lines[0].startswith("softcover: ")
-    assert lines[0].endswith(f" not installed; run in a clone of softcover: python -m pip install -e '.[{extras}]'")
 
 
 def test_the_way_out_that_the_line_on_a_missing_extra_names_works(run):

@@ -17,8 +17,10 @@ from validation.results import JsonObject, Result, result_model
 from validation.sensor_file import BUILT_IN, SensorDescription
 
 NOT_STATED = "not stated"
-#: Number of forces at which the characteristic is evaluated, and largest force at which its end is looked for [-, N].
-_STEPS, _LARGEST_FORCE = 200_001, 1e6
+#: Number of forces at which the characteristic is evaluated [-].
+_STEPS = 200_001
+#: Largest force up to which the saturation of the characteristic is searched [N].
+_LARGEST_FORCE = 1e6
 #: Full width of a Gaussian at half of its maximum, over its standard deviation: sqrt(8 ln 2) [-].
 _WIDTH_AT_HALF = 2.3548200450309493
 #: Origin of the electronics of the built-in sensors.
@@ -36,8 +38,8 @@ class Entry(Result):
         name: Name for people.
         text: Value with its unit, or `not stated` and why.
         values: Values in SI units by their JSON names; None for those not stated.
-        definition: What the value means.
-        source: Where the value comes from.
+        definition: Definition of the value.
+        source: Origin of the value.
     """
 
     name: str
@@ -58,7 +60,7 @@ class DataSheet:
 
     Attributes:
         sensor: Name of the sensor.
-        entries: Its lines.
+        entries: Lines of the data sheet.
     """
 
     sensor: str
@@ -144,7 +146,7 @@ def make_datasheet(parameters: Parameters, sensor: SensorDescription | None) -> 
 
 
 def _make_entry(name: str, text: str | None, definition: str, source: str, values: dict[str, Any]) -> Entry:
-    """Make a line of the sheet; a text of None says that nothing is stated."""
+    """Make a line of the data sheet; if `text` is None the line says `not stated`."""
     return Entry(name=name, text=text or NOT_STATED, values=values, definition=definition, source=source)
 
 

@@ -13,7 +13,6 @@ EXTRAS = {
     "manifold3d": "fem",
     "pytetwild": "curved",
     "jinja2": "report",
-    "plotly": "report",
     "matplotlib": "report",
     "serial": "device",
     "mcap": "device",
@@ -23,7 +22,7 @@ EXTRAS = {
     "pyvista": "view",
 }
 #: Optional modules that a report needs.
-REPORT_MODULES = ("jinja2", "plotly")
+REPORT_MODULES = ("jinja2", "matplotlib")
 
 
 class MissingExtraError(ImportError):

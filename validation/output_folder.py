@@ -30,8 +30,10 @@ _MANIFEST = ".softcover-output"
 _MOST_MANIFEST_BYTES = 2**24
 #: Name of the earlier output in a temporary folder, between the two renames of `_replace`.
 _BEFORE = "before"
-#: The arguments of Linux' `renameat2` that mean "relative to the current folder" and "exchange"; see `man 2 renameat2`.
-_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
+#: Argument of Linux' `renameat2` that means "relative to the current folder"; see `man 2 renameat2`.
+_AT_FDCWD = -100
+#: Argument of Linux' `renameat2` that exchanges two names in one step.
+_RENAME_EXCHANGE = 2
 #: Age above which a temporary output folder counts as left by a killed run, because no run lasts a day [s].
 _STALE_AGE = 24 * 3600.0
 #: Largest number of characters of a file name that `make_file_name` makes [-].

@@ -24,8 +24,8 @@ def find_parameters(
 ) -> Parameters:
     """Find the parameters of a sensor's fast model.
 
-    Parameters that were read from a folder are returned as they are.  Those of a built-in sensor come with the package.
-    Those of any other sensor are derived by finite elements.
+    Parameters that were read from a folder are returned unchanged.  The parameters of a built-in sensor come with the
+    package.  The parameters of any other sensor are derived by finite elements.
 
     Args:
         sensor: Description of a sensor, or parameters.

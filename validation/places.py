@@ -26,9 +26,12 @@ if TYPE_CHECKING:
     from validation.schema.campaign import LoadsForTable
     from validation.sensor_file import SensorDescription
 
-#: Distances along x and y from the middle, from a texel's centre or from an edge, over the pitch: 0.7 mm and 1.1 mm on
-#: a pitch of 3.4 mm.  An indenter there is not symmetric to the texels [-].
-_OFF_GRID_X, _OFF_GRID_Y = 0.206, 0.324
+#: First offset of an indenter from symmetry lines of the texels, over the pitch [-]; 0.7 mm on a pitch of 3.4 mm.  It
+#: is the offset of `off grid` along x and of `edge` along y.
+_OFF_GRID_X = 0.206
+#: Second offset of an indenter from symmetry lines of the texels, over the pitch [-]; 1.1 mm on a pitch of 3.4 mm.  It
+#: is the offset of `off grid` along y and of `corner` along x and y.
+_OFF_GRID_Y = 0.324
 #: Directions of motion by name.
 DIRECTIONS = ("normal", "oblique x", "oblique y")
 #: Angle between an oblique direction and the normal of the cover [rad].

@@ -26,9 +26,9 @@ from validation.text.indenter import read_depth, read_indenter, read_load
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
-    from validation.press_files.curve import LoadCurve
+    from validation.press_files import LoadCurve
 
-#: Strains that the finite elements know.
+#: Strain formulations of the finite elements.
 STRAINS = ("small", "finite")
 #: Largest number of points of a curve [-].
 _MOST_POINTS = 1000
@@ -119,7 +119,7 @@ class PressRequest:
         Raises:
             InputError: As for `run`, or if the cover is not known.
         """
-        from validation.press_files.curve import trace_curve
+        from validation.press_files import trace_curve
 
         cover, case = find_cover(self.sensor), self.find_case()
         friction = getattr(self.sensor, "friction", 0.0) if self.friction is None else self.friction

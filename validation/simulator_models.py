@@ -10,7 +10,7 @@ from pathlib import Path
 
 from fastmodel import Gaussian, Parameters
 from fastmodel.errors import FastModelError
-from validation.errors import InputError
+from validation.errors import Faults, InputError, nearest
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 
@@ -28,7 +28,7 @@ class Exported(Result):
         method: Contact method that the model is for; None for the Gazebo plugin, which has a method of its own.
         out: Folder of the files.
         files: Names of the files; the first is the model.
-        warnings: What the sensor file states and the fast model does not use, a sentence each.
+        warnings: Sentences about values of the sensor file that the fast model does not use.
     """
 
     sensor: str
@@ -39,16 +39,29 @@ class Exported(Result):
     warnings: tuple[str, ...] = ()
 
 
-def read_mass(text: str | None, form: str) -> float | None:
-    """Parse the mass of an array [kg]; None if it is not given.
+def read_options(form: str, method: str, mass: str | None) -> float | None:
+    """Check the options of an export, and return the mass of the array [kg]; None if it is not given.
 
     Raises:
-        InputError: If the text is not a positive mass, or the format has no place for it.
+        InputError: With one line per fault.
     """
+    from validation.campaign.comparison import METHODS
+
+    faults = Faults()
+    if form not in FORMATS:
+        faults.append(f"--format: unknown format {form!r}; {nearest(form, FORMATS)}")
+    if method not in METHODS:
+        faults.append(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")
+    if not faults and form == "gazebo" and method != METHODS[0]:
+        faults.append("--method: the Gazebo plugin block has one method of its own; use --format mjcf with --method")
+    kilograms = None if mass is None else faults.read(_read_mass, mass, form)
+    faults.refuse()
+    return kilograms
+
+
+def _read_mass(text: str, form: str) -> float:
     from validation.text.quantity import read_quantity
 
-    if text is None:
-        return None
     if form in {"mjcf", "gazebo"}:
         raise InputError(f"--mass: {form} holds massless boxes or none; leave it out, or take --format sdf or urdf")
     kilograms = read_quantity(text, "mass", place="--mass")
@@ -63,12 +76,9 @@ def check_gazebo(sensor: SensorDescription | Parameters) -> None:
     Raises:
         InputError: If the plugin cannot describe the array or the electronics.
     """
-    spread = sensor.spread or Gaussian.from_sigma(
-        1.0
-    )  # the check does not depend on the kernel, which is derived later
-    _make_gazebo_block(
-        Parameters(array=sensor.array, spread=spread, filter=sensor.filter, electronics=sensor.electronics)
-    )
+    spread = sensor.spread or Gaussian.from_sigma(1.0)  # any kernel can be described
+    electronics = sensor.electronics
+    _make_gazebo_block(Parameters(array=sensor.array, spread=spread, filter=sensor.filter, electronics=electronics))
 
 
 def write_model(parameters: Parameters, path: Path, *, form: str, method: str, mass: float | None) -> str | None:

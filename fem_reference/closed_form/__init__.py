@@ -6,12 +6,12 @@ They verify the finite elements.  No module of this package uses code of the fin
 from fem_reference.closed_form.contact import LayerContact, hertz, indent, punch, sphere
 from fem_reference.closed_form.cylinder import ArcLoad, CylinderLayer, LineLoad
 from fem_reference.closed_form.disk import bonded_disk
-from fem_reference.closed_form.influence import tabulate_texel_response
 from fem_reference.closed_form.layer import (
     Transfer,
     half_space_compliance,
     point_response,
     point_response_spline,
+    tabulate_texel_response,
     traction_compliance,
     transfer,
     variance,

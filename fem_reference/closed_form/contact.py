@@ -40,8 +40,8 @@ class ContactSettings:
     nodes_per_layer: int = 12
     #: Largest number of Gauss points of the integral equation [-].
     most_nodes: int = 1600
-    #: Largest contact radius over the thickness of the top layer, where `most_nodes` is still accurate to 3e-6; at
-    #: twice this radius the force is in error by 4 %, and then has any sign [-].
+    #: Largest contact radius over the thickness of the top layer [-].  Up to this radius `most_nodes` gives a relative
+    #: error below 3e-6.  At twice this radius the force is in error by 4 %; at larger radii its sign can be wrong.
     most_thicknesses: float = 400.0
     #: Largest contact radius over the radius of the indenter, short of the sphere's vertical wall [-].
     widest: float = 0.95
@@ -54,14 +54,16 @@ class ContactSettings:
     pull: float = 1e-7
     #: Gauss points along a panel in the integral of a texel's force [-].
     points: int = 8
-    #: Panels per cover thickness in that integral [-].
+    #: Panels per cover thickness in the integral of a texel's force [-].
     panels: int = 2
 
 
 _SETTINGS = ContactSettings()
 
-#: Points of the logarithmic grids, and natural logarithm of their largest over their middle value [-].
-LOGARITHMIC_POINTS, LOGARITHMIC_HALF_WIDTH = 8192, 20.0
+#: Number of points of a logarithmic grid [-].
+LOGARITHMIC_POINTS = 8192
+#: Natural logarithm of the largest value of a logarithmic grid over its middle value [-].
+LOGARITHMIC_HALF_WIDTH = 20.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,36 +1,288 @@
 """Solve an elastic layer bonded to a rigid cylinder under any traction on its top, exactly, in plane strain.
 
-The traction is a Fourier series; `harmonic` gives the response to each term.  Angles theta count from the x axis toward
-the y axis [rad].  Forces are per length of the cylinder [N/m].  Components of vectors are (outward, tangential), the
-tangential one toward larger theta.
+The traction is a Fourier series.  Angles theta count from the x axis toward the y axis [rad].  Forces are per length of
+the cylinder [N/m].  Components of vectors are (outward, tangential), the tangential one toward larger theta.
 
 A texel of a curved base measures the resultant of the traction on its patch along the texel's own normal, shear
 included: over the patch the normal of the base turns, so the shear has a component along the normal of the texel.
 The integral of the normal stress alone is smaller: by 5 to 9 % for a texel of 3.4 mm on a core of 6 mm, under a load
 above its middle and covers of 1 to 3 mm.  Neither sums to the load, because the normals of the texels differ.  What
 balances is the vector: force and moment of the traction on the whole core equal those of the load.
+
+Each harmonic of the traction is solved on its own.  On a cylinder the harmonics are exp(i m theta), on a sphere
+Legendre polynomials P_n(cos theta).  The state y of one harmonic holds the displacements u_r and u_t and the stresses
+r sigma_rr and r sigma_rt.  With the logarithm of the radius, s = ln(r / core radius), the field equations become
+dy/ds = A y, where A does not depend on s (Euler's equation).  So y at the top is expm(A S) times y at the core, with
+S = ln(outer radius / core radius).  A holds (1 - 2 nu) / (1 - nu) and nu / (1 - nu), but never 1 / (1 - 2 nu): an
+incompressible layer is an ordinary case.  Shifted by its mean, A has the eigenvalues +-(k + 1) and +-(k - 1), where
+k = m on a cylinder and n + 1/2 on a sphere.  For large k S the exponential is written with the projectors P on the
+growing and on the decaying solutions, on which (A -+ k)^2 = 1:
+
+    exp(-k S) expm(A S) = P (cosh S + (A - k) sinh S) + exp(-2 k S) (1 - P) (cosh S + (A + k) sinh S)
+
+so that nothing overflows, and thin layers lose no digits.
+
+Gauss points stand under a traction on an interval of angles, finely enough for a given harmonic.  The number of terms
+follows from a tolerance.  The traction on the base converges exponentially.  The displacement of the top converges like
+a power of the number of terms, because its terms fall like those of the load over their order; a smooth taper of the
+last half of the terms makes the error small except where the load itself has a jump or a kink.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import expm
+from scipy.special import expit
 
-from fem_reference.closed_form.harmonic import HarmonicTransfer, transfer_cylinder
-from fem_reference.closed_form.series import (
-    Traction,
-    check_resolved,
-    converge_top,
-    count_base_terms,
-    place_points,
-    sample,
-    taper,
-)
 from meshes import Material
 from meshes.array_types import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeriesSettings:
+    """Numbers of Fourier series and of their quadrature."""
+
+    #: Gauss points in a panel [-].
+    points: int = 16
+    #: Largest phase of a harmonic in a panel [rad].
+    phase: float = 8.0
+    #: Smallest number of panels in each half of the interval [-].
+    panels: int = 2
+    #: Largest change of a harmonic between two sets of panels, over the sum of the moduli of the forces [-].
+    settled: float = 1e-9
+    #: Smallest number of terms [-].
+    first: int = 64
+    #: Largest number of terms of the traction on the base [-].
+    most_terms: int = 2**17
+    #: First number of terms of the displacement of the top [-].
+    first_top: int = 2**8
+    #: Largest number of terms of the displacement of the top [-].
+    most_top: int = 2**13
+    #: Part of a sum that rounding leaves [-].
+    rounding: float = 1e-14
+    #: Order times span at which the transfer to the base is negligible: exp(-60) = 1e-26 [-].
+    deep: float = 60.0
+
+
+_SERIES = SeriesSettings()
+
+
+#: A traction: constant, or a function of angles, shape (n,) [rad], that returns values, shape (n,) [Pa].
+Traction = float | Callable[[FloatArray], FloatArray]
+
+
+def place_points(start: float, end: float, highest: int, refinement: int = 1) -> tuple[FloatArray, FloatArray]:
+    """Place Gauss points on an interval, so that a traction that ends like a square root at either end is integrated.
+
+    The substitution angle = middle + half width sin(t), with panels of equal length in t, turns such an end, as that of
+    a Hertzian pressure, into an analytic function.
+
+    The middle is an end of two panels, so that either half of the points integrates its half of the interval.
+
+    Args:
+        start: Lower end of the interval [rad].
+        end: Upper end [rad].
+        highest: Highest harmonic that will be integrated [-].
+        refinement: Factor on the number of panels [-].
+
+    Returns:
+        Angles, shape (n,) [rad], and weights, shape (n,) [rad].
+    """
+    half = (end - start) / 2
+    panels = 2 * refinement * max(_SERIES.panels, int(np.ceil(np.pi * highest * half / (2 * _SERIES.phase))))
+    nodes, weights = np.polynomial.legendre.leggauss(_SERIES.points)
+    edges = np.linspace(-np.pi / 2, np.pi / 2, panels + 1)
+    width = np.diff(edges)[:, None] / 2
+    t, weight = (edges[:-1, None] + width * (nodes + 1)).ravel(), (width * weights).ravel()
+    return (start + end) / 2 + half * np.sin(t), weight * half * np.cos(t)
+
+
+def sample(traction: Traction, angles: FloatArray) -> FloatArray:
+    """Evaluate a traction at angles, shape (n,) [Pa].
+
+    Raises:
+        ValueError: If a value is not finite, or the values do not have the shape of the angles.
+    """
+    values = np.asarray(traction(angles) if callable(traction) else traction, dtype=float)
+    if values.shape not in {(), angles.shape}:
+        raise ValueError(f"the traction returns shape {values.shape} for angles of shape {angles.shape}")
+    if not np.isfinite(values).all():
+        raise ValueError("the traction is not finite everywhere on its interval")
+    return np.broadcast_to(values, angles.shape)
+
+
+def check_resolved(coarse: npt.NDArray[Any], fine: npt.NDArray[Any], size: float) -> None:
+    """Compare the harmonics from two sets of panels.
+
+    Args:
+        coarse: Harmonics, any shape.
+        fine: Harmonics from twice the number of panels, same shape.
+        size: Sum of the moduli of the forces, in the unit of the harmonics.
+
+    Raises:
+        ValueError: If they differ by more than 1e-9 of `size`.
+    """
+    if np.abs(fine - coarse).max(initial=0.0) > _SERIES.settled * size:
+        raise ValueError("the traction is not smooth inside its interval; split it into several loads where it jumps")
+
+
+def count_base_terms(transfer: Callable[[FloatArray], FloatArray], span: float, tolerance: float) -> int:
+    """Count the terms that the traction on the base needs.
+
+    The transfer to the base decays exponentially, and no harmonic of a load is larger than that of the same load
+    concentrated in one place, which grows no faster than the order.  So the sum of the norms of the transfer, times
+    order + 1, over the terms that are left out bounds the truncation error of any load.
+
+    Args:
+        transfer: Function that computes the transfer to the base for orders, shape (n,), with shape (n, 2, 2) [-].
+        span: Logarithm of the outer radius over that of the core [-].
+        tolerance: Largest sum of the norms that are left out, over the sum of all norms [-].
+
+    Raises:
+        ValueError: If more than 131072 terms are needed, as in a layer thinner than about 0.0005 radii.
+    """
+    count = int(np.ceil(_SERIES.deep / span)) + _SERIES.first
+    if count > _SERIES.most_terms:
+        raise ValueError(f"the layer is too thin for its radius: its series needs more than {_SERIES.most_terms} terms")
+    norms = np.linalg.norm(transfer(np.arange(float(count))), axis=(1, 2)) * np.arange(1, count + 1)
+    left_out = np.cumsum(norms[::-1])[::-1]
+    return int(np.argmax(left_out <= max(tolerance, _SERIES.rounding) * left_out[0]))
+
+
+def converge_top(evaluate: Callable[[int], FloatArray], tolerance: float) -> FloatArray:
+    """Double the number of terms of a tapered series until its values settle.
+
+    Args:
+        evaluate: Function that sums a number of terms at some points, any shape.
+        tolerance: Largest change by the last doubling, over the largest value [-].
+
+    Raises:
+        ValueError: If the values do not settle, as at a concentrated load, where they are infinite.
+    """
+    count = _SERIES.first_top
+    before = evaluate(count)
+    while count < _SERIES.most_top:
+        count *= 2
+        now = evaluate(count)
+        change, size = np.abs(now - before).max(initial=0.0), np.abs(now).max(initial=0.0)
+        if change <= tolerance * size:
+            return now
+        before = now
+    raise ValueError(
+        f"the displacement changes by {change / size:.1g} of its largest value between {count // 2} and {count} terms: "
+        "it is infinite at a concentrated load, and the series converges slowly where a traction jumps"
+    )
+
+
+def taper(count: int) -> FloatArray:
+    """Return factors of the terms of a series: 1 in the first half, then falling smoothly to 0, shape (count,) [-]."""
+    x = np.clip(2 * np.arange(count) / count - 1, 1e-3, 1 - 1e-3)
+    return np.asarray(expit(1 / x - 1 / (1 - x)))
+
+
+#: Product k S above which the exponential is written with projectors [-].
+_LARGE = 4.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HarmonicTransfer:
+    """Response of a layer to n harmonics of the traction on its top; the components are (outward, tangential).
+
+    Attributes:
+        base: Traction that the layer exerts on the core, per traction on its top, shape (n, 2, 2) [-].
+        compliance: Displacement of the top per traction on the top, shape (n, 2, 2) [m/Pa].
+    """
+
+    base: FloatArray
+    compliance: FloatArray
+
+
+def transfer_cylinder(orders: FloatArray, core: float, outer: float, material: Material) -> HarmonicTransfer:
+    """Compute the response of a layer on a rigid cylinder to tractions exp(i m theta), in plane strain.
+
+    The outward components are proportional to exp(i m theta), the tangential ones to -i exp(i m theta): to cos(m theta)
+    and sin(m theta) if the amplitudes are real.
+
+    Args:
+        orders: Orders m >= 0, shape (n,) [-].
+        core: Radius of the core [m].
+        outer: Radius of the top of the layer [m].
+        material: Material, with its linear elastic properties at zero load.
+    """
+    m = np.asarray(orders, dtype=float)
+    nu = material.poisson_ratio
+    c, b, d = nu / (1 - nu), (1 - 2 * nu) / (2 * (1 - nu)), 2 / (1 - nu)
+    one, scale = np.ones_like(m), np.maximum(m, 1.0)
+    # Displacements are in units of (core radius / (mu scale)), so that all entries are of the same size at large m.
+    matrix = stack_rows(
+        [
+            [-c * one, -c * m, b * scale, 0 * one],
+            [m, one, 0 * one, scale],
+            [d / scale, d * m / scale, c * one, -m],
+            [d * m / scale, d * m**2 / scale, c * m, -one],
+        ]
+    )
+    return cross_layer(matrix, m, 0.0, (core, outer), material.shear_modulus * scale)
+
+
+def stack_rows(rows: list[list[FloatArray]]) -> FloatArray:
+    """Stack the entries of a matrix, each of shape (n,), to shape (n, 4, 4)."""
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def cross_layer(
+    matrix: FloatArray, k: FloatArray, mean: float, radii: tuple[float, float], stiffness: FloatArray
+) -> HarmonicTransfer:
+    """Solve the layer between a core that does not move and a top with given tractions.
+
+    Args:
+        matrix: Matrices A, shape (n, 4, 4).
+        k: Half the distance between the means of the growing and of the decaying exponents, shape (n,) [-].
+        mean: Mean of the eigenvalues of A [-].
+        radii: Radius of the core and of the top [m].
+        stiffness: Unit of r sigma / u, shape (n,) [Pa].
+    """
+    core, outer = radii
+    span = np.log(outer / core)
+    crossing, exponent = _exponentiate(matrix - mean * np.eye(4), k, span)
+    # Rows u and r sigma of the columns that belong to tractions on the core; displacements vanish there.
+    moved, stressed = crossing[:, :2, 2:], crossing[:, 2:, 2:]
+    inverse = np.linalg.inv(stressed)
+    decay = np.exp(-exponent - mean * span) * outer / core
+    return HarmonicTransfer(
+        base=decay[:, None, None] * inverse,
+        compliance=(outer / stiffness)[:, None, None] * (moved @ inverse),
+    )
+
+
+def _exponentiate(matrix: FloatArray, k: FloatArray, span: float) -> tuple[FloatArray, FloatArray]:
+    """Compute expm(A S), as a matrix and the exponent of a factor of it that would overflow.
+
+    Args:
+        matrix: Matrices A with eigenvalues +-(k + 1) and +-(k - 1), shape (n, 4, 4).
+        k: Numbers k, shape (n,) [-].
+        span: S [-].
+
+    Returns:
+        Matrices, shape (n, 4, 4), and exponents, shape (n,): expm(A S) = exp(exponent) matrix.
+    """
+    large = (k * span > _LARGE) & (k >= 1.5)  # noqa: PLR2004 -- smaller k may have k - 1 <= 0, which does not grow
+    out, exponent = np.empty_like(matrix), np.where(large, k * span, 0.0)
+    out[~large] = expm(matrix[~large] * span)
+    a, k = matrix[large], k[large][:, None, None]
+    eye = np.eye(4)
+    growing = np.linalg.solve(4 * k * a, (a + k * eye) @ (a + k * eye) - eye)
+    up = np.cosh(span) * eye + np.sinh(span) * (a - k * eye)
+    down = np.cosh(span) * eye + np.sinh(span) * (a + k * eye)
+    out[large] = growing @ up + np.exp(-2 * k * span) * ((eye - growing) @ down)
+    return out, exponent
+
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -55,7 +307,7 @@ class LineLoad:
     angle: float = 0.0
 
     def place(self, radius: float, highest: int, refinement: int = 1) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the angle and the force (outward, tangential) there, as `ArcLoad.place` does."""
+        """Return the angle of the line and the force (outward, tangential) on it; see `ArcLoad.place`."""
         return np.array([self.angle]), np.array([[-self.force, self.shear_force]])
 
 

@@ -34,27 +34,30 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 class SolidContactSettings:
     """Limits and tolerances of the contact with a curved top, and of the search for a load."""
 
-    #: Forces on the top that are solved for at a time, to limit the memory [-].
+    #: Number of unit forces on the top that are solved for at a time, to limit the memory [-].
     block: int = 64
-    #: Largest number of exchanges of hats [-].
+    #: Largest number of changes of the set of hats in contact [-].
     exchanges: int = 200
-    #: Largest number of exchanges of all wrong hats at once without fewer wrong hats [-].
+    #: Largest number of successive changes in which all wrong hats enter or leave the contact without a new minimum of
+    #: the number of wrong hats [-].  After that only one hat changes at a time.
     patience: int = 8
-    #: Overlap over the deepest overlap of the undeformed top below which a hat counts as free [-].
+    #: Overlap under a hat without contact, over the deepest overlap of the undeformed top, that is accepted [-].
     negligible: float = 1e-9
-    #: Compliance that is added to that of each hat, over the sum of all: below an indenter smaller than a facet the
-    #: hats are linearly dependent [-].
+    #: Compliance that is added to that of each hat, over the sum of the compliances of all hats in contact [-].
+    #: Without it the equations are singular below an indenter smaller than a facet, where the hats are linearly
+    #: dependent.
     soft: float = 1e-8
-    #: Gap over the deepest overlap below which a hat counts to the area of contact: near a sharp edge the pressure
-    #: oscillates, and hats beside large forces are lifted a little [-].
+    #: Gap over the deepest overlap below which a hat counts to the area of contact [-].  Near a sharp edge the pressure
+    #: oscillates, and hats beside large forces are lifted a little.
     closed: float = 0.02
     #: Largest difference between the load and its target, over the target [-].
     load_error: float = 1e-7
     #: Largest number of steps to a load [-].
     steps: int = 60
-    #: Every this many steps to the load the interval is halved, so that it shrinks where the secants do not [-].
+    #: Number of steps in the search for a load after which the interval of depths is halved instead of a secant step
+    #: [-].  The interval then also shrinks where secant steps do not shrink it.
     bisect: int = 5
-    #: Number of nodes at whose touch the search for a load starts [-].
+    #: Number of hats in contact at the depth at which the search for a load starts [-].
     first_nodes: int = 4
 
 
@@ -108,9 +111,9 @@ class ContactForces:
 
     Attributes:
         forces: Force of the pressure of each hat, against the normals, never negative, shape (m,) [N].
-        nodal: The same pressures, and the shear of hats that stick, as forces on the nodes, by the shape functions of
-            the displacement, shape (m, 3) [N].
-        area: Area of the hats in contact, those included that are lifted by less than 2 % of the depth [m2].
+        nodal: Nodal forces that are equivalent to the pressures of the hats and to the shear of hats that stick, by the
+            shape functions of the displacement, shape (m, 3) [N].
+        area: Area of the hats in contact, and of those that are lifted by less than 2 % of the depth [m2].
         spacing: Mean distance of the nodes in contact [m].
         half_width: Half the smaller width of the contact, by the second moments of its area; a disk's radius [m].
         has_edge: Whether an edge of the indenter ends the pressure.
@@ -134,15 +137,15 @@ class ContactForces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Found:
-    """Solution with given hats in contact.
+    """Forces and displacements for a given set of hats in contact.
 
     Attributes:
         forces: Forces of the h hats along d directions, the first against the normal, shape (h, d) [N].
-        change: Their increase per travel, shape (h, d) [N/m].
-        moved: Displacements of all places of the compliance [m].
-        remaining: Mean gap under each hat, shape (h,) [m].
+        change: Increase of `forces` per travel of the indenter, shape (h, d) [N/m].
+        moved: Displacement of each place of the `TopCompliance`, shape (places,) [m].
+        remaining: Mean gap under each hat in the deformed state, shape (h,) [m].
         touching: Whether each hat is in contact, shape (h,).
-        sliding: Whether it is, and slides in this step, shape (h,).
+        sliding: Whether each hat is in contact and slides in this step, shape (h,).
     """
 
     forces: FloatArray
@@ -160,9 +163,10 @@ class _Equations:
     Attributes:
         compliance: Compliance of the top.
         gaps: Mean gaps of the undeformed top.
-        loads: Force on each place of the compliance (row) per unit force of hat and direction d * hat + i (column).
-        goals: Mean displacement of each hat in contact along each direction, shape (h, d) [m].
-        rates: Their change per travel, shape (h, d) [-].
+        loads: Force on each place of the compliance (row) per unit force of a hat along one of its directions (column
+            d * hat + i for direction i), shape (places, h * d) [-].
+        goals: Mean displacement that each hat has along each direction if it is in contact, shape (h, d) [m].
+        rates: Change of `goals` per travel of the indenter, shape (h, d) [-].
     """
 
     compliance: TopCompliance
@@ -295,14 +299,15 @@ class MeshPress:
         )
 
     def under_load(self, load: float, *, start: float | None = None, least: float = 0.0) -> ContactForces:
-        """Find the depth at which the load is reached [N], by the secant method between bounds.
+        """Find the depth at which the load is reached, by the secant method between bounds.
 
-        The stiffness of the contact starts it: it leaves out that hats grow as the indenter moves.
+        The first step uses the stiffness of the contact.  This stiffness neglects that the part of a hat that touches
+        grows as the indenter moves.
 
         Args:
             load: The load [N].
-            start: Depth at which the search starts; that at which a few nodes touch if None [m].
-            least: Depth below the wanted one [m].
+            start: Depth at which the search starts; None starts where a few hats are in contact [m].
+            least: Lower bound of the depth [m].
         """
         low, high = least, np.inf
         depth, before = self._first_depth() if start is None else start, None
@@ -328,7 +333,7 @@ class MeshPress:
         raise ConvergenceError(f"the depth under {load:.4g} N was not found in {_SETTINGS.steps} steps")
 
     def _first_depth(self) -> float:
-        """Return a depth at which a few nodes touch [m]."""
+        """Return a depth at which a few hats are in contact [m]."""
         depth = self._deepest / 128
         while depth < self._deepest and (self.at_depth(depth).forces > 0).sum() < _SETTINGS.first_nodes:
             depth *= 2
@@ -343,7 +348,8 @@ class _State:
         travel: Distance by which the indenter moved from its pose [m].
         moved: Displacements of the m nodes of the top, shape (m, 3) [m].
         touching: Whether each of the m hats is in contact, shape (m,).
-        record: Mean displacement less the motion of the indenter with which each hat sticks, shape (m, 3) [m].
+        record: Mean displacement of each hat minus that of the indenter; it stays constant while the hat sticks, shape
+            (m, 3) [m].
         before: The state one step earlier.
     """
 
@@ -355,7 +361,7 @@ class _State:
 
 
 class StickingPress(MeshPress):
-    """Contact without slip; the compliance is that to vectors.  See `MeshPress`."""
+    """Contact without slip; the compliance has three directions at each node.  See `MeshPress`."""
 
     def to(self, target: float, control: Control, steps: int = STEPS) -> ContactForces:
         """Follow the indenter to a load [N] or a depth [m] in a number of steps; see `MeshPress.to`."""
@@ -380,7 +386,7 @@ class StickingPress(MeshPress):
         return self.under_load(target, start=whole.travel - self.touch, least=self._state.travel - self.touch)
 
     def _solve(self, travel: float) -> ContactForces:
-        """Solve the contact in one step after the last state, and remember the state that it leads to."""
+        """Solve the contact at a travel [m] in one step after the last state, and store the new state."""
         gaps, normals, last = self._sampler.at(travel), self._compliance.top.normals, self._state
         record = self._record_touch(gaps, travel)
         mean = gaps.spread.T @ normals
@@ -403,7 +409,11 @@ class StickingPress(MeshPress):
         return replace(self._describe(equations, found, travel), shear=shear)
 
     def _record_touch(self, gaps: MeanGaps, travel: float) -> FloatArray:
-        """Return what each hat keeps from its touch, predicted for those that are not in contact, shape (m, 3) [m]."""
+        """Return `_State.record` of every hat at the end of a step, shape (m, 3) [m].
+
+        It is unchanged for hats that are in contact.  For the others it is predicted: the time of touch follows from
+        the gap and from the speed at which the gap closes.
+        """
         last, before, normals = self._state, self._state.before, self._compliance.top.normals
         step = travel - last.travel
         speed = np.zeros_like(last.moved)
@@ -425,7 +435,10 @@ def _normalise(vectors: FloatArray) -> FloatArray:
 
 
 def _load_vectors(spread: sp.csc_matrix, normals: FloatArray, tangents: FloatArray) -> sp.csc_matrix:
-    """Return the force along x, y and z on each node per unit force of each hat against and across the normal.
+    """Return the forces on the nodes per unit force of each hat, shape (3 m, 3 m) [-].
+
+    Row 3 i + c is the component c (x, y or z) of the force on node i.  Column 3 j + d is the direction d of the force
+    of hat j: against the normal, then along the two tangents.
 
     Args:
         spread: Force on each node (row) per unit force of each hat (column), shape (m, m) [-].
@@ -442,11 +455,13 @@ def _load_vectors(spread: sp.csc_matrix, normals: FloatArray, tangents: FloatArr
 
 
 def measure_half_width(nodes: FloatArray, area: FloatArray, spacing: float) -> float:
-    """Measure half the smaller width of a contact: twice the root of its smaller second moment, a disk's radius [m].
+    """Measure half the smaller width of a contact: twice the root of its smaller second moment of area [m].
+
+    For a disk this is the radius.
 
     Args:
-        nodes: Places of the k hats in contact, shape (k, 3) [m].
-        area: Area of each, shape (k,) [m2].
+        nodes: Positions of the k hats in contact, shape (k, 3) [m].
+        area: Areas of the hats, shape (k,) [m2].
         spacing: Mean width of a hat [m].
     """
     if not area.sum() > 0:

@@ -15,9 +15,13 @@ from meshes.solids.facets import QUADRILATERAL, area_vectors, facet_shape, facet
 
 #: Polynomial order that the quadrature on facets integrates exactly [-].
 _ORDER = 6
-#: Search for the nearest point: parts of a facet's side at which the search starts, number of candidates, and number of
-#: Gauss-Newton steps [-].
-_PARTS, _CANDIDATES, _STEPS = 4, 6, 12
+#: Number of parts along each side of a facet in the search for the nearest point [-].  The middles of the parts are
+#: possible starts of the search.
+_PARTS = 4
+#: Number of starts, the nearest ones, from which the nearest point is searched [-].
+_CANDIDATES = 6
+#: Number of Gauss-Newton steps from each start [-].
+_STEPS = 12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

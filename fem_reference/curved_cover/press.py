@@ -40,9 +40,9 @@ from fem_reference.finite_strain.contact_problem import ContactProblem
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import Control, Units, name_part
+from fem_reference.indentation.finite_strain import choose_solid_fillet, state_rounding
 from fem_reference.indentation.problem import PressProblem
 from fem_reference.indentation.result import Indentation, warn_of_errors
-from fem_reference.indentation.rounding import choose_solid_fillet, state_rounding
 from meshes import Cover, Layer, Material, SolidCover, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.facets import area_vectors, facet_shape
@@ -59,39 +59,45 @@ class SolidPressSettings:
     warn_depth: float = 0.15
     #: Smallest order of convergence that error estimates of depth, load and area assume: that of a sharp edge [-].
     order: float = 1.0
-    #: Smallest estimated error of depth and load where a sharp edge ends the pressure, which is singular there, over
-    #: the distance of the nodes per half the smaller width of the contact [-].
+    #: Smallest estimated relative error of depth and load without friction where a sharp edge ends the pressure, over
+    #: the relative node distance [-].  This is the distance of the nodes in contact over half the smaller width of the
+    #: contact.  The pressure is singular at a sharp edge.
     edge: float = 0.25
-    #: The same without slip [-].
+    #: Smallest estimated relative error of depth and load without slip where a sharp edge ends the pressure, over the
+    #: relative node distance [-].
     sticking_edge: float = 0.4
-    #: Smallest estimated error elsewhere, over the square of that ratio [-].
+    #: Smallest estimated relative error of depth and load where no sharp edge ends the pressure, over the square of the
+    #: relative node distance [-].
     round: float = 0.13
-    #: Ratio above which depth, load and area are not resolved: on flat pads the depth was up to eight times too large
-    #: [-].
+    #: Relative node distance above which depth, load and area are not resolved [-].  On flat pads the depth was then up
+    #: to eight times too large.
     unresolved: float = 1.2
-    #: Order with which changes of texel forces between meshes decrease at least, unless a sharp edge ends the pressure:
-    #: then the error varies with the place of the edge on the mesh more than with the size of the elements [-].
+    #: Smallest order of convergence of the changes of texel forces between meshes where no sharp edge ends the pressure
+    #: [-].  At a sharp edge the error depends on the place of the edge on the mesh more than on the element size, and
+    #: no convergence is assumed.
     smooth: float = 2.0
-    #: Safety factor on the largest change of one texel force between successive meshes, with which 36 of 36 estimates
-    #: covered the errors of presses on flat pads [-].
+    #: Safety factor on the largest change of one texel force between successive meshes [-].  With it 36 of 36 estimates
+    #: covered the errors of presses on flat pads.
     one_texel: float = 2.5
-    #: Safety factor on half the sum of the changes of all texel forces, with which 34 of 36 estimates did [-].
+    #: Safety factor on half the sum of the changes of all texel forces between successive meshes [-].  With it 34 of 36
+    #: estimates covered the errors of presses on flat pads.
     sum: float = 1.5
-    #: Safety factor on both with two meshes [-].
+    #: Safety factor in place of `one_texel` and `sum` if there are only two meshes [-].
     two_meshes: float = 3.0
     #: Smallest cosine between the normal of the top and the axis of the indenter at points that can touch, at finite
     #: strain [-].
     least_cosine: float = 0.05
-    #: First step of the loading path, from the first touch of a contact point, over the way from there to the depth at
-    #: small strain [-].
+    #: First step of the loading path at finite strain, measured from the depth at which the first contact point
+    #: touches, over the distance from that depth to the depth at small strain [-].
     first_step: float = 0.5
     #: Mean penetration of indenter and cover, over the depth, below which augmentation stops [-].
     overlap: float = 0.002
-    #: Stiffness of the contact at small strain over the penalty, as augmentation makes it [-].
+    #: Stiffness of the contact springs at small strain over the penalty at finite strain [-].  Augmentation makes the
+    #: contact at finite strain stiffer by about this factor.
     augmented: float = 30.0
-    #: Largest estimated error of the effect of finite strain that one mesh gives, over the effect [-].
+    #: Estimated error of the effect of finite strain on one mesh, over the effect [-].
     one_mesh: float = 0.5
-    #: Safety factor on the difference between the effects on two meshes [-].
+    #: Safety factor on the difference between the effects of finite strain on two meshes [-].
     safety: float = 1.5
 
 
@@ -147,7 +153,7 @@ def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
             "indenter": problem.indenter, "pose": problem.pose, problem.control: target,
             "friction": problem.friction, "finite": finite,
         }  # fmt: skip
-        number, found = result_store.recall("solid-press", inputs, compute)
+        number, found = result_store.fetch("solid-press", inputs, compute)
         out.append(replace(found, mesh=meshes[number], seconds=time.perf_counter() - started))
     return out
 
@@ -205,7 +211,10 @@ def _begin(mesh: SolidMesh, material: Material, problem: PressProblem) -> MeshPr
 
 @lru_cache(maxsize=6)
 def build_compliance(mesh: SolidMesh, material: Material, *, vectors: bool = False) -> TopCompliance:
-    """Build the compliance of the top of a mesh; the last ones are kept, with the nodes that touched so far."""
+    """Build the compliance of the top of a mesh.
+
+    The latest six are kept in memory, with the rows that were computed for nodes in contact.
+    """
     return TopCompliance(build_solid(mesh, material), vectors=vectors)
 
 
@@ -216,7 +225,18 @@ def _estimate(
     depths: list[float],
     control: Control,
 ) -> dict[str, float]:
-    """Estimate the relative errors of the results on the finest mesh, shape of the forces (meshes, texels)."""
+    """Estimate the relative errors of the results on the finest mesh.
+
+    Args:
+        meshes: The m meshes, from coarse to fine.
+        texel_forces: Forces on the n texels on each mesh, shape (m, n) [N].
+        contacts: Contact on each mesh.
+        depths: Depth on each mesh [m].
+        control: Whether the load or the depth is prescribed; its error is zero.
+
+    Returns:
+        Estimated relative errors by name of the result [-]; NaN where the mesh does not resolve the contact.
+    """
     peak = max(float(np.abs(texel_forces[-1]).max()), np.finfo(float).tiny)
     single = {
         "total_force": np.array([each.load for each in contacts]),
@@ -253,7 +273,17 @@ def _add_step_error(
     contacts: tuple[ContactForces, ContactForces],
     touch: float,
 ) -> None:
-    """Add to estimated errors what half the number of steps of the path changes; the error falls with their number."""
+    """Add the error of the steps of the path to estimated errors: the change from half the number of steps.
+
+    The error of the steps is proportional to one over their number.
+
+    Args:
+        errors: Estimated relative errors by name, which are changed [-].
+        changed: Texel forces with half the number of steps minus those with all steps, shape (n,) [N].
+        texel_forces: Texel forces with all steps, shape (n,) [N].
+        contacts: Contact with half the number of steps, and with all steps.
+        touch: Travel to the first touch [m].
+    """
     rough, fine = contacts
     size = np.abs(changed)
     errors["peak_texel"] += float(size.max() / max(np.abs(texel_forces).max(), np.finfo(float).tiny))
@@ -279,7 +309,14 @@ def warn_of_all(errors: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def _estimate_change(changes: FloatArray, meshes: tuple[SolidMesh, ...], has_edge: bool, safety: float) -> float:
-    """Estimate the error on the finest mesh from the changes between successive meshes, shape (meshes - 1,)."""
+    """Estimate the error of a quantity on the finest of m meshes, in the unit of the quantity.
+
+    Args:
+        changes: Absolute changes of the quantity between successive meshes, shape (m - 1,).
+        meshes: The meshes, from coarse to fine.
+        has_edge: Whether a sharp edge ends the pressure.
+        safety: Safety factor with three meshes [-].
+    """
     if len(changes) == 0:
         return float("nan")
     if len(changes) == 1:
@@ -329,7 +366,10 @@ def _collect(
 
 
 def measure_balance(force: FloatArray, base_force: FloatArray) -> float:
-    """Return how much the force on the base exceeds that on the cover along the latter, over it [-]."""
+    """Return the difference between the force on the base and the force on the cover, over the force on the cover [-].
+
+    The difference is taken along the force on the cover.
+    """
     return float((base_force - force) @ force / (force @ force))
 
 
@@ -375,7 +415,7 @@ class _Small:
 
 
 def _press_points(mesh: SolidMesh, material: Material, problem: PressProblem, target: float) -> _Small:
-    """Solve at small strain with contact at the Gauss points at which finite strain states it."""
+    """Solve at small strain with the contact condition at Gauss points, as in the solution at finite strain."""
     top, pose, thickness = find_top(mesh), problem.pose, measure_thickness(mesh)
     touch = find_touch(top, problem.indenter, pose)
     deepest = _SETTINGS.largest_depth * thickness
@@ -532,7 +572,13 @@ def _combine(
 
 
 def _estimate_effect(values: FloatArray, *, summed: bool = False) -> float:
-    """Estimate the largest error of the effect of finite strain, or the sum of all, from it on one or two meshes."""
+    """Estimate the error of the effect of finite strain on the finest mesh.
+
+    Args:
+        values: Effect on one or n quantities on each mesh on which finite strain was solved, coarsest first, shape
+            (meshes,) or (meshes, n).
+        summed: Whether to return the sum of the errors of the n quantities instead of the largest error.
+    """
     size = np.sum if summed else np.max
     if len(values) == 1:
         return _SETTINGS.one_mesh * float(size(np.abs(values)))

@@ -22,20 +22,28 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import Pose
 from meshes.solids.facets import QUADRILATERAL, area_vectors, facet_shape, split_facet
 
-#: Parts of a facet's side at whose middles gaps are measured; even, so that no part crosses a kink of a hat [-].
+#: Number of parts along each side of a facet [-].  Gaps are measured at the middles of the parts.  The number is even,
+#: so that the lines on which the slope of a hat jumps run between the parts.
 _PARTS = 16
-#: Parts of a facet's side in the search for facets that can be touched [-].
+#: Number of parts along each side of a facet in the search for the facets that the indenter can touch [-].
 _SEARCH_PARTS = 6
-#: Share of a hat below the indenter up to which it carries no force, and from which it counts as whole [-].
-_LEAST_SHARE, _WHOLE = 1e-3, 0.999
-#: Gap up to which a point counts fully, and from which it does not count, over the deepest overlap or the distance of
-#: the points, whichever is larger [-]: beside a contact the surface rises by less than the overlap.
-_NEAR, _FAR = 1.0, 2.0
+#: Part of the area of a hat that can touch the indenter, over its whole area, up to which the hat carries no force [-].
+_LEAST_SHARE = 1e-3
+#: Part of the area of a hat that lies below the indenter, over its whole area, below which the hat counts as cut by an
+#: edge of the indenter [-].
+_WHOLE = 0.999
+#: Gap up to which a point has its full weight in the mean gap of a hat [-].  It is divided by the deepest overlap, or
+#: by the distance of the points if that is larger.  Beside a contact the surface rises by less than the overlap.
+_NEAR = 1.0
+#: Gap from which a point has no weight in the mean gap of a hat, over the same length as `_NEAR` [-].
+_FAR = 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeanGaps:
     """Mean gaps under hats, or gaps at points, of a top with m nodes; one hat belongs to each node.
+
+    For gaps at points (`PointSampler`), m is the number of points except for the rows of `spread`.
 
     Attributes:
         gap: Mean distance to the indenter along the normals; inf where there is no pressure, shape (m,) [m].
@@ -45,6 +53,7 @@ class MeanGaps:
         is_cut: Whether a part of a hat lies beside the indenter, shape (m,).
         spread: Force on each node (row) per unit force of the pressure of each hat (column); the columns of hats with
             pressure sum to 1, shape (m, m) [-].
+        softness: Compliance of a spring between the indenter and each hat, shape (m,) [m/N]; 0 for rigid contact.
     """
 
     gap: FloatArray

@@ -13,9 +13,17 @@ from meshes.solids.facets import QUADRILATERAL, facet_shape, split_facet
 
 #: Component of a unit direction below which a line counts as parallel to a plane [-].
 _PARALLEL = 1e-14
-#: Search for the first touch: parts of a facet's side, number of facets searched further, points along a side of a
-#: search, number of searches, and size of the next over the distance of the points [-].
-_PARTS, _FACETS, _POINTS, _SEARCHES, _ZOOM = 6, 4, 9, 6, 1.5
+#: Number of parts along each side of a facet in the first stage of the search for the first touch [-].  The distance to
+#: the indenter is measured at the middles of the parts.
+_PARTS = 6
+#: Number of facets with the smallest distances on which the search goes on [-].
+_FACETS = 4
+#: Number of points along each side of a square of reference coordinates in the search on a facet [-].
+_POINTS = 9
+#: Number of successively smaller squares in the search on a facet [-].
+_SEARCHES = 6
+#: Half the side of the next smaller square, over the distance of the points in the present square [-].
+_ZOOM = 1.5
 
 
 def measure_gaps(indenter: Indenter, points: FloatArray, directions: FloatArray, *, behind: float = 0.0) -> FloatArray:

@@ -38,7 +38,7 @@ _PARTS = 12
 _STEPS = 8
 #: Largest distance of the point above a texel from the texel's normal, over the thickness [-].
 _BESIDE = 0.25
-#: Height above a texel, over the thickness, above which the top there is that of another side of the body [-].
+#: Height of the top above a texel, over the thickness, from which the top belongs to another side of the body [-].
 _HIGH = 3.0
 #: Smallest order of convergence that is assumed: quadratic elements have the order 3 [-].
 _ORDER = 2.0
@@ -206,15 +206,15 @@ def texel_responses(
         check_texels(mesh, texels)
         places = {"centres": texels.centres, "normals": texels.normals, "size": texels.texel_size}
 
-        def compute(mesh: SolidMesh = mesh) -> dict[str, FloatArray]:
+        def compute(mesh: SolidMesh = mesh) -> FloatArray:
             solid = build_solid(mesh, material)
             if progress is not None:
                 progress(f"{texels.count} texels, {solid.unknowns} unknowns")
-            return {"influence": solve_texels(solid, texels)}
+            return solve_texels(solid, texels)
 
         inputs = {"mesh": mesh.digest, "texels": places, "material": material}
-        found = result_store.fetch("curved-responses", inputs, compute)
-        grids.append(GridResponse(mesh=mesh, top=find_top(mesh), influence=found["influence"]))
+        influence = result_store.fetch("curved-responses", inputs, compute)
+        grids.append(GridResponse(mesh=mesh, top=find_top(mesh), influence=influence))
     return TexelResponses(texels=texels, material=material, grids=tuple(grids))
 
 

@@ -14,9 +14,10 @@ import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
 
-#: Ratio of the sizes of neighbouring elements, below a surface with small elements, and on both sides of the edge of a
-#: contact in three-dimensional meshes [-].
-_SURFACE_GROWTH, _CONTACT_GROWTH = 1.4, 1.5
+#: Ratio of the heights of neighbouring elements below a surface with small elements [-].
+_SURFACE_GROWTH = 1.4
+#: Ratio of the sizes of neighbouring elements on both sides of the edge of a contact, in three-dimensional meshes [-].
+_CONTACT_GROWTH = 1.5
 
 
 def growing_steps(first: float, length: float, grow: Callable[[float], float], *, spare: float = 0.0) -> FloatArray:

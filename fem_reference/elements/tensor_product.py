@@ -20,8 +20,10 @@ from meshes.array_types import FloatArray, IntArray
 #: Term of a sum of Kronecker products: its factor, and its three line matrices along x, y and z.
 Term = tuple[float, Any, Any, Any]
 
-#: Indices of two of the four fields (displacements along x, y and z, pressure): displacement along z, and pressure.
-_NORMAL, _PRESSURE = 2, 3
+#: Index of the displacement along z among the four fields: displacements along x, y and z, and pressure.
+_NORMAL = 2
+#: Index of the pressure among the four fields.
+_PRESSURE = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -39,10 +39,11 @@ from meshes.pose import Pose
 class BlockSettings:
     """Numbers of loading paths on blocks in three dimensions."""
 
-    #: Element size at the edge of a rectangular face, whose edges lie on mesh lines, over the radius of the rounded
-    #: edge [-].
+    #: Element size at the edge of a rectangular flat face, over the radius of the rounded edge [-].  The edges of such
+    #: a face lie on mesh lines.
     on_line_element: float = 0.6
-    #: Element size everywhere under a face of another outline, over the radius of the rounded edge [-].
+    #: Element size everywhere under a flat face that is not rectangular, over the radius of the rounded edge [-].  The
+    #: edges of such a face do not lie on mesh lines.
     off_line_element: float = 1.3
     #: Element size at the edge of the contact under a curved indenter, over the regular size, which follows from the
     #: number of elements through the cover [-].
@@ -51,7 +52,8 @@ class BlockSettings:
     largest_element: float = 1.2
     #: Largest element size at the sides of a cover of limited size over the regular size [-].
     side_element: float = 1.5
-    #: Increase of the element size per distance from the edge of the contact and from the sides of such a cover [-].
+    #: Increase of the element size per distance from the edge of the contact and from the sides of a cover of limited
+    #: size [-].
     growth: float = 0.4
     #: Distance between the edge of the contact and a side of the cover, over half the width of the cover, below which
     #: the edge of the contact counts as on the side [-].
@@ -68,7 +70,8 @@ class BlockSettings:
     #: Mean penetration over depth below which augmentation stops, without friction.  Most of the effect of the
     #: penetration cancels in the difference from the baseline [-].
     overlap: float = 2e-3
-    #: The same with friction, which the baseline lacks, so that less cancels [-].
+    #: Mean penetration over depth below which augmentation stops, with friction [-].  The baseline has no friction, so
+    #: that less of the effect of the penetration cancels.
     friction_overlap: float = 5e-4
     #: Gap between indenter and cover, over the depth, below which a node counts as in contact [-].
     closed: float = 0.01

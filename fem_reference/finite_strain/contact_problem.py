@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from scipy.interpolate import RegularGridInterpolator
 
 from fem_reference.elements.taylor_hood import MixedElements
-from fem_reference.errors import ConvergenceError
+from fem_reference.errors import ConvergenceError, PathConvergenceError
 from fem_reference.finite_strain.contact import ContactState, SurfaceContact
 from fem_reference.finite_strain.hyperelastic import SmallStrainSolid, Solid
 from fem_reference.finite_strain.loading_path import Control, Units
@@ -28,7 +28,6 @@ from fem_reference.finite_strain.newton import (
     STEP_FAILURES,
     Equilibrium,
     Linearisation,
-    PathConvergenceError,
     is_balanced,
     solve_newton,
     walk_to,
@@ -52,7 +51,7 @@ class PathSettings:
     augmentations: int = 6
     #: Largest number of Newton iterations in a step without friction [-].
     iterations: int = 24
-    #: The same with friction, where the same iterations also find the friction cones [-].
+    #: Largest number of Newton iterations in a step with friction [-].  These iterations also find the friction cones.
     friction_iterations: int = 60
     #: Change of the contact pressures over their sum below which the friction cones are no longer updated [-].
     cone_change: float = 1e-4
@@ -60,7 +59,7 @@ class PathSettings:
     step_from_between: float = 0.25
     #: Largest number of times that the first step of a loading path is halved [-].
     first_halvings: int = 12
-    #: Largest number of times that it is then doubled [-].
+    #: Largest number of times that the first step of a loading path is doubled, after halving it has failed [-].
     first_doublings: int = 4
     #: Decimal digits, relative to the largest coordinate, to which coordinates of nodes on one mesh line agree [-].
     digits: int = 9
@@ -257,10 +256,16 @@ class ContactProblem:
         )
 
     def _take_first_step(self, depth: float, target: float, control: Control) -> ContactEquilibrium:
-        """Solve at a small depth from the undeformed state, halved and then doubled until Newton's method converges.
+        """Solve at a small depth from the undeformed state.
 
-        Under a sharp tip a small depth may lie above the first quadrature point, where nothing is in contact.  With
-        friction, the step is also at most 1 / `friction_steps` of the target.
+        If Newton's method does not converge, the depth is halved, up to `first_halvings` times.  If it still does not
+        converge, multiples 2, 4, ... of the depth are tried: under a sharp tip, no quadrature point is in contact at a
+        very small depth.  With friction, the load or depth is at most 1 / `friction_steps` of the target.
+
+        Args:
+            depth: First depth that is tried [m].
+            target: Load [N] or depth [m] at the end of the loading path.
+            control: Whether the target is a load or a depth.
         """
         undeformed = np.zeros(self.solid.elements.displacements + self.solid.elements.pressures)
         most = target / self.friction_steps if self.contact.friction else np.inf
@@ -415,7 +420,7 @@ class SolvedPath:
         elements: Elements of the mesh.
         equilibria: Equilibrium at every target load or depth.
         steps: Equilibria between the targets, ascending.
-        coarse: The same loading path on a coarser mesh, whose steps serve below the first of `steps`.
+        coarse: This loading path on a coarser mesh, which gives initial guesses below the first of `steps`.
     """
 
     elements: MixedElements

@@ -1,9 +1,14 @@
-"""Solve indentations at finite strain or with friction, mostly as corrections of small-strain solutions.
+"""Solve indentations at finite strain or with friction, mostly as corrections of accurate small-strain solutions.
 
 On a wide cover the mesh is fixed in the frame of the indenter, and one stored solution is valid for all poses.  An
-indenter with a smooth shape of revolution is solved directly in the r-z plane there.  Flat faces and shapes without an
-axis of revolution are solved as corrections of the small-strain solution, see `correction`.  So is every indenter on a
-cover of limited size, whose solution depends on the pose.
+indenter with a smooth shape of revolution is solved directly in the r-z plane there.  Under sharp edges, and in three
+dimensions, finite-strain solutions are affordable only on coarse grids, whose discretisation error is too large.  A
+loading path (ascending target loads or depths) is therefore solved twice on each grid, without friction at small strain
+(the baseline) and with the requested strain and friction, and the difference corrects an accurate small-strain
+solution, see `correct_solution`.  On a cover of limited size the solution depends on the pose.
+
+A finite-strain solution under a perfectly sharp edge does not converge as the mesh is refined, and the elements must
+resolve a rounded edge.  The radius is therefore as small as the finest grid can resolve; results state the radius.
 
 A ball may also be pressed on one coarse grid (`press_ball`), to calibrate and to check simpler models, where a fraction
 of a percent does not matter and the three grids would take too long.
@@ -11,45 +16,365 @@ of a percent does not matter and the three grids would take too long.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from fem_reference import result_store
+from fem_reference.errors import PathConvergenceError
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
-from fem_reference.finite_strain.block_path import Block, lay_out_block, lay_out_cover
+from fem_reference.finite_strain.block_path import Block, is_rectangular, lay_out_block, lay_out_cover, press_paired
 from fem_reference.finite_strain.contact_problem import OVERLAP
 from fem_reference.finite_strain.loading_path import LoadingPath, Progress, name_grid
-from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation import small_strain
-from fem_reference.indentation.correction import SolvedPair, correct_path, solve_block_pair, state_correction
-from fem_reference.indentation.grid_solution import GridSolution, GridStudy, RadialBase
-from fem_reference.indentation.rounding import (
-    SolidGrid,
-    choose_edge_safety,
-    choose_fillet,
-    choose_solid_grids,
-    scale_fillet,
-    state_rounding,
+from fem_reference.indentation.grid_solution import (
+    GridSolution,
+    GridStudy,
+    RadialBase,
+    add_refinements,
+    correct_solution,
+    extrapolate_solutions,
 )
 from fem_reference.linear_response.point_spread import PointSpread
 from fem_reference.linear_response.surface_compliance import choose_reach, choose_solid_reach, warn_of_boundary
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
-from meshes import Cover, FlatPunch, Sphere
+from meshes import Cover, FlatPunch, Indenter, Sphere
 from meshes.array_types import FloatArray
 from meshes.pose import Place, Pose
 
-#: Number of elements through the cover on all axisymmetric grids; three neighbouring grids give a result, that of the
-#: finest, and its error [-].
+#: Radius of rounded edges in axisymmetric meshes, over the smaller of cover thickness and half width of the indenter
+#: [-].
+_FINE = 1 / 20
+#: Radius of rounded edges in three dimensions, where elements are larger, over the smaller of cover thickness and half
+#: width of the indenter [-].
+_COARSE = 1 / 5
+#: Number of elements through the cover on the three grids in three dimensions; the result is that of the finest [-].
+SOLID_GRIDS = (2, 3, 4)
+#: Larger radius of rounded edges over that of `choose_solid_fillet`, where radius and elements are refined in turn [-].
+_WIDE_EDGE = 3 / 4
+#: Smaller radius of rounded edges over that of `choose_solid_fillet`, where radius and elements are refined in turn
+#: [-].
+_NARROW_EDGE = 3 / 8
+#: Estimated difference between the result with the smaller radius and that with a sharp edge, over the difference
+#: between the results with the two radii, for edges on mesh lines [-].  In the r-z plane without slip at finite strain,
+#: radii down to a fortieth of the thickness can be solved, and this ratio is 0.9 to 2.1
+#: (`tests/verification/test_rounded_edges.py`).
+_ON_LINES = 2.0
+#: The ratio `_ON_LINES` for edges that are not on mesh lines, which the elements resolve less [-].
+_OFF_LINES = 3.0
+#: Largest distance from a convex corner of a face to its inset outline, over the inset, for a corner of 50 degrees [-].
+#: A point of the face that is further from the inset outline is on a wall that the inset removes.
+_MITER = 2.4
+#: Smallest width of the thickest wall of a face that a grid can resolve, over half the footprint [-].
+_THINNEST_WALL = 0.05
+#: Number of sample points along each side of the footprint in the measurement of a face's wall thickness [-].
+_SAMPLES = 81
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolidGrid:
+    """One of the grids in three dimensions.
+
+    Attributes:
+        count: Number of elements through the cover [-].
+        fillet: Radius of rounded edges of the indenter [m].
+    """
+
+    count: int
+    fillet: float
+
+
+def choose_solid_grids(thickness: float, indenter: Indenter, *, in_turn: bool) -> tuple[SolidGrid, ...]:
+    """Choose the three grids in three dimensions.
+
+    With friction the force rises as the radius of an edge falls, and falls with finer elements.  If radius and elements
+    are refined together, the two effects cancel in the differences between the grids.  They are therefore refined in
+    turn: the second grid has edges of half the radius of the first one, the third grid more elements than the first.
+
+    Args:
+        thickness: Thickness of the cover [m].
+        indenter: Indenter with a flat face or with edges.
+        in_turn: Whether radius and elements are refined in turn.
+
+    Raises:
+        ValueError: As for `choose_solid_fillet`.
+    """
+    fillet = choose_solid_fillet(thickness, indenter)
+    if in_turn:
+        parts = ((SOLID_GRIDS[0], _WIDE_EDGE), (SOLID_GRIDS[0], _NARROW_EDGE), (SOLID_GRIDS[1], _WIDE_EDGE))
+        return tuple(SolidGrid(count=count, fillet=share * fillet) for count, share in parts)
+    return tuple(SolidGrid(count=n, fillet=scale_fillet(fillet, n, SOLID_GRIDS)) for n in SOLID_GRIDS)
+
+
+def choose_edge_safety(path: LoadingPath, pose: Pose) -> float:
+    """Choose `_ON_LINES` or `_OFF_LINES`; 0 if radius and elements are not refined in turn [-].
+
+    Args:
+        path: Cover, indenter and friction.
+        pose: Pose of the indenter in the frame of the mesh.
+    """
+    if not path.refines_in_turn:
+        return 0.0
+    face = path.indenter
+    on_lines = pose.is_aligned and isinstance(face, FlatPunch) and is_rectangular(face)
+    return _ON_LINES if on_lines else _OFF_LINES
+
+
+def choose_fillet(thickness: float, indenter: Indenter) -> float:
+    """Choose the radius of an indenter's rounded edges on the finest grid, on a wide cover [m].
+
+    Args:
+        thickness: Thickness of the cover [m].
+        indenter: Indenter; solved in three dimensions unless it is axisymmetric.
+
+    Raises:
+        ValueError: As for `choose_solid_fillet`.
+    """
+    if indenter.axisymmetric:
+        return min(thickness, *indenter.footprint) * _FINE
+    return choose_solid_fillet(thickness, indenter)
+
+
+def choose_solid_fillet(thickness: float, indenter: Indenter) -> float:
+    """Choose the radius of an indenter's rounded edges on the finest three-dimensional grid [m].
+
+    Radii are proportional to the element size, so coarser grids have larger radii.  A wall is a strip of the indenter's
+    flat face, such as a leg of the letter H.  The radius is limited so that the middle of the thickest wall stays flat
+    even with the radius of the coarsest grid.
+
+    Args:
+        thickness: Thickness of the cover, which sets the element size [m].
+        indenter: Indenter with a flat face or with edges.
+
+    Raises:
+        ValueError: If even the thickest wall is too thin.
+    """
+    within = min(indenter.footprint)
+    if isinstance(indenter, FlatPunch):
+        within = min(within, 2 * float(indenter.signed_distance(*_sample_footprint(indenter)).max()))
+    if within < _THINNEST_WALL * max(indenter.footprint):
+        raise ValueError(
+            f"no wall of the indenter's face is wider than about {max(within, 0) * 1e3:.2g} mm, too thin beside "
+            f"{2e3 * max(indenter.footprint):.3g} mm for the grids of finite strain and friction; press it without "
+            "friction into linear-elastic layers"
+        )
+    return min(thickness, within) * _COARSE
+
+
+def scale_fillet(fillet: float, count: int, grids: Sequence[int]) -> float:
+    """Compute the radius of rounded edges on one of several grids, in proportion to the element size [m].
+
+    The differences between the grids, and thus the error estimates, then include the effect of the rounding.
+
+    Args:
+        fillet: Radius of rounded edges on the finest grid [m].
+        count: Number of elements through the cover on this grid [-].
+        grids: Number of elements through the cover on every grid, finest last [-].
+    """
+    return fillet * grids[-1] / count
+
+
+def state_rounding(indenter: Indenter, fillet: float) -> dict[str, str]:
+    """State in words, by topic, how edges or facets of an indenter are rounded; empty for a smooth indenter.
+
+    Args:
+        indenter: Indenter with its shape.
+        fillet: Radius of rounded edges on the finest grid [m].
+    """
+    if indenter.is_flat:
+        rounding = f"rounded with {fillet * 1e3:.3g} mm on the finest grid"
+        lost = (
+            f"; walls thinner than {2e3 * fillet:.3g} mm are left out of that" if _loses_wall(indenter, fillet) else ""
+        )
+        return {"edge": f"sharp at small strain, {rounding} for what finite strain or friction adds{lost}"}
+    return {} if indenter.axisymmetric else {"surface": f"facets and edges rounded over {fillet * 1e3:.3g} mm"}
+
+
+def _loses_wall(indenter: Indenter, fillet: float) -> bool:
+    """Return whether some wall of the face is so thin that no flat part remains between its rounded edges."""
+    if indenter.axisymmetric or not isinstance(indenter, FlatPunch):
+        return False
+    x, y = _sample_footprint(indenter)
+    far = indenter.distance_from_inset(fillet, x, y) > _MITER * fillet
+    return bool((far & (indenter.signed_distance(x, y) >= 0)).any())
+
+
+def _sample_footprint(indenter: Indenter) -> tuple[FloatArray, FloatArray]:
+    """Return x and y of the points of a regular grid over the footprint of an indenter [m]."""
+    x, y = np.meshgrid(*(np.linspace(-half, half, _SAMPLES) for half in indenter.footprint))
+    return x, y
+
+
+#: Solutions of a loading path on three grids: the baseline, then those with the requested strain and friction.  Both
+#: are lists with one list per target, which holds one solution per grid.
+SolvedPair = tuple[list[list[GridSolution]], list[list[GridSolution]]]
+
+#: Statement about the contact tractions of a corrected solution, by topic.
+CONTACT_ASSUMPTION = {
+    "contact": "tractions and fields of the finest mesh of finite strain and friction, multiplied by one factor to the "
+    "total force; their local error is that of this mesh, up to 10 % under edges"
+}
+#: Smallest estimated error of a loading path with friction: that of its steps and of its friction springs [-].
+_LEAST_FRICTION_ERROR = 0.015
+#: Smallest estimated error of a loading path whose baseline has the same friction, steps and springs [-].  Most of the
+#: error of steps and springs then cancels.
+_LEAST_PAIRED_FRICTION_ERROR = 0.003
+#: Smallest depth over cover thickness at which the grids resolve the effect of finite strain under a flat face; at
+#: smaller depths the effect is below the discretisation error [-].
+_SMALLEST_RESOLVED_DEPTH = 0.04
+#: Depth over the smallest resolved depth below which the effect of finite strain under a flat face, at most
+#: proportional to the depth, is not computed [-].
+_NEGLIGIBLE = 1e-4
+#: Largest requested target, over the smallest resolved target, that is also used to correct the unresolved targets; a
+#: larger one would be too far from these, and the smallest resolved target is solved in addition [-].
+_SHARED_TARGET = 2.0
+
+
+def correct_path(
+    path: LoadingPath,
+    accurate: Sequence[Sequence[GridSolution]],
+    solve: Callable[[LoadingPath, Sequence[float]], SolvedPair],
+) -> list[list[GridSolution]]:
+    """Solve a loading path by correcting its small-strain solution without friction or, under flat faces, without slip.
+
+    Under a flat face with the friction of the baseline, small loads are corrected by the scaled effect at a larger
+    load, which the grids can resolve, or not at all at depths so small that the effect is negligible.  The contact area
+    under a flat face is that of the small-strain solution.
+
+    Args:
+        path: Cover, indenter, target loads or depths, and friction.
+        accurate: Small-strain solutions of every target on fine grids, coarsest first.
+        solve: Function that solves baseline and full loading path on three coarse grids, given the loading path and
+            the small-strain depth at each of its targets [m].
+
+    Returns:
+        For each target one corrected solution per coarse grid.
+    """
+    if _needs_no_correction(path, accurate):
+        return [_keep_accurate(path, grids) for grids in accurate]
+    flat = path.indenter.is_flat
+    solved_targets = list(path.targets)
+    if flat and not path.has_friction_effect:
+        least_depth = _SMALLEST_RESOLVED_DEPTH * path.cover.thickness
+        solved_targets = _raise_targets(path.targets, [grids[-1].depth / least_depth for grids in accurate])
+    approach = {
+        solved: grids[-1].depth * solved / target
+        for target, solved, grids in zip(path.targets, solved_targets, accurate, strict=True)
+    }
+    stops = sorted(approach)
+    baseline, full = solve(replace(path, targets=tuple(stops)).at_model_strain, [approach[stop] for stop in stops])
+    out = []
+    for target, solved, grids in zip(path.targets, solved_targets, accurate, strict=True):
+        limit = _find_limit(path, grids)
+        index = stops.index(solved)
+        corrected = [
+            correct_solution(
+                limit,
+                baseline=without,
+                full=with_effect,
+                control=path.control,
+                share=target / solved,
+                area=grid.area if flat else None,
+            )
+            for without, with_effect, grid in zip(baseline[index], full[index], grids, strict=True)
+        ]
+        out.append(add_refinements(corrected) if path.refines_in_turn else corrected)
+    return out
+
+
+def state_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolution]], fillet: float) -> dict[str, str]:
+    """State in words, by topic, what a corrected solution assumes.
+
+    Args:
+        path: Cover, indenter and friction.
+        accurate: Small-strain solutions of every target.
+        fillet: Smallest radius of rounded edges [m].
+    """
+    if _needs_no_correction(path, accurate):
+        return {"strain": "small, because what finite strain adds at this depth is negligible"}
+    return state_rounding(path.indenter, fillet) | CONTACT_ASSUMPTION
+
+
+def _needs_no_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolution]]) -> bool:
+    """Return whether the last depth under a flat face is so small that the effect of finite strain is negligible."""
+    if not path.indenter.is_flat or path.has_friction_effect or path.fields:
+        return False
+    return accurate[-1][-1].depth < _NEGLIGIBLE * _SMALLEST_RESOLVED_DEPTH * path.cover.thickness
+
+
+def _find_limit(path: LoadingPath, grids: Sequence[GridSolution]) -> GridSolution:
+    """Return the accurate solution of one target from those on its grids."""
+    return extrapolate_solutions(grids) if path.indenter.is_flat and not path.baseline_friction else grids[-1]
+
+
+def _keep_accurate(path: LoadingPath, grids: Sequence[GridSolution]) -> list[GridSolution]:
+    """Return the accurate solution of one target, uncorrected, in place of the corrected one on each grid."""
+    return [replace(_find_limit(path, grids), size=grid.size, area=grid.area) for grid in grids]
+
+
+def solve_block_pair(
+    path: LoadingPath,
+    approaches: Sequence[float],
+    *,
+    grids: Sequence[SolidGrid],
+    lay_out: Callable[[SolidGrid], Block],
+    progress: Progress,
+) -> SolvedPair:
+    """Solve a loading path and its baseline on three three-dimensional grids, or read both from the result store.
+
+    Args:
+        path: Cover, indenter, targets and friction.
+        approaches: Small-strain depth at each target [m].
+        grids: The three grids.
+        lay_out: Function that returns the block to mesh on a grid.
+        progress: Called with a line of text after each step.
+    """
+
+    def compute() -> SolvedPair:
+        coarser, solved = None, []
+        for number, grid in enumerate(grids):
+            baseline, full, coarser = press_paired(
+                replace(path, fields=path.fields and number == len(grids) - 1),
+                lay_out(grid),
+                approaches,
+                elements_per_thickness=grid.count,
+                coarser=coarser,
+                progress=name_grid(progress, grid.count),
+            )
+            solved.append([[replace(each, size=1 / grid.count) for each in states] for states in (baseline, full)])
+        return pair_grids(solved)
+
+    block = lay_out(grids[0])
+    inputs = {"path": path, "grids": grids, "pose": block.surface.pose, "free": block.free}
+    return result_store.fetch("block-press", inputs, compute)
+
+
+def pair_grids(solved: Sequence[Sequence[Sequence[GridSolution]]]) -> SolvedPair:
+    """Order solutions of baseline and full path, given by grid, kind of path and target, by kind, target and grid."""
+    baseline, full = ([list(grids) for grids in zip(*side, strict=True)] for side in zip(*solved, strict=True))
+    return baseline, full
+
+
+def _raise_targets(targets: Sequence[float], relative_depths: Sequence[float]) -> list[float]:
+    """Replace target loads or depths that the grids cannot resolve by one larger target.
+
+    Args:
+        targets: Target loads or depths, ascending.
+        relative_depths: Small-strain depth at each target over the smallest resolved depth [-].
+    """
+    least = targets[0] / relative_depths[0]
+    shared = next((target for target in targets if least <= target <= _SHARED_TARGET * least), least)
+    return [target if target >= least else shared for target in targets]
+
+
+#: Number of elements through the cover on each axisymmetric grid, coarsest grid first [-].  Three neighbouring grids
+#: are solved.  The result is that of the finest of the three; its error is estimated from all three.
 GRIDS = (6, 9, 13, 19, 28)
-#: Smallest estimated error of a loading path with friction, which is that of its steps and of the springs; and of one
-#: whose baseline has the same friction, steps and springs, so that the most of this error cancels [-].
-_LEAST_FRICTION_ERROR, _LEAST_PAIRED_FRICTION_ERROR = 0.015, 0.003
 #: Number of elements through the cover under a ball on one coarse grid [-].
 _BALL_ELEMENTS = 4
-#: Largest radius of the region of small elements there, over the radius of the ball [-].
+#: Largest radius of the region of small elements under a ball, over the radius of the ball [-].
 _LARGEST_CONTACT = 0.8
 
 
@@ -183,7 +508,7 @@ def _solve_axisymmetric(
             out.append(states)
         return [list(each) for each in zip(*out, strict=True)]
 
-    return result_store.recall("finite-press", {"path": path, "grids": grids, "fillet": fillet}, compute)
+    return result_store.fetch("finite-press", {"path": path, "grids": grids, "fillet": fillet}, compute)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -252,4 +577,4 @@ def press_ball(cover: Cover, radius: float, depths: Sequence[float], *, progress
         )
 
     inputs = {"cover": cover, "ball": ball, "depths": list(depths), "elements": _BALL_ELEMENTS}
-    return result_store.recall("ball-path", inputs, compute)
+    return result_store.fetch("ball-path", inputs, compute)

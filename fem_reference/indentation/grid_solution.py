@@ -10,17 +10,20 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import Control
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.point_spread import PointSpread
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, Pose
+
+if TYPE_CHECKING:
+    from fem_reference.fields.cover_fields import CoverFields
 
 #: Safety factor on the change between two extrapolations, from which the error of an extrapolated result is estimated;
 #: ASME V&V 20-2009 uses 1.25 for three grids [-].
@@ -129,9 +132,9 @@ class GridStudy:
         solutions: For every target the three solutions, coarsest grid first.
         least_order: Smallest order of convergence that error estimates assume [-].
         most_order: Largest order of convergence that error estimates assume [-].
-        edge_safety: Safety factor on the change from the first to the second solution if this refines only the radius
-            of rounded edges, to half, and the third solution the elements besides (`add_refinements`); 0 if all three
-            refine everything [-].
+        edge_safety: Safety factor on the difference between the first and the second solution if the second has edges
+            of half the radius and the same elements, and only the third has smaller elements (`add_refinements`); 0
+            if each grid refines radius and elements [-].
         extrapolate: Whether a result is the value extrapolated to element size zero with order 1, or else the value on
             the finest grid.  Extrapolation is right under a sharp edge, where the singular pressure makes the error
             proportional to the element size.
@@ -300,8 +303,8 @@ def correct_solution(
     Solutions with finite strain or friction use coarse grids and rounded edges, and converge slowly.  The frictionless
     small-strain solution on the same grid, under the same rounded indenter, has nearly the same discretisation error.
     The difference of the two solutions is therefore much more accurate than each of them (a control variate).  The
-    contact tractions are not corrected: they are those of `full`, multiplied by one factor to the force of the result.
-    Likewise the fields, their displacements by one factor to the depth of the result.
+    contact tractions are not corrected: those of `full` are multiplied by one factor, which makes their sum the force
+    of the result.  The displacements in the cover are multiplied by one factor to the depth of the result.
 
     Args:
         accurate: Converged frictionless small-strain solution at the target load or depth.

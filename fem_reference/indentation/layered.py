@@ -11,42 +11,39 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from functools import cache, partial
+from dataclasses import dataclass, replace
+from functools import cache
 from operator import attrgetter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fem_reference.errors import (
     ConvergenceError,
     IncompletePathError,
+    PathConvergenceError,
     PiercedError,
     TooShallowError,
     UnsupportedError,
 )
-from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress
-from fem_reference.finite_strain.newton import PathConvergenceError
-from fem_reference.indentation import finite_strain, small_strain
+from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, estimate_spread
-from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
 from fem_reference.indentation.problem import PressProblem
 from fem_reference.indentation.result import Indentation, warn_of_errors
-from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.materials import describe_instability, warn_of_instability
-from fem_reference.small_strain_contact import friction_rings, no_slip
-from meshes import Cover, Pose, tilt_indenter
+from meshes import Cover, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Place
+
+if TYPE_CHECKING:
+    from fem_reference.fields.cover_fields import CoverFields
 
 #: Function that returns a quantity of a solution.
 Quantity = Callable[[GridSolution], float]
 
 #: Depth over thickness that is stated as the largest where a load would pierce the cover [-].
 _LARGEST_DEPTH = 0.98
-#: Distance between a contact and the sides of the cover, over the decay length of the cover's response, above which the
-#: sides are neglected at finite strain and with friction, by the base; and the error of the force that this leaves [-].
-_FAR_SIDES, _SIDES_ERROR = {"bonded": 4.0, "sliding": 15.0}, 1e-3
 #: Depth over cover thickness above which a small-strain result is marked as outside its range.  At this depth the force
 #: on a sphere agrees with the finite-strain force within 0.3 % [-].
 _SMALL_STRAIN_DEPTH = 0.3
@@ -57,16 +54,17 @@ _FORCE_PER_OVERLAP = 2.0
 _LEAST_AREA_ERROR = 2e-5
 #: Difference between the forces on the base and the load, over the load, above which a result has a warning [-].
 _LARGE_IMBALANCE = 1e-3
-#: Load or depth that is solved again on all grids, over the largest one that the failed solution reached, in successive
-#: attempts: finer grids may stop earlier.  The load rises steeply at last, so less of it costs little of the depth, and
-#: the finer grids then start from the solutions of the coarser ones.  One attempt in three dimensions [-].
+#: Last load or depth of successive attempts to solve a path again after it stopped early, over the largest load or
+#: depth that the stopped solution reached [-].  Several attempts are needed because finer grids may stop earlier.  The
+#: first attempt leaves out more of a load than of a depth: at the end of a path a small change of depth changes the
+#: load much.  In three dimensions only the first attempt is made.
 _WITHIN: dict[Control, tuple[float, ...]] = {"load": (0.9, 0.75, 0.5), "depth": (0.97, 0.9, 0.75, 0.5)}
-#: Load or depth that a failed solution reached, over the last target, from which finer grids are tried: near the end of
-#: a path single coarse grids stop where finer ones do not [-].
+#: Load or depth that a stopped solution reached, over the last target, from which finer grids are tried [-].  Near the
+#: end of a path some coarse grids stop where finer grids do not.
 _NEARLY: dict[Control, float] = {"load": 0.7, "depth": 0.9}
-#: Load or depth over that of the next target above which a target is left out of the part that is solved again [-].
+#: Target over the last load or depth of the part that is solved again, from which the target is left out [-].
 _LEAST_SPACING = 0.97
-#: Part of the first target that is tried if the failed solution reached nothing [-].
+#: Part of the first target that is solved if the stopped solution reached no load or depth [-].
 _PART = 0.2
 
 
@@ -85,16 +83,24 @@ def press_layers(cover: Cover, problem: PressProblem) -> list[Indentation]:
             "strain; leave it out, or change the material",
             "strain",
         )
-    if problem.control == "depth":
-        for depth in problem.targets:
-            _check_depth(cover, depth)
+    deep = [depth for depth in problem.targets if problem.control == "depth" and depth >= cover.thickness]
+    if deep:
+        raise PiercedError(
+            f"at a depth of {deep[0] * 1e3:.4g} mm the indenter would pierce the cover; use less than its thickness, "
+            f"{cover.thickness * 1e3:.4g} mm",
+            "depth",
+        )
     pose = problem.pose
     if not pose.is_planar:
         raise UnsupportedError(
             f"a flat cover is pressed along -z, not along {pose.direction}; tilt turns the indenter", "direction"
         )
-    place = Place(array=problem.array, pose=replace(pose, tilt=(0.0, 0.0)))
-    _check_axis(cover, place.pose)
+    if cover.size is not None and any(abs(a) > edge / 2 for a, edge in zip(pose.at, cover.size, strict=True)):
+        x, y, width, height = (1e3 * value for value in (*pose.at, *cover.size))
+        raise ValueError(
+            f"the indenter's axis at ({x:.4g}, {y:.4g}) mm stands beside the cover, which measures {width:.4g} x "
+            f"{height:.4g} mm around the array's middle"
+        )
     path = LoadingPath(
         cover=cover,
         indenter=tilt_indenter(problem.indenter, pose.tilt),
@@ -103,210 +109,134 @@ def press_layers(cover: Cover, problem: PressProblem) -> list[Indentation]:
         friction=problem.friction,
         fields=problem.fields,
     )
-    return _refine(path, place, problem.accuracy, problem.progress)
+    place = Place(array=problem.array, pose=replace(pose, tilt=(0.0, 0.0)))
+    return LayerPress(place=place, progress=problem.progress).refine(path, problem.accuracy)
 
 
-def _refine(path: LoadingPath, place: Place, accuracy: float | None, progress: Progress) -> list[Indentation]:
-    """Solve a loading path, on finer and finer grids until the estimated errors are below a wanted accuracy.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LayerPress:
+    """Presses of an indenter into layers at one place.
 
-    Args:
-        path: Cover, indenter, targets and friction.
+    Attributes:
         place: Array, and pose of the indenter.
-        accuracy: Wanted relative error; None for the first grids [-].
         progress: Called with a line of text before each step.
     """
-    finest = _count_refinements(path, place) if accuracy is not None else 0
-    best: list[Indentation] = []
-    least = np.inf
-    for refinement in range(finest + 1):
+
+    place: Place
+    progress: Progress = None
+
+    def refine(self, path: LoadingPath, accuracy: float | None) -> list[Indentation]:
+        """Solve a loading path, on finer and finer grids until the estimated errors are below a wanted accuracy.
+
+        Args:
+            path: Cover, indenter, targets and friction.
+            accuracy: Wanted relative error; None for the first grids [-].
+        """
+        finest = self.count_refinements(path) if accuracy is not None else 0
+        best: list[Indentation] = []
+        least = np.inf
+        for refinement in range(finest + 1):
+            try:
+                results = self.solve_as_far(path, refinement)
+            except IncompletePathError:
+                if not best:
+                    raise
+                break  # the results of the coarser grids are complete
+            reached = max(max(each.error_estimate.values()) for each in results)
+            if accuracy is None or reached <= accuracy:
+                return results
+            if reached < least:  # the estimate need not fall from grid to grid
+                best, least = results, reached
+            if self.progress is not None and refinement < finest:
+                wanted = f"{100 * accuracy:.3g} % wanted"
+                self.progress(f"estimated error {100 * reached:.3g} %, {wanted}: a finer grid is added")
+        return [_state_missed_accuracy(each, accuracy or 0.0) for each in best]
+
+    def solve_as_far(self, path: LoadingPath, refinement: int = 0) -> list[Indentation]:
+        """Solve a loading path; if it stops early, solve the part that was reached and report both.
+
+        Finer grids are tried where the path stops shortly before its last target.
+
+        Raises:
+            IncompletePathError: If the path stops before its last target.  It has the results of the part that was
+                reached, which was solved again on all grids.  A contact without friction at small strain has no path:
+                its failure at one target is reported at once.
+        """
         try:
-            solve = partial(_press_on_grids, place=place, progress=progress, refinement=refinement)
-            finer = partial(_press_on_finer_grids, place=place, progress=progress, refinement=refinement)
-            results = _solve_as_far(path, solve, finer)
-        except IncompletePathError:
-            if not best:
-                raise
-            break  # the results of the coarser grids are complete
-        reached = max(max(each.error_estimate.values()) for each in results)
-        if accuracy is None or reached <= accuracy:
-            return results
-        if reached < least:  # the estimate need not fall from grid to grid
-            best, least = results, reached
-        if progress is not None and refinement < finest:
-            progress(f"estimated error {100 * reached:.3g} %, {100 * accuracy:.3g} % wanted: a finer grid is added")
-    return [_state_missed_accuracy(each, accuracy or 0.0) for each in best]
+            return self.solve(path, refinement)
+        except (ConvergenceError, np.linalg.LinAlgError) as error:
+            first = failure = error
+        if isinstance(first, TooShallowError) or _is_linear(path):
+            raise IncompletePathError(_explain(path, first, []), []) from first
+        if _is_nearly_solved(path, first) and refinement < self.count_refinements(path):
+            try:
+                return self.solve(path, refinement + 1)
+            except (ConvergenceError, np.linalg.LinAlgError):
+                pass  # what the coarser grids reached is reported
+        part, shares = path, _WITHIN[path.control]
+        for within in shares if path.indenter.axisymmetric else shares[:1]:
+            part = _shorten(part, failure, within)
+            # The first attempt is meshed for what was reached; later ones keep this mesh, because smaller elements stop
+            # earlier under a sharp tip.
+            part = replace(part, meshed_for=part.targets[-1] if part.meshed_for is None else part.meshed_for)
+            try:
+                reached = self.solve(part, refinement)
+            except (ConvergenceError, np.linalg.LinAlgError) as error:
+                failure = error
+                continue
+            raise IncompletePathError(_explain(path, first, reached), reached) from first
+        raise IncompletePathError(_explain(path, first, []), []) from first
 
+    def solve(self, path: LoadingPath, refinement: int) -> list[Indentation]:
+        """Solve a loading path on three grids; `refinement` grids are skipped at the coarse end.
 
-def _press_on_grids(path: LoadingPath, place: Place, progress: Progress, refinement: int) -> list[Indentation]:
-    """Solve a loading path on three grids; `refinement` grids are skipped at the coarse end."""
-    started = time.perf_counter()
-    study = _study_path(path, place, progress, refinement)
-    for grids, target in zip(study.solutions, path.targets, strict=True):
-        if grids[-1].depth >= path.cover.thickness:
-            _refuse_load(path, place, target, grids[-1].depth)
-    seconds = (time.perf_counter() - started) / len(path.targets)
-    if path.fields and progress is not None:
-        progress("displacement and stress in the cover")
-    return [_combine_grids(study, number, path, place, seconds=seconds) for number in range(len(path.targets))]
+        Raises:
+            PiercedError: If a load would pierce the cover.  The error states the load that it bears: without friction,
+                at almost its thickness.
+        """
+        started = time.perf_counter()
+        study, thickness = self.study(path, refinement), path.cover.thickness
+        for grids, load in zip(study.solutions, path.targets, strict=True):
+            if grids[-1].depth >= thickness:
+                most = (_LARGEST_DEPTH * thickness,)
+                bare = replace(path, targets=most, control="depth", friction=0.0, fields=False)
+                largest = small_strain.solve_path(bare, self.place, None)[0][-1].total_force
+                raise PiercedError(
+                    f"{load:.4g} N would pierce the cover ({grids[-1].depth * 1e3:.3g} mm deep, the cover has "
+                    f"{thickness * 1e3:.4g} mm); use at most {largest:.3g} N, a wider indenter or a stiffer cover",
+                    "load",
+                )
+        seconds = (time.perf_counter() - started) / len(path.targets)
+        if path.fields and self.progress is not None:
+            self.progress("displacement and stress in the cover")
+        count = len(path.targets)
+        return [_combine_grids(study, number, path, self.place, seconds=seconds) for number in range(count)]
 
+    def study(self, path: LoadingPath, refinement: int) -> GridStudy:
+        """Solve a loading path on three grids by the solver for its strain, friction and cover."""
+        if _is_linear(path):
+            return small_strain.study_path(path, self.place, self.progress, refinement)
+        from fem_reference.indentation import nonlinear
 
-def _press_on_finer_grids(path: LoadingPath, place: Place, progress: Progress, refinement: int) -> list[Indentation]:
-    """Solve a loading path on the grids of one refinement more; raise a `ConvergenceError` if there are none."""
-    if refinement >= _count_refinements(path, place):
-        raise ConvergenceError("there are no finer grids")
-    return _press_on_grids(path, place, progress, refinement + 1)
+        return nonlinear.study_path(path, self.place, self.progress, refinement)
 
+    def count_refinements(self, path: LoadingPath) -> int:
+        """Return how often the grids of a loading path can be refined."""
+        if _is_linear(path):
+            return len(small_strain.CELLS) - 3
+        from fem_reference.indentation import nonlinear
 
-def _study_path(path: LoadingPath, place: Place, progress: Progress, refinement: int) -> GridStudy:
-    """Solve a loading path on three grids by the solver for its strain, friction and cover."""
-    small = path.cover.small_strain_only
-    if small and not path.friction:
-        return small_strain.study_path(path, place, progress, refinement)
-    if _is_far_from_sides(path, place, progress):
-        study = _study_path(replace(path, cover=replace(path.cover, size=None)), place, progress, refinement)
-        return replace(
-            study,
-            least_error=max(study.least_error, _SIDES_ERROR),
-            assumptions=study.assumptions | {"sides": "too far from the contact to matter"},
-        )
-    in_plane = finite_strain.is_in_plane(path)
-    rubbing = None
-    # Not in three dimensions at finite strain, where the effect of rounded edges on the correction would be larger.
-    if np.isinf(path.friction) and path.indenter.is_flat and (small or in_plane):
-        rubbing = no_slip.study_path(path, place, progress)
-    if rubbing is None and path.friction and in_plane:
-        rubbing = friction_rings.study_path(path, progress, refinement)
-    if rubbing is not None and small:
-        return rubbing
-    if rubbing is not None and max(each.depth for each in rubbing.solutions[-1]) >= path.cover.thickness:
-        rubbing = None  # rubber bears loads at which the small-strain solution pierces the cover
-    return finite_strain.study_path(path, place, progress, refinement, rubbing)
-
-
-def _is_far_from_sides(path: LoadingPath, place: Place, progress: Progress) -> bool:
-    """Return whether a contact with friction or at finite strain, simpler on a wide cover, is not changed by sides.
-
-    Fields are asked for up to the sides, so a path with fields is solved with these.
-    """
-    cover = path.cover
-    if cover.size is None or path.fields:
-        return False
-    wide = replace(cover, size=None)
-    radius = np.hypot(*small_strain.estimate_contact(replace(path, cover=wide), None, progress).T).max()
-    nearest = min(edge / 2 - abs(at) for edge, at in zip(cover.size, place.pose.at, strict=True))
-    return bool(nearest - radius > _FAR_SIDES[cover.base] * decay_length(wide))
-
-
-def _count_refinements(path: LoadingPath, place: Place) -> int:
-    """Return how often the grids of a loading path can be refined."""
-    small = path.cover.small_strain_only
-    if small and not path.friction:
-        return len(small_strain.CELLS) - 3
-    if _is_far_from_sides(path, place, None):
-        path = replace(path, cover=replace(path.cover, size=None))
-    if small and np.isinf(path.friction) and path.indenter.is_flat:
-        return 0  # the grids of a face without slip are fixed
-    if not finite_strain.is_in_plane(path):
-        return 0  # finer grids are not feasible in three dimensions
-    return len(friction_rings.GRIDS if small else finite_strain.GRIDS) - 3
+        return nonlinear.count_refinements(path, self.place, self.progress)
 
 
 def _state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:
     """Add a warning to a result whose estimated errors exceed the wanted accuracy on the finest grids."""
-    missed = [
-        f"{name.replace('_', ' ')} {100 * value:.3g} %"
-        for name, value in result.error_estimate.items()
-        if value > accuracy
-    ]
+    errors = result.error_estimate.items()
+    missed = [f"{name.replace('_', ' ')} {100 * value:.3g} %" for name, value in errors if value > accuracy]
     if not missed:
         return result
     sentence = f"{100 * accuracy:.3g} % wanted, but the feasible grids reach {', '.join(missed)}"
     return replace(result, warnings=(*result.warnings, sentence))
-
-
-def _check_depth(cover: Cover, depth: float) -> None:
-    """Raise a PiercedError if a depth exceeds the thickness of the cover."""
-    if depth >= cover.thickness:
-        raise PiercedError(
-            f"at a depth of {depth * 1e3:.4g} mm the indenter would pierce the cover; use less than its thickness, "
-            f"{cover.thickness * 1e3:.4g} mm",
-            "depth",
-        )
-
-
-def _refuse_load(path: LoadingPath, place: Place, load: float, depth: float) -> None:
-    """Raise a PiercedError that states the load which the cover bears: without friction, at almost its thickness.
-
-    Args:
-        path: Cover and indenter.
-        place: Array, and pose of the indenter.
-        load: Load that pierces the cover [N].
-        depth: Depth at this load [m].
-    """
-    most = _LARGEST_DEPTH * path.cover.thickness
-    bare = replace(path, targets=(most,), control="depth", friction=0.0, fields=False)
-    largest = small_strain.solve_path(bare, place, None)[0][-1].total_force
-    raise PiercedError(
-        f"{load:.4g} N would pierce the cover ({depth * 1e3:.3g} mm deep, the cover has "
-        f"{path.cover.thickness * 1e3:.4g} mm); use at most {largest:.3g} N, a wider indenter or a stiffer cover",
-        "load",
-    )
-
-
-def _check_axis(cover: Cover, pose: Pose) -> None:
-    """Raise a ValueError if the indenter's axis is not over the cover."""
-    if cover.size is None or all(abs(a) <= edge / 2 for a, edge in zip(pose.at, cover.size, strict=True)):
-        return
-    x, y, width, height = (1e3 * value for value in (*pose.at, *cover.size))
-    raise ValueError(
-        f"the indenter's axis at ({x:.4g}, {y:.4g}) mm stands beside the cover, which measures {width:.4g} x "
-        f"{height:.4g} mm around the array's middle"
-    )
-
-
-def _solve_as_far(
-    path: LoadingPath,
-    solve: Callable[[LoadingPath], list[Indentation]],
-    finer: Callable[[LoadingPath], list[Indentation]] | None = None,
-) -> list[Indentation]:
-    """Solve a loading path; if it stops early, solve the part that was reached and report both.
-
-    Args:
-        path: Loading path.
-        solve: Function that solves a loading path on all grids and returns one result per target.
-        finer: The same on finer grids, tried where the path stops shortly before its last target; None if there are
-            none.
-
-    Raises:
-        IncompletePathError: If the path stops before its last target.  It has the results of the part that was
-            reached, which was solved again on all grids.  A contact without friction at small strain has no path: its
-            failure at one target is reported at once.
-    """
-    try:
-        return solve(path)
-    except (ConvergenceError, np.linalg.LinAlgError) as error:
-        failure: Exception = error
-    if isinstance(failure, TooShallowError) or _is_linear(path):
-        raise IncompletePathError(_explain(path, failure, []), []) from failure
-    if finer is not None and _is_nearly_solved(path, failure):
-        try:
-            return finer(path)
-        except (ConvergenceError, np.linalg.LinAlgError):
-            pass  # what the coarser grids reached is reported
-    first, part = failure, path
-    shares = _WITHIN[path.control]
-    for within in shares if path.indenter.axisymmetric else shares[:1]:
-        part = _shorten(part, failure, within)
-        # The first attempt is meshed for what was reached; later ones keep this mesh, because smaller elements stop
-        # earlier under a sharp tip.
-        part = replace(part, meshed_for=part.targets[-1] if part.meshed_for is None else part.meshed_for)
-        try:
-            reached = solve(part)
-        except (ConvergenceError, np.linalg.LinAlgError) as error:
-            failure = error
-            continue
-        raise IncompletePathError(_explain(path, first, reached), reached) from first
-    raise IncompletePathError(_explain(path, first, []), []) from first
 
 
 def _shorten(path: LoadingPath, error: Exception, within: float) -> LoadingPath:
@@ -385,7 +315,6 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
     by_load = path.control == "load"
     total = path.targets[number] if by_load else float(study.combine(grids, lambda each: each.total_force))
     balance = float(base.sum()) / total - 1
-    imbalanced = abs(balance) > _LARGE_IMBALANCE
     errors = _estimate_errors(study, number, quantities, place, peak) | {
         "contact_area": _estimate_area_error(study, grids, path)
     }
@@ -394,7 +323,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
     scale = total / finest.contact[:, 2].sum()
     depth = float(study.combine(grids, lambda each: each.depth))
     points, forces = _place_contact(finest, path, place, depth, scale)
-    missing = state_missing_fields(path, place.pose) if path.fields else ""
+    fields, missing = _find_fields(finest, path, place, scale) if path.fields else (None, [])
     shear = forces[:, :2].sum(axis=0)
     return Indentation(
         texel_forces=texel_forces,
@@ -410,15 +339,14 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
         contact_points=points,
         contact_forces=forces,
         energy=float(study.combine(grids, lambda each: each.energy)),
-        fields=_find_fields(finest, path, place, scale) if path.fields and not missing else None,
+        fields=fields,
         error_estimate=errors,
         assumptions=_state_assumptions(path, finest.depth) | study.assumptions,
         warnings=(
             *warn_of_errors(errors),
-            *([f"the forces on the base differ from the load by {balance:+.2%}"] if imbalanced else []),
-            *_warn_of_instability(path, finest.depth),
+            *_warn(path, balance, finest.depth),
             *study.warnings,
-            *([missing] if missing else []),
+            *missing,
         ),
         seconds=seconds + time.perf_counter() - started,
         grid_values={
@@ -428,6 +356,33 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
             ).items()
         },
     )
+
+
+def _find_fields(
+    finest: GridSolution, path: LoadingPath, place: Place, scale: float
+) -> tuple[CoverFields | None, list[str]]:
+    """Return displacement and stress in the frame of the array, or None and why there are none, in one line."""
+    from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
+
+    missing = state_missing_fields(path, place.pose)
+    fields = finest.fields
+    if not missing and fields is None:
+        fields = solve_linear_fields(path, finest.contact * [1, 1, scale], place, depth=finest.depth)
+    elif fields is not None and path.cover.size is None:
+        fields = fields.to_array(place.pose)
+    return fields, [missing] if missing else []
+
+
+def _warn(path: LoadingPath, balance: float, depth: float) -> list[str]:
+    """State in words that forces do not balance, and which materials are pressed beyond their stability."""
+    out = []
+    if abs(balance) > _LARGE_IMBALANCE:
+        out.append(f"the forces on the base differ from the load by {balance:+.2%}")
+    if path.cover.small_strain_only:
+        return out
+    remaining = 1 - depth / path.cover.thickness
+    unstable = dict.fromkeys(warn_of_instability(layer.material, remaining) for layer in path.cover.layers)
+    return [*out, *(sentence for sentence in unstable if sentence)]
 
 
 def _place_contact(
@@ -494,31 +449,6 @@ def _estimate_area_error(study: GridStudy, grids: Sequence[GridSolution], path: 
     if path.indenter.is_flat and spread < _LEAST_AREA_ERROR:
         return _LEAST_AREA_ERROR
     return max(spread, study.least_error, study.least_area_error, _LEAST_AREA_ERROR)
-
-
-def _warn_of_instability(path: LoadingPath, depth: float) -> tuple[str, ...]:
-    """State in words which materials are pressed beyond their stability."""
-    remaining = 1 - depth / path.cover.thickness
-    if path.load_scale < 1 or path.cover.small_strain_only:
-        return ()
-    said = [warn_of_instability(layer.material, remaining) for layer in path.cover.layers]
-    return tuple(dict.fromkeys(sentence for sentence in said if sentence))
-
-
-def _find_fields(finest: GridSolution, path: LoadingPath, place: Place, scale: float) -> CoverFields:
-    """Return displacement and stress in the cover in the frame of the array, solved from the contact forces if absent.
-
-    Args:
-        finest: Solution on the finest grid.
-        path: Cover and indenter.
-        place: Array, and pose of the indenter.
-        scale: Total force of the result over that of the contact forces [-].
-    """
-    if finest.fields is None and not path.cover.small_strain_only:
-        raise RuntimeError("the solution at finite strain has no fields")
-    if finest.fields is None:
-        return solve_linear_fields(path, finest.contact * [1, 1, scale], place, depth=finest.depth)
-    return finest.fields if path.cover.size is not None else finest.fields.to_array(place.pose)
 
 
 def _state_assumptions(path: LoadingPath, depth: float) -> dict[str, str]:

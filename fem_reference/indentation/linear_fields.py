@@ -28,14 +28,21 @@ from meshes import FlatPunch
 from meshes.array_types import FloatArray, IntArray
 from meshes.pose import Place, Pose
 
-#: Number of elements through the cover, axisymmetric and in three dimensions [-].
-_COUNT, _SOLID_COUNT = 16, 4
-#: Radius of the region of small elements over the contact radius, and number of elements over the contact radius [-].
-_FINE_REGION, _ACROSS = 1.3, 24
-#: Growth of axisymmetric elements outside this region, times the number of elements through the cover [-].
+#: Number of elements through the cover in axisymmetric meshes [-].
+_COUNT = 16
+#: Number of elements through the cover in three dimensions [-].
+_SOLID_COUNT = 4
+#: Radius of the region of small elements in axisymmetric meshes, over the contact radius [-].
+_FINE_REGION = 1.3
+#: Number of elements along the contact radius in axisymmetric meshes [-].
+_ACROSS = 24
+#: Size ratio of neighbouring elements outside the region of small elements, minus one, times the number of elements
+#: through the cover [-].
 _GROWTH = 1.2
-#: Element sizes in three dimensions over the regular size: at the edge of the contact, and largest in the contact [-].
-_EDGE, _LARGEST = 0.5, 1.2
+#: Element size at the edge of the contact in three dimensions, over the regular size [-].
+_EDGE = 0.5
+#: Largest element size in the contact in three dimensions, over the regular size [-].
+_LARGEST = 1.2
 #: Largest number of elements along half a contact in three dimensions, to limit the memory [-].
 _MOST = 14
 #: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].

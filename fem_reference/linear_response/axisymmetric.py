@@ -40,11 +40,11 @@ class AxisymmetricSettings:
 
     #: Radius, over the cover thickness, within which the mesh of a point load has elements of equal size [-].
     even: float = 4.0
-    #: Radius of the outer boundary of that mesh over the decay length of the cover's response, whose slowest mode has
-    #: decayed to 1e-5 there [-].
+    #: Radius of the outer boundary of the mesh of a point load, over the decay length of the cover's response [-].  At
+    #: this radius the slowest mode of the response has decayed to 1e-5.
     reach: float = 16.0
-    #: Size ratio of neighbouring elements outside this radius, minus one, times the number of elements through the
-    #: cover [-].
+    #: Size ratio of neighbouring elements outside the radius `even`, minus one, times the number of elements through
+    #: the cover [-].
     growth: float = 1.2
     #: Smallest number of elements through a layer [-].
     least: int = 2
@@ -175,7 +175,7 @@ def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None)
         return replace(grids[-1], coarse=tuple(grids[:-1]))
 
     inputs = {"cover": cover, "reach": reach, "grids": GRIDS, "settings": _SETTINGS}
-    return result_store.recall("point-spread", inputs, compute)
+    return result_store.fetch("point-spread", inputs, compute)
 
 
 def find_constrained(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -> IntArray:

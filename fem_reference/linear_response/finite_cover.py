@@ -58,7 +58,7 @@ class FiniteCoverSettings:
     texel_points: int = 12
     #: Points in the search for the half width of a texel's response [-].
     width_points: int = 400
-    #: Distance of this search beyond the edge of the texel over the cover thickness [-].
+    #: Largest distance from the edge of the texel in the search for the half width, over the cover thickness [-].
     width_reach: float = 2.0
     #: Unknowns above which a progress line warns that the solution takes minutes [-].
     many: int = 300_000
@@ -269,7 +269,12 @@ class AdjointSolution:
     whole: FloatArray
 
     def interpolate(self, x: FloatArray, y: FloatArray) -> sp.csr_matrix:
-        """Create the matrix that interpolates flattened nodal values at k positions [thicknesses]."""
+        """Create the matrix that interpolates the values at the m top nodes to k positions, shape (k, m).
+
+        Args:
+            x: x coordinates of the positions, from the middle of the cover, shape (k,) [thicknesses].
+            y: y coordinates of the positions, from the middle of the cover, shape (k,) [thicknesses].
+        """
         return interpolation_matrix(self.x, self.y, x, y)
 
 
@@ -460,7 +465,7 @@ def solid_influence(
         return out
 
     inputs = {"cover": cover, "centres": array.centres, "texel_size": array.texel_size, "grids": resolutions}
-    grids = result_store.recall("solid-influence", {**inputs, "settings": _SETTINGS}, compute)
+    grids = result_store.fetch("solid-influence", {**inputs, "settings": _SETTINGS}, compute)
     return SolidInfluence(cover=cover, array=array, grids=tuple(grids))
 
 

@@ -62,10 +62,11 @@ class StretchedResponse:
     """Changes of a cover's response to a unit point load under stretch, at m distances from the load.
 
     Attributes:
-        radius: The distances, shape (m,) [m].
+        radius: Distances from the load, shape (m,) [m].
         wave_number: Wave numbers of the Hankel transform, shape (n,) [1/m].
-        waves: Response of the cover without tension at these wave numbers.
-        hankel: Matrix of the transform from wave numbers to distances, shape (m, n) [1/m2].
+        waves: Compliance [m/Pa] and base pressure [-] of the cover without tension at the n wave numbers.
+        hankel: Matrix of the Hankel transform: integration weights of the n wave numbers (columns) for each of the m
+            distances (rows), shape (m, n) [1/m2].
     """
 
     radius: FloatArray

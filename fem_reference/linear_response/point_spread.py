@@ -12,10 +12,9 @@ with Q(r) the integral of pressure times distance from 0 to r.  That both agree 
 Loads on a grid of points are summed without evaluating every point: the coefficients of a table's spline are factorised
 by a singular value decomposition, which turns the sum into a few matrix products.
 
-Superpose the base forces of many forces on the top of a cover.
-
-The response of the base varies smoothly with the position of a force.  Many forces are therefore replaced by forces on
-a regular grid of points that have the same effect on every polynomial of the position up to degree 5.
+The base forces due to many contact forces are summed by `superpose`.  The response of the base varies smoothly with the
+position of a force.  The contact forces are therefore replaced by forces on a regular grid of points that have the same
+effect on every polynomial of the position up to degree 5.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ class PointSpreadSettings:
 
     #: Gauss points along a side of a texel per cover thickness, for uniform pressure on the texel [-].
     texel_points: int = 6
-    #: Smallest number of these points [-].
+    #: Smallest number of Gauss points along a side of a texel [-].
     least_points: int = 8
     #: Equal panels near the axis, in integrals of the base pressure over the distance from the axis [-].
     even_panels: int = 48

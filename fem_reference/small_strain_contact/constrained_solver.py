@@ -31,9 +31,10 @@ from meshes.array_types import BoolArray, FloatArray
 class ActiveSetSettings:
     """Limits and tolerances of the active set and of its conjugate gradients."""
 
-    #: Largest number of exchanges of cells [-].
+    #: Largest number of changes of the set of cells in contact [-].
     exchanges: int = 400
-    #: Largest number of exchanges of all wrong cells in a row without a new minimum of their number [-].
+    #: Largest number of successive changes in which all wrong cells enter or leave the contact without a new minimum
+    #: of the number of wrong cells [-].  After that only one cell changes at a time.
     patience: int = 10
     #: Overlap at a cell, over the largest penetration of the undeformed surface, below which the cell is free of
     #: overlap [-].
@@ -42,8 +43,8 @@ class ActiveSetSettings:
     iterations: int = 1000
     #: Norm of the residual displacement over that of the given displacement at which the iteration stops [-].
     residual: float = 1e-8
-    #: The same norm while the set of cells in contact changes: a wrong sign of a pressure then costs only an exchange
-    #: [-].
+    #: Norm of the residual displacement over that of the given displacement at which the iteration stops while the set
+    #: of cells in contact still changes [-].  A pressure of the wrong sign then costs only one more change of the set.
     loose_residual: float = 1e-4
     #: Smallest value of the spectrum of the compliance in the preconditioner, over its largest value [-].
     spectrum_floor: float = 1e-6

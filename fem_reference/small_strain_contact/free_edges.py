@@ -31,24 +31,26 @@ from meshes.pose import Pose
 class SideSettings:
     """Numbers of the meshes that give the effect of free side edges."""
 
-    #: Elements per cover thickness, and parts of each element of a coarse pattern along x and y.  With 2, the
-    #: additional compliance is wrong by up to a third, with 3, by at most 2 % [-].
+    #: Number of elements per cover thickness, and number of parts of each element of a coarse pattern along x and y
+    #: [-].  With 2, the additional compliance is wrong by up to a third, with 3 by at most 2 %.
     parts: int = 3
-    #: Distance of a free edge from the contact, over the decay length, above which the edge is neglected.  Its effect
-    #: decays from the contact to the edge and again from the edge to the contact [-].
+    #: Distance of a free edge from the contact, over the decay length of the cover's response, above which the edge is
+    #: neglected on a bonded base [-].  The effect of the edge decays from the contact to the edge and again from the
+    #: edge to the contact.
     near: float = 6.0
-    #: Width of the meshed surroundings over the decay length of the cover's response [-].
+    #: Width of the meshed surroundings on a bonded base, over the decay length of the cover's response [-].
     far: float = 8.0
-    #: As `near`, on a sliding base, where the effect decays only with the square of the distance and is below 0.06 %
-    #: of the force here [-].
+    #: Distance of a free edge from the contact, over the decay length, above which the edge is neglected on a sliding
+    #: base [-].  There the effect of the edge decays only with the square of the distance.  At this distance it is
+    #: below 0.06 % of the force.
     near_sliding: float = 15.0
-    #: As `far`, on a sliding base [-].
+    #: Width of the meshed surroundings on a sliding base, over the decay length of the cover's response [-].
     far_sliding: float = 40.0
     #: Size of the pattern's elements at the sides of the cover over the distance of the sides from the contact [-].
     fine: float = 4 / 3
-    #: Smallest value of this size over the cover thickness [-].
+    #: Smallest size of the pattern's elements at the sides of the cover, over the cover thickness [-].
     smallest: float = 1 / 2
-    #: Largest value of this size over the cover thickness [-].
+    #: Largest size of the pattern's elements at the sides of the cover, over the cover thickness [-].
     largest: float = 2.0
     #: Smallest distance between contact and sides from which the element size is computed, over the width of the
     #: contact [-].
@@ -57,7 +59,7 @@ class SideSettings:
     least: float = 1.5
     #: Increase of the pattern's element size per distance from contact and sides, in the cover [-].
     growth: float = 1.2
-    #: The same increase in the surroundings of the cover [-].
+    #: Increase of the pattern's element size per distance from the sides, in the surroundings of the cover [-].
     outward: float = 1.6
     #: Distance between the edge of a face and a side or the middle of the cover, over the cover thickness, below which
     #: the edge of the face is no element edge of its own [-].

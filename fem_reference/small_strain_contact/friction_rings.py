@@ -27,7 +27,7 @@ from fem_reference.finite_strain.contact import divide_rings
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress, Units, name_grid
 from fem_reference.indentation import small_strain
-from fem_reference.indentation.correction import SolvedPair, correct_path, pair_grids
+from fem_reference.indentation.finite_strain import SolvedPair, correct_path, pair_grids
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, RadialBase
 from fem_reference.linear_response.axisymmetric import RadialCover
 from fem_reference.linear_response.surface_compliance import choose_friction_reach
@@ -51,13 +51,14 @@ class RingSettings:
     edge: float = 0.2
     #: Size ratio of neighbouring elements, minus one, times the number of elements through the cover [-].
     growth: float = 1.2
-    #: Rings of each of the two forces from which the edge of the contact is found [-].
+    #: Number of rings in each of two groups at the edge of the contact [-].  The position of the edge follows from the
+    #: ratio of the forces on the two groups.
     fit: int = 2
     #: Relative tolerance of the conditions of contact and slip [-].
     tolerance: float = 1e-9
-    #: Exchanges after which only the worst ring is exchanged [-].
+    #: Number of changes of the conditions of the rings after which only the worst ring is changed at a time [-].
     all_at_once: int = 40
-    #: Largest number of exchanges [-].
+    #: Largest number of changes of the conditions of the rings [-].
     exchanges: int = 2000
     #: Smallest estimated error of a result [-].
     least_error: float = 5e-4
@@ -66,16 +67,23 @@ class RingSettings:
 _SETTINGS = RingSettings()
 
 
-#: Number of elements through the cover on all grids; three neighbouring grids give a result and its error [-].
+#: Number of elements through the cover on each grid, coarsest grid first; three neighbouring grids give a result and
+#: its error [-].
 GRIDS = (6, 9, 13, 19, 28)
-#: Gauss points across a ring.
+#: Positions of the Gauss points across a ring, from -1 to 1, and their weights, shape (4,) each [-].
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 #: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
 _ON_BOUNDARY = 1e-9
 #: Lower bound of denominators that may be zero.
 _TINY = 1e-300
-#: Conditions of a ring; a sliding ring has the sign of its shear on the cover.
-_OPEN, _STICKS, _OUTWARD, _INWARD = 0, 1, 2, 3
+#: Condition of a ring without contact.
+_OPEN = 0
+#: Condition of a ring that sticks.
+_STICKS = 1
+#: Condition of a ring that slides with shear on the cover outwards; conditions above `_STICKS` slide.
+_OUTWARD = 2
+#: Condition of a ring that slides with shear on the cover inwards.
+_INWARD = 3
 
 
 class _Step(NamedTuple):
@@ -255,7 +263,10 @@ class RingContact:
         raise ConvergenceError(f"contact and slip of {n} rings did not settle in {_SETTINGS.exchanges} exchanges")
 
     def _predict_touch(self, before: _Step, depth: float) -> FloatArray:
-        """Return the outward displacements with which rings touch: of open rings, if their last motion continues."""
+        """Return the outward displacement of each ring times its area at the moment of touch, shape (n,).
+
+        For rings without contact it is predicted from their motion in the last step.
+        """
         if not before.depth:
             return before.outward
         ahead = before.gap / np.where(before.closing > 0, before.closing, np.inf)
@@ -359,7 +370,7 @@ def _find_violations(
 
 
 def _exchange(condition: IntArray, pressure: FloatArray, shear: FloatArray, friction: float) -> IntArray:
-    """Return the conditions that rings get which violate theirs."""
+    """Return the new conditions of rings that violate their present conditions."""
     slides = np.where(shear > 0, _OUTWARD, _INWARD)
     after = np.where(
         condition == _OPEN, _STICKS if friction else _INWARD, np.where(condition == _STICKS, slides, _STICKS)
@@ -406,7 +417,7 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
                 )
             return pair_grids(pairs)
 
-        return result_store.recall("friction-rings", {"path": part, "grids": grids}, compute)
+        return result_store.fetch("friction-rings", {"path": part, "grids": grids}, compute)
 
     return GridStudy(
         solutions=correct_path(path, accurate.solutions, solve),

@@ -68,7 +68,7 @@ class NoSlipSettings:
     at_far_side: float = 0.3
     #: Samples of the element size between two mesh lines, on each half [-].
     samples: int = 400
-    #: Smallest distance of a sample from these lines over the distance between them [-].
+    #: Smallest distance of a sample of the element size from a mesh line, over the distance between the lines [-].
     closest: float = 1e-5
     #: Distance over the thickness of the cover below which two positions are equal [-].
     same: float = 1e-7
@@ -81,9 +81,10 @@ class NoSlipSettings:
     separates: float = 2e-3
     #: Smallest estimated error of axisymmetric solutions [-].
     least_disk: float = 5e-5
-    #: The same in three dimensions, of faces with sides on mesh lines [-].
+    #: Smallest estimated error of solutions in three dimensions, of faces with sides on mesh lines [-].
     least_on_lines: float = 1.5e-3
-    #: The same of other faces, which are represented by whole nodes [-].
+    #: Smallest estimated error of solutions in three dimensions, of other faces [-].  Such a face is represented by the
+    #: nodes that it covers.
     least_off_lines: float = 3e-3
     #: Distance from the outline of a face, over the smaller of its half width and the cover thickness, within which
     #: tensile forces count as discretisation error of the singular stress at the edge [-].
@@ -431,7 +432,7 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
         return pairs
 
     inputs = {"cover": cover, "indenter": face, "pose": pose, "grids": FACE_GRIDS}
-    pairs = result_store.recall("no-slip-face", inputs, compute)
+    pairs = result_store.fetch("no-slip-face", inputs, compute)
     if max(tension for pair in pairs for _, tension in pair) > _SETTINGS.separates:
         return None
 
@@ -469,7 +470,7 @@ def _study_disk(path: LoadingPath, progress: Progress) -> GridStudy | None:
             out.append(press_stuck_disk(cover, radius, elements_per_thickness=count))
         return out
 
-    found = result_store.recall("no-slip-disk", {"cover": cover, "radius": radius, "grids": DISK_GRIDS}, compute)
+    found = result_store.fetch("no-slip-disk", {"cover": cover, "radius": radius, "grids": DISK_GRIDS}, compute)
     if max(tension for _, tension in found) > _SETTINGS.separates:
         return None
     return GridStudy(

@@ -23,9 +23,10 @@ from meshes.pose import Pose
 
 #: Number of cells per cover thickness on the two grids; under sharp edges the error is proportional to cell size [-].
 CELLS = (8, 16)
-#: Reach of the table of compliances: the larger of these multiples of the diagonal of the rectangle around all
-#: indenters and of the decay length of the cover's response [-].
-_DIAGONALS, _DECAY_LENGTHS = 1.5, 4.0
+#: Smallest reach of the table of compliances, over the diagonal of the rectangle around all indenters [-].
+_DIAGONALS = 1.5
+#: Smallest reach of the table of compliances, over the decay length of the cover's response [-].
+_DECAY_LENGTHS = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)

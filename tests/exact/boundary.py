@@ -19,8 +19,7 @@ from scipy.fft import fht, fhtoffset
 from scipy.interpolate import CubicSpline
 
 from fem_reference.closed_form.contact import LOGARITHMIC_HALF_WIDTH, LOGARITHMIC_POINTS
-from fem_reference.closed_form.influence import tabulate_texel_response
-from fem_reference.closed_form.layer import transfer
+from fem_reference.closed_form.layer import tabulate_texel_response, transfer
 from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Pose

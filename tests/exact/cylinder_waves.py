@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ive, kve
 
-from fem_reference.closed_form.harmonic import HarmonicTransfer
+from fem_reference.closed_form.cylinder import HarmonicTransfer
 from meshes import Material
 from meshes.array_types import FloatArray
 

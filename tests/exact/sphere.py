@@ -20,14 +20,16 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.closed_form.harmonic import HarmonicTransfer, cross_layer, stack_rows
-from fem_reference.closed_form.series import (
+from fem_reference.closed_form.cylinder import (
+    HarmonicTransfer,
     Traction,
     check_resolved,
     converge_top,
     count_base_terms,
+    cross_layer,
     place_points,
     sample,
+    stack_rows,
     taper,
 )
 from meshes import Material

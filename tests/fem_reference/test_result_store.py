@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from fem_reference import result_store
-from fem_reference.grid_convergence import grid_convergence
 from meshes import Box, Sphere
 
 
@@ -37,21 +36,16 @@ def files(folder):
 
 
 def test_second_fetch_reads_what_the_first_computed():
-    compute, calls = counted({"a": np.arange(5.0), "b": 2.5, "file": np.array([True, False])})
-    first = result_store.fetch("test", {"x": 1.0}, compute)
-    second = result_store.fetch("test", {"x": 1.0}, compute)
-    assert len(calls) == 1
-    assert first.keys() == second.keys()
-    for name, values in first.items():
-        assert values.dtype == second[name].dtype
-        np.testing.assert_array_equal(values, second[name])
-
-
-def test_an_entry_of_many_arrays_is_read():
-    """A path of four loads in three dimensions has more than a hundred."""
-    compute, calls = counted({f"a{i}": np.arange(3.0) for i in range(400)})
-    assert len(result_store.fetch("test", {"x": 1.0}, compute)) == 400
-    assert len(result_store.fetch("test", {"x": 1.0}, compute)) == 400
+    ball = Sphere(radius=2e-3)
+    tree = {"a": np.arange(5.0), "file": [np.array([True, False]), (ball, None, "text")], "b": np.float64(2.5)}
+    compute, calls = counted(tree)
+    for _ in range(2):
+        found = result_store.fetch("test", {"x": 1.0}, compute)
+        assert list(found) == list(tree)
+        np.testing.assert_array_equal(found["a"], tree["a"])
+        assert found["file"][0].dtype == bool
+        assert found["file"][1] == (ball, None, "text")
+        assert found["b"] == 2.5
     assert len(calls) == 1
 
 
@@ -193,29 +187,6 @@ def test_objects_are_never_pickled(folder):
     assert not folder.exists()
 
 
-def test_a_write_that_is_not_atomic_would_be_noticed(folder, monkeypatch):
-    """An entry written in place and cut off is damaged: the store reads nothing rather than half of it."""
-    result_store.write("key", {"a": np.arange(300_000.0)}, {})
-
-    def plain(path, parts):
-        with path.open("wb") as file:
-            file.write(b"".join(parts)[:100_000])
-            raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(result_store, "replace", plain)
-    with pytest.raises(OSError, match="No space"):
-        result_store.write("key", {"a": np.arange(300_000.0)}, {})
-    assert result_store.read("key") is None
-
-
-def test_leftovers_are_swept_at_the_next_start(folder):
-    folder.mkdir()
-    (folder / ".softcover-partial-0123").write_bytes(b"half")
-    compute, _ = counted({"a": 1.0})
-    result_store.fetch("test", {}, compute)
-    assert result_store.count_partial_files() == 0
-
-
 def test_equal_inputs_are_described_equally():
     assert result_store.describe(Box(size=(1, 2, 3))) == result_store.describe(Box(size=(1.0, 2.0, 3.0)))
     assert result_store.describe({"b": 1, "a": np.float64(2)}) == result_store.describe({"a": 2.0, "b": 1})
@@ -255,36 +226,6 @@ def test_what_cannot_be_described_is_refused(value):
         result_store.describe(value)
 
 
-def test_grid_convergence_of_a_second_order_sequence():
-    sizes = [1.0, 0.5, 0.25]
-    values = [3 + 0.4 * h**2 for h in sizes]
-    estimate = grid_convergence(values, sizes)
-    assert estimate == pytest.approx(1.25 * 0.4 * 0.25**2)
-    assert estimate > abs(values[-1] - 3)
-
-
-@pytest.mark.parametrize("order", [1, 1.5, 2, 3, 4])
-@pytest.mark.parametrize("elements", [(2, 3, 4), (6, 9, 13), (64, 96, 144)])
-def test_grid_convergence_sees_the_order_on_grids_of_any_ratio(order, elements):
-    sizes = [1 / n for n in elements]
-    estimate = grid_convergence([3 - 0.4 * h**order for h in sizes], sizes)
-    assert estimate == pytest.approx(1.25 * 0.4 * sizes[-1] ** order)
-
-
-def test_grid_convergence_is_not_taken_in_by_two_grids_that_agree_by_chance():
-    sizes = [3, 2, 1]
-    chance = [grid_convergence([1.0, 1.1, 1.1 + fine], sizes) for fine in (0.0, 1e-9, -1e-9)]
-    quick = grid_convergence([1 + h**4 * 0.1 / 65 for h in sizes], sizes)  # as fast as is believed, the same start
-    assert chance == pytest.approx(3 * [3 / 1.25 * quick])
-
-
-def test_grid_convergence_is_careful_where_values_wander():
-    wander = grid_convergence([1.0, 1.1, 1.05], [3, 2, 1])
-    assert wander >= 3 * 0.05 / (2**4 - 1)
-    with pytest.raises(ValueError, match="three values"):
-        grid_convergence([1.0, 2.0], [2, 1])
-
-
 JSON_LIKE = st.recursive(
     st.none() | st.booleans() | st.integers(-5, 5) | st.floats(allow_nan=False) | st.text(max_size=3),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text("abc", max_size=2), inner, max_size=3),
@@ -312,13 +253,3 @@ def test_any_array_comes_back_as_it_was_written(folder, values):
     np.testing.assert_array_equal(found, values)
     assert not [entry.problem for entry in result_store.verify() if entry.problem]
     shutil.rmtree(folder)
-
-
-@given(
-    values=arrays(np.float64, (3, 2), elements=st.floats(-1, 1)), place=st.tuples(st.integers(0, 2), st.integers(0, 1))
-)
-def test_one_changed_number_of_an_array_changes_the_key(values, place):
-    other = values.copy()
-    other[place] += 1.0
-    assert result_store.describe(values) != result_store.describe(other)
-    assert result_store.describe(values) == result_store.describe(values.copy())

@@ -1,6 +1,5 @@
 """The store on real file systems that are full or read-only, in a mount namespace of the test's own."""
 
-import json
 import shutil
 import subprocess
 import sys
@@ -9,8 +8,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-#: A press that takes a fraction of a second and stores an entry of some 100 kB.
-PRESS = ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--depth", "0.1mm", "--model", "fem", "--json")
 MOUNT = 'mount -t tmpfs -o "size=$1" none "$2" && shift 2 && exec "$@"'
 
 
@@ -98,36 +95,3 @@ assert result_store.sweep_leftovers() == 0
     assert out == ""
     (line,) = err.splitlines()
     assert "is not written (Read-only file system): results are not kept" in line
-
-
-COMMANDS = """
-import json, os, subprocess, sys
-folder, state, *press = sys.argv[1:]
-os.environ["SOFTCOVER_STORE"] = folder
-def softcover(*words):
-    run = [sys.executable, "-c", "import sys; from validation.cli import main; main(sys.argv[1:])"]
-    done = subprocess.run([*run, *words], capture_output=True, text=True)
-    return done.returncode, done.stdout, done.stderr
-if state == "read-only":
-    assert softcover(*press)[0] == 0
-    subprocess.run(["mount", "-o", "remount,ro", folder], check=True)
-print(json.dumps({name: softcover(*words) for name, words in {
-    "press": press, "list": ("store", "list"), "verify": ("store", "verify"), "prune": ("store", "prune", "--all"),
-}.items()}))
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("state", "size"), [("full", "16k"), ("read-only", "8m")])
-def test_commands_go_on_without_a_store_that_can_be_written(tmp_path, state, size):
-    out, _ = in_small_disk(size, tmp_path / "disk", COMMANDS, state, *PRESS)
-    found = json.loads(out)
-    status, answer, messages = found["press"]
-    assert status == 0
-    assert json.loads(answer)["models"]["fem"]["total_force"] > 0
-    told = [line for line in messages.splitlines() if "is not written" in line]
-    assert len(told) == (1 if state == "full" else 0)
-    assert found["list"][0] == found["verify"][0] == 0
-    status, _, messages = found["prune"]
-    assert status == (0 if state == "full" else 3)
-    assert len(messages.splitlines()) <= 1

@@ -2,11 +2,8 @@
 
 import os
 import random
-import shutil
 import signal
-import tempfile
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -103,21 +100,6 @@ def test_killed_writers_tear_nothing_and_lose_nothing(folder, times):
     assert {path.suffix for path in folder.iterdir()} == {".entry"}
 
 
-@pytest.mark.slow
-def test_plain_writes_would_tear(folder, monkeypatch):
-    """The defect that the test above must be able to see."""
-
-    def plain(path, parts):
-        with path.open("wb", buffering=0) as file:
-            for part in parts:
-                for start in range(0, len(part), 64):
-                    file.write(part[start : start + 64])
-
-    monkeypatch.setattr(result_store, "replace", plain)
-    *_, torn = check_killed(12)
-    assert torn
-
-
 def test_writers_at_once_never_show_a_reader_half_an_entry():
     """Three processes write the same entries with other contents while this one reads and sweeps."""
 
@@ -153,45 +135,3 @@ def test_two_processes_ask_for_the_same_result():
 
     assert {succeeded(number) for number in [child(ask) for _ in range(4)]} == {True}
     assert len(result_store.verify()) == 1
-
-
-def test_full_disk_costs_the_entry_only(folder):
-    """A real limit on the size of files stands for the end of the disk."""
-    result_store.write(key(0), {"a": np.arange(10)}, {"kind": "test"})
-
-    def work():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        found = result_store.fetch("test", {"x": 1.0}, lambda: {"a": _CONTENT})
-        assert (found["a"] == _CONTENT).all()
-        assert result_store.fetch("test", {"x": 2.0}, lambda: {"a": np.arange(9)})["a"].sum() == 36
-
-    assert succeeded(child(work))
-    assert result_store.count_partial_files() == 0
-    assert sorted(entry.problem for entry in result_store.verify()) == ["", ""]
-
-
-def test_folder_without_the_right_to_write_is_read(monkeypatch):
-    place = Path(tempfile.mkdtemp())
-    try:
-        monkeypatch.setenv("SOFTCOVER_STORE", str(place))
-        result_store.fetch("test", {"x": 1.0}, lambda: {"a": np.arange(5)})
-        (place / ".softcover-partial-left").touch()
-        place.chmod(0o555)
-
-        def fail():
-            raise AssertionError("computed what the store holds")
-
-        def work():
-            if os.geteuid() == 0:  # nothing is forbidden to root
-                os.setgid(65534)
-                os.setuid(65534)
-            assert result_store.fetch("test", {"x": 1.0}, fail)["a"].sum() == 10
-            assert result_store.fetch("test", {"x": 2.0}, lambda: {"a": np.arange(4)})["a"].sum() == 6
-            assert result_store.sweep_leftovers() == 0
-
-        assert succeeded(child(work))
-        assert len(result_store.entries()) == 1
-    finally:
-        place.chmod(0o755)
-        shutil.rmtree(place)

@@ -59,19 +59,6 @@ def test_one_column_and_prescribed_values(backend):
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_same_pattern_keeps_the_analysis(backend, monkeypatch):
-    matrix, fixed, load = layered(0.5)
-    stiffer, _, _ = layered(0.45, ratio=30.0)  # its pressure block is no longer zero
-    first = system(backend, stiffer, fixed)
-    monkeypatch.setattr(sparse_solver, "_order_nodes", lambda _: pytest.fail("ordered again"))
-    monkeypatch.setattr(sparse_solver._Pardiso, "__init__", lambda *_: pytest.fail("analysed again"))
-    again = first.factorise(matrix).solve(load)
-    monkeypatch.undo()
-    expected = ConstrainedSystem(fixed, backend="plain").factorise(matrix).solve(load)
-    assert np.abs(again - expected).max() <= 1e-9 * np.abs(expected).max()
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
 def test_a_larger_pattern_is_analysed_again(backend):
     matrix, fixed, load = layered(0.45)
     first = system(backend, matrix, fixed)
@@ -92,16 +79,6 @@ def test_systems_do_not_share_a_solver():
     del second
     gc.collect()
     assert first.solve(load) == pytest.approx(expected, abs=1e-14)
-
-
-def test_inaccurate_factors_are_refined():
-    matrix, fixed, load = layered(0.5)
-    mine = ConstrainedSystem(fixed, backend="metis").factorise(matrix)
-    exact = mine.solve(load)
-    engine = mine._factors._engine
-    honest = engine.solve
-    engine.solve = lambda right: honest(right) * (1 + 1e-7)  # as small pivots would leave it
-    assert np.abs(mine.solve(load) - exact).max() <= 1e-12 * np.abs(exact).max()
 
 
 def test_backend_is_chosen_by_argument_environment_and_size(monkeypatch):

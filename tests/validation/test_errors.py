@@ -1,8 +1,5 @@
 """Errors that a user can correct."""
 
-from hypothesis import given
-from hypothesis import strategies as st
-
 from validation.errors import InputError, nearest
 
 NAMES = ["sphere", "cylinder", "box"]
@@ -16,8 +13,3 @@ def test_every_fault_is_a_line_of_the_message():
 
 def test_a_misspelt_name_gets_a_hint():
     assert nearest("spere", NAMES) == "did you mean 'sphere'? accepted: sphere, cylinder, box"
-
-
-@given(st.text(max_size=10))
-def test_any_word_is_answered_with_all_known_names(word):
-    assert nearest(word, NAMES).endswith("accepted: sphere, cylinder, box")

@@ -35,13 +35,6 @@ def test_press_takes_the_friction_of_the_file_unless_the_option_replaces_it(soft
     assert press()["total_force"] == none["total_force"]
 
 
-def test_the_fast_model_says_that_it_leaves_the_friction_out(softcover):
-    words = ("press", "wts-0614-34", *PRESS[2:], "--friction", "no-slip")
-    status, _, err = softcover(*words, "--model", "fem,fast")
-    assert status == 0
-    assert "warning: the fast model has no friction; no-slip is used by the finite elements alone" in err
-
-
 @pytest.mark.slow
 def test_a_campaign_presses_with_the_friction_of_the_file_and_derive_states_that_it_does_not(sticky):
     found = evaluate(load(sticky), cases=[Case.read("face", "cylinder:radius=2mm", "100 g")])

@@ -68,18 +68,6 @@ def test_identical_forces_score_perfectly():
     assert set(errors.values()) == {0}
 
 
-def test_json_names_are_the_agreed_ones():
-    names = set(metrics.score(blob(), blob(), load=1.0, array=ARRAY).as_json())
-    assert names >= {
-        "total_force_error",
-        "misplaced_force",
-        "relative_l2",
-        "centre_of_pressure_m",
-        "image_changed_percent",
-        "pixels_changed",
-    }
-
-
 def test_definitions_on_numbers_small_enough_to_check_by_hand():
     array = TexelArray.grid(1, 3, 2e-3)
     score = metrics.score([4, 0, 0], [1, 2, 0], reference_outside=1.0, outside=1.5, load=5.0, array=array)
@@ -118,10 +106,6 @@ def test_a_planted_defect_shows(defect, metric):
     bad = metrics.score(blob(), defect(blob()), load=5.0, array=ARRAY)
     assert getattr(good, metric) == 0
     assert getattr(bad, metric) > 0
-
-
-def test_a_smaller_area_lowers_the_iou():
-    assert metrics.score(blob(), blob() ** 2, load=5.0, array=ARRAY).active_area_iou < 1
 
 
 def test_force_sent_outside_is_misplaced_once():
@@ -228,15 +212,6 @@ def test_misplaced_force_is_symmetric_and_bounds_the_total(a, b):
 
 
 FORCES = arrays(float, ARRAY.count, elements=st.floats(0, 1, allow_subnormal=False))
-
-
-@given(arrays(float, ARRAY.count, elements=st.floats(-0.1, 1)), st.floats(0, 1))
-def test_equal_forces_have_no_error_in_any_metric(forces, outside):
-    score = metrics.score(forces, forces.copy(), reference_outside=outside, outside=outside, load=2.0, array=ARRAY)
-    values = score.as_json()
-    assert values.pop("active_area_iou") == 1
-    values.pop("pixels_lit_line")
-    assert {value for value in values.values() if value is not None} == {0}
 
 
 @settings(max_examples=25, deadline=None)

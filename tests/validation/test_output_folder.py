@@ -33,25 +33,12 @@ def test_failure_leaves_the_earlier_result_and_nothing_else(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
-def test_earlier_result_is_replaced_whole(tmp_path):
-    for name in ("a", "b"):
-        with new_folder(tmp_path / "out") as folder:
-            (folder / name).write_text("1")
-    assert not (tmp_path / "out" / "a").exists()
-    assert (tmp_path / "out" / "b").exists()
-
-
-def test_folder_with_other_files_is_never_touched(tmp_path):
-    (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(InputError, match=r"mine\.txt, which softcover did not write"), new_folder(tmp_path):
-        pass
-    assert (tmp_path / "mine.txt").read_text() == "mine"
-
-
-def test_file_is_no_folder(tmp_path):
-    (tmp_path / "out").write_text("x")
-    with pytest.raises(InputError, match="is a file"), new_folder(tmp_path / "out"):
-        pass
+def test_a_file_or_a_link_is_no_folder(tmp_path):
+    (tmp_path / "file").write_text("x")
+    (tmp_path / "link").symlink_to(tmp_path)
+    for name in ("file", "link"):
+        with pytest.raises(InputError, match=f"is a {name}"), new_folder(tmp_path / name):
+            pass
 
 
 def test_text_is_whole_or_absent(tmp_path):
@@ -85,10 +72,6 @@ def add_file(out):
     (out / "thesis.tex").write_text("mine")
 
 
-def add_file_below(out):
-    (out / "sub" / "thesis.tex").write_text("mine")
-
-
 def add_folder(out):
     (out / "mine").mkdir()
 
@@ -110,12 +93,7 @@ def spoil(out):
     (out / ".softcover-output").write_text("[" * 100_000)
 
 
-def grow(out):
-    with (out / ".softcover-output").open("ab") as file:
-        file.truncate(2**40)
-
-
-@pytest.mark.parametrize("meddle", [add_file, add_file_below, add_folder, change, link, forget, spoil, grow])
+@pytest.mark.parametrize("meddle", [add_file, add_folder, change, link, forget, spoil])
 def test_a_folder_that_somebody_touched_is_not_replaced(tmp_path, meddle):
     out = tmp_path / "out"
     write_result(out)
@@ -134,13 +112,6 @@ def test_files_added_during_the_computation_stay(tmp_path):
     assert (tmp_path / "out" / "thesis.tex").read_text() == "mine"
 
 
-def test_a_link_is_not_replaced(tmp_path):
-    write_result(tmp_path / "real")
-    (tmp_path / "out").symlink_to("real")
-    with pytest.raises(InputError, match="is a link"):
-        write_result(tmp_path / "out")
-
-
 def test_a_result_is_replaced_after_the_user_removed_parts_of_it(tmp_path):
     write_result(tmp_path / "out")
     (tmp_path / "out" / "sub" / "a").unlink()
@@ -153,13 +124,10 @@ def test_a_result_is_replaced_after_the_user_removed_parts_of_it(tmp_path):
     ("name", "expected"),
     [
         ("wts-0614-34", "wts-0614-34.xml"),
-        ("fingertip (left)", "fingertip-left.xml"),
         ("../../escaped", "escaped.xml"),
         ("/etc/passwd", "etc-passwd.xml"),
         ("a\\b:c\n\x1b[31md\0e", "a-b-c-31md-e.xml"),
         ("..", "sensor.xml"),
-        ("", "sensor.xml"),
-        ("con", "sensor-con.xml"),
         ("NUL.tar", "sensor-NUL.tar.xml"),
         ("\u0444\u0438\u043d\u0433\u0435\u0440", "sensor.xml"),
     ],

@@ -12,13 +12,13 @@ from meshes.solids import SolidMesh, flat_pad
 from validation.campaign.case import Case
 from validation.campaign.reference_press import press_reference
 from validation.cover_meshes import make_meshes
-from validation.derivation import curved
-from validation.derivation.curved import choose_mesh
+from validation.derivation import cover_points
+from validation.derivation.cover_points import choose_mesh
 from validation.derivation.derive import derive
 from validation.errors import InputError
 from validation.json_values import json_text
 from validation.places import SolidPlaces
-from validation.press_files.fields_file import write_press
+from validation.press_files import write_press
 
 BALL = "sphere:radius=4mm"
 
@@ -62,7 +62,7 @@ def test_the_fast_model_is_scored(press):
 def test_files_hold_the_forces(press, tmp_path, monkeypatch):
     monkeypatch.setattr("validation.scene.draw.write_scene", lambda *_: ())
     files = write_press(press, tmp_path)
-    assert set(files) == {"press.json", "texels.csv", "contact.csv", "mesh.npz", "press.svg", "press.png"}
+    assert set(files) == {"press.json", "texels.csv", "contact.csv", "mesh.npz", "press.png"}
     texels = np.loadtxt(tmp_path / "texels.csv", delimiter=",", skiprows=1)
     np.testing.assert_allclose(texels[:, -1], press.fem.texel_forces, rtol=1e-6, atol=1e-12)
     contact = np.loadtxt(tmp_path / "contact.csv", delimiter=",", skiprows=1)
@@ -153,14 +153,14 @@ def test_nodes_between_the_corners_of_tetrahedra_count(monkeypatch):
     base, top = np.array([[0, 2, 1]]), np.array([[0, 1, 3], [1, 2, 3], [0, 3, 2]])
     mesh = SolidMesh(nodes=nodes, cells=np.array([[0, 1, 2, 3]]), base=base, top=top, sides=base[:0], source="one")
     for most, found in ((10, mesh), (9, None)):
-        monkeypatch.setattr(curved, "MOST_NODES", most)
+        monkeypatch.setattr(cover_points, "MOST_NODES", most)
         assert choose_mesh((mesh,)) is found
 
 
 def test_where_the_meshes_are_too_fine_the_fast_model_is_left_out_and_said(
     small_pad, read_pad, monkeypatch, softcover, tmp_path
 ):
-    monkeypatch.setattr(curved, "MOST_NODES", 10)
+    monkeypatch.setattr(cover_points, "MOST_NODES", 10)
     status, _, err = softcover("derive", "flat-pad", "--out", str(tmp_path / "derived"))
     assert status == 0
     assert "no contact of the cover" in err

@@ -11,7 +11,7 @@ from meshes import Box, Material, Sphere
 from meshes.pose import Pose
 from meshes.solids import fingertip
 from meshes.solids.covers import take_meshes
-from validation.derivation.curved import derive_curved_cover
+from validation.derivation.cover_points import derive_points
 
 RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
 COVER = fingertip()
@@ -26,7 +26,7 @@ PRESSES = [
 
 @pytest.mark.slow
 def test_the_fast_model_misplaces_little_of_the_load():
-    fast = derive_curved_cover(COVER.mesh(), COVER.texels, RUBBER)
+    fast = derive_points(COVER.mesh(), COVER.texels, RUBBER)
     finest = COVER.meshes()[-1]
     misplaced = []
     for shape, at, direction, load in PRESSES:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem_reference import closed_form
-from fem_reference.closed_form.harmonic import transfer_cylinder
+from fem_reference.closed_form.cylinder import transfer_cylinder
 from meshes import Material
 from tests.exact.sphere import transfer_sphere
 
@@ -176,7 +176,7 @@ def test_both_ways_to_the_exponential_agree(monkeypatch, shape, nu):
     for thickness in (0.01, 0.1, 0.9):
         found = []
         for limit in (0.5, 20.0):
-            monkeypatch.setattr("fem_reference.closed_form.harmonic._LARGE", limit)
+            monkeypatch.setattr("fem_reference.closed_form.cylinder._LARGE", limit)
             found.append(SHAPES[shape](orders, 1.0, 1 + thickness, rubber(nu)))
         for name in ("base", "compliance"):
             one, other = (getattr(each, name) for each in found)

@@ -19,7 +19,7 @@ def test_a_ball_stores_the_work_of_its_load(nu, share):
     depths = share * cover.thickness * np.arange(1, steps + 1) / steps
     path = LoadingPath(cover=cover, indenter=Sphere(radius=4e-3), targets=tuple(depths), control="depth")
     states, _ = press_axisymmetric(path, elements_per_thickness=6, contact_radius=3.3e-3, fillet=0.05e-3, reach=30e-3)
-    load = np.array([0.0, *(state.load for state in states)])
+    load = np.array([0.0, *(state.total_force for state in states)])
     work = depths[0] / 3 * (load[0] + 4 * load[1:-1:2].sum() + 2 * load[2:-1:2].sum() + load[-1])
     assert states[-1].depth == pytest.approx(share * cover.thickness)
     assert states[-1].energy == pytest.approx(work, rel=0.01)

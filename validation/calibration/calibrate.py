@@ -58,7 +58,7 @@ from validation.sensor_file import BUILT_IN, SensorDescription, parse
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationNumbers:
-    """Array of a calibration.
+    """Limits and settings of a calibration.
 
     Attributes:
         least_share: Smallest force on a texel whose gain is reported, over the largest force on any texel in the same
@@ -68,9 +68,9 @@ class CalibrationNumbers:
         evidence: Increase of twice the log likelihood, over the penalty of the Bayesian information criterion, from
             which a fit with saturation is preferred [-].
         degree: Degree of the polynomial characteristic, as in the 2015 report [-].
-        every: Of the recordings of a placement, one in this many is left out of the second fit [-].
-        fewest_left: Smallest number of recordings that remain in the second fit [-].
-        fewest_loads: Smallest number of loads of a straight line [-].
+        every: Number n of which every n-th recording of a placement is left out of the second fit [-].
+        fewest_left: Smallest number of recordings that must remain in the second fit [-].
+        fewest_loads: Smallest number of different loads to which a straight line is fitted [-].
     """
 
     least_share: float = 0.15
@@ -89,13 +89,15 @@ _CHARACTERISTIC = ("sensitivity", "offset", "characteristic")
 
 @result_model
 class HoldOut(Result):
-    """Predictions of recordings that were left out of a second fit, beside a line per texel.
+    """Predictions of recordings that were left out of a second fit, by the forward model and by a line for each texel.
 
     Attributes:
         recordings: Names of the left-out recordings.
-        image_changed_percent: Mean absolute difference of grey levels over 255, mean over images [%].
-        line_per_texel_percent: The same for a straight line in the load per texel and placement [%]; None if the
-            recordings that remain in a placement have fewer than two loads.
+        image_changed_percent: Mean absolute difference between recorded and predicted grey levels over 255, mean over
+            images [%].
+        line_per_texel_percent: Mean absolute difference of grey levels over 255 if each texel is predicted by a
+            straight line in the load, fitted for each placement [%]; None if the recordings that remain in a placement
+            have fewer than two loads.
         loads: Loads of the k left-out images, shape (k,) [N].
         recorded: Recorded counts, shape (k, n) [-].
         predicted: Counts predicted by the forward model, shape (k, n) [-].
@@ -129,8 +131,8 @@ class Calibration(Result):
         gains: Gain of every texel of the array, of mean 1 over `texels`, shape (n,); 1 for other texels [-].
         gain_half_widths: Half width of the interval of each gain, shape (n,); NaN for texels without one [-].
         texels: Indices of the texels whose gains are determined.
-        poses: By placement and by the parts `x_m`, `y_m`, `yaw_rad`, `tilt_x_rad`, `tilt_y_rad`: value and half width,
-            which is 0 for parts that were given.
+        poses: Value and half width of the interval of each part of a pose, by the name of the placement and of the part
+            (`x_m`, `y_m`, `yaw_rad`, `tilt_x_rad`, `tilt_y_rad`); the half width is 0 for given parts.
         residual_rms_counts: Root mean square of predicted minus recorded counts [counts].
         polynomial: Coefficients c0..c5 of the polynomial characteristic [counts/N^k]; None with fewer than seven loads.
         hold_out: Score on recordings that were left out of a second fit; None with too few recordings.
@@ -335,10 +337,17 @@ def _list_poses(fit: ForwardFit, uncertainty: Uncertainty) -> dict[str, dict[str
 
 
 def _fit_polynomial(fit: ForwardFit, mean: float) -> FloatArray | None:
-    """Fit the polynomial of degree 5 from texel force to counts, with the gains of the line and below saturation.
+    """Fit a polynomial of degree 5 from the force on a texel to its counts, over all texels and images.
+
+    Counts are divided by the ratio of the texel's gain to the mean gain.  The gains are those that were fitted together
+    with a straight characteristic.  Counts of zero and counts in saturation are left out.
+
+    Args:
+        fit: The fit of the straight characteristic, with saturation if the data show it.
+        mean: Mean of the fitted gains [-].
 
     Returns:
-        Coefficients of ascending powers, shape (6,) [counts/N^k]; None for fewer than seven loads.
+        Coefficients of powers k = 0..5 of the force, shape (6,) [counts/N^k]; None for fewer than seven loads.
     """
     seen, curve = fit.observations, fit.curve
     if len(np.unique(seen.loads)) < NUMBERS.degree + 2:

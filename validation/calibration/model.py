@@ -171,7 +171,7 @@ class ContactMethod:
 
     Attributes:
         name: Name of the method in tables.
-        about: What the method assumes, in a few words.
+        about: Assumptions of the method, in a few words.
         array: The n texels.
         solve: Function from indenter, load [N] and pose to the force on each texel, shape (n,) [N].
         gain_error: Largest known error of a texel's share of the load by the method, which passes into the gain of that
@@ -248,10 +248,13 @@ def make_fast_method(parameters: Parameters, method: str = DEFAULT, *, name: str
     )
 
 
-#: Largest errors of a gain by the contact methods of the fast model against finite elements, on made-up recordings of
-#: a box of 16 mm x 12 mm on 8 x 10 texels: by the cover's cells, and by a Gaussian spread narrower than a texel [-].
-_COVER_ERROR, _SPREAD_ERROR = 0.033, 0.34
-#: What each contact method assumes.
+#: Largest relative error of a fitted gain with the contact method `cover` [-]: against finite elements, on simulated
+#: recordings of a box of 16 mm x 12 mm on 8 x 10 texels.
+_COVER_ERROR = 0.033
+#: Largest relative error of a fitted gain with the other contact methods, on the same recordings [-].  They spread the
+#: force by a Gaussian, which was narrower than a texel.
+_SPREAD_ERROR = 0.34
+#: Assumptions of each contact method, by its name.
 _ABOUT = {
     "cover": "contact pressure on the layered cover, solved cell by cell",
     "boxes": "MuJoCo boxes share the load by contact points; Gaussian spread",

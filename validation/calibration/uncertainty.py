@@ -29,13 +29,14 @@ class UncertaintyNumbers:
 
     Attributes:
         rounding: Standard deviation of rounding to whole counts [counts].
-        negligible: Singular value over the largest one, below which a direction of errors leaves no residual [-].
-        clear: The same, below which that residual is no measure of the error: other errors of the model are as large
-            [-].
-        repetitions: Repetitions in which weights and variance settle [-].
+        negligible: Singular value over the largest one, below which a relative error of recordings has no effect on
+            the residuals [-].
+        clear: Singular value over the largest one, below which the residuals do not measure the relative errors of
+            recordings, because other errors of the model are as large [-].
+        repetitions: Number of repetitions of the estimate of weights and variance, after which both are constant [-].
         determined: Standard error over that of the prior, below which the data count as determining a gain [-].
-        confounded: Growth of the standard error of a position by fitted gains, above which position and gains are
-            called confounded [-].
+        confounded: Ratio of the standard errors of a position with and without fitted gains, above which position and
+            gains are called confounded [-].
     """
 
     rounding: float = 12**-0.5
@@ -134,18 +135,23 @@ def _measure_repeatability(fit: ForwardFit, confidence: float) -> Estimate | Non
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Uncertainty:
-    """Covariance of p parameters.
+    """Covariance and degrees of freedom of the p fitted parameters of a forward model.
 
     Attributes:
-        covariance: Covariance, shape (p, p).
-        quantiles: Quantile of Student's t for each parameter, shape (p,) [-].
+        covariance: Covariance of the parameters, in products of their units, shape (p, p).
+        quantiles: Quantile of Student's t for each parameter: the half width of its two-sided confidence interval over
+            its standard error, shape (p,) [-].
     """
 
     covariance: FloatArray
     quantiles: FloatArray
 
     def half_width(self, gradient: FloatArray) -> float:
-        """Return the half width of the interval of a function with these derivatives, shape (p,)."""
+        """Return the half width of the confidence interval of a function of the parameters, in its unit.
+
+        Args:
+            gradient: Derivatives of the function by the p parameters, shape (p,).
+        """
         variance = float(gradient @ self.covariance @ gradient)
         shares = gradient**2 * np.diag(self.covariance)
         quantile = float(np.average(self.quantiles, weights=shares)) if shares.any() else float(self.quantiles.max())
@@ -168,7 +174,7 @@ def estimate_uncertainty(fit: ForwardFit, *, confidence: float = 0.95) -> Uncert
     prior = np.diag(fit.layout.prior)
     bread = np.asarray(np.linalg.pinv(fit.jacobian.T @ fit.jacobian + prior, hermitian=True), dtype=np.float64)
     errors = _measure_errors(fit, bread)
-    parts = [variance * bread @ meat @ bread for meat, variance, _ in errors]
+    parts = [bread @ meat @ bread * variance for meat, variance, _ in errors]
     variances = [np.diag(each) for each in parts]
     total = np.maximum(sum(variances), 1e-300)
     of_parts = sum(each**2 / freedom for each, (*_, freedom) in zip(variances, errors, strict=True))

@@ -30,16 +30,18 @@ if TYPE_CHECKING:
     from validation.published.models import ComparisonModels
     from validation.sensor_file import SensorDescription
 
-#: Load between the two groups of loads [N], and share of the load outside the array above which a case is at the edge.
-_HEAVY, _AT_EDGE = 2.0, 0.05
+#: Load that divides the cases into two groups [N].
+_HEAVY = 2.0
+#: Share of the load outside the array above which a case counts as over an edge of the array [-].
+_AT_EDGE = 0.05
 
 
 class ModelForces(NamedTuple):
     """Forces of all models in one case: on the n texels, shape (n,), and outside [N], by the name of the model.
 
     Attributes:
-        models: Those of the bench.
-        published: Those of the published models.
+        models: Forces of the models of the bench.
+        published: Forces of the published models.
         warnings: Sentences about reasons not to rely on the fast model.
     """
 
@@ -50,7 +52,9 @@ class ModelForces(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bench(ABC):
-    """What a campaign asks of a sensor with any cover.
+    """Interface between a campaign and a sensor: reference, models, verification and classes of cases.
+
+    There is one subclass for each kind of cover.
 
     Attributes:
         cover: The cover in the finite-element model.
@@ -98,11 +102,19 @@ class Bench(ABC):
 
     @abstractmethod
     def verify(self, results: Sequence[CaseResult]) -> Iterator[tuple[str, Callable[[], Sequence[Check]]]]:
-        """Yield the checks of the codes: what is verified, and a function that does it."""
+        """Yield the checks of the solvers: the name of what is verified, and the function that verifies it."""
 
     @abstractmethod
     def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
-        """Propagate the uncertain inputs to the image of a case."""
+        """Compute how uncertain inputs, such as modulus and position, change the texel forces of a case.
+
+        Args:
+            case: The indentation.
+            inputs: Standard uncertainty of each input.
+
+        Returns:
+            Texel forces with the nominal inputs, and their change by one standard uncertainty of each input.
+        """
 
     def score_stages(self, results: Sequence[CaseResult]) -> StageErrors | None:  # noqa: ARG002 -- for others
         """Score the stages of the fast model; None where that is left out or the model has no cover data."""
@@ -110,7 +122,11 @@ class Bench(ABC):
 
     @abstractmethod
     def classify(self, result: CaseResult) -> Mapping[str, str]:
-        """Return the groups of a case whose errors are pooled: the name of its member by the name of the group."""
+        """Return the classes of a case in several classifications, for which errors are pooled.
+
+        Returns:
+            Name of the class by the name of the classification, such as `{"load": "below 2 N"}`.
+        """
 
     @abstractmethod
     def measure(self, result: CaseResult) -> Mapping[str, float]:
@@ -202,7 +218,7 @@ class LayeredBench(Bench):
         }
 
     def measure(self, result: CaseResult) -> Mapping[str, float]:
-        """Return load, depth, contact area and the share of the load outside the array."""
+        """Return load, depth, contact area and the share of the load outside the array; keys name the units."""
         reference, load = result.reference, result.case.load
         return {
             "load_N": load,
@@ -223,7 +239,7 @@ def prepare_bench(
     """Return the bench on which cases are scored: that of flat layers, unless another one is registered.
 
     Args:
-        derivation: What was derived from a sensor; other kinds of covers register a function for theirs.
+        derivation: Derivation of a sensor; each other kind of cover registers a function for its own derivations.
         cases: The cases that will be scored; nothing may be fitted to them.
         progress: Called with the name of each part.
         parameters: Parameters of the fast model instead of the derived ones; no published model is scored then.

@@ -59,7 +59,7 @@ class Case:
 
     @property
     def turned(self) -> Case:
-        """The same case with the tilt in the shape of its indenter, for models that know no tilt."""
+        """An equal case whose indenter has a tilted shape and an upright pose, for models without tilt."""
         upright = dataclasses.replace(self.pose, tilt=(0.0, 0.0))
         return dataclasses.replace(self, indenter=tilt_indenter(self.indenter, self.pose.tilt), pose=upright)
 

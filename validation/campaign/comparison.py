@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from fem_reference.errors import IncompletePathError, UnsupportedError
-from meshes import SolidCover
 from validation.campaign.case import Case, tabulate_pose
 from validation.campaign.results import Reference, score_forces
 from validation.cover_meshes import describe_mesh
@@ -41,8 +40,8 @@ class Comparison:
         score: Score of the fast model against the finite elements; None unless there are results of both models.
         models: Names of the models that were chosen, some of `MODELS`.
         wanted: Load [N] or depth [m] that was asked for, under the name `load` or `depth`.
-        stopped: How far the finite elements came and why they stopped early; empty if they did not.
-        note: Why a chosen model was left out; empty if none was.
+        stopped: Load or depth at which the finite elements stopped early, and the reason; empty if they did not.
+        note: Reason why a chosen model was left out; empty if none was.
     """
 
     sensor: SensorDescription | Parameters
@@ -134,11 +133,10 @@ def compare_models(
     fem, fast, score = None, None, None
     if "fast" in models and parameters is None:
         raise ValueError("the fast model needs its parameters")
-    if parameters is not None and parameters.surface is None and isinstance(getattr(sensor, "cover", None), SolidCover):
-        note = "the meshes of this cover are too fine for the fast model; --model fem leaves it out"
+    if parameters is not None and (reason := parameters.provenance.get("no_contact")):
         if "fem" not in models:
-            raise InputError("--model: the meshes of this cover are too fine for the fast model; write --model fem")
-        models = ("fem",)
+            raise InputError(f"--model: {reason}; write --model fem")
+        models, note = ("fem",), f"{reason}; --model fem leaves it out"
     if "fast" in models and parameters is not None:
         from fastmodel.attachment import choose_method
 
@@ -204,7 +202,7 @@ def find_cover(sensor: SensorDescription | Parameters) -> Any:  # noqa: ANN401 -
 
 @contextlib.contextmanager
 def name_unsupported(sensor: SensorDescription | Parameters, friction: float | None) -> Iterator[None]:
-    """Begin what a solver says that it cannot do with the option, or the key of the sensor file, that asks for it."""
+    """Turn an `UnsupportedError` of a solver into an `InputError` that names the option or key of the sensor file."""
     try:
         yield
     except UnsupportedError as error:

@@ -62,7 +62,7 @@ class Evaluation:
         plan: The campaign as its file describes it: cases, intended use and acceptance criterion.
         campaign: Scores of the fast model against the finite elements.
         verdict: Whether the fast model meets the acceptance criterion.
-        evidence: Verification, uncertainty, stages and range of the cases.
+        evidence: Verification, effect of uncertain inputs, error of each stage, and range of the cases.
         recordings: Scores of the fast model against recordings, or None without recordings.
         recorded: The sensor that made the recordings.
         seconds: Wall time by stage [s].

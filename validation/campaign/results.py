@@ -42,7 +42,7 @@ SKILL_METRICS = ("misplaced_force", "image_changed_percent", "image_changed_line
 
 @result_model
 class Reference(Result):
-    """Result of the finite elements in one case, as far as it is kept.
+    """Part of the finite-element result of one case that is kept for scores and reports.
 
     Attributes:
         texel_forces: Force on each of n texels, along its normal on a curved cover, shape (n,) [N].
@@ -57,8 +57,10 @@ class Reference(Result):
         energy: Elastic energy stored in the cover; None on curved covers [J].
         seconds: Elapsed time of the computation [s].
         grid_values: Quantities on the three grids, coarsest first, in SI units.
-        force, moment: Of the indenter on the cover, shape (3,) [N], [N m]; no moment with friction on flat covers.
-        base_force, base_moment: Of the cover on the base, shape (3,) [N], [N m]; the moment on curved covers.
+        force: Force of the indenter on the cover, shape (3,) [N].
+        moment: Moment of this force about the origin, shape (3,) [N m]; None with friction on flat covers.
+        base_force: Force of the cover on the base, shape (3,) [N].
+        base_moment: Moment of `base_force` about the origin, shape (3,) [N m]; None on flat covers.
         unmeasured: Part of the base force that no texel measures, shape (3,) [N].
         found: The whole result of the solver; None in a result that was read from a file.
     """
@@ -89,11 +91,6 @@ class Reference(Result):
             return found
         names = [each.name for each in dataclasses.fields(cls) if each.name != "found"]
         return cls(**{name: getattr(found, name) for name in names if hasattr(found, name)}, found=found)
-
-
-def _as_reference(value: object) -> object:
-    """Return the result of a solver as a reference; what was read from a file is left as it is."""
-    return value if isinstance(value, dict) else Reference.of(value)
 
 
 @result_model
@@ -151,7 +148,7 @@ class SkippedCase(Result):
         name: Name of the case.
         indenter: The indenter as text.
         load: Applied force [N].
-        reason: Why a model cannot compute the indentation; for example, the indenter would pierce a soft cover.
+        reason: Reason why a model cannot compute the indentation; for example, the indenter would pierce a soft cover.
         converged: False if the finite-element solver did not converge.
     """
 
@@ -174,12 +171,12 @@ class RowScores(Result):
     Attributes:
         name: Name of the row, unique in its table.
         title: Name of the model.
-        variant: As shipped or as fitted.
-        contact: What the model takes the texel forces from.
-        rule: Its rule.
-        certainty: How sure its equations are.
-        total: What the sum of its forces is.
-        not_built: What acts in time only, and is not built.
+        variant: `as shipped` (published parameters) or `as fitted`.
+        contact: Input from which the model computes texel forces, such as contact points.
+        rule: The model in a few words.
+        certainty: Source of the equations: published code, a summary, or other publications.
+        total: Whether the forces sum to the load, in words.
+        not_built: Part of the model that concerns changes in time and is not implemented, in words.
         parameters: Values of all parameters by name, in SI units.
         units: Units of the parameters by name.
         fitted: Names of the fitted parameters.
@@ -395,8 +392,13 @@ Status = Literal["met", "missed", "open"]
 
 #: Largest error estimate of the reference, over the limit on misplaced force, at which a comparison decides [-].
 _RESOLVED = 1 / 3
-ACCEPTED, NOT_ACCEPTED, NOT_DECIDED = "accepted", "not accepted", "not decided"
-#: What a limit on the mean is on.
+#: Verdict if all requirements are met.
+ACCEPTED = "accepted"
+#: Verdict if a requirement is missed.
+NOT_ACCEPTED = "not accepted"
+#: Verdict if no requirement is missed, but one is undecided, a case is not scored or the reference is too inaccurate.
+NOT_DECIDED = "not decided"
+#: Value of `Finding.over` for a limit on the mean of a metric.
 _MEAN = "mean over the cases"
 
 
@@ -406,7 +408,7 @@ class Finding(Result):
 
     Attributes:
         metric: Name of the metric, a field of `Score`.
-        over: What the limit is on: `mean over the cases`, or the name of a case.
+        over: Object of the limit: `mean over the cases`, or the name of a case.
         value: The mean or the value, in SI units, as a fraction, or in percent where the name says so.
         low: Lower end of the 95 % interval of a mean, same unit; equal to `value` for a case.
         high: Upper end, same unit.

@@ -36,9 +36,10 @@ CURVED_MODELS: Mapping[str, str] = {
 }
 #: Distance over the thickness up to which points of the cover count as touched first by a rigid indenter [-].
 _FIRST = 0.01
-#: Angle from the normal above which a direction counts as oblique [rad], depth over the thickness that divides two
-#: groups of cases [-].
-_OBLIQUE, _DEEP = math.radians(10), 0.08
+#: Angle between the motion and the normal of the cover above which a direction counts as oblique [rad].
+_OBLIQUE = math.radians(10)
+#: Depth over the thickness that divides the cases into two groups [-].
+_DEEP = 0.08
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,7 +121,10 @@ class SolidBench(Bench):
         material, thickness = self.cover.material, self.cover.thickness
         meshes = tuple(grid.mesh for grid in self.derivation.responses.grids)
         yield "verification of the elements on a shell", lambda: [check_shell(material, thickness)]
-        yield "verification on a finer mesh", partial(check_finer_mesh, self.derivation.sensor, meshes, results)
+        yield (
+            "verification on a finer mesh",
+            partial(check_finer_mesh, self.cover, self.parameters.array, meshes, results, self.friction),
+        )
 
     def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
         """Propagate modulus, position and yaw through the fast model, by plus and minus one standard uncertainty each.
@@ -162,7 +166,7 @@ class SolidBench(Bench):
         }
 
     def measure(self, result: CaseResult) -> Mapping[str, float]:
-        """Return load, depth, contact area and the angle between the motion and the normal of the cover."""
+        """Return load [N], depth over thickness [-], contact area [m2] and angle of motion from the normal [rad]."""
         return {
             "load_N": result.case.load,
             "depth_over_thickness": result.reference.depth / self.cover.thickness,

@@ -21,8 +21,16 @@ from validation.cli.output import forget_notes, say, say_notes
 from validation.errors import InputError, nearest
 from validation.extras import EXTRAS, MissingExtraError
 
-#: Exit statuses of commands; `docs/json.md` explains them.
-DONE, CHECK_FAILED, BAD_INPUT, OUTSIDE_FAILED, NOT_CONVERGED = range(5)
+#: Exit status after success; `docs/json.md` explains all statuses.
+DONE = 0
+#: Exit status if a check failed, or if the acceptance criterion of a campaign is missed or not decided.
+CHECK_FAILED = 1
+#: Exit status if an input is wrong.
+BAD_INPUT = 2
+#: Exit status if something outside the program failed, such as the disk, a device or a missing extra.
+OUTSIDE_FAILED = 3
+#: Exit status if the finite elements did not converge.
+NOT_CONVERGED = 4
 #: Exit status after Ctrl-C: 128 plus 2, the number of the signal, by the convention of shells.
 INTERRUPTED = 130
 #: Exit status when the reader of the output has gone, as in `softcover materials | head`: 128 plus 13, by the same
@@ -189,7 +197,7 @@ def _report_interrupt() -> int:
 
 
 def _drop_output() -> None:
-    """Send what is still to be written to nowhere: a program such as `head` has closed the other end of the pipe."""
+    """Redirect the remaining output to the null device after the reader of the pipe, such as `head`, has ended."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):  # not a file, as in tests

@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from rich.live import Live
 
-#: Shortest time between two images on a terminal, and between two lines of text without a terminal [s].
-PICTURE_INTERVAL, LINE_INTERVAL = 0.1, 5.0
+#: Shortest time between two images on a terminal [s].
+PICTURE_INTERVAL = 0.1
+#: Shortest time between two lines of text if the output is not a terminal [s].
+LINE_INTERVAL = 5.0
 
 
 class LiveImage(contextlib.ExitStack):
@@ -68,6 +70,8 @@ class LiveImage(contextlib.ExitStack):
             say(text)
             return
         from validation.cli.heat_map import draw_heat_map
+        from validation.render.image import Scale
 
         image = counts.reshape(-1, self._columns)
-        self._live.update(draw_heat_map(image, image / self._full_scale).append(text), refresh=True)
+        scale = Scale(peak=self._full_scale, unit="", factor=1)
+        self._live.update(draw_heat_map(image, scale).append(text), refresh=True)

@@ -23,11 +23,16 @@ from meshes.constants import STANDARD_GRAVITY
 
 #: Time step of the simulation [s].
 TIMESTEP = 1e-3
-#: Gap between indenter and array at the start [m], and speed at which the indenter comes down through the gap [m/s].
-GAP, FALLING_SPEED = 2e-3, 5e-3
-#: Time at which sliding begins, duration of the motion from the array's centre out to the circle, and duration of one
-#: revolution on the circle [s].
-SLIDE_START, RAMP_TIME, REVOLUTION_TIME = 1.0, 1.0, 4.0
+#: Gap between indenter and array at the start [m].
+GAP = 2e-3
+#: Speed at which the indenter comes down through the gap [m/s].
+FALLING_SPEED = 5e-3
+#: Time at which sliding begins [s].
+SLIDE_START = 1.0
+#: Duration of the motion from the array's centre out to the circle [s].
+RAMP_TIME = 1.0
+#: Duration of one revolution on the circle [s].
+REVOLUTION_TIME = 4.0
 #: Radius of the circle on which the indenter slides, over the array's shorter side [-].
 RADIUS_FRACTION = 0.2
 #: Colour of the indenter: red, green, blue and opacity, each 0..1; the array remains visible through the indenter.

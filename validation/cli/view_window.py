@@ -13,17 +13,21 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from validation.cli.heat_map import to_colours
+from validation.render.image import Scale
 
 if TYPE_CHECKING:
     from validation.cli.view_scene import Scene
 
 #: Shortest time between two drawings of the window [s].
 DRAW_INTERVAL = 1 / 30
-#: Distance of the tactile image from the window's corner, and largest edge of the tactile image [pixels].
-MARGIN, IMAGE_HEIGHT = 10, 420
-#: Azimuth and elevation of the camera [degrees]; the x axis points to the right, as in the tactile image.
-AZIMUTH, ELEVATION = 90.0, -40.0
+#: Distance of the tactile image from the window's corner [pixels].
+MARGIN = 10
+#: Largest edge of the tactile image [pixels].
+IMAGE_HEIGHT = 420
+#: Azimuth of the camera [degrees]; the x axis points to the right, as in the tactile image.
+AZIMUTH = 90.0
+#: Elevation of the camera [degrees]; negative looks down.
+ELEVATION = -40.0
 #: Distance of the camera from the array, over the array's longer side [-].
 CAMERA_DISTANCE = 2.5
 #: Longest time to wait for a window to open, or for the viewer's threads to end [s].
@@ -115,7 +119,8 @@ class Window(contextlib.ExitStack):
 
         started = time.monotonic()
         parameters = self._scene.sensor.parameters
-        image = to_colours(counts.reshape(-1, parameters.array.columns)[::-1] / parameters.electronics.output_max)
+        scale = Scale(peak=parameters.electronics.output_max)
+        image = scale.rgb(counts.reshape(-1, parameters.array.columns)[::-1])
         pixels = max(1, IMAGE_HEIGHT // max(image.shape))  # texels are equal squares
         image = image.repeat(pixels, axis=0).repeat(pixels, axis=1)
         rectangle = mujoco.MjrRect(MARGIN, MARGIN, image.shape[1], image.shape[0])

@@ -36,9 +36,14 @@ STAGES: Mapping[str, str] = {
     "contact": "contact forces of the fast model instead of the reference's",
     "electronics": "counts instead of forces: rounding, threshold and saturation, without noise",
 }
-#: Number of forces at which the characteristic is tabulated to invert it, fewer for many texels, which is this number
-#: of texels [-]; and range of these forces over the largest force [-].
-_POINTS, _FEW, _MANY, _RANGE = 20_001, 2001, 500, 1.05
+#: Number of forces at which the characteristic is tabulated to invert it [-].
+_POINTS = 20_001
+#: Number of forces at which the characteristic is tabulated for an array of many texels [-].
+_FEW = 2001
+#: Number of texels from which an array counts as one of many texels [-].
+_MANY = 500
+#: Largest tabulated force over the largest texel force [-].
+_RANGE = 1.05
 
 
 @result_model
@@ -48,7 +53,7 @@ class StageErrors(Result):
     Attributes:
         cases: Error of each stage by name of the case and of the stage; NaN where a stage does not apply [-].
         pooled: Mean over the cases, by stage.
-        note: What was not computed; empty if nothing.
+        note: Sentence about parts that were not computed; empty if all were.
     """
 
     cases: Mapping[str, Mapping[str, Number]]

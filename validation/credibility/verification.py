@@ -25,21 +25,27 @@ from meshes.pose import Place, Pose
 from meshes.solids import SolidMesh, sweep
 from meshes.solids.covers import take_meshes
 from meshes.solids.swept import cylinder_surface
-from validation.campaign.case import Case
 from validation.campaign.reference_press import press_reference
 from validation.campaign.results import CaseResult
 from validation.results import Column, Number, Result, result_model
-from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fem_reference.indentation.grid_solution import GridSolution
 
-#: Wave numbers times the thickness at which the surface compliance is compared [-], and elements through a layer.
-_WAVE_NUMBERS, _WAVE_ELEMENTS = np.geomspace(0.2, 4.0, 25), (4, 8, 16)
-#: Depth of the contact checks over the thickness; radius of the cylinder and of the ball over the thickness [-].
-_DEPTH, _CYLINDER, _BALL = 0.05, 1.0, 2.0
-#: Elements through half the height of the bonded disk, and its radius over half its height [-].
-_DISK_ELEMENTS, _DISK_RADIUS = (4, 6, 9), 4.0
+#: Wave numbers times the thickness at which the surface compliance is compared [-].
+_WAVE_NUMBERS = np.geomspace(0.2, 4.0, 25)
+#: Number of elements through each layer on the three meshes for the surface compliance [-].
+_WAVE_ELEMENTS = (4, 8, 16)
+#: Depth of the contact checks over the thickness of the cover [-].
+_DEPTH = 0.05
+#: Radius of the cylinder of the contact checks over the thickness of the cover [-].
+_CYLINDER = 1.0
+#: Radius of the ball of the contact checks over the thickness of the cover [-].
+_BALL = 2.0
+#: Number of elements through half the height of the bonded disk on the three meshes [-].
+_DISK_ELEMENTS = (4, 6, 9)
+#: Radius of the bonded disk over half its height [-].
+_DISK_RADIUS = 4.0
 
 
 @result_model
@@ -47,7 +53,7 @@ class Check(Result):
     """One solver against one closed-form solution.
 
     Attributes:
-        name: What is compared.
+        name: Quantity and solver that are compared.
         exact: The closed-form solution and its source.
         sizes: Element sizes of the grids over that of the coarsest, coarsest first [-].
         errors: Relative error on each grid [-].
@@ -251,14 +257,20 @@ def _relative(sizes: FloatArray | Sequence[float]) -> tuple[float, ...]:
     return tuple((values / values[0]).tolist())
 
 
-#: Radius of the core of the checked shell over its thickness, half its length over the thickness, and half the width
-#: of the load over the thickness [-].
-_CORE, _HALF_LENGTH, _LOAD = 3.0, 6.0, 1.25
-#: Element sizes over the thickness and layers of elements of the three meshes of the shell.
+#: Radius of the core of the checked shell over the thickness of the shell [-].
+_CORE = 3.0
+#: Half the length of the shell over its thickness [-].
+_HALF_LENGTH = 6.0
+#: Half the width of the strip that is loaded on the shell, over the thickness [-].
+_LOAD = 1.25
+#: Element size over the thickness, and number of layers of elements, of each of the three meshes of the shell [-].
 _SHELL_MESHES = ((0.8, 3), (0.55, 4), (0.4, 5))
-#: Largest accepted error of texel forces on the shell over the load, and least order [-].
-_SHELL_ERROR, _SHELL_ORDER = 5e-3, 1.0
-#: Least order of the reference against a finer mesh: that of the contact pressure at a sharp edge [-].
+#: Largest accepted error of a texel force on the shell over the load [-].
+_SHELL_ERROR = 5e-3
+#: Smallest accepted order of convergence of the texel forces on the shell [-].
+_SHELL_ORDER = 1.0
+#: Smallest accepted order of convergence of the reference against a finer mesh: that of the contact pressure at a sharp
+#: edge [-].
 _LEAST_ORDER = 0.7
 
 
@@ -307,7 +319,7 @@ def check_shell(material: Material, thickness: float) -> Check:
 
 
 def check_finer_mesh(
-    sensor: SensorDescription, meshes: tuple[SolidMesh, ...], results: Sequence[CaseResult]
+    cover: SolidCover, array: TexelArray, meshes: tuple[SolidMesh, ...], results: Sequence[CaseResult], friction: float
 ) -> list[Check]:
     """Compare a case on each mesh of the reference with the same case on a finer mesh; empty if there is none.
 
@@ -315,46 +327,39 @@ def check_finer_mesh(
     slowly.
 
     Args:
-        sensor: A sensor with a curved cover.
+        cover: The cover.
+        array: The texels on its base.
         meshes: Meshes of the cover, coarsest first.
         results: The scored cases.
+        friction: Coefficient of friction of the cases [-].
 
     Raises:
         ValueError: If the cover cannot be meshed more finely.
     """
-    cover = sensor.cover
-    if not isinstance(cover, SolidCover) or cover.refine is None:
+    if cover.refine is None:
         raise ValueError("there is none, because the mesh of this cover was given or made of tetrahedra")
     if len(meshes) == 1:
         return []
     finer = cover.refine(cover.thickness)
     kinds = ([each for each in results if each.case.indenter.axisymmetric == wanted] for wanted in (True, False))
-    chosen = [min(each, key=lambda result: result.reference.contact_area) for each in kinds if each]
     out = []
-    for result in chosen:
-        case = result.case
-        exact = _press_alone(sensor, finer, case)
-        peak = float(np.abs(exact).max())
-        errors = [float(np.abs(_press_alone(sensor, mesh, case) - exact).max()) / peak for mesh in meshes]
-        sizes = [float(len(mesh.cells)) ** (-1 / 3) for mesh in meshes]
+    for result in (min(each, key=lambda result: result.reference.contact_area) for each in kinds if each):
+        alone = (take_meshes((mesh,), cover.material) for mesh in (finer, *meshes))
+        exact, *found = (press_reference(each, array, result.case, friction=friction).texel_forces for each in alone)
+        errors = tuple(float(np.abs(each - exact).max() / np.abs(exact).max()) for each in found)
+        name = result.case.name
         out.append(
             Check(
-                name=f"any texel force of the case “{case.name}”, over the largest one; three meshes of the reference",
+                name=f"any texel force of the case “{name}”, over the largest one; three meshes of the reference",
                 exact=f"no closed form: the same press on a finer mesh of {len(finer.cells)} elements",
-                sizes=tuple(each / sizes[0] for each in sizes),
-                errors=tuple(errors),
+                sizes=_relative([len(mesh.cells) ** (-1 / 3) for mesh in meshes]),
+                errors=errors,
                 result=errors[-1],
                 least_order=_LEAST_ORDER,
                 tolerance=max(result.reference.error_estimate["peak_texel"], 0.0),
             )
         )
     return out
-
-
-def _press_alone(sensor: SensorDescription, mesh: SolidMesh, case: Case) -> FloatArray:
-    """Compute the texel forces of a case on one mesh, shape (n,) [N]."""
-    alone = take_meshes((mesh,), sensor.cover.layers[0].material)
-    return press_reference(alone, sensor.array, case, friction=sensor.friction).texel_forces
 
 
 #: Quantities of the table, with unit and factor from SI units to it.

@@ -114,13 +114,15 @@ NULLS: Mapping[str, NullModel] = MappingProxyType(
 FAST = "fast model"
 #: Largest number of lines about recordings if none can be used [-].
 _MOST_LINES = 5
-#: Powers of the load in the weight of a fitted image that are tried if every scored load exceeds every fitted one, the
-#: second where the first cannot be compared.  An uneven seat misplaces the smaller a share of a load the heavier it is,
-#: so that the heaviest images show best what still heavier ones look like; without it all images count [-].
+#: Candidates for the load power if every scored load exceeds every fitted load [-].  The load power is the exponent of
+#: the load in the weight of a fitted image.  An uneven seat of the indenter misplaces a smaller share of a heavier
+#: load, so the heaviest images predict still heavier ones best, and a large power is right; with an even seat all
+#: images are equally good.  The better candidate is chosen; the last one is taken if the images do not allow a choice.
 _EXTRAPOLATION_POWERS = (1.0, 8.0)
-#: The same power elsewhere with seating heights, which explain the images of light loads [-].
+#: Load power if the scored loads lie within the fitted ones and seating heights are fitted [-].  The heights explain
+#: the images of light loads.
 _SEATED_POWER = 0.0
-#: The same power elsewhere without seating heights [-].
+#: Load power if the scored loads lie within the fitted ones and no seating heights are fitted [-].
 _UNSEATED_POWER = 1.0
 #: Tolerance for loads to count as equal [-].
 _SAME_LOAD = 1e-6
@@ -160,7 +162,7 @@ def score_recordings(
             table.add_nulls()
             table.add_repeats()
             for name, method in methods.items():
-                say(f"{split.about}: {name}")
+                say(f"{split.about or split.name}: {name}")
                 table.add_model(name, method)
         except InputError as error:
             problems += error.faults
@@ -175,7 +177,7 @@ def score_recordings(
         rows=tuple(row for table in tables for row in table.rows),
         examples=tuple(table.example for table in tables),
         about={name: method.about for name, method in methods.items()}
-        | {table.split.name: table.split.about for table in tables},
+        | {table.split.name: table.split.about or table.split.name for table in tables},
         notes={table.split.name: (compare_with_nulls(table.rows), *table.notes) for table in tables},
         files={image.file.name: image.sha256 for image in images},
         noise=float(np.sqrt(np.mean([image.noise**2 for image in images]))),
@@ -356,7 +358,7 @@ def choose_power(method: ContactMethod, fitted: Observations, options: Options) 
     Args:
         method: The contact method.
         fitted: The fitted images; no scored image takes part.
-        options: What is fitted.
+        options: Options of the fit.
     """
     light = fitted.loads < fitted.loads.max() * (1 - _SAME_LOAD)
     placed = {placement.name for placement in fitted.select(light).placements}

@@ -45,28 +45,30 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str], None]
 
-#: Depths of the ball over the thickness of the cover, at finite and at small strain; and largest depth over the radius
-#: of the ball [-].
-_FINITE_DEPTHS, _SMALL_DEPTHS, _LARGEST_DEPTH = (
-    (0.015, 0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.4),
-    (0.05, 0.1, 0.15, 0.18, 0.2, 0.22, 0.24, 0.27, 0.3),
-    0.5,
-)
-#: Second point of the ball, off the grid of texels and of the fast model's cells: distance from the centre of a texel,
-#: over the size of the texel [-].
+#: Depths of the ball over the thickness of the cover, at finite strain [-].
+_FINITE_DEPTHS = (0.015, 0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.4)
+#: Depths of the ball over the thickness of the cover, at small strain [-].
+_SMALL_DEPTHS = (0.05, 0.1, 0.15, 0.18, 0.2, 0.22, 0.24, 0.27, 0.3)
+#: Largest depth over the radius of the ball [-].
+_LARGEST_DEPTH = 0.5
+#: Distance of the second position of the ball from the centre of a texel along x and y, over the size of the texel [-].
+#: This position is neither on the grid of texels nor on that of the fast model's cells.
 _BESIDE = (0.3, 0.4)
-#: Least part of the force that a fitted stretch must move to the right place at one depth; below it, the tables under
-#: load are left out [-].
+#: Smallest useful effect of a fitted stretch: the part of the force on wrong texels that it removes at one depth [-].
+#: If the effect is smaller at all depths, the tables under load are left out.
 _USEFUL = 0.02
-#: Fit of the stretch: bounds of the logarithms of tension, over thickness times mean shear modulus, and of length, over
-#: thickness; their start; and settings of the minimiser [-].
-_BOUNDS, _START = [(-7.0, 9.0), (-7.0, 3.0)], (-1.0, -2.0)
+#: Bounds of the two fitted parameters of the stretch [-]: natural logarithms of the tension over thickness times mean
+#: shear modulus, and of the length over the thickness.
+_BOUNDS = [(-7.0, 9.0), (-7.0, 3.0)]
+#: Start values of the two fitted parameters of the stretch, at the smallest depth [-].
+_START = (-1.0, -2.0)
+#: Arguments of `scipy.optimize.minimize` for the fit of the stretch.
 _MINIMISER: dict[str, Any] = {
     "method": "Nelder-Mead",
     "bounds": _BOUNDS,
     "options": {"xatol": 0.03, "fatol": 1e-4, "maxfev": 100},
 }
-#: Limits of the misplaced part of the force [-].
+#: Parts of the force on wrong texels at which the load and depth of the range are stated [-].
 _LIMITS = (0.02, 0.05)
 
 
@@ -362,11 +364,12 @@ def fit_depth(cover: Cover) -> DepthFits:
 
 #: Depths of the tip over the thickness of the cover [-].
 _DEPTHS = (0.1, 0.2, 0.4)
-#: Exponent of the load over which the share is nearly straight: the area of a ball's contact grows so [-].
+#: Exponent p for the interpolation of the tip's share, which is nearly linear in load^p [-].  The contact area of a
+#: ball is proportional to load^(2/3).
 _EXPONENT = 2 / 3
-#: Number of loads at which the line is fitted [-].
+#: Number of loads to which the line of force on the texel over applied force is fitted [-].
 _FITTED_LOADS = 200
-#: Decimals of the share, fewer than what differs between machines [-].
+#: Number of decimals to which the share is rounded [-].  Further decimals differ between computers.
 _DECIMALS = 4
 
 

@@ -148,7 +148,11 @@ def solve_curves(measurement: Measurement, progress: Callable[[str], None] | Non
     depths, places = np.unique(measurement.depth, return_inverse=True)
 
     def solve(name: str, cover: Cover, indenter: Indenter, friction: float) -> tuple[FloatArray, FloatArray]:
-        """Solve one curve, and return forces and relative errors at the depths of the measurement."""
+        """Solve the force of an indenter over depth by finite elements.
+
+        Returns:
+            Forces [N] and their estimated relative errors [-] at the n measured depths, shape (n,) each.
+        """
         from fem_reference.indentation.press import press_path
 
         if progress is not None:

@@ -18,13 +18,22 @@ from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
 from validation.published.scene import Forces, Scene, Values, bin_on_texels, find_approach, find_foundation_approach
 
-#: How sure the implementation is.
-CODE, SUMMARY = "from its published code", "from a summary of its code"
+#: Source of an implementation: code that the authors published.
+CODE = "from its published code"
+#: Source of an implementation: a summary of code that was not available.
+SUMMARY = "from a summary of its code"
+#: Source of an implementation: publications that cite the model.
 SECONDARY = "paper not read: from equations in secondary sources"
+#: Source of an implementation: the report that describes the model.
 REPORT = "from the report; unit of the filter's cut-off and handling of borders unknown"
+#: Source of an implementation: none, the model was made for this comparison.
 OWN = "our own, for comparison"
-#: What the models take the texel forces from.
-POINTS, PENETRATION, MAP = "engine's contact points", "rigid penetration", "contact map"
+#: Input of a model: forces at the contact points of the physics engine.
+POINTS = "engine's contact points"
+#: Input of a model: depth to which the rigid indenter penetrates the array.
+PENETRATION = "rigid penetration"
+#: Input of a model: pressure on the contact area.
+MAP = "contact map"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +41,11 @@ class Parameter:
     """A parameter of a model.
 
     Attributes:
-        shipped: Its published value; None if it is unknown, or for a stiffness that is fitted, that of the cover.
-        unit: Its unit; empty for none.
-        start: First value for a fit, if it is not the published one.
-        fitted: Whether it is fitted; it must be positive then.
+        shipped: Published value of the parameter.  None if it is unknown, or if it is a fitted stiffness whose
+            published value is that of the cover.
+        unit: Unit of the parameter; empty for none.
+        start: First value for a fit; None starts from the published value.
+        fitted: Whether the parameter is fitted; a fitted parameter must be positive.
     """
 
     shipped: float | None = None
@@ -59,12 +69,12 @@ class Model:
     Attributes:
         name: Short name, unique in the table.
         title: Name of the tool or first author, with the year.
-        contact: What the model takes the texel forces from: `POINTS`, `PENETRATION` or `MAP`.
+        contact: Input from which the model computes texel forces: `POINTS`, `PENETRATION` or `MAP`.
         rule: The model in a few words.
-        certainty: How sure the implementation is.
+        certainty: Source of the implementation, such as `CODE`.
         predict: Function of a scene and of the parameters by name, which returns the forces.
         parameters: The parameters by name.
-        total: What the sum of the forces is, if it is not the load by the model itself.
+        total: Sum of the forces in words, if the model itself does not make it the load.
         in_time: Published filters, dampers and noise, which have no effect on a held load and are not built.
     """
 
@@ -120,6 +130,7 @@ def foundation_stiffness(cover: Cover) -> float | None:
 
 #: All published models, by name.  Null models and the fast model are in `validation.campaign.results.MODELS`.
 PUBLISHED: dict[str, Model] = {}
+#: Function of a scene and of the parameters of a model by name that returns the forces.
 Predict = Callable[..., Forces]
 
 
@@ -315,8 +326,14 @@ def _push(scene: Scene) -> FloatArray:
     return scene.contacts.forces * scene.contacts.normals[:, 2]
 
 
-#: RobWorkSim: step and number of steps of the search for the offset, thickness of the cover and largest pressure.
-_ROBWORK_STEP, _ROBWORK_STEPS, _ROBWORK_THICKNESS, _ROBWORK_PRESSURE = 0.05e-3, 20, 2e-3, 250e3
+#: Step of RobWorkSim's search for the depth of the indenter [m].
+_ROBWORK_STEP = 0.05e-3
+#: Number of steps after which RobWorkSim's search ends [-].
+_ROBWORK_STEPS = 20
+#: Thickness of the cover in RobWorkSim [m].
+_ROBWORK_THICKNESS = 2e-3
+#: Largest pressure on a texel in RobWorkSim [Pa].
+_ROBWORK_PRESSURE = 250e3
 
 
 @_published(

@@ -14,7 +14,7 @@ from fastmodel import BoxTexels, FastIndentation, Parameters, indent
 from fastmodel.contact.boxes import BoxReader
 from fastmodel.contact.interface import Reading
 from fastmodel.surface import Surface
-from fem_reference.closed_form.influence import TexelResponse
+from fem_reference.closed_form.layer import TexelResponse
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray, IntArray
 from validation.campaign.case import Case

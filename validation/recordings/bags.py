@@ -43,9 +43,12 @@ from validation.recordings.recording import (
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
 
-#: Names of the message fields in which public tactile drivers give the number of rows, the number of columns and the
-#: counts.  Of several names that a message has, the first in the list is used.
-_ROW_NAMES, _COLUMN_NAMES = ("rows", "cells_y", "height"), ("columns", "cols", "cells_x", "width")
+#: Names of the message fields in which public tactile drivers give the number of rows.  If a message has several of
+#: them, the first in the list is used.
+_ROW_NAMES = ("rows", "cells_y", "height")
+#: Names of the message fields that give the number of columns, in order of preference.
+_COLUMN_NAMES = ("columns", "cols", "cells_x", "width")
+#: Names of the message fields that give the counts, in order of preference.
 _COUNT_NAMES = ("counts", "data", "tactile_array", "values")
 #: numpy type of a pixel by the encoding of a ROS image message.
 _PIXEL_TYPES = {"mono8": "u1", "8UC1": "u1", "mono16": "u2", "16UC1": "u2"}
@@ -311,7 +314,7 @@ def _limit_memory(path: Path, size: int) -> Iterator[None]:
 
     Args:
         path: The bag, for the error message.
-        size: Its size [bytes].
+        size: Size of the bag [bytes].
 
     Raises:
         RecordingError: If the bag unpacks to more.

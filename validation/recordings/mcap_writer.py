@@ -46,19 +46,27 @@ if TYPE_CHECKING:
 
     from fastmodel.signal.frame import Frame
 
-#: Topics of the messages in a recording other than frames and images: labels, bytes as received, gaps in the stream of
-#: frames, temperatures, readings of the force sensor.
-SETUP_TOPIC, RAW_TOPIC, GAP_TOPIC = "/setup", "/raw", "/diagnostics"
-TEMPERATURE_TOPIC, FORCE_TOPIC = "/temperatures", "/force"
-#: Name of the ROS 2 type of a frame message, and its definition.
+#: Topic of the labels of a recording.
+SETUP_TOPIC = "/setup"
+#: Topic of the bytes as the sensor sent them.
+RAW_TOPIC = "/raw"
+#: Topic of messages about gaps in the stream of frames.
+GAP_TOPIC = "/diagnostics"
+#: Topic of temperatures.
+TEMPERATURE_TOPIC = "/temperatures"
+#: Topic of the readings of a force sensor.
+FORCE_TOPIC = "/force"
+#: Name of the ROS 2 type of a frame message.
 FRAME = "softcover_msgs/msg/TactileFrame"
+#: Definition of the ROS 2 type of a frame message.
 _FRAME_DEFINITION = """std_msgs/Header header
 uint64 host_monotonic
 uint32 device_ticks
 uint16[] counts
 float64[] texel_forces
 """
-#: ROS 2 type of the messages of each topic; topics of an array by their last part.
+#: ROS 2 type of the messages of each topic.  A topic of one array, such as `/left/image`, has the key of its last part,
+#: `image`.
 KINDS = {
     SETUP_TOPIC: "std_msgs/msg/String",
     RAW_TOPIC: "std_msgs/msg/UInt8MultiArray",
@@ -73,8 +81,10 @@ KINDS = {
 }
 #: First part of the label of tangential forces; their source follows, see `Frame.tangential_source`.
 TANGENTIAL_LABEL = "tangential force x, y [N]: "
-#: Time between two chunks, and time between two calls of fsync, which forces the file to the disk [s].
-_FLUSH_INTERVAL, _SYNC_INTERVAL = 0.2, 1.0
+#: Time between two chunks of the file [s].
+_FLUSH_INTERVAL = 0.2
+#: Time between two calls of fsync, which forces the file to the disk [s].
+_SYNC_INTERVAL = 1.0
 #: Largest count that a frame message can hold, because its counts are 16 bit numbers [-].
 LARGEST_COUNT = 0xFFFF
 #: Level of a ROS diagnostic status that marks a warning.
@@ -164,11 +174,11 @@ def encode_labels(
     """Return labels as the text of a JSON object.
 
     Args:
-        setup: How the recording is made.
+        setup: Indenter, load and notes of the recording.
         arrays: The texel arrays; their frames are left out.
         serial: Serial number of the sensor.
         start: Time at the start of the recording, UTC since 1970 [ns].
-        monotonic: The same time on the monotonic clock of the host [ns].
+        monotonic: Time at the start of the recording, on the monotonic clock of the host [ns].
     """
     described = [
         {
@@ -268,8 +278,8 @@ def encode(kind: str, /, **fields: object) -> bytes:
     """Encode a message in CDR.
 
     Args:
-        kind: Its ROS 2 type.
-        fields: Values of its fields; a mapping stands for a message within the message.
+        kind: ROS 2 type of the message.
+        fields: Values of the fields of the message; a mapping stands for a message within the message.
     """
     return bytes(load_types().serialize_cdr(_make_message(kind, fields), kind))
 
@@ -315,7 +325,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
     Args:
         path: The file to write; it must not exist.
         arrays: The arrays whose frames will be added; frames that `arrays` already hold are not written.
-        setup: How the recording is made.
+        setup: Indenter, load and notes of the recording.
         serial: Serial number of the sensor.
         start: Time at the start of the recording, UTC since 1970; the present time if not given [ns].
 

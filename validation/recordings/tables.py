@@ -40,20 +40,25 @@ from validation.recordings.recording import (
     open_recorded,
 )
 
-#: Pattern of the keys in the lines `# key = value` of a CSV file, and the keys that have a meaning here.
+#: Pattern of the keys in the lines `# key = value` of a CSV file.
 _KEY = re.compile(r"[A-Za-z][\w .\-\[\]/]{0,59}")
+#: Keys of the lines `# key = value` that have a meaning; other keys are kept as labels.
 _KEYS = frozenset({"rows", "columns", "pitch", "full_scale", "indenter", "load", "note"})
-#: Largest accepted number of characters in a line, enough for ten thousand texels, and of numbers in a file, enough for
-#: 15 minutes of 84 texels at 271 frames/s [-].
-MOST_CHARACTERS, MOST_VALUES = 2**18, 25_000_000
-#: Largest accepted time [s], force [N] and temperature [degC]: in nanoseconds, later times do not fit 64 bits.
+#: Largest accepted number of characters in a line [-]; enough for ten thousand texels.
+MOST_CHARACTERS = 2**18
+#: Largest accepted number of numbers in a file [-]; enough for 15 minutes of 84 texels at 271 frames/s.
+MOST_VALUES = 25_000_000
+#: Largest accepted number in a column of times [s], forces [N] or temperatures [degC].  Later times, in nanoseconds, do
+#: not fit into 64 bits.
 _LARGEST = 9e9
 #: Least and greatest accepted pitch; others must have a wrong unit [m].
 _PITCHES = (1e-6, 1.0)
 #: Largest accepted number of keys in a file [-].
 _MOST_KEYS = 64
-#: Label that states how much counts were rounded, and largest change by rounding as a share of the largest count [-].
-_ROUNDED, _MOST_ROUNDED = "counts rounded", 0.01
+#: Label that states how much counts were rounded.
+_ROUNDED = "counts rounded"
+#: Largest accepted change of a count by rounding, over the largest count [-].
+_MOST_ROUNDED = 0.01
 #: Label that states the pitch that was assumed, because the file states none.
 PITCH_ASSUMED = "pitch assumed"
 #: Names of the optional columns of a CSV file between the time and the texels.

@@ -42,11 +42,15 @@ from validation.campaign.results import pool, skill
 from validation.metrics import score, score_images
 from validation.regression.reading import Readings, Subject, find_unit, list_rows, read
 
-#: Lightest and heaviest force at which the characteristic is evaluated, wide enough for any sensor [N].  They must not
-#: depend on the sensor's own sensitivity: a changed sensitivity would then hide itself.
-_LIGHTEST, _HEAVIEST = 1e-6, 1e6
-#: Number of forces, evenly spaced by ratio, and of bisections between two of them [-].
-_FORCES, _BISECTIONS = 241, 60
+#: Smallest force at which the characteristic is evaluated, small enough for any sensor [N].  It must not depend on the
+#: sensitivity of the sensor: a change of the sensitivity would then not be seen.
+_LIGHTEST = 1e-6
+#: Largest force at which the characteristic is evaluated, large enough for any sensor [N].
+_HEAVIEST = 1e6
+#: Number of forces from smallest to largest, at a constant ratio [-].
+_FORCES = 241
+#: Number of bisections between two of these forces in the search for a level of output [-].
+_BISECTIONS = 60
 #: Levels of output over the largest output, at which the force is measured [-].
 _LEVELS = (0.01, 0.25, 0.5, 0.75, 0.99)
 #: Electronics of the stages.  Each stage changes these numbers only.
@@ -131,12 +135,18 @@ def _find_force(count: Callable[[float], float], level: float) -> float:
     return float(above)
 
 
-#: Rows and columns, and pitch along x and y [m], of the two images.
-_SHAPE, _IMAGE_PITCH = (7, 5), (3e-3, 4e-3)
-#: Load [N], and force outside in reference and prediction [N].
-_LOAD, _OUTSIDE = 4.0, (0.30, 0.42)
-#: Errors of two models in five cases; the second has none in one case [-].
-_ERRORS, _COMPARISON = (0.02, 0.05, 0.01, 0.08, 0.03), (0.10, 0.07, float("nan"), 0.21, 0.05)
+#: Numbers of rows and columns of the two scored images [-].
+_SHAPE = (7, 5)
+#: Pitch of the two images along x and y [m].
+_IMAGE_PITCH = (3e-3, 4e-3)
+#: Load of the two images [N].
+_LOAD = 4.0
+#: Force outside the texels in the reference and in the prediction [N].
+_OUTSIDE = (0.30, 0.42)
+#: Errors of the first model in five cases [-].
+_ERRORS = (0.02, 0.05, 0.01, 0.08, 0.03)
+#: Errors of the second model in the same cases [-]; NaN where it has no result.
+_COMPARISON = (0.10, 0.07, float("nan"), 0.21, 0.05)
 
 
 def score_fixed_images(subject: Subject) -> Readings:  # noqa: ARG001 -- every experiment takes the sensor
@@ -172,28 +182,61 @@ def _make_bump(array: TexelArray, middle: tuple[float, float], width: float) -> 
     return np.asarray((_LOAD - _OUTSIDE[0]) * weights / weights.sum())
 
 
-#: Contact methods by that of the surface in the parameters; None for parameters without a surface.
+#: Contact methods that are measured, by the first method of the surface in the parameters; None stands for parameters
+#: without a surface.
 METHODS_OF: Mapping[str | None, tuple[str, ...]] = {
     None: ("boxes", "area"),
     "cover": ("boxes", "area", "foundation", "cover"),
     "curved": ("curved",),
 }
-#: Contact methods that compute the area under a ball, and those whose contact gives forces after spread alone.
-AREA_METHODS, SPREADING = ("foundation", "cover", "curved"), ("cover", "curved")
+#: Contact methods that compute the contact area.
+AREA_METHODS = ("foundation", "cover", "curved")
+#: Contact methods that compute contact and spread by the cover together.  Their texel forces are read after spread,
+#: those of the other methods before it.
+SPREADING = ("cover", "curved")
 #: Mean pressure below the H: that of 500 g on an H of 12 x 16 mm with bars of 4 mm [Pa].
 LETTER_PRESSURE = 34e3
-#: Largest width and height of the H [pitches], and the same over columns and rows; width of its bars over the smaller
-#: of the two; distance of its axis from the array's centre over columns and rows [-]; its rotation [rad].
-_LARGEST, _SHARE, _BAR, _OFF, _YAW = (3.5, 4.7), 0.55, 0.3, (0.1, 0.13), 0.17
-#: Radius of the ball over the smaller pitch, and its distance from the centre of the middle texel over the pitch [-].
-_BALL, _BESIDE = 3.0, (0.2, -0.3)
-#: The fixed array: rows and columns, pitch along x and y [m].
-_ROWS, _COLUMNS, _PITCH = 6, 5, (3e-3, 4.5e-3)
-#: The fixed cover: cells per pitch, cells beyond a texel that act on it [-], standard deviation of the force at its
-#: base, distance at which a load no longer acts like one at a point [m], thickness [m], compliance of its top [m2/N].
-_CELLS, _REACH, _WIDTH, _NEAR, _THICKNESS, _TOP = 4, 6, 1.2e-3, 0.5e-3, 2e-3, 2.4e-7
-#: The block on the fixed array: size, position [m], rotation [rad], load [N].
-_BLOCK, _BLOCK_AT, _BLOCK_YAW, _BLOCK_LOAD = (5e-3, 9e-3, 4e-3), (1.1e-3, 3.4e-3), 0.3, 3.0
+#: Largest width and largest height of the H [pitches].
+_LARGEST = (3.5, 4.7)
+#: Largest width of the H over the width of the array, and largest height over the height of the array [-].
+_SHARE = 0.55
+#: Width of the bars of the H, over the smaller of its width and height [-].
+_BAR = 0.3
+#: Distance of the axis of the H from the array's centre along x and y, over width and height of the array [-].
+_OFF = (0.1, 0.13)
+#: Rotation of the H about the normal of the array [rad].
+_YAW = 0.17
+#: Radius of the ball over the smaller pitch [-].
+_BALL = 3.0
+#: Distance of the ball from the centre of the middle texel along x and y, over the pitch [-].
+_BESIDE = (0.2, -0.3)
+#: Number of rows of the fixed array [-].
+_ROWS = 6
+#: Number of columns of the fixed array [-].
+_COLUMNS = 5
+#: Pitch of the fixed array along x and y [m].
+_PITCH = (3e-3, 4.5e-3)
+#: Number of contact cells per pitch on the fixed cover [-].
+_CELLS = 4
+#: Number of cells beyond the edge of a texel whose forces act on the texel [-].
+_REACH = 6
+#: Standard deviation of the force at the base of the fixed cover under a point load [m].
+_WIDTH = 1.2e-3
+#: Distance below which the compliance of the fixed cover no longer rises like that of a half-space under a point load
+#: [m].
+_NEAR = 0.5e-3
+#: Thickness of the fixed cover [m].
+_THICKNESS = 2e-3
+#: Compliance of the top of the fixed cover [m2/N].
+_TOP = 2.4e-7
+#: Edge lengths of the block on the fixed array [m].
+_BLOCK = (5e-3, 9e-3, 4e-3)
+#: Position of the block on the fixed array along x and y [m].
+_BLOCK_AT = (1.1e-3, 3.4e-3)
+#: Rotation of the block about the normal of the array [rad].
+_BLOCK_YAW = 0.3
+#: Load on the block [N].
+_BLOCK_LOAD = 3.0
 
 
 def lay_letter_h(array: TexelArray) -> tuple[LetterH, float, tuple[float, float], float]:
@@ -352,13 +395,21 @@ def _press(
 
 #: Weight of the ball [N].
 _WEIGHT = 2.0
-#: Longest timestep [s], and timesteps per period of the sensor's own filter, if that gives a shorter one [-].
-_TIMESTEP, _PER_PERIOD = 1e-3, 20.0
-#: Time for the ball to come to rest, and duration of the load step [s]; of the latter also in periods of the sensor's
-#: own filter [-].
-_REST, _STEP, _PERIODS = 0.15, 0.15, 5.0
-#: Cut-off [Hz] and orders [-] of the filters that are measured besides the sensor's own one.
-_CUTOFF, _ORDERS = 20.0, (1, 2, 3, 4)
+#: Largest timestep [s].
+_TIMESTEP = 1e-3
+#: Smallest number of timesteps per period of the cut-off of the sensor's own filter [-].
+_PER_PERIOD = 20.0
+#: Time for the ball to come to rest [s].
+_REST = 0.15
+#: Smallest duration of the simulation after the load step [s].
+_STEP = 0.15
+#: Smallest duration of the simulation after the load step, over the period of the cut-off of the sensor's own filter
+#: [-].
+_PERIODS = 5.0
+#: Cut-off frequency of the filters that are measured besides the sensor's own one [Hz].
+_CUTOFF = 20.0
+#: Orders of the filters with the cut-off frequency `_CUTOFF` [-].
+_ORDERS = (1, 2, 3, 4)
 #: Number of frames under the ramp [-].
 _FRAMES = 8
 #: Smallest number of noisy counts; their standard deviation then has a relative error of 0.7 % [-].
@@ -367,11 +418,14 @@ _SAMPLES = 10_000
 _NOISE = 0.1
 #: Electronics with a count per millinewton, which neither saturate nor reach zero in these experiments.
 _WIDE = Electronics(rate_hz=1 / _TIMESTEP, sensitivity=1000.0, offset=20_000.0, output_max=2**20, bits=24)
-#: Half width of the hysteresis of the sensor that is reset, and force on each texel before and after [N].
+#: Half width of the hysteresis of the sensor that is reset [N].
 _PLAY = 0.5
+#: Forces on each texel to which the sensor is reset, one after the other [N].
 _RESET_LOADS = (1.0, 3.0, 1.0)
-#: Time for which the H rests before its image is taken [s], and grey level of the mean force on a texel below it [-].
-_LETTER_TIME, _LETTER_GREY = 0.25, 120.0
+#: Time for which the H rests before its image is taken [s].
+_LETTER_TIME = 0.25
+#: Grey level that stands for the mean force on a texel below the H, 0..255 [-].
+_LETTER_GREY = 120.0
 _NAME = "sensor"
 
 
@@ -531,21 +585,18 @@ def _simulate(
     for name, sensor in zip(sensors, bound, strict=True):
         if seeds and name in seeds:
             sensor.reset(seed=seeds[name])
-    frames: list[list[Frame]] = [[] for _ in bound]
-    new: list[list[bool]] = [[] for _ in bound]
-    totals: list[list[float]] = [[] for _ in bound]
+    records: list[list[tuple[Frame, bool, float]]] = [[] for _ in bound]
     for load in loads.tolist():
         data.xfrc_applied[ball, 2] = -load
         mujoco.mj_step(model, data)
-        for index, sensor in enumerate(bound):
-            new[index].append(sensor.step(data))
-            frame = sensor.frame()
-            frames[index].append(frame)
+        for sensor, record in zip(bound, records, strict=True):
+            new, frame = sensor.step(data), sensor.frame()
             forces = 0.0 if frame.texel_forces is None else float(frame.texel_forces.sum())
-            totals[index].append(forces + sensor.outside())
+            record.append((frame, new, forces + sensor.outside()))
+    columns = (zip(*record, strict=True) for record in records)
     return {
-        name: _Recorded(frames=frames[index], new=np.array(new[index]), totals=np.array(totals[index]))
-        for index, name in enumerate(sensors)
+        name: _Recorded(frames=frames, new=np.array(new), totals=np.array(totals))
+        for name, (frames, new, totals) in zip(sensors, columns, strict=True)
     }
 
 
@@ -579,7 +630,7 @@ def _make_spec(timestep: float) -> mujoco.MjSpec:
 
 
 def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile a spec without friction, as the simulated bench tests do."""
+    """Switch off the friction of all geoms of a spec, as in the simulated bench tests, and compile it."""
     for geom in spec.geoms:
         geom.condim = 1
     return spec.compile()

@@ -67,7 +67,7 @@ def describe_sensor(name: str, array: TexelArray, *, derived: bool) -> str:
 
     Args:
         name: Name of the sensor.
-        array: Its texels.
+        array: Texels of the sensor.
         derived: Whether the parameters are derived by finite elements for the measurement.
     """
     x, y = (1e3 * pitch for pitch in array.pitch)

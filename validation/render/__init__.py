@@ -1,8 +1,9 @@
 """Drawing of results: one table for terminal, page and file, and one tactile image."""
 
-#: Largest number of characters of a text from a file that is printed, and how many of them are from its end [-]; the
-#: middle of a longer text is left out.  A message ends with the reason.
-_LONGEST, _END = 2000, 200
+#: Largest number of characters of a text from a file that is printed [-].  The middle of a longer text is left out.
+_LONGEST = 2000
+#: Number of characters from the end of a longer text that are printed [-].  A message ends with the reason.
+_END = 200
 
 
 def escape(text: str) -> str:

@@ -9,6 +9,7 @@ import html
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.distance import pdist
 
 from fastmodel.fitting.gaussian import unroll_from
@@ -16,11 +17,18 @@ from meshes import TexelArray
 from meshes.array_types import FloatArray
 from validation.places import find_middle
 
-#: Longest edge of the drawing and its margin in its own units, and largest width and height on the page [px]: three
-#: drawings stand side by side.
-_SIZE, _MARGIN, _WIDEST, _HIGHEST = 200.0, 2.0, 190.0, 370.0
-#: Edge of a square over the smallest distance of two texels, and size of the printed value over the edge [-].
-_EDGE, _SHARE = 0.94, 0.36
+#: Longest edge of the drawing [units of the drawing].
+_SIZE = 200.0
+#: Margin of the drawing [units of the drawing].
+_MARGIN = 2.0
+#: Largest width of the drawing on the page [px]; three drawings stand side by side.
+_WIDEST = 190.0
+#: Largest height of the drawing on the page [px].
+_HIGHEST = 370.0
+#: Edge of the square that represents a texel, over the smallest distance between two texels [-].
+_EDGE = 0.94
+#: Font size of the printed value over the edge of the square [-].
+_SHARE = 0.36
 #: Largest number of characters of a printed value [-].
 _LONGEST = 5
 #: Colours of forces from zero to the peak, with increasing lightness.
@@ -52,13 +60,18 @@ class Scale:
         """Colours at equal steps from the lowest to the highest value of the scale."""
         return _DIFFERENCE if self.difference else _FORCE
 
-    def colour(self, value: float) -> str:
-        """Return the colour of a value, as `#rrggbb`."""
-        share = value / self.peak if self.peak > 0 else 0.0
+    def rgb(self, values: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+        """Return red, green and blue of values of any shape, each 0..255, shape (..., 3)."""
+        share = np.asarray(values, dtype=np.float64) / self.peak if self.peak > 0 else np.zeros(np.shape(values))
         place = 0.5 + share / 2 if self.difference else share
         steps = np.linspace(0, 1, len(self.colours))
         channels = ([int(colour[k : k + 2], 16) for colour in self.colours] for k in (1, 3, 5))
-        return "#" + "".join(f"{round(float(np.interp(place, steps, channel))):02x}" for channel in channels)
+        levels = np.stack([np.interp(place, steps, channel) for channel in channels], axis=-1)
+        return np.asarray(np.rint(levels), dtype=np.uint8)
+
+    def colour(self, value: float) -> str:
+        """Return the colour of a value, as `#rrggbb`."""
+        return "#" + self.rgb(value).tobytes().hex()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +138,7 @@ def tactile_image(
         scale: Colour scale of the image.
         outline: Corners (x, y) of a closed line that is drawn over the image of a planar array, for example around the
             contact area, in the array's frame, shape (m, 2) [m]; None for no line.
-        name: What the image shows, for its label.
+        name: Title of the image, for its label.
     """
     frame = _Frame.of(array)
     rows, columns = np.divmod(np.arange(array.count), array.columns)

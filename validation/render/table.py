@@ -1,9 +1,8 @@
 """Tables of results: rendered to the terminal, to CSV and, by the template of the report's page, to HTML.
 
-What a column prints stands beside the field that it shows: see `validation.results.Column`.  There are four ways to a
-table: `tabulate` makes one row for each result, `list_facts` one row for each named field of one result,
-`tabulate_facts` one row for every column of a result and of the results within it, and `Table` itself
-takes headings and rows of texts.  `validation.cli.output.render` prints any of them.
+What a column prints stands beside the field that it shows: see `validation.results.Column`.  There are three ways
+to a table: `tabulate` makes one row for each result, `tabulate_facts` one row for every column of a result and of the
+results within it, and `Table` itself takes headings and rows of texts.  `validation.cli.output.render` prints them.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ class Cell:
     """A cell of a table.
 
     Attributes:
-        text: What is printed.
+        text: Printed text.
         value: The number behind the text as `report.json` has it, for sorting and CSV; None for text.
         small: A second, smaller line.
         bold: Whether the text is emphasised.
@@ -48,7 +47,7 @@ class Table:
     Args:
         headings: Headings of the columns, with units; empty for a list of names and values.
         rows: Cells of each row; a text stands for a cell that shows it.
-        caption: What the table shows.
+        caption: Caption of the table.
         name: Identifier of the table on the page.
         texts: Indices of further columns that hold text, which is aligned to the left.
     """
@@ -100,31 +99,14 @@ class Table:
         return table
 
 
-def list_facts(result: Result, fields: Sequence[str], *, caption: str = "") -> Table:
-    """Make a table of two columns, with one row for each field of a result: its heading, and its value with the unit.
-
-    Args:
-        result: The result.
-        fields: Names of the fields or properties that are shown.
-        caption: What the table shows.
-    """
-    known = columns(type(result))
-    rows = []
-    for field in fields:
-        cells, unit = _make_cells(result, field, known[field]), known[field].unit
-        text = ", ".join(cell.text if cell.value is None or not unit else f"{cell.text} {unit}" for cell in cells)
-        rows.append((known[field].heading, f"{text} ({cells[0].small})" if cells[0].small else text))
-    return Table((), rows, caption=caption)
-
-
 def tabulate(name: str, caption: str, results: Iterable[Result], shown: type[Result], fields: Sequence[str]) -> Table:
     """Make a table with one row for each result, as the columns of its fields say.
 
     Args:
         name: Identifier of the table.
-        caption: What it shows.
+        caption: Caption of the table.
         results: The results.
-        shown: Their type.
+        shown: Type of the results.
         fields: Names of the fields or properties that are shown.
     """
     known = columns(shown)
@@ -146,7 +128,7 @@ def tabulate_facts(name: str, caption: str, result: Result) -> Table:
 
     Args:
         name: Identifier of the table.
-        caption: What it shows.
+        caption: Caption of the table.
         result: The result.
     """
     return Table(name=name, caption=caption, headings=("quantity", "value"), rows=list(_walk_facts(result)))
@@ -205,7 +187,7 @@ def number(
         digits: Number of significant digits [-].
         small: A second, smaller line.
         unit: Printed unit, where the heading of the column does not name it.
-        column: How the number is printed, instead of factor and digits.
+        column: Format of the number, instead of factor and digits.
     """
     if value is None or math.isnan(value):
         return Cell(text=DASH, small=small)

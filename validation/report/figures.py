@@ -1,4 +1,4 @@
-"""Figures: plots that plotly.js draws in the report and matplotlib in files, and pictures of the cases.
+"""Figures: plots for the report and for files, pictures of the cases, and the files of a derivation.
 
 What only one kind of cover has is registered by the type of its derivation; a new kind has none at first.
 """
@@ -6,23 +6,29 @@ What only one kind of cover has is registered by the type of its derivation; a n
 from __future__ import annotations
 
 import dataclasses
+import io
 import logging
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from functools import singledispatch
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from meshes.array_types import FloatArray
-from validation.campaign.evaluation import Evaluation
-from validation.campaign.results import CampaignResult, CaseResult
+from validation.derivation.base import Derivation
 from validation.derivation.layers import LayeredDerivation
 from validation.derivation.solid import SolidDerivation
 from validation.extras import MissingExtraError
+from validation.json_values import json_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from meshes import TexelArray
+    from validation.campaign.evaluation import Evaluation
+    from validation.campaign.results import CampaignResult, CaseResult
 
 _LOG = logging.getLogger(__name__)
 
@@ -31,8 +37,8 @@ _MOST_PICTURES = 24
 #: Colour of each scored model in the figures.
 _COLOURS = {"fast": "#2b6cb0", "area": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
 _COLOURS |= {"gaussian": _COLOURS["area"], "rigid": _COLOURS["boxes"]}
-#: Colour of the curve of the closed-form solution: that of the text, which the page's script fills in.
-_INK = "ink"
+#: A plot: a function that draws it.
+Draw = Callable[["Axes"], None]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -41,146 +47,94 @@ class Pictures:
 
     Attributes:
         files: Name of the picture's file by name of the case.
-        missing: Why there are none, or not all; empty if nothing is to say.
+        missing: Reason why pictures are missing; empty if none is.
     """
 
     files: Mapping[str, str] = dataclasses.field(default_factory=dict)
     missing: str = ""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Line:
-    """A line of a plot.
+def render_svg(draw: Draw) -> str:
+    """Draw a plot as an SVG element without a ground, in which black is the colour of the page's text."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
 
-    Attributes:
-        name: Its name in the legend.
-        x, y: Its points, shape (m,) each, in the units of the axes.
-        colour: Its colour, `#rrggbb` or `ink`, the colour of the text.
-        dash: `solid`, `dot` or `dash`.
-        marker: `circle`, `diamond` or `square`; empty for none.
-    """
-
-    name: str
-    x: FloatArray
-    y: FloatArray
-    colour: str
-    dash: str = "solid"
-    marker: str = ""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Plot:
-    """A plot of lines.
-
-    Attributes:
-        caption: What it shows.
-        x, y: Labels of the axes with their units.
-        lines: Its lines.
-    """
-
-    caption: str
-    x: str
-    y: str
-    lines: tuple[Line, ...]
-
-    def to_plotly(self) -> dict[str, Any]:
-        """Return the plot as data for plotly.js."""
-        data = [
-            {"type": "scatter", "mode": "lines+markers" if line.marker else "lines", "name": line.name}
-            | {"x": line.x, "y": line.y, "line": {"color": line.colour, "dash": line.dash}}
-            | ({"marker": {"symbol": line.marker, "size": 7}} if line.marker else {})
-            for line in self.lines
-        ]
-        return {"data": data, "layout": _layout(self.x, self.y)}
-
-    def draw(self, axes: Axes) -> None:
-        """Draw the plot by matplotlib."""
-        styles = {"solid": "-", "dot": ":", "dash": "--"}
-        markers = {"": "", "circle": "o", "diamond": "D", "square": "s"}
-        for line in self.lines:
-            colour = "black" if line.colour == _INK else line.colour
-            axes.plot(
-                line.x, line.y, linestyle=styles[line.dash], marker=markers[line.marker], color=colour, label=line.name
-            )
-        axes.set(xlabel=self.x, ylabel=self.y)
-        axes.legend(frameon=False, fontsize="small")
+    figure = Figure(figsize=(7.5, 3.6), layout="constrained")
+    draw(figure.subplots())
+    out = io.StringIO()
+    with rc_context({"svg.fonttype": "none"}):
+        metadata = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+        figure.savefig(out, format="svg", transparent=True, metadata=metadata)
+    _, start, rest = out.getvalue().partition("<svg")
+    # Several plots stand in one page: names of groups would not be unique.
+    return re.sub(r'<g id="[^"]*"', "<g", start + rest).replace("#000000", "currentColor")
 
 
 @singledispatch
-def plot_responses(derivation: object) -> dict[str, Plot]:
-    """Return the plots of a derivation by name; a new kind of cover has none at first."""
+def plot_responses(derivation: object) -> dict[str, tuple[str, Draw]]:
+    """Return caption and plot by name for a derivation; a new kind of cover has none at first."""
     del derivation
     return {}
 
 
 @plot_responses.register(LayeredDerivation)
-def _(derivation: LayeredDerivation) -> dict[str, Plot]:
+def _(derivation: LayeredDerivation) -> dict[str, tuple[str, Draw]]:
     """Plot the forces on a column of texels and, of a wide cover, the pressure under a point load."""
     from fem_reference.closed_form import point_response
 
-    array, sensor = derivation.sensor.array, derivation.sensor
-    column, offset = array.columns // 2, np.arange(array.rows, dtype=np.float64) - array.rows // 2
-    kernel = array.image(derivation.fit.gaussian.operator(array)[:, array.middle])
-    forces = (
-        ("reference, uniform texel load", derivation.texel_response_uniform, _COLOURS["fast"], "circle"),
-        ("reference, point load", derivation.texel_response, _INK, "diamond"),
-        ("fitted kernel", kernel, _COLOURS["no-spread"], "square"),
-    )
-    texels = Plot(
-        caption="Forces on the middle column of texels. The kernel is fitted to the uniform load on one texel.",
-        x="texels from the loaded one, along y",
-        y="force on the texel [% of the load]",
-        lines=tuple(
-            Line(
-                name=name,
-                x=offset,
-                y=100 * np.asarray(image, dtype=np.float64)[:, column],
-                colour=colour,
-                marker=marker,
-            )
-            for name, image, colour, marker in forces
-        ),
-    )
-    spread = derivation.point_spread
+    sensor, spread, sigma = derivation.sensor, derivation.point_spread, derivation.sigma
+    array = sensor.array
+
+    def draw_texels(axes: Axes) -> None:
+        column, offset = array.columns // 2, np.arange(array.rows) - array.rows // 2
+        kernel = array.image(derivation.fit.gaussian.operator(array)[:, array.middle])
+        for name, image, style, colour in (
+            ("reference, uniform texel load", derivation.texel_response_uniform, "o-", _COLOURS["fast"]),
+            ("reference, point load", derivation.texel_response, "D-", "black"),
+            ("fitted kernel", kernel, "s-", _COLOURS["no-spread"]),
+        ):
+            axes.plot(offset, 100 * np.asarray(image, dtype=np.float64)[:, column], style, color=colour, label=name)
+        axes.set(xlabel="texels from the loaded one, along y", ylabel="force on the texel [% of the load]")
+        axes.legend(frameon=False, fontsize="small")
+
+    caption = "Forces on the middle column of texels. The kernel is fitted to the uniform load on one texel."
+    plots: dict[str, tuple[str, Draw]] = {"texel-plot": (caption, draw_texels)}
     if spread is None:
-        return {"texel-plot": texels}
-    radius = np.linspace(0, min(spread.reach, 6 * sensor.cover.thickness), 300)
-    sigma = derivation.sigma
-    pressures = (
-        ("finite elements", spread.pressure(radius), _COLOURS["fast"], "solid"),
-        ("exact layer solution", point_response(sensor.layered_cover, radius), _INK, "dot"),
-        (
-            "fitted Gaussian (to uniform texel load)",
-            np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2),
-            _COLOURS["no-spread"],
-            "dash",
-        ),
-    )
-    pressure = Plot(
-        caption="Pressure on the base under a point load. The Gaussian is fitted to uniform loads on whole texels.",
-        x="distance from the load [mm]",
-        y="base pressure per force [1/mm\u00b2]",
-        lines=tuple(
-            Line(name=name, x=1e3 * radius, y=1e-6 * values, colour=colour, dash=dash)
-            for name, values, colour, dash in pressures
-        ),
-    )
-    return {"texel-plot": texels, "psf-plot": pressure}
+        return plots
+
+    def draw_pressure(axes: Axes) -> None:
+        radius = np.linspace(0, min(spread.reach, 6 * sensor.cover.thickness), 300)
+        gaussian = np.exp(-((radius / sigma) ** 2) / 2) / (2 * np.pi * sigma**2)
+        for name, values, style, colour in (
+            ("finite elements", spread.pressure(radius), "-", _COLOURS["fast"]),
+            ("exact layer solution", point_response(sensor.layered_cover, radius), ":", "black"),
+            ("fitted Gaussian (to uniform texel load)", gaussian, "--", _COLOURS["no-spread"]),
+        ):
+            axes.plot(1e3 * radius, 1e-6 * values, style, color=colour, label=name)
+        axes.set(xlabel="distance from the load [mm]", ylabel="base pressure per force [1/mm\u00b2]")
+        axes.legend(frameon=False, fontsize="small")
+
+    caption = "Pressure on the base under a point load. The Gaussian is fitted to uniform loads on whole texels."
+    return plots | {"psf-plot": (caption, draw_pressure)}
 
 
-@singledispatch
-def find_outline(derivation: object, result: CaseResult) -> FloatArray | None:
-    """Return the corners (x, y) of the contact area of the reference, for planar images [m]; None for no line."""
-    del derivation, result
-    return None
+def draw_campaign(campaign: CampaignResult, axes: Axes) -> None:
+    """Draw the misplaced force of every scored model in every case of a campaign as bars."""
+    places, width = np.arange(len(campaign.cases)), 0.8 / len(campaign.models)
+    for k, model in enumerate(campaign.models):
+        shares = [100 * result.predictions[model].score.misplaced_force for result in campaign.cases]
+        axes.bar(places + (k + 0.5) * width - 0.4, shares, width, color=_COLOURS[model], label=model)
+    axes.set_xticks(places, [result.case.name for result in campaign.cases], rotation=35, ha="right")
+    axes.set_ylabel("misplaced force [% of the load]")
+    axes.legend(frameon=False, fontsize="small", ncols=len(campaign.models), loc="lower left", bbox_to_anchor=(0, 1))
 
 
-@find_outline.register(LayeredDerivation)
-def _(derivation: LayeredDerivation, result: CaseResult) -> FloatArray | None:
-    """Return the convex hull of the cells of the contact grid that are in contact."""
+def find_outline(array: TexelArray, result: CaseResult) -> FloatArray | None:
+    """Return the convex hull (x, y) of the contact area of the reference, for images of planar arrays [m]."""
     from scipy.spatial import ConvexHull, QhullError
 
-    del derivation
+    if not array.planar:
+        return None
     points = result.reference.found.contact_points[:, :2]
     try:
         return np.asarray(points[ConvexHull(points).vertices])
@@ -230,33 +184,79 @@ def _(derivation: SolidDerivation, evaluation: Evaluation, folder: Path) -> Pict
     return Pictures(missing=f"no pictures in three dimensions: {missing}")
 
 
-def campaign_figure(campaign: CampaignResult) -> dict[str, Any]:
-    """Make the bar chart of misplaced force of every scored model in every case of a campaign."""
-    names = [result.case.name for result in campaign.cases]
-    bars = [
-        {
-            "type": "bar",
-            "name": model,
-            "x": names,
-            "y": [100 * result.predictions[model].score.misplaced_force for result in campaign.cases],
-            "marker": {"color": _COLOURS[model]},
-        }
-        for model in campaign.models
-    ]
-    layout = _layout("", "misplaced force [% of the load]")
-    layout["xaxis"]["tickangle"] = -35
-    return {"data": bars, "layout": layout | {"barmode": "group", "margin": {"l": 60, "r": 10, "t": 40, "b": 130}}}
+def write_derivation(derivation: Derivation, folder: Path, picture: str = "png") -> tuple[str, ...]:
+    """Write a derivation: `parameters.toml`, `cover.npz`, `derive.json`, and what `draw_derivation` writes.
+
+    Args:
+        derivation: Response of a sensor's cover, and the fast model's parameters fitted to the response.
+        folder: An existing folder to write to.
+        picture: Format of a plot, `png` or `svg`.
+
+    Returns:
+        The names of the written files.
+
+    Raises:
+        OSError: If the folder cannot be written.
+    """
+    derivation.parameters.save(folder)
+    (folder / "derive.json").write_text(json_text(derivation.result), encoding="utf-8")
+    return ("parameters.toml", "cover.npz", "derive.json", *draw_derivation(derivation, folder, picture))
 
 
-def _layout(x: str, y: str) -> dict[str, Any]:
-    axis = {"automargin": True}
-    return {
-        "font": {"family": "system-ui, sans-serif", "size": 12},
-        "xaxis": axis | {"title": {"text": x}},
-        "yaxis": axis | {"title": {"text": y}},
-        "margin": {"l": 60, "r": 10, "t": 60, "b": 50},
-        "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
-        "plot_bgcolor": "rgba(0,0,0,0)",
-        "paper_bgcolor": "rgba(0,0,0,0)",
-        "height": 360,
-    }
+@singledispatch
+def draw_derivation(derivation: object, folder: Path, picture: str) -> tuple[str, ...]:
+    """Write pictures and further files of a kind of cover; return their names.  A new kind has none at first."""
+    del derivation, folder, picture
+    return ()
+
+
+@draw_derivation.register(SolidDerivation)
+def _(derivation: SolidDerivation, folder: Path, picture: str) -> tuple[str, ...]:
+    """Write the mesh, `responses.npz`, and pictures where possible.
+
+    `responses.npz` holds the nodes of the top and the force on each texel per unit force vector on each of them.
+    """
+    from meshes.bounded_file import pack_npz
+    from meshes.solids import write_mesh
+    from validation.scene.cover_scene import show_mesh
+    from validation.scene.draw import write_scene
+
+    del picture  # three-dimensional ones are PNG
+    grid = derivation.responses.finest
+    arrays = {"points": grid.top.nodes, "normals": grid.top.normals, "influence": grid.influence}
+    (folder / "responses.npz").write_bytes(pack_npz(arrays))
+    write_mesh(folder / "mesh.npz", grid.mesh)
+    scene = show_mesh(grid.mesh, derivation.sensor.array, title=derivation.sensor.name)
+    return ("responses.npz", "mesh.npz", *write_scene(scene, folder))
+
+
+@draw_derivation.register(LayeredDerivation)
+def _(derivation: LayeredDerivation, folder: Path, picture: str) -> tuple[str, ...]:
+    """Draw the spread of a load as `psf.png` or `psf.svg`, if matplotlib is installed."""
+    try:
+        return (_plot(derivation, folder / f"psf.{picture}"),)
+    except ImportError:
+        _LOG.warning("no plot: %s", MissingExtraError("matplotlib"))
+        return ()
+
+
+def _plot(derivation: LayeredDerivation, path: Path) -> str:
+    """Draw the plots of the responses, and the image of the forces under a uniform load on one texel, row 0 below.
+
+    Returns:
+        The name of the file.
+    """
+    from matplotlib.figure import Figure
+
+    plots = plot_responses(derivation).values()
+    figure = Figure(figsize=(12, 4), layout="constrained")
+    *axes, image = figure.subplots(1, len(plots) + 1, width_ratios=(*(2 for _ in plots), 1))
+    for (_, draw), each in zip(plots, axes, strict=True):
+        draw(each)
+    drawn = image.imshow(100 * derivation.texel_response_uniform, origin="lower", cmap="viridis")
+    figure.colorbar(drawn, ax=image, label="uniform load on one texel [% of the load]")
+    image.set(xlabel="column", ylabel="row")
+    label = " (assumed cover)" if derivation.sensor.cover.assumed else ""
+    figure.suptitle(f"{derivation.sensor.name}{label}")
+    figure.savefig(path, dpi=150)
+    return path.name

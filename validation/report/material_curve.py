@@ -13,8 +13,10 @@ from validation.errors import InputError
 from validation.extras import require
 from validation.output_folder import write_text
 
-#: Strains between which the curve of a rubber, and that of a linear elastic material, is drawn [-].
-_RUBBER_STRAIN, _ELASTIC_STRAIN = (-0.5, 1.0), (-0.3, 0.3)
+#: Smallest and largest strain at which the curve of a rubber is drawn [-].
+_RUBBER_STRAIN = (-0.5, 1.0)
+#: Smallest and largest strain at which the curve of a linear elastic material is drawn [-].
+_ELASTIC_STRAIN = (-0.3, 0.3)
 #: Number of points of a curve [-].
 _POINTS = 301
 

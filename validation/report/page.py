@@ -1,12 +1,18 @@
-"""The report's page: tiles, images and notes for its template, and the tables of `validation.report.tables`."""
+"""The report's page: what its template shows, which are tables, tiles, images and notes.
+
+What a column of a table prints stands at the field of the result that it shows.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
+from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,15 +21,30 @@ from fastmodel.signal.electronics import describe_calibration
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from validation.campaign.evaluation import Evaluation
-from validation.campaign.results import CaseResult, Pooled, describe_reference_error, name_texel_error
-from validation.data_sets.results import RecordingExample, RecordingScores, find_best_null
+from validation.campaign.results import (
+    SKILL_METRICS,
+    CampaignResult,
+    CaseResult,
+    Pooled,
+    RowScores,
+    describe_reference_error,
+    name_texel_error,
+    texel_error,
+)
+from validation.credibility.evidence import GROUP_METRICS, Evidence
+from validation.credibility.stages import STAGES
+from validation.credibility.uncertainty import ComparisonError
+from validation.credibility.verification import Check, Convergence
+from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores, find_best_null
 from validation.data_sets.score import FAST
 from validation.derivation.base import Derivation
+from validation.extras import REPORT_MODULES, require
 from validation.json_values import json_text
-from validation.metrics import TABULATED
+from validation.metrics import METRICS, TABULATED
 from validation.render.image import Scale, colour_bar, tactile_image
-from validation.report import tables
-from validation.report.figures import Pictures, campaign_figure, find_outline, plot_responses
+from validation.render.table import Cell, Table, interval, number, tabulate, tabulate_facts
+from validation.report.figures import Pictures, draw_campaign, draw_cases, find_outline, plot_responses, render_svg
+from validation.results import Column, columns
 
 #: Name of the division of the recordings into fitted and scored weights whose score is shown at the top of the page:
 #: the parameters are fitted to light weights and scored on heavy ones.  This extrapolation separates a model from a
@@ -41,8 +62,6 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         pictures: Pictures of the cases in three dimensions.
     """
     campaign, derivation, evidence = evaluation.campaign, evaluation.derivation, evaluation.evidence
-    plots = plot_responses(derivation)
-    drawn = {"campaign-plot": campaign_figure(campaign)} | {name: plot.to_plotly() for name, plot in plots.items()}
     return {
         "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "sensor": evaluation.sensor,
@@ -55,22 +74,21 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         "evidence": evidence,
         # A section without a note, or without a table, shows none.
         "notes": defaultdict(str, evidence.notes),
-        "tables": defaultdict(lambda: None, tables.list_tables(evaluation)),
+        "tables": defaultdict(lambda: None, list_tables(evaluation)),
         "calibration": describe_calibration(derivation.parameters.electronics),
         "metrics": TABULATED,
-        "comparison": tables.describe_comparison(campaign),
+        "comparison": describe_comparison(campaign),
         "tiles": list(_list_tiles(evaluation)),
         "maps": _draw_maps(derivation),
         "cases": [_show_case(evaluation, result, pictures) for result in campaign.cases],
         "missing_pictures": pictures.missing,
-        "input_list": tables.list_inputs(evidence),
-        "limits": tables.name_limits(evidence),
+        "input_list": list_inputs(evidence),
+        "limits": name_limits(evidence),
         "splits": _show_splits(evaluation.recordings, evaluation.recorded.array) if evaluation.recordings else [],
-        "plots": {name: plot.caption for name, plot in plots.items()},
+        "plots": {name: (text, render_svg(draw)) for name, (text, draw) in plot_responses(derivation).items()},
+        "campaign_plot": render_svg(partial(draw_campaign, campaign)),
         "reference_error": describe_reference_error(campaign),
         "percent": lambda value, digits=2: "\u2013" if math.isnan(value) else f"{100 * value:.{digits}g}",
-        # The figures' data stand in a script element of the page; a text "</" in the data would end this element.
-        "figures": json_text(drawn, indent=None).replace("</", "<\\/"),
     }
 
 
@@ -106,14 +124,14 @@ def _interval(value: Pooled, factor: float, digits: int = 3) -> str:
 
 
 def _draw_maps(derivation: Derivation) -> dict[str, Any]:
-    """Draw the responses to a load on one texel; those that are no difference have the scale of the uniform load."""
-    array, (uniform, _, difference) = derivation.sensor.array, derivation.maps[-3:]
-    force = Scale(peak=float(uniform.values.max()), unit="% of the load", factor=100)
-    apart = dataclasses.replace(force, peak=float(np.abs(difference.values).max()), difference=True)
-    images = [
-        (each.caption, tactile_image(array, each.values, apart if each.is_difference else force, name=each.caption))
-        for each in derivation.maps
-    ]
+    """Draw the responses to a load on one texel on one scale, and the difference of the last two."""
+    array, maps = derivation.sensor.array, derivation.maps
+    *_, uniform, kernel = maps.values()
+    force = Scale(peak=float(uniform.max()), unit="% of the load", factor=100)
+    apart = dataclasses.replace(force, peak=float(np.abs(kernel - uniform).max()), difference=True)
+    difference = f"{list(maps)[-1]} \u2212 reference"
+    images = [(caption, tactile_image(array, values, force, name=caption)) for caption, values in maps.items()]
+    images.append((difference, tactile_image(array, kernel - uniform, apart, name=difference)))
     return {"images": images, "bars": colour_bar(force) + colour_bar(apart)}
 
 
@@ -123,7 +141,7 @@ def _show_case(evaluation: Evaluation, result: CaseResult, pictures: Pictures) -
     force = Scale(peak=float(max(reference.texel_forces.max(), fast.max())))
     apart = Scale(peak=float(np.abs(fast - reference.texel_forces).max()), difference=True)
     shown: tuple[tuple[str, FloatArray, Scale, FloatArray | None], ...] = (
-        ("reference", reference.texel_forces, force, find_outline(evaluation.derivation, result)),
+        ("reference", reference.texel_forces, force, find_outline(array, result)),
         ("fast", fast, force, None),
         ("fast \u2212 reference", fast - reference.texel_forces, apart, None),
     )
@@ -152,7 +170,7 @@ def _show_splits(scores: RecordingScores, array: TexelArray) -> list[dict[str, A
         out.append(
             {
                 "name": split,
-                "table": tables.tabulate_recordings(split, rows, null),
+                "table": tabulate_recordings(split, rows, null),
                 "null": null,
                 "notes": scores.notes.get(split, ()),
                 "fitted": ", ".join(next((row.fitted for row in rows if row.fitted), ())),
@@ -177,3 +195,349 @@ def _draw_example(example: RecordingExample, array: TexelArray, names: tuple[str
     for name, values in shown.items():
         images.append((name, tactile_image(array, values, grey), tactile_image(array, values - recorded, apart)))
     return {"images": images, "bars": colour_bar(grey) + colour_bar(apart)}
+
+
+#: Words for the status of a requirement.
+_STATUS = {"met": "met", "missed": "missed", "open": "not decided"}
+#: Words for the kinds of rows that are not models of the sensor.
+_KINDS = {"null": "null", "floor": "repeatability"}
+#: How each range of the validated domain is printed.
+_RANGES = {
+    "load_N": Column(heading="load", unit="N"),
+    "depth_over_thickness": Column(
+        heading="depth of the indenter over the thickness of the cover", unit="%", factor=100
+    ),
+    "contact_area_m2": Column(heading="contact area", unit="mm\u00b2", factor=1e6),
+    "obliquity_rad": Column(
+        heading="angle between the motion and the normal of the cover", unit="\u00b0", factor=math.degrees(1)
+    ),
+    "share_outside_array": Column(heading="share of the load that acts outside the array", unit="%", factor=100),
+}
+#: Factor and printed unit of an input, by the unit in its name.
+_INPUT_UNITS = {"relative": (100.0, " %"), "m": (1e3, " mm"), "rad": (math.degrees(1), "\u00b0"), "-": (1.0, "")}
+#: Metrics of the table of published models.
+_COMPARED = (*SKILL_METRICS, "centre_of_pressure_m")
+
+
+def list_tables(evaluation: Evaluation) -> dict[str, Table]:
+    """Return the tables of the page by name; one without rows is left out."""
+    campaign, evidence = evaluation.campaign, evaluation.evidence
+    found = (
+        _tabulate_requirements(evaluation),
+        _tabulate_models(campaign),
+        _tabulate_cases(campaign),
+        _tabulate_published(campaign),
+        tabulate(
+            "codes",
+            "Code verification: error against closed forms or a finer mesh on three grids, computed for this report",
+            evidence.checks,
+            Check,
+            ("name", "errors", "order", "result", "passed"),
+        ),
+        tabulate(
+            "solutions",
+            "Solution verification: the reference on three grids",
+            evidence.convergence,
+            Convergence,
+            ("case", "values", "result", "order", "estimate"),
+        ),
+        tabulate(
+            "errors-table",
+            "Comparison error E = S - D of the fast model S against the reference D, and validation uncertainty",
+            evidence.errors,
+            ComparisonError,
+            ("case", "fast", "reference", "error", "u_num", "u_input", "u_data", "u_val", "resolved_here", "resolved"),
+        ),
+        _tabulate_inputs(evidence),
+        _tabulate_stages(evidence),
+        _tabulate_groups(evidence),
+        Table(
+            name="domain",
+            caption="Range of the cases, where the validated domain ends",
+            headings=("quantity", "smallest", "largest"),
+            rows=[
+                [Cell(text=_RANGES[name].title), *(number(end, _RANGES[name].factor) for end in ends)]
+                for name, ends in evidence.domain.items()
+            ],
+        ),
+        tabulate_facts(
+            "responses", "Responses of the texels, and what is fitted to them", evaluation.derivation.result
+        ),
+    )
+    return {each.name: each for each in found if each.rows}
+
+
+def _tabulate_requirements(evaluation: Evaluation) -> Table:
+    rows = []
+    for each in evaluation.verdict.findings:
+        metric = METRICS[each.metric]
+        unit, factor = metric.unit, metric.factor
+        ends = "" if each.low == each.high else f"{factor * each.low:.3g} to {factor * each.high:.3g} {unit}".strip()
+        limit = f"{factor * each.limit:.3g} {unit}".strip()
+        rows.append(
+            [
+                Cell(text=metric.heading, small=each.over),
+                number(each.value, factor, small=ends, unit=unit),
+                Cell(text=limit, value=each.limit),
+                Cell(text=_STATUS[each.status], bold=each.status != "met"),
+            ]
+        )
+    return Table(
+        name="requirements",
+        caption="Acceptance criterion: every requirement, what was found, and whether it is met",
+        headings=("requirement", "found (95 % interval)", "at most", "status"),
+        rows=rows,
+        texts=(3,),
+    )
+
+
+def _tabulate_models(campaign: CampaignResult) -> Table:
+    return Table(
+        name="pooled",
+        caption=f"Our models and the null models against finite elements: means and 95 % intervals over "
+        f"{len(campaign.cases)} cases",
+        headings=("model", *(metric.title for metric in TABULATED.values())),
+        rows=[
+            [Cell(text=name, small=meaning), *_average(campaign.pooled[name], TABULATED)]
+            for name, meaning in campaign.models.items()
+        ],
+    )
+
+
+def _average(pooled: Mapping[str, Pooled], shown: Mapping[str, Column]) -> Iterator[Cell]:
+    return (interval(pooled[name], column) for name, column in shown.items())
+
+
+def _tabulate_cases(campaign: CampaignResult) -> Table:
+    rows = []
+    for result in campaign.cases:
+        fast, reference = result.predictions["fast"].score, result.reference
+        rows.append(
+            [
+                Cell(text=result.case.name, small=f"{result.case.shape} at {result.case.place}"),
+                number(result.case.load),
+                *(number(getattr(fast, name), column=column) for name, column in TABULATED.items()),
+                number(result.predictions["no-spread"].score.misplaced_force, 100),
+                Cell(text=str(fast.pixels_lit_line), value=fast.pixels_lit_line),
+                number(reference.depth, 1e3),
+                number(texel_error(reference.error_estimate), 100, 2),
+            ]
+        )
+    return Table(
+        name="case-table",
+        caption="Fast model against the reference, case by case",
+        headings=(
+            "case",
+            "load [N]",
+            *(metric.title for metric in TABULATED.values()),
+            "no spread, misplaced [%]",
+            "texels lit after the WTS line",
+            "depth of the reference [mm]",
+            f"estimated error of the reference [% of {name_texel_error(campaign.noise_floor)}]",
+        ),
+        rows=rows,
+    )
+
+
+def _tabulate_published(campaign: CampaignResult) -> Table:
+    """Tabulate our models and the published ones; no rows if none of the latter was scored."""
+    kinds = {name: "null model" if text.startswith("null") else "ours" for name, text in campaign.models.items()}
+    rows = [
+        [
+            Cell(text=f"{name} ({kinds[name]})", small=campaign.models[name]),
+            Cell(text="\u2013", small="fitted: by the derivation alone"),
+            *_average(pooled, {each: METRICS[each] for each in _COMPARED}),
+        ]
+        for name, pooled in campaign.pooled.items()
+    ]
+    rows += [
+        [
+            Cell(text=f"{row.title}, {row.variant}", small="; ".join(_describe_row(row))),
+            Cell(text=_list_parameters(row) or "\u2013", small=f"fitted: {_list_fitted(row)}"),
+            *_average(row.pooled, {each: METRICS[each] for each in _COMPARED}),
+        ]
+        for row in campaign.published
+    ]
+    return Table(
+        name="comparison-table",
+        caption="Published models, our own and the null models in the same cases under the same loads: means and 95 % "
+        "intervals",
+        headings=("model", "parameters and fit", *(METRICS[name].title for name in _COMPARED)),
+        rows=rows if campaign.published else [],
+        texts=(1,),
+    )
+
+
+def _describe_row(row: RowScores) -> Iterator[str]:
+    yield row.contact
+    yield row.rule
+    yield f"sure of it: {row.certainty}"
+    if row.total != "the load":
+        yield f"sum: {row.total}"
+
+
+def _list_parameters(row: RowScores) -> str:
+    values = (
+        f"{name.replace('_', ' ')} {value:.3g} {row.units.get(name, '')}" for name, value in row.parameters.items()
+    )
+    return ", ".join(value.strip() for value in values)
+
+
+def _list_fitted(row: RowScores) -> str:
+    names = ", ".join(name.replace("_", " ") for name in row.fitted)
+    return f"{names}, on {len(row.fitted_on)} presses" if names else "nothing"
+
+
+def describe_comparison(campaign: CampaignResult) -> dict[str, Any]:
+    """Name the presses of the fit, the models at least as good as the fast model, and what is not implemented.
+
+    A model counts as equally good if the interval of the fast model's skill against it includes zero.
+    """
+    as_good: dict[str, list[str]] = {METRICS[metric].heading: [] for metric in SKILL_METRICS}
+    for row in campaign.published:
+        for metric in SKILL_METRICS:
+            if row.skill[metric].low <= 0:
+                word = "better" if row.skill[metric].high < 0 else "not told apart"
+                as_good[METRICS[metric].heading].append(f"{row.title} {row.variant} ({word})")
+    return {
+        "presses": next((row.fitted_on for row in campaign.published if row.fitted_on), ()),
+        "as_good": as_good,
+        "not_built": {row.title: row.not_built for row in campaign.published if row.not_built},
+    }
+
+
+def _tabulate_inputs(evidence: Evidence) -> Table:
+    names = list(dict.fromkeys(name for each in evidence.inputs.values() for name in each.misplaced))
+    return Table(
+        name="inputs",
+        caption="Input uncertainty: misplaced force [% of the load] by one standard uncertainty of each input, and all",
+        headings=("case", *(name.split(" [")[0] for name in names), "all, in quadrature"),
+        rows=[
+            [
+                Cell(text=case),
+                *(number(each.misplaced.get(name), 100, 2) for name in names),
+                number(each.misplaced_total, 100, 2),
+            ]
+            for case, each in evidence.inputs.items()
+        ],
+    )
+
+
+def _tabulate_stages(evidence: Evidence) -> Table:
+    rows, stages = [], evidence.stages
+    for stage, what in STAGES.items() if stages else ():
+        cases = {name: errors[stage] for name, errors in stages.cases.items()} if stages else {}
+        worst = max(cases, key=lambda name: cases[name])
+        mean = interval(stages.pooled[stage], METRICS["misplaced_force"]) if stages else Cell(text="")
+        rows.append([Cell(text=stage, small=what), mean, number(cases[worst], 100, 2, small=worst)])
+    return Table(
+        name="stages",
+        caption="Score by stage: misplaced force [% of the load] when one part of the reference is replaced",
+        headings=("stage", "mean over the cases", "largest"),
+        rows=rows,
+    )
+
+
+def _tabulate_groups(evidence: Evidence) -> Table:
+    shown = {name: METRICS[name] for name in GROUP_METRICS}
+    rows = []
+    for group, members in evidence.groups.items():
+        for member, metrics in members.items():
+            count = metrics[GROUP_METRICS[0]].cases
+            rows.append([Cell(text=member, small=group), Cell(text=str(count), value=count), *_average(metrics, shown)])
+    *first, last = evidence.groups
+    return Table(
+        name="groups",
+        caption=f"Error of the fast model by {', '.join(first)} and {last}: means and 95 % intervals",
+        headings=("group", "cases", *(column.title for column in shown.values())),
+        rows=rows,
+    )
+
+
+def tabulate_recordings(split: str, rows: Sequence[RecordingRow], null: str) -> Table:
+    """Tabulate the models on the scored recordings of a split, with their skill against the best null model."""
+    shown, skill = columns(CountScore), Column(heading="skill", decimals=2)
+    return Table(
+        name=f"recordings-{split.replace(' ', '-')}",
+        caption="Models on recordings that were not fitted: means and 95 % intervals over cases",
+        headings=("model", "kind", *(column.title for column in shown.values()), skill.title),
+        rows=[
+            [
+                Cell(text=row.model),
+                Cell(text="with texel gains" if row.texel_gains else _KINDS.get(row.kind, "")),
+                *_average(row.pooled, shown),
+                number(row.skill[null].mean if null in row.skill else None, column=skill),
+            ]
+            for row in rows
+        ],
+        texts=(1,),
+    )
+
+
+def list_inputs(evidence: Evidence) -> list[str]:
+    """Describe the standard uncertainties of the inputs of the first case."""
+    out = []
+    for name, value in next((each.uncertainties for each in evidence.inputs.values()), {}).items():
+        what, _, unit = name.removesuffix("]").partition(" [")
+        if unit:
+            factor, text = _INPUT_UNITS[unit]
+            out.append(f"{what} {factor * value:.3g}{text}")
+        else:
+            bound = "no slip" if math.isinf(value) else f"a coefficient of {value:g}"
+            out.append(f"{what} uniform from none to {bound}")
+    return out
+
+
+def name_limits(evidence: Evidence) -> dict[str, Any]:
+    """Return the errors of the fast model by cause.
+
+    Returns:
+        `stage`: name of the stage with the largest mean error; `error`: this error [%]; `hidden`: mean error by the
+        electronics [%]; `inputs`: mean misplaced force by uncertain inputs [%].
+    """
+    if (stages := evidence.stages) is None:
+        return {}
+    model = {name: each.mean for name, each in stages.pooled.items() if name != "electronics" and each.cases}
+    largest = max(model, key=lambda name: model[name])
+    inputs = [each.misplaced_total for each in evidence.inputs.values()]
+    return {
+        "stage": largest,
+        "error": 100 * model[largest],
+        "hidden": 100 * stages.pooled["electronics"].mean,
+        "inputs": 100 * float(np.mean(inputs)) if inputs else math.nan,
+    }
+
+
+#: Files of the report's page that are copied unchanged.
+_ASSETS = ("report.css", "report.js")
+
+
+def write_report(evaluation: Evaluation, folder: Path) -> None:
+    """Write the report on a sensor's evaluation.
+
+    Args:
+        evaluation: The results to show.
+        folder: An existing folder to write to.
+
+    Raises:
+        MissingExtraError: If jinja2 or matplotlib is not installed.
+        OSError: If the folder cannot be written.
+    """
+    require(*REPORT_MODULES)
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    assets = resources.files("validation.report").joinpath("assets")
+    environment = Environment(
+        loader=PackageLoader("validation.report", "assets"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    template = environment.get_template("index.html.j2")
+    pictures = draw_cases(evaluation.derivation, evaluation, folder)
+    (folder / "index.html").write_text(template.render(contents(evaluation, pictures)), encoding="utf-8")
+    for name in _ASSETS:
+        (folder / name).write_bytes(assets.joinpath(name).read_bytes())
+    (folder / "report.json").write_text(json_text(evaluation.report), encoding="utf-8")
+    evaluation.derivation.parameters.save(folder)

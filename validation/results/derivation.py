@@ -17,7 +17,7 @@ class Kernel(Result):
     Attributes:
         sigma_x, sigma_y: Standard deviations [pitches].
         ksize_x, ksize_y: Odd numbers of texels [-].
-        estimator: How sigma was found.
+        estimator: Name of the estimator of sigma.
         estimates: Sigma along x and y by every estimator that is defined [pitches].
         residual: Half the summed absolute difference from the response, over the load [-].
         outside_kernel: Force of the response beyond ksize, over the load [-].
@@ -74,14 +74,15 @@ class Responses(Result):
         texel_response: Of planar layers the force on texels per unit point load over the middle one, shape (rows,
             columns); of a solid the force on each texel (column) per unit point force above each texel (row), shape
             (n, n) [-].
-        texel_response_uniform: The same for a force that is spread evenly over the loaded texel [-].
+        texel_response_uniform: As `texel_response`, for a force that is spread evenly over the loaded texel [-].
         psf: The fitted kernel of planar layers.
         gaussian: The fitted Gaussian of a solid.
         texel_response_outside: Force of `texel_response` that no texel measures [-].
-        texel_response_uniform_outside: The same of `texel_response_uniform` [-].
+        texel_response_uniform_outside: Force of `texel_response_uniform` that no texel measures [-].
         point_response: Radial profile; None with free side edges.
         resolution: Two-point separation at the base; NaN if there is no dip, None with free side edges [m].
-        resolution_on_array: The same with these texels, in the worst alignment [m].
+        resolution_on_array: Two-point separation in images of this array, for the worst position of the two points
+            relative to the texels [m].
         sensitivity: Change of sigma by thickness [pitches/m] and Poisson ratio [pitches].
         depth: Fits to the depth of a ball; None with free side edges.
         validity: Range of the fast model, or `not stated`.
@@ -89,11 +90,11 @@ class Responses(Result):
         texels: Centres [m], normals, size [m] and whether they are active, of a solid.
         above_m: Points of the surface above the texels, shape (n, 3) [m].
         meshes: Hash, origin and quality of each mesh.
-        notes: What is to know about the mesh.
+        notes: What users must know about the mesh, one sentence each.
         error_estimate: Estimated relative errors by name [-].
-        undetermined: What the data do not determine.
-        warnings: Responses that do not mean what they say.
-        assumed_electronics: What the sensor file does not state of the electronics.
+        undetermined: Parameters that the data do not determine, one sentence each.
+        warnings: Reasons why a response is not what its name says, one sentence each.
+        assumed_electronics: Properties of the electronics that the sensor file does not state.
         seconds: Wall time [s].
     """
 

@@ -27,13 +27,14 @@ class Report(Result):
         verdict: Whether the fast model meets the acceptance criterion.
         campaign_file: The campaign as its file describes it.
         sensor: Name of the sensor.
-        cover_assumed: Whether nobody measured the cover.
-        friction: Friction of the finite elements, as text.
-        derive: Response of the cover, and the parameters that are fitted to it.
-        verification: Differences of the response from closed forms, by name [-].
-        campaign: Scores of the fast model and of others.
-        evidence: Verification, uncertainty, stages and range.
-        recordings: Scores on recordings; None without.
+        cover_assumed: Whether thickness and material of the cover are assumed, not measured.
+        friction: Friction between indenter and cover in the finite elements, as text.
+        derive: Response of the cover to a point load, and the parameters of the fast model that are fitted to it.
+        verification: Relative differences of this response from closed-form solutions, by name [-].
+        campaign: Scores of the fast model and of the models that it is compared with.
+        evidence: Code and solution verification, effect of uncertain inputs, error of each stage of the fast model, and
+            the range of the cases.
+        recordings: Scores on recordings of real sensors; None if there are no recordings.
         seconds: Wall time by stage [s].
         versions: Versions of the software by name.
     """

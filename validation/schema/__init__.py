@@ -27,9 +27,11 @@ if TYPE_CHECKING:
 
 #: Largest number of faults that are listed; a list of wrong numbers would fill the terminal [-].
 _MOST_FAULTS = 20
-#: Largest number of characters of a value that a message repeats, and of a whole message [-].
-_LONGEST, _LONGEST_LINE = 80, 1000
-#: Keys by the symbols that users write by mistake.
+#: Largest number of characters of a value that a message repeats [-].
+_LONGEST = 80
+#: Largest number of characters of a message [-].
+_LONGEST_LINE = 1000
+#: Correct key for each symbol that users write by mistake.
 _KEYS_BY_SYMBOL = {"nu": "poisson_ratio", "E": "youngs_modulus", "G": "shear_modulus", "h": "thickness"}
 _BARE_KEY = re.compile(r"[A-Za-z0-9_\-]+")
 
@@ -47,7 +49,12 @@ class Table(BaseModel):
     IS_JSON: ClassVar[bool] = False
 
     def list_faults(self) -> Iterable[tuple[str, str]]:
-        """List faults that concern several keys: the key within the table, or an empty text, and what is wrong."""
+        """List the faults that concern several keys of this table.
+
+        Returns:
+            One pair per fault: the key at which it is reported, or an empty text for the whole table, and a sentence
+            that says what is wrong.
+        """
         return ()
 
 
@@ -60,7 +67,7 @@ def read(path: Path, schema: type[T], *, hint: str = "") -> T:
     Args:
         path: The file.
         schema: The tables of its format.
-        hint: What else the user could name, for the message that the file does not exist.
+        hint: Other names that are accepted, for the message that the file does not exist.
 
     Raises:
         InputError: If the file does not exist, exceeds the limits on size and depth, or has faults; one line per fault.
@@ -214,6 +221,9 @@ def _find_tables(annotation: Any, metadata: Sequence[Any] = ()) -> Iterator[type
 
 
 def shorten(value: object) -> str:
-    """Return a value as text for a message: cut if it is long, the type alone of a table or a list."""
+    """Return a value as text for a message; long texts are cut.
+
+    A table or a list is represented by the name of its type.
+    """
     text = repr(value) if isinstance(value, str | int | float | bool | None) else f"a {type(value).__name__}"
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."

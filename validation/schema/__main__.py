@@ -36,7 +36,11 @@ _ENTRY = re.compile(r"^    (?:    )?(\w+): (.+?)(?=^    (?:    )?\w+: |\Z)", re.
 
 
 class _Generator(GenerateJsonSchema):
-    """Schema of what a user writes: keys are left out, never null, and defaults are those in the file's own units."""
+    """Generator of a JSON Schema of the file as users write it.
+
+    Optional keys can be left out but are never null.  Defaults in SI units are dropped where a file holds a text with a
+    unit.
+    """
 
     def nullable_schema(self, schema: Any) -> dict[str, Any]:  # noqa: ANN401 -- a schema of pydantic
         """Return the schema of the value itself."""

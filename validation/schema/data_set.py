@@ -16,8 +16,10 @@ from validation.text.quantity import Kind, read_quantity
 _SAME_LOAD = 1e-6
 #: Word of a data-set file for a pose that is found from the recordings.
 FITTED = "fitted"
-#: Words for the source of a load: the labels of each recording, or its force channel.
-LABELS, FORCE = "labels", "force"
+#: Word of a data-set file for loads from the labels of each recording.
+LABELS = "labels"
+#: Word of a data-set file for loads from the force channel of each recording.
+FORCE = "force"
 _TEXT = {"type": "string"}
 _PAIR_JSON = {"anyOf": [{"enum": [FITTED]}, {"type": "array", "items": _TEXT, "minItems": 2, "maxItems": 2}]}
 

@@ -78,8 +78,8 @@ class CoverSection(Table):
     """The file with the large tables.
 
     Attributes:
-        file: Its name.
-        sha256: Its hash.
+        file: Name of the file.
+        sha256: SHA-256 hash of the file.
     """
 
     file: Literal["cover.npz"]

@@ -28,8 +28,10 @@ from validation.errors import InputError, at
 from validation.extras import require
 from validation.schema.sensor import CurvedCoverTable
 
-#: Element sizes of two meshes of tetrahedra over the thickness, and over the element size that a file states [-].
-_SIZES, _COARSER = (0.6, 0.45), 1.33
+#: Element sizes of the two meshes of tetrahedra, coarse and fine, over the thickness, if the file states no size [-].
+_SIZES = (0.6, 0.45)
+#: Element size of the coarse mesh of tetrahedra over the element size that the file states for the fine one [-].
+_COARSER = 1.33
 #: Distance over the mean thickness up to which texels are projected onto the base [-].
 _FARTHEST = 2.5
 #: Tolerance with which the bonded facets of given tetrahedra are found again, over the size [-].
@@ -102,7 +104,7 @@ def _check_size(triangles: FloatArray, name: str) -> None:
 
 
 def _build_shell(table: CurvedCoverTable, folder: Path) -> tuple[Shell, str]:
-    """Make the closed surface of the body, and say in words from what."""
+    """Make the closed surface of the body, and describe in words from which files it is made."""
     unit = table.unit or 1.0  # required by the schema
     if table.thickness is not None:
         name, inward = (table.surface, True) if table.surface is not None else (table.base, False)

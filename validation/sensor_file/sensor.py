@@ -36,9 +36,11 @@ _FARTHEST = 1000.0
 #: Largest difference between the heights of texels of one plane [m].
 _SAME_HEIGHT = 1e-9
 _EXAMPLE = "the first line must read x,y,z or x,y,z,nx,ny,nz, then one line of numbers in metres per texel"
-#: Frames per second [Hz] and slope of the characteristic [1/N] of a sensor whose file does not state them: with 12 bits
-#: the counts then saturate at 4.1 N on a texel.
-_ASSUMED_RATE, _ASSUMED_SENSITIVITY = 100.0, 1000.0
+#: Frame rate of a sensor whose file does not state it [Hz].
+_ASSUMED_RATE = 100.0
+#: Slope of the characteristic of a sensor whose file does not state it [counts/N].  With 12 bits the counts then
+#: saturate at 4.1 N on a texel.
+_ASSUMED_SENSITIVITY = 1000.0
 #: Electronics of the tactile arrays of the SCHUNK SDH-2 hand.  Their characteristic (counts over force) is unpublished,
 #: so the slope of the WTS 0614-34 is used.  The offset of the WTS 0614-34 is left out, because the firmware of the
 #: DSACON32m, which reads the arrays, subtracts a threshold.  To score recordings, a fitted characteristic replaces this
@@ -66,8 +68,8 @@ class SensorDescription:
         friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip.  A
             derivation and the fast model have no friction [-].
         source: Path of the sensor file, or the name of the built-in sensor.
-        assumed_electronics: What the sensor file does not state about the electronics, and the value assumed instead,
-            one text each; counts depend on it, forces do not.
+        assumed_electronics: Assumed values of properties of the electronics that the sensor file does not state, one
+            text each; counts depend on them, forces do not.
     """
 
     name: str
@@ -82,7 +84,7 @@ class SensorDescription:
 
     @property
     def layered_cover(self) -> Cover:
-        """The cover, for what is computed for planar layers alone.
+        """The cover, for computations that support planar layers only.
 
         Raises:
             InputError: If the cover is a solid.

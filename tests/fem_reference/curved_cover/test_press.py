@@ -7,14 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fem_reference import press
-from fem_reference.curved_cover.contact import MeshPress, SolidContactSettings, TopCompliance, measure_half_width
+from fem_reference.curved_cover.contact import MeshPress
 from fem_reference.curved_cover.press import _estimate, build_compliance
 from fem_reference.curved_cover.pressure_shapes import GapSampler, evaluate_hats
-from fem_reference.curved_cover.rays import find_touch, measure_gaps
+from fem_reference.curved_cover.rays import find_touch
 from fem_reference.curved_cover.responses import find_top
-from fem_reference.curved_cover.solid import CoverSolid
 from fem_reference.errors import PiercedError, TooShallowError, UnsupportedError
-from meshes import Box, Cover, Cylinder, Layer, Material, Nut, Roller, RoundedTip, Sphere
+from meshes import Box, Cover, Layer, Material, Sphere
 from meshes.pose import Pose
 from meshes.solids import fingertip, flat_pad, phalanx
 from meshes.solids.covers import take_meshes
@@ -31,31 +30,6 @@ def at_angle(angle, y=0.0, distance=2e-2):
     """Pose beside the phalanx that looks at its axis."""
     out = np.array([np.sin(angle), 0, np.cos(angle)])
     return Pose.facing(distance * out + [0, y, 0], -out)
-
-
-@pytest.mark.parametrize(
-    "indenter",
-    [
-        Sphere(radius=3e-3),
-        Box(size=(4e-3, 3e-3, 2e-3)),
-        Cylinder(radius=2e-3),
-        Roller(radius=2e-3, length=6e-3),
-        Nut(across=5.5e-3, bore=3e-3),
-        RoundedTip(radius=1e-3),
-    ],
-    ids=lambda shape: type(shape).__name__,
-)
-def test_the_gap_along_z_is_that_of_the_indenter(indenter):
-    x, y = np.random.default_rng(0).uniform(-4e-3, 4e-3, (2, 300))
-    points = np.stack([x, y, np.full_like(x, -1e-3)], axis=1)
-    gap = measure_gaps(indenter, points, np.tile([0.0, 0, 1], (300, 1)))
-    np.testing.assert_allclose(gap, indenter.gap(x, y) + 1e-3, atol=2e-6)
-
-
-def test_points_inside_have_negative_gaps_and_bodies_behind_count_as_absent():
-    points = np.array([[0, 0, 1e-3], [0, 0, 11e-3]])
-    gap = measure_gaps(BALL, points, np.tile([0.0, 0, 1], (2, 1)))
-    np.testing.assert_allclose(gap, [-1e-3, np.inf])
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.6])
@@ -177,19 +151,6 @@ def test_impossible_presses_are_refused(options, error, message):
         press(SOLID, COVER.texels, BALL, **{"pose": at_angle(0.0)} | options)
 
 
-def test_nodes_are_loaded_in_blocks_and_kept(monkeypatch):
-    """The compliance does not depend on the blocks, and is symmetric."""
-    solid = CoverSolid(MESH, RUBBER)
-    whole = TopCompliance(solid).rows(np.arange(20))
-    monkeypatch.setattr("fem_reference.curved_cover.contact._SETTINGS", SolidContactSettings(block=7))
-    blocks = TopCompliance(solid)
-    some = blocks.rows(np.array([3, 11, 12]))
-    found = blocks.rows(np.arange(20))
-    np.testing.assert_allclose(found, whole, rtol=1e-9, atol=1e-12 * np.abs(whole).max())
-    np.testing.assert_array_equal(found[[3, 11, 12]], some)
-    np.testing.assert_allclose(found[:, :20], found[:, :20].T, rtol=1e-6, atol=1e-9 * np.abs(whole).max())
-
-
 def test_a_box_smaller_than_a_facet_finds_its_force():
     found = press(SOLID, COVER.texels, Box(size=(0.5e-3, 0.5e-3, 4e-3)), at_angle(0.0), load=0.1)
     assert found.total_force == pytest.approx(0.1)
@@ -274,16 +235,6 @@ def test_the_depth_of_a_narrow_contact_is_uncertain_however_alike_the_meshes_are
     contact = types.SimpleNamespace(load=1.0, area=1.0, spacing=0.2, half_width=0.5, has_edge=has_edge, shear=None)
     errors = _estimate(meshes, np.ones((2, 3)), [contact] * 2, [1.0] * 2, "load")
     assert errors["depth"] == pytest.approx(expected)
-
-
-@pytest.mark.parametrize(("sides", "expected"), [((8.0, 2.0), 2 / np.sqrt(3)), ((2.0, 6.0), 2 / np.sqrt(3))])
-def test_the_half_width_of_a_turned_rectangle_is_that_of_its_smaller_side(sides, expected):
-    """Twice the root of the second moment b^2 / 12 of a side b, on an inclined plane."""
-    x, y = (np.arange(-0.5 + 0.01, 0.5, 0.02) * side for side in sides)
-    points = np.stack([*np.meshgrid(x, y), np.zeros((50, 50))], axis=-1).reshape(-1, 3)
-    turned = points @ Rotation.from_euler("zxy", [0.4, 0.3, -0.8]).as_matrix().T
-    found = measure_half_width(turned, np.ones(len(turned)), spacing=0.0)
-    assert found == pytest.approx(expected * min(sides) / 2, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -10,26 +10,13 @@ from hypothesis import strategies as st
 from fem_reference.elements.grading import (
     fill_by_spacing,
     grade_around_edge,
-    grade_contact,
     grade_outward,
-    growing_steps,
     layer_heights,
 )
 
 QUICK = settings(max_examples=50, deadline=None)
 SIZES = st.floats(0.02, 0.3)
 LENGTHS = st.floats(0.5, 5.0)
-
-
-@QUICK
-@given(first=SIZES, length=LENGTHS, growth=st.floats(1.0, 2.0), spare=st.floats(0.0, 1.5))
-def test_growing_steps_stop_where_less_than_the_spare_part_of_a_step_is_left(first, length, growth, spare):
-    steps = growing_steps(first, length, lambda step: growth * step, spare=spare)
-    ratios = steps[1:] / steps[:-1]
-    assert ratios == pytest.approx(np.full(len(ratios), growth))
-    following = steps[-1] * growth if len(steps) else first
-    assert length - steps.sum() <= spare * following + 1e-9
-    assert not len(steps) or length - steps[:-1].sum() > spare * steps[-1] - 1e-9
 
 
 @QUICK
@@ -65,20 +52,6 @@ def test_a_mesh_around_an_edge_is_finest_there(fine, ratio, edge, beyond):
 
 
 @QUICK
-@given(half=LENGTHS, reach=LENGTHS, fine=st.floats(0.02, 0.2), ratio=st.floats(1.0, 6.0))
-def test_a_contact_mesh_has_a_node_on_the_edge_and_is_finest_there(half, reach, fine, ratio):
-    nodes = grade_contact(half, reach, fine=fine, most=ratio * fine)
-    steps = np.diff(nodes)
-    at = int(np.argmin(np.abs(nodes - half)))
-    assert nodes[0] == 0
-    assert nodes[at] == pytest.approx(half)
-    assert nodes[-1] >= half + reach * (1 - 1e-9)
-    assert (steps[at + 1 :] > steps[at:-1]).all()
-    assert (np.diff(steps[:at]) <= 1e-12).all()
-    assert 0.5 * fine < steps[at - 1] < 1.7 * fine
-
-
-@QUICK
 @given(low=st.floats(0.05, 0.3), high=st.floats(0.05, 0.3), length=LENGTHS)
 def test_nodes_follow_a_wanted_spacing(low, high, length):
     places = np.linspace(0, length, 4001)
@@ -89,11 +62,6 @@ def test_nodes_follow_a_wanted_spacing(low, high, length):
     ratio = 2 * steps / wanted
     assert ratio.max() <= 1.02  # never larger than wanted, but for the curvature of the spacing
     assert ratio.min() >= ratio.max() * 0.97  # the same part of the wanted size everywhere
-
-
-def test_the_least_number_of_elements_is_kept():
-    assert len(fill_by_spacing(np.linspace(0, 1, 11), np.full(11, 7.0))) == 2
-    assert fill_by_spacing(np.linspace(0, 1, 11), np.full(11, 7.0), least=4) == pytest.approx([0, 0.25, 0.5, 0.75, 1])
 
 
 @QUICK
@@ -109,13 +77,6 @@ def test_layers_keep_their_thickness_and_number_of_elements(layers, base, surfac
     for number, (thickness, count) in enumerate(layers):
         assert np.diff(heights)[layer == number].sum() == pytest.approx(thickness)
         assert (layer == number).sum() == count
-
-
-def test_crowding_makes_elements_small_at_base_and_surface():
-    base, _ = layer_heights([1.0, 1.0], [4, 4], crowd_base=1.5)
-    assert base[1:5] == pytest.approx((np.arange(1, 5) / 4) ** 1.5)
-    surface, _ = layer_heights([1.0, 1.0], [4, 4], crowd_surface=1.5)
-    assert 2 - surface[4:] == pytest.approx((np.arange(4, -1, -1) / 4) ** 1.5)
 
 
 def test_elements_shrink_to_the_size_at_the_surface():

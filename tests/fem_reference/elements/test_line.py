@@ -59,12 +59,6 @@ def test_mass_and_stiffness_integrate_polynomials(steps, start):
     assert r @ rings @ r == pytest.approx(np.pi * (b**4 - a**4) / 2)
 
 
-def test_functions_jump_where_they_may():
-    line = Line(edges=np.arange(4.0), order=1, jumps=(2,))
-    assert line.count == 5
-    assert line.index.tolist() == [[0, 1], [1, 2], [3, 4]]
-
-
 @QUICK
 @given(x=STEPS, y=STEPS, seed=st.integers(0, 9))
 def test_a_pressure_is_recovered_from_its_consistent_forces(x, y, seed):
@@ -75,13 +69,6 @@ def test_a_pressure_is_recovered_from_its_consistent_forces(x, y, seed):
     assert recover_pressure(lines, forces) == pytest.approx(pressure, abs=1e-8)
 
 
-def test_a_uniform_pressure_on_rings_is_recovered():
-    line = make_line([0.3, 0.5, 1.0])
-    forces = line_matrix(line, line, axisymmetric=True) @ np.full(line.count, 3.0)
-    assert forces.sum() == pytest.approx(3.0 * np.pi * 1.8**2)
-    assert recover_pressure([line], forces, axisymmetric=True) == pytest.approx(np.full(line.count, 3.0))
-
-
 @QUICK
 @given(steps=STEPS, count=st.integers(1, 5))
 def test_gauss_points_integrate_polynomials_of_twice_their_number(steps, count):
@@ -89,12 +76,6 @@ def test_gauss_points_integrate_polynomials_of_twice_their_number(steps, count):
     points, weights = gauss_points(edges, count)
     power = 2 * count - 1
     assert weights @ points**power == pytest.approx(edges[-1] ** (power + 1) / (power + 1))
-
-
-def test_the_nodes_of_a_line_lie_where_a_linear_function_has_their_values():
-    line = Line(edges=np.array([0.0, 1.0, 3.0]), order=3)
-    places = np.linspace(0, 3, 7)
-    assert line.at(places) @ line.nodes == pytest.approx(places)
 
 
 @QUICK

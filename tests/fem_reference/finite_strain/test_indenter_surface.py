@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -52,24 +50,6 @@ def test_a_pose_moves_and_turns_the_surface():
     there = IndenterSurface(indenter=SHAPES[2], fillet=0.4, pose=POSE)
     x, y = draw_points()
     assert there.height(*POSE.to_array(x, y)) == pytest.approx(here.height(x, y), abs=1e-12)
-
-
-def test_a_pose_is_given_in_metres_and_positions_in_units():
-    unit = 2e-3
-    shape = Box(size=(3e-3, 1e-3, 5e-3))
-    pose = Pose.planar(at=(0.3e-3, 0.0))
-    surface = IndenterSurface(indenter=shape, fillet=0.2, unit=unit, pose=pose)
-    centred = IndenterSurface(indenter=shape, fillet=0.2, unit=unit)
-    x = np.linspace(-1, 1, 50)
-    assert surface.height(x + 0.15, 0 * x) == pytest.approx(centred.height(x, 0 * x), abs=1e-12)
-
-
-@settings(max_examples=20, deadline=None)
-@given(shape=st.sampled_from(SHAPES), scale=st.floats(1e-3, 10))
-def test_the_load_scale_multiplies_all_heights(shape, scale):
-    surface = IndenterSurface(indenter=shape, fillet=0.4)
-    x, y = draw_points()
-    assert replace(surface, load_scale=scale).height(x, y) == pytest.approx(scale * surface.height(x, y))
 
 
 @pytest.mark.parametrize("shape", SHAPES)

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from fem_reference.finite_strain.block_path import NodalBase
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation import finite_strain
-from fem_reference.indentation.correction import correct_path
-from fem_reference.indentation.grid_solution import GridSolution, GridStudy, extrapolate_solutions
-from fem_reference.indentation.rounding import SOLID_GRIDS
+from fem_reference.indentation.finite_strain import SOLID_GRIDS, correct_path
+from fem_reference.indentation.grid_solution import GridSolution, GridStudy
 from meshes import Box, Roller, TexelArray
 from meshes.pose import Place, Pose
 from tests.support.indentations import FixedBase
@@ -83,11 +82,6 @@ def test_small_loads_of_a_flat_face_are_solved_at_a_larger_one_or_not_at_all():
     assert record_targets(FACE, 1e-6, 0.5e-3) == pytest.approx([0.04 * 2e-3, 0.5e-3])
 
 
-def test_curved_shapes_and_friction_are_solved_as_asked():
-    assert record_targets(ROLLER, 1e-6, 2e-6) == [1e-6, 2e-6]
-    assert record_targets(FACE, 1e-6, 2e-6, friction=0.3) == [1e-6, 2e-6]
-
-
 def test_faces_that_rub_are_refined_in_turn():
     """The last solution has the changes of both others from the first one."""
 
@@ -99,26 +93,6 @@ def test_faces_that_rub_are_refined_in_turn():
     path = LoadingPath(cover=make_cover(0.45), indenter=FACE, targets=(1e-4,), control="depth", friction=0.3)
     found = correct_path(path, [make_grids(1e-4)], scatter)[0]
     assert [each.total_force for each in found] == pytest.approx([1.0, 1.02, 1.01])
-
-
-@pytest.mark.parametrize(("shape", "rubs", "limit"), [(FACE, False, 1.03), (FACE, True, 1.01), (ROLLER, False, 1.01)])
-def test_the_limit_is_extrapolated_under_faces_that_do_not_rub_and_else_that_of_the_finest_grid(shape, rubs, limit):
-    """Forces 1.07, 1.03 and 1.01 on grids of size 3, 2 and 1 lie on a line only from the second on."""
-    friction = 0.3 if rubs else 0.0
-    path = LoadingPath(
-        cover=make_cover(0.45), indenter=shape, targets=(1e-4,), control="depth",
-        friction=friction, baseline_friction=friction,
-    )  # fmt: skip
-    grids = [make_solution(factor * STIFFNESS * 1e-4, 1e-4, size) for factor, size in ((1.07, 4), (1.03, 2), (1.01, 1))]
-
-    def same(_, approaches):
-        one = [[make_solution(STIFFNESS * d, d) for _ in SOLID_GRIDS] for d in approaches]
-        return one, one
-
-    found = correct_path(path, [grids], same)[0]
-    expected = extrapolate_solutions(grids).total_force if shape is FACE and not rubs else 1.01
-    assert [each.total_force for each in found] == pytest.approx([expected] * 3)
-    assert (expected == pytest.approx(1.01)) == (limit == 1.01)
 
 
 def test_each_pose_on_a_cover_of_limited_size_and_each_indenter_on_a_wide_one_is_solved_once(monkeypatch, tmp_path):
@@ -133,7 +107,7 @@ def test_each_pose_on_a_cover_of_limited_size_and_each_indenter_on_a_wide_one_is
         state = replace(make_solution(2.0, 2e-4), base=NodalBase(x=nodes, y=nodes, pressure=np.ones((5, 5))))
         return [state], [state], None
 
-    monkeypatch.setattr("fem_reference.indentation.correction.press_paired", press)
+    monkeypatch.setattr("fem_reference.indentation.finite_strain.press_paired", press)
     path = LoadingPath(cover=make_cover(0.45), indenter=FACE, targets=(2e-4,), control="depth")
     bounded = replace(path, cover=replace(path.cover, size=(16e-3, 12e-3)))
     array, grids = TexelArray.grid(2, 2, pitch=3e-3), len(SOLID_GRIDS)

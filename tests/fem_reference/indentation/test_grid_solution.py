@@ -115,21 +115,8 @@ def test_a_shift_of_force_between_texels_is_added():
     assert read_texels(found) == pytest.approx([0.35, 0.35, 0.2, 0.1])
 
 
-def test_a_correction_takes_the_larger_overlap_and_a_given_area():
-    baseline, full = make_solution(overlap=1e-3), make_solution(overlap=2e-3, area=3.0)
-    found = correct_solution(make_solution(), baseline=baseline, full=full, control="load", area=7.0)
-    assert (found.overlap, found.area) == (2e-3, 7.0)
-    assert correct_solution(make_solution(), baseline=baseline, full=full, control="load").area == pytest.approx(3.0)
-
-
 def make_study(**options):
     return GridStudy(solutions=[], least_order=1.0, assumptions={}, **options)
-
-
-def test_the_finest_value_is_the_result_unless_the_study_extrapolates():
-    grids = [make_solution(1 + size, size=size) for size in SIZES]
-    assert make_study().combine(grids, read_force) == 1 + SIZES[-1]
-    assert make_study(extrapolate=True).combine(grids, read_force) == pytest.approx(1.0)
 
 
 def make_grids(*forces):
@@ -158,11 +145,6 @@ def test_the_estimate_covers_the_error_of_a_convergent_sequence(order, coefficie
     values = [1 + sign * coefficient * size**order for size in SIZES]
     grids = make_grids(*values)
     assert make_study().estimate_error(grids, read_force) * abs(values[-1]) >= abs(values[-1] - 1) * (1 - 1e-9)
-
-
-def test_equal_values_have_no_error_and_a_result_of_zero_neither():
-    assert make_study().estimate_error(make_grids(2.0, 2.0, 2.0), read_force) == 0
-    assert make_study().estimate_error(make_grids(1.0, 0.5, 0.0), read_force) == 0
 
 
 def test_values_that_go_back_and_forth_are_not_extrapolated():

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from fem_reference import press
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.indentation.rounding import (
+from fem_reference.indentation.finite_strain import (
     choose_edge_safety,
-    choose_fillet,
     choose_solid_fillet,
     choose_solid_grids,
-    scale_fillet,
     state_rounding,
 )
 from meshes import Box, Cylinder, LetterH, Prism, Roller, Sphere
@@ -50,18 +46,6 @@ def test_walls_that_the_rounding_leaves_nothing_of_are_told():
     assert "walls thinner than 0.8 mm are left out" in rounding(with_leg)
     for whole in (H, frame(2e-3), LetterH(size=(12e-3, 16e-3), bar=4e-3)):
         assert "left out" not in rounding(whole)
-
-
-@given(width=st.floats(0.5e-3, 20e-3), thickness=st.floats(0.5e-3, 5e-3))
-def test_the_radius_is_smaller_than_the_cover_is_thick_and_the_face_is_wide(width, thickness):
-    for shape in (Cylinder(radius=width / 2), Box(size=(width, width, width))):
-        assert 0 < choose_fillet(thickness, shape) <= min(thickness, width / 2) / 5 * (1 + 1e-12)
-
-
-@given(count=st.integers(1, 20))
-def test_the_radius_is_in_proportion_to_the_element_size(count):
-    assert scale_fillet(0.1e-3, count, (1, 2, 4)) * count == pytest.approx(0.4e-3)
-    assert scale_fillet(0.1e-3, 4, (1, 2, 4)) == 0.1e-3
 
 
 def test_radius_and_elements_are_refined_in_turn_or_at_once():

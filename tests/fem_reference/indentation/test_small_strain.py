@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.indentation.small_strain import estimate_contact, solve_path
+from fem_reference.indentation.small_strain import solve_path
 from meshes import Cylinder, Sphere, TexelArray
 from meshes.pose import Pose
 from tests.support.rubber import make_cover
@@ -50,24 +49,9 @@ def test_a_mirrored_pose_mirrors_the_base_forces(ball, x, y):
     assert there[::-1, ::-1] == pytest.approx(here, abs=1e-4 * finest.total_force)
 
 
-def test_the_contact_estimate_extends_as_far_as_the_contact(ball):
-    path, grids = ball
-    extent = np.hypot(*estimate_contact(path, None, None).T).max()
-    assert extent == pytest.approx(np.sqrt(grids[-1].area / np.pi), rel=0.05)
-
-
 def test_a_cover_of_limited_size_needs_a_place():
     path = LoadingPath(
         cover=replace(COVER, size=(8e-3, 8e-3)), indenter=Sphere(radius=4e-3), targets=(1.0,), control="load"
     )
     with pytest.raises(ValueError, match="depends on the place"):
         solve_path(path, None, None)
-
-
-def test_the_contact_is_estimated_at_the_target_that_a_path_is_meshed_for(ball):
-    path, _ = ball
-    largest, smaller = (estimate_contact(replace(path, targets=(depth,)), None, None) for depth in (0.2e-3, 0.1e-3))
-    both = replace(path, targets=(0.1e-3, 0.2e-3))
-    np.testing.assert_array_equal(estimate_contact(both, None, None), largest)
-    np.testing.assert_array_equal(estimate_contact(replace(both, meshed_for=0.1e-3), None, None), smaller)
-    assert np.hypot(*smaller.T).max() < 0.9 * np.hypot(*largest.T).max()

@@ -7,12 +7,24 @@ from types import SimpleNamespace
 import pytest
 
 from fem_reference import IncompletePathError, press_path
-from fem_reference.errors import ConvergenceError, TooShallowError
+from fem_reference.errors import ConvergenceError, PathConvergenceError, TooShallowError
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.finite_strain.newton import PathConvergenceError
-from fem_reference.indentation.layered import _solve_as_far
+from fem_reference.indentation.layered import LayerPress
 from meshes import Cylinder, Sphere
 from tests.support.rubber import make_cover
+
+
+def solve_as_far(path, solve, *, finer=0):
+    """Follow a path with a made-up solver, which gets the path and the number of refinements of the grids."""
+
+    class MadeUp(LayerPress):
+        def solve(self, part, refinement):
+            return solve(part, refinement)
+
+        def count_refinements(self, _path):
+            return finer
+
+    return MadeUp(place=None).solve_as_far(path)
 
 
 @pytest.mark.slow
@@ -37,7 +49,7 @@ def test_less_is_tried_until_all_grids_converge(control, last):
     )
     tried = []
 
-    def solve(part):
+    def solve(part, _refinement):
         tried.append(part.targets)
         if len(tried) == 4:
             return [SimpleNamespace(total_force=part.targets[-1], depth=1e-3)]
@@ -45,7 +57,7 @@ def test_less_is_tried_until_all_grids_converge(control, last):
         raise PathConvergenceError("stopped", cause="too far", load=4.0 if first else 2.0, depth=3.0 if first else 1.0)
 
     with pytest.raises(IncompletePathError, match="too far; press less"):
-        _solve_as_far(path, solve)
+        solve_as_far(path, solve)
     assert tried[0] == (0.1, 9.0)
     for part, value in zip(tried[1:], last, strict=True):
         assert part == pytest.approx((0.1, value))
@@ -53,21 +65,20 @@ def test_less_is_tried_until_all_grids_converge(control, last):
 
 @pytest.mark.parametrize(("reached", "tried"), [(0.95, True), (0.5, False)])
 def test_finer_grids_are_tried_where_a_path_stops_shortly_before_its_target(reached, tried):
-    def stop(path):
-        raise PathConvergenceError("stopped", cause="stopped", load=1.0, depth=reached * path.targets[-1])
-
     asked = []
 
-    def finer(path):
+    def solve(path, refinement):
+        if refinement == 0:
+            raise PathConvergenceError("stopped", cause="stopped", load=1.0, depth=reached * path.targets[-1])
         asked.append(path)
         return ["all of it"]
 
     path = LoadingPath(cover=make_cover(0.45), indenter=Sphere(radius=5e-3), targets=(1e-3,), control="depth")
     if tried:
-        assert _solve_as_far(path, stop, finer) == ["all of it"]
+        assert solve_as_far(path, solve, finer=1) == ["all of it"]
     else:
         with pytest.raises(IncompletePathError):
-            _solve_as_far(path, stop, finer)
+            solve_as_far(path, solve, finer=1)
     assert len(asked) == tried
 
 
@@ -84,10 +95,10 @@ def test_where_less_load_is_no_remedy_it_is_neither_tried_nor_advised(model, err
     )
     tried = []
 
-    def solve(part):
+    def solve(part, _refinement):
         tried.append(part.targets)
         raise error
 
     with pytest.raises(IncompletePathError, match=f"reached no load of the 0.2 N asked for: {error}$"):
-        _solve_as_far(path, solve)
+        solve_as_far(path, solve)
     assert tried == [(0.1, 0.2)]

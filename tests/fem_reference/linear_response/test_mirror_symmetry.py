@@ -28,25 +28,6 @@ def test_mirrored_spans_give_every_texel_back(columns, rows, pitch, thickness):
     assert len(texels.pairs) == -(-columns // 2) * -(-rows // 2)
 
 
-def test_only_square_grids_can_be_swapped():
-    square, oblong = TexelArray.grid(4, 4, 2e-3), TexelArray.grid(4, 2, 2e-3)
-    texels = MirroredTexels.group(square, 1e-3)
-    assert texels.swapped is not None
-    assert (texels.pairs[texels.swapped] == texels.pairs[:, ::-1]).all()
-    assert MirroredTexels.group(oblong, 1e-3).swapped is None
-
-
-@pytest.mark.parametrize("size", [None, (16e-3, 12e-3)])
-def test_texel_and_side_edges_lie_on_element_edges(bonded, size):
-    array = TexelArray.grid(2, 4, 3e-3, texel_size=2.4e-3)
-    solid = mesh_quarter(bonded(0.45, size=size), array, Resolution(across=1.5, through=2))
-    for axis, marks in enumerate(([0.3, 2.7, 3.3, 5.7], [0.3, 2.7])):
-        edges = solid.edges[axis] * 2e-3
-        assert edges[0] == 0
-        assert all(np.abs(edges - mark * 1e-3).min() < 1e-9 for mark in marks)
-        assert edges[-1] == pytest.approx((size or (2 * (5.7e-3 + 12 * 2e-3), 2 * (2.7e-3 + 12 * 2e-3)))[axis] / 2)
-
-
 @pytest.mark.parametrize("parity", PARITIES)
 @pytest.mark.parametrize("base", ["bonded", "sliding"])
 def test_constrained_unknowns_have_unit_rows_and_leave_a_regular_matrix(bonded, parity, base):

@@ -18,12 +18,6 @@ GAPS = arrays(float, SHAPE, elements=st.floats(0, 1)).map(lambda gap: 2e-4 * gap
 SHARED = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
-def place_cells():
-    """Coordinates of the middles of all cells."""
-    axes = ((np.arange(n) - (n - 1) / 2) * edge for n, edge in zip(SHAPE, CELL, strict=True))
-    return np.meshgrid(*axes, indexing="ij")
-
-
 @pytest.fixture(scope="module")
 def compliance(bonded):
     return ComplianceOperator(surface_compliance(bonded(0.45), 10e-3), SHAPE, CELL)
@@ -38,21 +32,6 @@ def dense(compliance):
 def test_the_operator_is_reciprocal_and_positive(dense):
     assert dense == pytest.approx(dense.T, rel=1e-9)
     assert np.linalg.eigvalsh(dense)[0] > 0
-
-
-def test_what_side_edges_add_follows_from_forces_on_the_cells(bonded, compliance):
-    """Forces in newtons, in the order of the cells; the displacement is added to that of the wide cover."""
-    asked = []
-
-    def add(forces):
-        asked.append(forces)
-        return 2e-6 * forces
-
-    sided = ComplianceOperator(surface_compliance(bonded(0.45), 10e-3), SHAPE, CELL, add)
-    pressure = np.random.default_rng(1).uniform(0, 1e5, SHAPE)
-    forces = pressure * CELL[0] * CELL[1]
-    assert sided.displace(pressure) - compliance.displace(pressure) == pytest.approx(2e-6 * forces, rel=1e-6)
-    assert asked[0] == pytest.approx(forces.ravel(), rel=1e-12)
 
 
 @SHARED
@@ -89,14 +68,6 @@ def test_a_body_that_may_tilt_is_in_equilibrium_and_touches_without_overlap(comp
     assert np.tensordot(columns, pressure, 2) / sums[0] == pytest.approx([1, 0, 0], abs=1e-6)
     assert np.abs(overlap[pressure > 0]).max() < 1e-6 * np.abs(motion[0])
     assert overlap.max() < 1e-6 * np.abs(motion[0])
-
-
-def test_cells_without_an_indenter_carry_nothing(compliance):
-    gap = np.zeros(SHAPE)
-    gap[:, 0] = np.inf
-    pressure, _ = find_pressures(compliance, gap - 1e-4, np.isfinite(gap))
-    assert (pressure[:, 0] == 0).all()
-    assert (pressure[:, 1:] > 0).all()
 
 
 def test_a_load_beside_the_body_cannot_be_balanced(compliance):

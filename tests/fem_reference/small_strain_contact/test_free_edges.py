@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
 from fem_reference.small_strain_contact.free_edges import SideEdges
@@ -19,20 +19,6 @@ SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.function_sco
 def make_sides(bonded, indenter, at, yaw, *, half=(1e-3, 1e-3), size=SIZE):
     pose = Pose.planar(at=at, yaw=yaw)
     return SideEdges(cover=bonded(0.4, size=size), indenter=indenter, pose=pose, half=np.array(half))
-
-
-@SHARED
-@given(at=PLACES, yaw=st.floats(-4, 4), seed=st.integers(0, 99))
-def test_clipping_moves_points_onto_the_cover_and_keeps_those_on_it(bonded, at, yaw, seed):
-    sides = make_sides(bonded, Sphere(radius=2e-3), at, yaw)
-    x, y = np.random.default_rng(seed).uniform(-9e-3, 9e-3, (2, 50))
-    clipped = np.stack(sides.clip_to_cover(x, y))
-    on_cover = sides.contain(x, y)
-    assert clipped[:, on_cover] == pytest.approx(np.stack([x, y])[:, on_cover], abs=1e-12)
-    u, v = sides.pose.to_array(*clipped)
-    assert np.abs(u).max() <= SIZE[0] / 2 * (1 + 1e-9)
-    assert np.abs(v).max() <= SIZE[1] / 2 * (1 + 1e-9)
-    assert (np.hypot(*(clipped - [x, y]))[~on_cover] > 0).all()
 
 
 def test_the_window_of_a_flat_face_is_its_part_on_the_cover(bonded):

@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fem_reference.linear_response.surface_compliance import surface_compliance
-from fem_reference.small_strain_contact.frictionless import bound_contact, guess_touching, solve_contact
-from meshes import Box, Cylinder, Sphere
+from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
+from meshes import Cylinder, Sphere
 
 SHARED = settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -24,17 +24,6 @@ def test_no_contact_of_a_ball_exceeds_the_circle_as_low_as_the_cover_is_thick(ra
     bound, _ = bound_contact(Sphere(radius=radius), thickness)
     exact = radius if radius <= thickness else np.sqrt(2 * radius * thickness - thickness**2)
     assert exact * (1 - 1e-9) <= bound <= exact + 1.1e-4 * radius
-
-
-def test_other_shapes_are_bounded_by_their_footprint():
-    assert bound_contact(Box(size=(4e-3, 6e-3, 5e-3)), 2e-3) == (2e-3, 3e-3)
-
-
-def test_first_guesses_hold_the_lowest_cells():
-    gap = np.array([[0.0, 1.0, 2.0, 3.0, np.inf], [4.0, 5.0, 6.0, 7.0, np.inf]])
-    assert guess_touching(gap, None)[0].tolist() == [True, True, False, False, False]
-    assert guess_touching(gap, 13.0).sum() == 8  # all that can touch: fewer than the least number of cells
-    assert guess_touching(np.where(np.isfinite(gap), 0.0, np.inf), 1.0).sum() == 8
 
 
 @SHARED
@@ -55,8 +44,3 @@ def test_load_and_depth_control_find_the_same_contact(surface, depth):
     at_load = solve_contact(surface, ball, cells=24, load=at_depth.total_force)
     assert at_load.depth == pytest.approx(depth, rel=2e-3)
     assert at_depth.force.min() > 0
-
-
-def test_load_and_depth_exclude_one_another(surface):
-    with pytest.raises(ValueError, match="either a load or a depth"):
-        solve_contact(surface, Sphere(radius=4e-3), cells=24, load=1.0, depth=1e-4)

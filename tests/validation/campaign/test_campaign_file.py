@@ -182,30 +182,6 @@ def test_the_largest_file_and_the_most_cases_are_read_and_one_more_is_refused(wt
         parse_campaign({"case": tables["case"] + 1000 * [{}]}, FlatPlaces(array=wts), source="mine.toml")
 
 
-def test_the_most_loads_and_the_longest_name_are_read_and_one_more_is_left_out(wts):
-    table = parse_toml(GOOD)["case"][0]
-    del table["load"]
-    others = [
-        table | {"name": "a" * 80, "loads": [f"{n} g" for n in range(1, 101)]},
-        table | {"name": "a" * 81, "loads": ["200 g"]},
-        table | {"loads": [f"{n} g" for n in range(201, 302)]},
-    ]
-    campaign = parse_campaign({"case": others}, FlatPlaces(array=wts), source="mine.toml")
-    assert len(campaign.cases) == 100
-    names, loads = campaign.left_out
-    assert names.startswith("mine.toml: case[1].name: must be a text of 1 to 80 characters")
-    assert loads.startswith("mine.toml: case[2].loads: ")
-
-
-def test_a_missing_file_and_no_toml_are_named(wts, tmp_path):
-    with pytest.raises(InputError, match="no such file"):
-        read_campaign(tmp_path / "none.toml", FlatPlaces(array=wts))
-    broken = tmp_path / "broken.toml"
-    broken.write_text("[[case]\n")
-    with pytest.raises(InputError, match=r"broken\.toml: not a TOML file that is accepted: not readable as TOML"):
-        read_campaign(broken, FlatPlaces(array=wts))
-
-
 def test_named_positions_are_those_of_the_array(wts):
     named = FlatPlaces(array=wts).named
     cases = read_campaign(None, FlatPlaces(array=wts)).cases

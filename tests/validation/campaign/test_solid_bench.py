@@ -12,10 +12,9 @@ from meshes import Material
 from meshes.bounded_file import parse_toml
 from validation.campaign.bench import prepare_bench
 from validation.campaign.campaign_file import Criterion, Inputs, parse_campaign
-from validation.campaign.evaluation import evaluate
 from validation.campaign.reference_press import press_reference
 from validation.campaign.results import judge
-from validation.campaign.run import Plan, plan_cases, run_campaign
+from validation.campaign.run import plan_cases, run_campaign
 from validation.campaign.solid_bench import CURVED_MODELS, SolidBench
 from validation.credibility import verification as evidence
 from validation.credibility.evidence import gather_evidence
@@ -59,22 +58,6 @@ def result(bench, plan, cost):
     return run_campaign(bench, plan.cases, plan=cost)
 
 
-def test_the_cost_is_announced_before_the_long_computations(small_pad, plan, tmp_path, monkeypatch):
-    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
-    told = []
-
-    def derive(*_, **__):
-        told.append("derived")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("validation.derivation.derive.derive_cover", derive)
-    with pytest.raises(KeyboardInterrupt):
-        evaluate(small_pad, campaign=plan, announce=told.append)
-    assert len(told) == 2
-    assert told[0].startswith("2 cases, 2 reference solutions missing from the store; about ")
-    assert told[1] == "derived"
-
-
 def test_a_stored_press_is_the_press(small_pad, plan, result):
     case = plan.cases[1]
     with stored_only():
@@ -103,13 +86,6 @@ def test_presses_are_missing_once(small_pad, plan, cost, result):
     again = plan_cases(small_pad.cover, small_pad.array, plan.cases)
     assert again.missing == (False, False)
     assert again.total < cost.total or cost.missing == (False, False)
-
-
-def test_misplaced_force_is_half_the_sum_of_the_differences_over_the_load(result):
-    for each in result.cases:
-        for prediction in each.predictions.values():
-            moved = np.abs(prediction.texel_forces - each.reference.texel_forces).sum() / (2 * each.case.load)
-            assert prediction.score.misplaced_force == pytest.approx(moved, rel=1e-12)
 
 
 def test_fast_model_and_reference_agree_on_one_coarse_mesh(result):
@@ -144,21 +120,6 @@ def test_one_mesh_decides_nothing(plan, result):
     verdict = judge(dataclasses.replace(plan, criterion=loose), result)
     assert verdict.word == "not decided"
     assert any("one mesh only" in reason for reason in verdict.reasons)
-
-
-def test_an_interrupted_run_keeps_what_is_finished(bench, plan, monkeypatch):
-    solve = SolidBench.solve
-
-    def stop(self, case):
-        if case.name == "edge":
-            raise KeyboardInterrupt
-        return solve(self, case)
-
-    monkeypatch.setattr(SolidBench, "solve", stop)
-    found = run_campaign(bench, plan.cases, plan=Plan(cases=2, missing=(True, True), seconds=(1.0, 1.0)))
-    assert found.interrupted
-    assert [each.case.name for each in found.cases] == ["ball"]
-    assert [each.reason for each in found.skipped] == ["interrupted"]
 
 
 def test_a_case_that_never_touches_costs_itself(bench, plan, cost):

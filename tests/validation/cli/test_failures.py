@@ -1,9 +1,9 @@
+"""Which errors are explained to the user, in which words and with which exit status."""
+
 import errno
 
 import pytest
 from cyclopts import CycloptsError
-from hypothesis import given
-from hypothesis import strategies as st
 
 from fastmodel.errors import FastModelError, ParametersError
 from fem_reference.errors import ConvergenceError
@@ -11,46 +11,30 @@ from validation.cli.entry import explain
 from validation.errors import InputError
 from validation.extras import MissingExtraError
 
-LINE = st.text(st.characters(exclude_categories=("C", "Z")), min_size=1)
+BEHIND = ImportError("cannot import the command")
+BEHIND.__cause__ = ModuleNotFoundError("no mcap", name="mcap.reader")
 
 
-@given(text=LINE, kind=st.sampled_from([ValueError, InputError, FastModelError, ParametersError]))
-def test_every_error_about_input_is_status_2_with_its_own_text(text, kind):
-    explanation = explain(kind(text))
-    assert (explanation.status, explanation.lines) == (2, (text,))
-
-
-@given(faults=st.lists(LINE, min_size=1, max_size=5))
-def test_every_fault_has_a_line(faults):
-    explanation = explain(InputError(*faults))
-    assert (explanation.status, explanation.lines) == (2, tuple(faults))
-
-
-@given(code=st.sampled_from([errno.ENOENT, errno.EACCES, errno.ENOSPC, errno.EIO]), name=LINE)
-def test_errors_of_the_system_are_status_3_and_name_the_file(code, name):
-    (line,) = (explanation := explain(OSError(code, "it failed", name))).lines
-    assert (explanation.status, line) == (3, f"{name}: it failed")
-
-
-@given(text=LINE)
-def test_a_solver_that_does_not_converge_is_status_4(text):
-    explanation = explain(ConvergenceError(text))
-    assert (explanation.status, explanation.lines) == (4, (text,))
-
-
-@given(words=st.lists(LINE, min_size=1, max_size=9))
-def test_an_error_of_the_argument_parser_is_one_line_and_status_2(words):
-    explanation = explain(CycloptsError(msg="\n   ".join(words)))
-    assert (explanation.status, explanation.lines) == (2, (" ".join(words),))
-
-
-def test_a_missing_extra_is_found_behind_the_import_that_failed():
-    cause = ModuleNotFoundError("no mcap", name="mcap.reader")
-    error = ImportError("cannot import the command")
-    error.__cause__ = cause
+@pytest.mark.parametrize(
+    ("error", "status", "lines"),
+    [
+        *[(kind("no such part"), 2, ("no such part",)) for kind in (ValueError, FastModelError, ParametersError)],
+        (InputError("one", "two"), 2, ("one", "two")),
+        (CycloptsError(msg="one\n   two"), 2, ("one two",)),
+        *[
+            (OSError(code, "it failed", "a.toml"), 3, ("a.toml: it failed",))
+            for code in (errno.ENOENT, errno.EACCES, errno.ENOSPC)
+        ],
+        (OSError(errno.ENAMETOOLONG, "too long", "a"), 2, ("a: too long",)),
+        (MemoryError(), 3, ("not enough memory for this input",)),
+        (ConvergenceError("no\nway"), 4, ("no way",)),
+        (BEHIND, 3, (str(MissingExtraError("mcap")),)),
+    ],
+    ids=repr,
+)
+def test_errors_are_told_in_lines(error, status, lines):
     explanation = explain(error)
-    assert explanation.status == 3
-    assert explanation.lines == (str(MissingExtraError("mcap")),)
+    assert (explanation.status, explanation.lines) == (status, lines)
 
 
 @pytest.mark.parametrize("error", [ImportError("ours"), TypeError("ours"), KeyError("ours"), AssertionError("ours")])

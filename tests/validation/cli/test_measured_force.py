@@ -63,19 +63,15 @@ def test_the_table_fits_a_terminal_and_names_the_bounds(softcover, tmp_path):
     assert "The uncertainty of zero of depth is not stated" in out
 
 
-def test_faults_are_lines(softcover, tmp_path):
-    (tmp_path / "pad.toml").write_text(FILE.format("")[: -len("\n\n")])
-    assert softcover("validate", "wts-0614-34", "--measured", "gelsight")[::2] == (
-        2,
-        (
-            "softcover: gelsight: no such file or built-in measurement; did you mean 'gelsight-mini'? accepted: "
-            "gelsight-mini, or a TOML file\n"
-        ),
-    )
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (FILE.format("")[: -len("\n\n")], "pad.toml: point: is missing; write for example the tables [[point]]\n"),
+        ("name =", "pad.toml: not a TOML file"),
+    ],
+)
+def test_faults_are_lines(softcover, tmp_path, text, said):
+    (tmp_path / "pad.toml").write_text(text)
     status, _, err = softcover("validate", "wts-0614-34", "--measured", "pad.toml")
-    assert (status, err) == (2, "softcover: pad.toml: point: is missing; write for example the tables [[point]]\n")
-    (tmp_path / "broken.toml").write_text("name =")
-    assert softcover("validate", "wts-0614-34", "--measured", "broken.toml")[2].startswith(
-        "softcover: broken.toml: not a TOML file"
-    )
-    assert "no such file" in softcover("validate", "wts-0614-34", "--measured", "absent.toml")[2]
+    assert status == 2
+    assert err.startswith(f"softcover: {said}")

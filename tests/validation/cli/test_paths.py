@@ -4,56 +4,57 @@ import os
 
 import pytest
 
+from tests.support.words import split_command
 from validation.cli import main
 from validation.sensor_file import read_template
 
-SENSOR, BALL = "wts-0614-34", ("--indenter", "sphere:radius=5mm", "--load", "1N")
 #: Commands by the path or name that they take; `{}` stands for it.
-READERS = (
-    ("derive", "{}"),
-    ("derive", SENSOR, "--material", "{}"),
-    ("press", "{}", *BALL),
-    ("press", "{}", *BALL, "--model", "fast"),
-    ("press", SENSOR, "--indenter", "{}", "--load", "1N"),
-    ("press", SENSOR, "--indenter", "mesh:path={},unit=mm", "--load", "1N"),
-    ("press", SENSOR, *BALL, "--method", "{}"),
-    ("view", "{}", *BALL, "--json"),
-    ("validate", "{}"),
-    ("validate", SENSOR, "--recordings", "{}"),
-    ("demo", "--recordings", "{}"),
-    ("regress", "{}"),
-    ("regress", SENSOR, "--baseline", "{}"),
-    ("export", "{}"),
-    ("export", SENSOR, "--format", "{}"),
-    ("replay", "{}"),
-    ("import", "{}"),
-    ("import", "recording.csv", "--rows", "1", "--columns", "2", "--force", "{}"),
-    ("calibrate", "{}"),
-    ("emulate", "--show", "{}", "--seconds", "0.1"),
-    ("emulate", "--show", SENSOR, "--indenter", "{}", "--seconds", "0.1"),
-    ("store", "{}"),
-    ("materials", "{}"),
-    ("datasheet", "{}"),
-    ("materials", "--hardness", "{}"),
-    ("{}",),
-)
-WRITERS = (
-    ("derive", SENSOR, "--out", "{}"),
-    ("press", SENSOR, *BALL, "--out", "{}"),
-    ("press", SENSOR, *BALL, "--curve", "2", "--out", "{}"),
-    ("validate", SENSOR, "--out", "{}"),
-    ("demo", "--out", "{}"),
-    ("regress", SENSOR, "--update", "--baseline", "{}"),
-    ("regress", SENSOR, "--baseline", "recording.csv", "--junit", "{}"),
-    ("materials", "dragon-skin-30", "--out", "{}.csv"),
-    ("export", SENSOR, "--out", "{}"),
-    ("record", "loop://", "--out", "{}"),
-    ("import", "recording.csv", "--rows", "1", "--columns", "2", "--out", "{}"),
-    ("replay", "recording.csv", "--csv", "{}"),
-    ("emulate", "{}", "--seconds", "0.1"),
-    ("init", "{}"),
-)
-PORTS = (("record", "{}"), ("doctor", "--port", "{}"))
+READERS = """
+derive {}
+derive WTS --material {}
+press {} BALL
+press {} BALL --model fast
+press WTS --indenter {} --load 1N
+press WTS --indenter mesh:path={},unit=mm --load 1N
+press WTS BALL --method {}
+view {} BALL --json
+validate {}
+validate WTS --recordings {}
+demo --recordings {}
+regress {}
+regress WTS --baseline {}
+export {}
+export WTS --format {}
+replay {}
+import {}
+import recording.csv --rows 1 --columns 2 --force {}
+calibrate {}
+emulate --show {} --seconds 0.1
+emulate --show WTS --indenter {} --seconds 0.1
+store {}
+materials {}
+materials --hardness {}
+datasheet {}
+{}
+"""
+WRITERS = """
+derive WTS --out {}
+press WTS BALL --out {}
+press WTS BALL --curve 2 --out {}
+validate WTS --out {}
+demo --out {}
+regress WTS --update --baseline {}
+regress WTS --baseline recording.csv --junit {}
+materials dragon-skin-30 --out {}.csv
+export WTS --out {}
+record loop:// --out {}
+import recording.csv --rows 1 --columns 2 --out {}
+replay recording.csv --csv {}
+emulate {} --seconds 0.1
+init {}
+record {}
+doctor --port {}
+"""
 #: Texts that name no file on any machine.
 IMPOSSIBLE = ("n" * 100_000, "/".join(["a" * 200] * 40), "a\0b", "a\ud800b")
 #: Texts that no file, sensor or other thing has in the folder of the test.
@@ -72,7 +73,7 @@ def refuse(softcover, tmp_path, monkeypatch, without_reference):
 
     def run(command, texts):
         for text in texts:
-            status, out, err = softcover(*(word.replace("{}", text) for word in command))
+            status, out, err = softcover(*(word.replace("{}", text) for word in split_command(command)))
             lines = err.splitlines()
             assert (status, out) == (2, ""), (text[:40], status, err[-300:])
             assert len([line for line in lines if not line.startswith("softcover: see")]) == 1, err[-300:]
@@ -84,12 +85,12 @@ def refuse(softcover, tmp_path, monkeypatch, without_reference):
     return run
 
 
-@pytest.mark.parametrize("command", READERS, ids=" ".join)
+@pytest.mark.parametrize("command", READERS.strip().splitlines())
 def test_what_is_read_must_exist(refuse, command):
     refuse(command, (*IMPOSSIBLE, *MISSING))
 
 
-@pytest.mark.parametrize("command", [*WRITERS, *PORTS], ids=" ".join)
+@pytest.mark.parametrize("command", WRITERS.strip().splitlines())
 def test_what_is_written_must_be_possible(refuse, command):
     refuse(command, (*IMPOSSIBLE, "file/below"))
 

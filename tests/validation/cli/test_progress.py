@@ -1,13 +1,10 @@
-import re
 import time
 from types import SimpleNamespace
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from validation.cli import output as module
-from validation.cli.output import LINE_INTERVAL, Progress
+from validation.cli.output import Progress
 
 
 @pytest.fixture
@@ -16,21 +13,6 @@ def clock(monkeypatch):
     now = [0.0]
     monkeypatch.setattr(module, "time", SimpleNamespace(perf_counter=lambda: now[0]))
     return now
-
-
-@given(waits=st.lists(st.floats(0, 5), max_size=20))
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_lines_elsewhere_than_on_a_terminal_keep_their_distance(clock, capsys, waits):
-    clock[0] = 0.0
-    with Progress() as progress:
-        for index, wait in enumerate(waits):
-            clock[0] += wait
-            progress.step(index, len(waits), f"case {index}")
-    times = [float(time) for time in re.findall(r"^\[ *([\d.]+) s\]", capsys.readouterr().err, flags=re.MULTILINE)]
-    gaps = [after - before for before, after in zip([0.0, *times], times, strict=False)]
-    # The printed times are rounded to tenths of a second.
-    assert all(gap > LINE_INTERVAL - 0.1001 for gap in gaps)
-    assert bool(times) == (clock[0] > 0 and any(sum(waits[: n + 1]) > LINE_INTERVAL for n in range(len(waits))))
 
 
 def test_a_line_names_the_stage_and_how_far_it_is(clock, capsys):

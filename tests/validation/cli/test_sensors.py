@@ -3,8 +3,7 @@ from dataclasses import replace
 import pytest
 
 import fastmodel
-from validation.cli.options import CoverChanges, read_description, read_sensor
-from validation.errors import InputError
+from validation.cli.options import CoverChanges, read_sensor
 from validation.parameters import find_parameters
 from validation.sensor_file import BUILT_IN
 
@@ -32,18 +31,6 @@ def test_built_in_sensors_need_no_finite_elements(without_reference):
 def test_another_cover_is_derived_anew(without_reference):
     with pytest.raises(AssertionError, match="the finite elements were asked"):
         find_parameters(read_sensor("wts-0614-34", CoverChanges(thickness="1mm")), lambda _: None)
-
-
-def test_the_cover_of_a_derived_folder_cannot_be_replaced(folder):
-    with pytest.raises(
-        InputError, match=r"--material, --thickness, --layer: the parameters in .*derived were derived for one"
-    ):
-        read_sensor(str(folder), CoverChanges(material="dragon-skin-30"))
-
-
-def test_a_derived_folder_says_that_it_describes_no_cover(folder):
-    with pytest.raises(InputError, match=r"derived: holds the parameters .* no description of the cover"):
-        read_description(str(folder))
 
 
 def test_a_built_in_name_means_the_sensor_even_beside_such_a_folder(folder, monkeypatch):

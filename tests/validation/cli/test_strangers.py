@@ -29,20 +29,6 @@ def test_the_name_of_a_sensor_leads_to_no_other_folder(softcover, tmp_path, name
     assert set(json.loads(out)["files"]) <= {path.name for path in (work / "out").iterdir()}
 
 
-def test_files_of_the_user_in_an_output_folder_are_not_deleted(softcover, tmp_path):
-    assert softcover("export", "wts-0614-34", "--out", "out")[0] == 0
-    (tmp_path / "out" / "notes.txt").write_text("mine")
-    status, _, err = softcover("export", "wts-0614-34", "--out", "out")
-    assert status == 2
-    assert "notes.txt, which softcover did not write" in err
-    assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
-
-
-def test_an_output_folder_is_replaced_if_nobody_touched_it(softcover):
-    for _ in range(2):
-        assert softcover("export", "wts-0614-34", "--out", "out")[0] == 0
-
-
 def test_escape_sequences_in_a_recording_are_printed_as_text(softcover, tmp_path):
     (tmp_path / "a.csv").write_text(f"# rows = 1\n# columns = 1\n# note = {ESCAPES.strip()} end\ntime,t\n0,1\n")
     status, out, err = softcover("replay", "a.csv")

@@ -1,14 +1,10 @@
-from functools import cache
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from fastmodel import WTS_0614_34, Foundation, Gaussian, Parameters
 from meshes import Sphere
 from meshes.catalogue import ARRAYS
-from validation.cli.view_scene import RADIUS_FRACTION, RAMP_TIME, REVOLUTION_TIME, Scene
+from validation.cli.view_scene import Scene
 
 ARRAY = ARRAYS["wts-0614-34"]
 WEIGHT = 0.5 * 9.80665
@@ -43,20 +39,3 @@ def test_a_restarted_scene_repeats_the_first_run():
     assert list(scene.run(0.8)) == first
     np.testing.assert_array_equal(scene.sensor.frame().texel_forces, before)
     assert before.sum() > 0.1
-
-
-@given(time=st.floats(0, 60), step=st.floats(0, 1e-2))
-def test_the_guide_stays_in_the_circle_and_never_jumps(time, step):
-    scene = make_scene()
-    here, soon = scene._guide(time), scene._guide(time + step)
-    radius = RADIUS_FRACTION * 6 * 3.4e-3
-    assert np.hypot(*here) <= radius * (1 + 1e-9)
-    # The guide moves out with a speed of at most 1.5 radii per ramp time, and round with 2 pi radii per revolution.
-    fastest = radius * (1.5 / RAMP_TIME + 2 * np.pi / REVOLUTION_TIME)
-    assert np.hypot(*(soon - here)) <= fastest * step + 1e-12
-
-
-@cache
-def make_scene():
-    parameters = Parameters(array=ARRAY, spread=Gaussian.from_sigma(0.6), electronics=WTS_0614_34)
-    return Scene(parameters, Sphere(radius=5e-3), load=WEIGHT, method="boxes")

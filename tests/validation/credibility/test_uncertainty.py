@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from fem_reference import ConvergenceError, result_store
+from fem_reference import ConvergenceError
 from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import Inputs, read_campaign
 from validation.campaign.case import Case
@@ -77,17 +77,6 @@ def test_effects_are_proportional_to_small_uncertainties(bonded, wts):
 def test_the_limit_of_the_poisson_ratio_is_one_sided(bonded, wts):
     inner, limit = (propagate_inputs(bonded(nu), wts, BALL, only(poisson_ratio=0.004)) for nu in (0.495, 0.5))
     assert limit.misplaced_total == pytest.approx(inner.misplaced_total, rel=0.2)
-
-
-def test_results_of_other_code_are_not_taken_from_the_store(bonded, wts, monkeypatch, tmp_path):
-    other = tmp_path / "input_uncertainty.py"
-    other.write_text("# other formulas\n")
-    propagate_inputs(bonded(0.45), wts, BALL, only(position=1e-4))
-    with result_store.stored_only():
-        propagate_inputs(bonded(0.45), wts, BALL, only(position=1e-4))
-        monkeypatch.setattr(input_uncertainty, "__file__", str(other))
-        with pytest.raises(result_store.NotStoredError):
-            propagate_inputs(bonded(0.45), wts, BALL, only(position=1e-4))
 
 
 def test_the_spread_of_a_material_replaces_that_of_the_campaign(bonded):
@@ -231,12 +220,12 @@ def test_errors_are_grouped_and_the_range_is_that_of_the_cases(results, wts_deri
 
 @pytest.mark.slow
 def test_propagated_uncertainty_agrees_with_a_monte_carlo(bonded, wts):
-    """200 draws of all inputs at once, each through the whole contact: the spread agrees with the propagated one."""
+    """100 draws of all inputs at once, each through the whole contact: the spread agrees with the propagated one."""
     cover, inputs = bonded(0.45), Inputs(friction=0.0)
     found = propagate_inputs(cover, wts, BALL, inputs)
     random = np.random.default_rng(0)
     images = []
-    for _ in range(200):
+    for _ in range(100):
         changed, case = cover, BALL
         for _, uncertainty, change in list_inputs(cover, inputs):
             changed, case = change(changed, case, uncertainty * random.standard_normal())
@@ -256,7 +245,7 @@ def test_propagated_uncertainty_agrees_with_a_monte_carlo(bonded, wts):
         ),
     ):
         propagated = math.sqrt(sum(value**2 for value in found.of(quantity).values()))
-        assert np.std(drawn) == pytest.approx(propagated, rel=0.2)  # 200 draws: 5 % of a standard deviation
+        assert np.std(drawn) == pytest.approx(propagated, rel=0.25)  # 100 draws: 7 % of a standard deviation
 
 
 def test_a_case_whose_inputs_cannot_be_propagated_costs_its_comparison_and_a_line(results, wts_derivation, monkeypatch):

@@ -117,10 +117,6 @@ def test_each_fault_costs_a_line_and_the_rest_is_scored(monkeypatch, folder):
         FILE.split('[[split]]\nname = "third', maxsplit=1)[0]
         + """
 [[series]]
-name = "odd"
-indenter = "bxo:size=1mm"
-files = "warm/*"
-[[series]]
 name = "empty"
 files = "empty/*"
 [[split]]
@@ -138,10 +134,8 @@ score = "empty"
     finally:
         (folder / "cold" / "foreign.csv").unlink()
         (folder / "cold" / "damaged.mcap").unlink()
-    assert len(found.problems) == 7
+    assert len(found.problems) == 5
     told = "\n".join(found.problems)
-    assert "series 'odd': indenter: unknown indenter 'bxo'; did you mean 'box'?" in told
-    assert "series 'odd': no recordings" in told
     assert "series 'empty': no recordings" in told
     assert "foreign.csv: the pressed array" in told
     assert "damaged.mcap" in told

@@ -53,7 +53,7 @@ def test_curved_array_is_refused():
     centres = sensor.array.centres.copy()
     centres[0, 2] = 1e-3
     curved = dataclasses.replace(sensor, array=dataclasses.replace(sensor.array, centres=centres))
-    with pytest.raises(InputError, match="curved"):
+    with pytest.raises(InputError, match="array: a planar cover needs a planar array"):
         derive(curved)
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import FastModelError, Tabulated
+from fastmodel import Tabulated
 from fastmodel.attachment import choose_method
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
-from meshes import Sphere, TexelArray
+from meshes import Sphere
 from validation.cli import main
 from validation.derivation.derive import derive
 from validation.json_values import json_text
@@ -94,11 +94,6 @@ def test_forces_on_cells_go_through_the_table_and_nothing_is_felt_beyond_the_arr
     alone = np.zeros_like(forces)
     alone[1:4, 2:7] = forces[1:4, 2:7]
     assert part == pytest.approx(base.from_window(alone, (0, 0)), abs=1e-12)
-
-
-def test_table_of_another_array_is_refused(derivation):
-    with pytest.raises(FastModelError, match="table of cells and texels has shape"):
-        derivation.parameters.surface.check(TexelArray.grid(2, 3, 3.4e-3))
 
 
 def test_what_only_a_wide_cover_has_is_left_out_plainly(derivation, path, capsys):

@@ -7,7 +7,7 @@ import pytest
 
 import fastmodel
 from validation.derivation.derive import derive
-from validation.report.files import write_derivation
+from validation.report.figures import write_derivation
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,6 @@ from fem_reference.linear_response.surface_compliance import membrane_length
 from meshes import Cover, Layer, Material, Sphere, TexelArray
 from meshes.catalogue import MATERIALS
 from validation.derivation.contact_range import (
-    _choose_points,
     _find_limit,
     _repeat_presses,
     measure_misplaced,
@@ -28,13 +27,6 @@ COVER = Cover(
         Layer(thickness=0.1e-3, material=FOIL),
     )
 )
-
-
-def test_limits_are_interpolated_and_say_whether_they_were_reached():
-    load, misplaced = np.array([1.0, 2.0, 4.0]), np.array([0.01, 0.03, 0.07])
-    assert _find_limit(load, misplaced, 0.05) == pytest.approx(3.0)
-    assert _find_limit(load, misplaced, 0.1) == 4.0
-    assert _find_limit(load, misplaced, 0.005) == 0.0
 
 
 def test_a_linear_cover_is_in_range_up_to_the_largest_load(derivation):
@@ -57,16 +49,6 @@ def test_contacts_on_few_cells_do_not_count_and_the_worse_point_does(derivation)
     assert worst[-1] > misplaced[1, -1]  # beside the centre of the texel less force is misplaced
     assert parameters.validity.load_2_percent == _find_limit(presses.load[counted], worst[counted], 0.02)
     assert _find_limit(presses.load, misplaced.max(axis=0), 0.02) == 0
-
-
-def test_the_ball_presses_on_an_active_texel_and_off_the_grid():
-    active = np.ones((3, 3), dtype=bool)
-    active[1, :] = False
-    array = TexelArray.grid(3, 3, 2e-3, active=active)
-    centre, beside = _choose_points(array)
-    assert array.active[np.argmin(np.linalg.norm(array.centres[:, :2] - centre, axis=1))]
-    assert centre == pytest.approx([0.0, -2e-3])
-    assert beside - centre == pytest.approx([0.6e-3, 0.8e-3])
 
 
 def test_tension_takes_force_away_and_the_contact_can_be_removed(bonded):

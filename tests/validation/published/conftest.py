@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fastmodel import FastIndentation
-from fem_reference.closed_form.influence import tabulate_texel_response
+from fem_reference.closed_form.layer import tabulate_texel_response
 from meshes import TexelArray
 from validation.campaign.case import Case
 from validation.published.scene import ContactMap, Contacts, Scene

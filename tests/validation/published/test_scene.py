@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fem_reference.closed_form.influence import tabulate_texel_response
+from fem_reference.closed_form.layer import tabulate_texel_response
 from meshes import TexelArray
 from validation.campaign.case import Case
 from validation.published import scene as module

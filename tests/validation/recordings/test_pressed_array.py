@@ -59,17 +59,14 @@ def test_the_array_that_is_pressed_is_found_and_shown(tmp_path, capsys, counts, 
     assert np.array_equal([frame.counts for frame in frames], counts[pressed])
 
 
-def test_replay_shows_the_pressed_array_in_every_form(tmp_path, capsys):
+def test_replay_shows_the_pressed_array_in_every_form(tmp_path, softcover):
     save(_make_recording(_press(0, 0), _press(0, 0), _press(4, 900)), tmp_path / "a.mcap")
     for words, shown in ([], 2), (["--array", "1"], 1):
-        with pytest.raises(SystemExit) as end:
-            main(["replay", str(tmp_path / "a.mcap"), "--json", "--csv", str(tmp_path / f"{shown}.csv"), *words])
-        told = json.loads(capsys.readouterr().out)
-        assert (end.value.code, told["shown"]) == (0, shown)
+        status, out, _ = softcover("replay", "a.mcap", "--json", "--csv", f"{shown}.csv", *words)
+        told = json.loads(out)
+        assert (status, told["shown"]) == (0, shown)
         assert tables.read(tmp_path / f"{shown}.csv").arrays[0].counts.max() == told["arrays"][shown]["largest"]
-    with pytest.raises(SystemExit):
-        main(["replay", str(tmp_path / "a.mcap")])
-    errors = capsys.readouterr().err
+    errors = softcover("replay", "a.mcap")[2]
     assert "array 2 is shown" in errors
     assert "3 x 2 (largest 0), 3 x 2 (largest 0), 3 x 2 (largest 900)" in errors
 
@@ -112,9 +109,8 @@ def test_the_command_emulates_a_masked_recording(tmp_path, capsys):
     assert end.value.code == 0
 
 
-def test_counts_beyond_12_bits_cannot_be_emulated(tmp_path, capsys):
+def test_counts_beyond_12_bits_cannot_be_emulated(tmp_path, softcover):
     (tmp_path / "a.csv").write_text("# rows = 1\n# full_scale = 60000\ntime,a,b\n0,1,50000\n")
-    with pytest.raises(SystemExit) as end:
-        main(["emulate", "--show", str(tmp_path / "a.csv")])
-    assert end.value.code == 2
-    assert "12 bits" in capsys.readouterr().err
+    status, _, errors = softcover("emulate", "--show", "a.csv")
+    assert status == 2
+    assert "12 bits" in errors

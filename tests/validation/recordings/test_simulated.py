@@ -9,7 +9,6 @@ import pytest
 
 import fastmodel
 from meshes import TexelArray
-from validation.cli import main
 from validation.recordings import mcap_reader
 from validation.recordings.importing import save
 from validation.recordings.live_frames import replay_frames
@@ -57,12 +56,6 @@ def path(tmp_path, frames):
     return path
 
 
-def call(words):
-    with pytest.raises(SystemExit) as ended:
-        main(words)
-    assert ended.value.code == 0
-
-
 def test_every_force_of_a_frame_comes_back(path, frames):
     recording = mcap_reader.read(path)
     for array, made in zip(recording.arrays, frames.values(), strict=True):
@@ -97,7 +90,7 @@ def test_a_copy_and_a_recovered_file_keep_the_forces(path, tmp_path):
             assert copied.simulated.tangential_source == array.simulated.tangential_source
 
 
-def test_files_of_real_sensors_and_of_earlier_versions_stay_readable(tmp_path, capsys):
+def test_files_of_real_sensors_and_of_earlier_versions_stay_readable(tmp_path, softcover):
     real, earlier = tmp_path / "real.mcap", tmp_path / "earlier.mcap"
     for path, forces in ((real, None), (earlier, np.full(12, 0.5))):
         with RecordingWriter(path, arrays=[make_array(4, 3)], setup=Setup()) as writer:
@@ -111,23 +104,19 @@ def test_files_of_real_sensors_and_of_earlier_versions_stay_readable(tmp_path, c
     frame = next(replay_frames(mcap_reader.read(earlier)))
     assert frame.net_force is None
     np.testing.assert_allclose(frame.pressures, 0.5 / 3.4e-3**2)
-    call(["replay", str(earlier), "--speed", "0"])
-    assert "texel forces only" in capsys.readouterr().err
-    call(["replay", str(real), "--json"])
-    assert json.loads(capsys.readouterr().out)["arrays"][0]["simulated"] is None
+    assert "texel forces only" in softcover("replay", earlier, "--speed", "0")[2]
+    assert json.loads(softcover("replay", real, "--json")[1])["arrays"][0]["simulated"] is None
 
 
-def test_replay_states_the_forces(path, frames, capsys):
-    call(["replay", str(path), "--json"])
-    told = json.loads(capsys.readouterr().out)["arrays"]
+def test_replay_states_the_forces(path, frames, softcover):
+    told = json.loads(softcover("replay", path, "--json")[1])["arrays"]
     for array, made in zip(told, frames.values(), strict=True):
         forces = array["simulated"]
         assert forces["largest_net_force_n"] == pytest.approx(max(np.linalg.norm(frame.net_force) for frame in made))
         assert forces["largest_shear_n"] == pytest.approx(max(np.hypot(*frame.net_force[:2]) for frame in made))
         assert forces["largest_pressure_pa"] == pytest.approx(max(frame.pressures.max() for frame in made))
         assert forces["tangential_source"] == made[0].tangential_source
-    call(["replay", str(path), "--speed", "0"])
-    said = capsys.readouterr().err
+    said = softcover("replay", path, "--speed", "0")[2]
     assert "array 0, simulated: net force up to" in said
     assert "shared in proportion to pressure" in said
 

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from meshes import TexelArray
 from tests.support.recordings import recordings
-from validation.cli.entry import main
 from validation.recordings import RecordingError, tables
 from validation.recordings.importing import open_recording
 from validation.recordings.live_frames import replay_frames
@@ -126,18 +125,17 @@ time,a,b,c
 """
 
 
-def test_a_pitch_that_no_file_states_is_told(tmp_path, capsys):
+def test_a_pitch_that_no_file_states_is_told(tmp_path, softcover):
     (tmp_path / "a.csv").write_text(CSV)
     assert tables.read(tmp_path / "a.csv").setup.other == {"pitch assumed": "3.4 mm"}
-    with pytest.raises(SystemExit) as end:
-        main(["import", str(tmp_path / "a.csv"), "--out", str(tmp_path / "a.mcap")])
-    assert end.value.code == 0
-    assert "states no pitch; assumed: 3.4 mm" in capsys.readouterr().err
+    status, _, errors = softcover("import", "a.csv", "--out", "a.mcap")
+    assert status == 0
+    assert "states no pitch; assumed: 3.4 mm" in errors
     (tmp_path / "b.csv").write_text(f"# pitch = 0.004\n{CSV}")
     assert tables.read(tmp_path / "b.csv").setup.other == {}
 
 
-def test_unknown_keys_fractions_and_negative_counts_are_kept_everywhere(tmp_path, capsys):
+def test_unknown_keys_fractions_and_negative_counts_are_kept_everywhere(tmp_path, softcover):
     """From CSV to MCAP, to CSV and back; the counts are rounded once, and the file says so."""
     (tmp_path / "a.csv").write_text(TARED)
     counts = [[-12, 100, 0], [-300, 4095, 7]]
@@ -147,18 +145,15 @@ def test_unknown_keys_fractions_and_negative_counts_are_kept_everywhere(tmp_path
         ["replay", "a.mcap", "--csv", "b.csv"],
         ["import", "b.csv", "--out", "b.mcap"],
     ):
-        with pytest.raises(SystemExit) as end:
-            main([str(tmp_path / word) if "." in word else word for word in words])
-        assert end.value.code == 0, capsys.readouterr().err
-    assert "other labels: mass = 500; operator name = A. B.; counts rounded = by at most 0.5" in capsys.readouterr().err
+        assert softcover(*words)[0] == 0
+    errors = softcover("replay", "b.mcap")[2]
+    assert "other labels: mass = 500; operator name = A. B.; counts rounded = by at most 0.5" in errors
     for name in ("a.csv", "a.mcap", "b.csv", "b.mcap"):
         back = open_recording(tmp_path / name)
         assert back.arrays[0].counts.tolist() == counts, name
         assert back.setup.other == other, name
         assert replay_frames(back).__next__().image.tolist() == [[0, 6, 0]]
-    with pytest.raises(SystemExit):
-        main(["replay", str(tmp_path / "b.mcap"), "--json"])
-    assert json.loads(capsys.readouterr().out)["setup"]["other"] == other
+    assert json.loads(softcover("replay", "b.mcap", "--json")[1])["setup"]["other"] == other
 
 
 @pytest.mark.parametrize(
@@ -184,10 +179,9 @@ def test_values_that_would_be_changed_or_lost_are_refused(tmp_path, old, new, wh
         tables.read(tmp_path / "a.csv")
 
 
-def test_counts_that_span_more_than_16_bits_are_not_saved(tmp_path, capsys):
+def test_counts_that_span_more_than_16_bits_are_not_saved(tmp_path, softcover):
     (tmp_path / "a.csv").write_text("# rows = 1\n# full_scale = 65535\ntime,a,b\n0,-300,65400\n")
-    with pytest.raises(SystemExit) as end:
-        main(["import", str(tmp_path / "a.csv"), "--out", str(tmp_path / "a.mcap")])
-    assert end.value.code == 2
-    assert "counts from -300 to 65400 do not fit an MCAP file" in capsys.readouterr().err
+    status, _, errors = softcover("import", "a.csv", "--out", "a.mcap")
+    assert status == 2
+    assert "counts from -300 to 65400 do not fit an MCAP file" in errors
     assert not (tmp_path / "a.mcap").exists()

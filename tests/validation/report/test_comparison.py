@@ -5,7 +5,7 @@ import re
 from tests.support.report_page import Page
 from validation.campaign.results import MODELS
 from validation.metrics import METRICS
-from validation.report.tables import describe_comparison
+from validation.report.page import describe_comparison
 
 #: Metrics in the order of the table's columns, which begin after two columns of text.
 SHOWN = ("misplaced_force", "image_changed_percent", "image_changed_line_percent", "centre_of_pressure_m")

@@ -5,11 +5,6 @@ import shutil
 
 import pytest
 
-from validation.campaign.case import Case
-from validation.campaign.evaluation import evaluate
-from validation.report import write_report
-from validation.sensor_file import load
-
 pytestmark = [
     pytest.mark.browser,
     pytest.mark.skipif(
@@ -17,17 +12,11 @@ pytestmark = [
     ),
 ]
 
-CASES = tuple(
-    Case.read(f"sphere {radius}", f"sphere:radius={radius}mm", "100 g", at="0.7mm,-1.1mm") for radius in (5, 3, 8)
-)
-
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory):
+def page(folder):
     from selenium import webdriver
 
-    folder = tmp_path_factory.mktemp("report")
-    write_report(evaluate(load("wts-0614-34"), cases=CASES), folder)
     options = webdriver.ChromeOptions()
     options.binary_location = shutil.which("chromium")
     for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1300,900"):
@@ -57,14 +46,14 @@ def test_no_error_and_no_request_beyond_the_folder(page):
     assert driver.execute_script("return document.documentElement.dataset.ready") == "true"
     assert driver.get_log("browser") == []
     asked = requests(driver)
-    assert any(url.endswith("plotly.min.js") for url in asked)
+    assert any(url.endswith("report.js") for url in asked)
     assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
 
 
 def test_a_broken_page_would_be_noticed(page):
     _, folder = page
     text = (folder / "index.html").read_text()
-    broken = text.replace("plotly.min.js", "http://127.0.0.1:9/plotly.min.js")
+    broken = text.replace("report.js", "http://127.0.0.1:9/report.js")
     (folder / "broken.html").write_text(broken)
     driver = fresh(page, "broken.html")
     assert driver.execute_script("return document.documentElement.dataset.ready") is None
@@ -75,7 +64,7 @@ def test_a_broken_page_would_be_noticed(page):
 def test_figures_are_drawn(page):
     driver = fresh(page)
     for name in ("psf-plot", "texel-plot", "campaign-plot"):
-        assert driver.execute_script(f"return document.querySelectorAll('#{name} svg.main-svg').length") > 0
+        assert driver.execute_script(f"return document.querySelectorAll('#{name} svg').length") > 0
 
 
 def column(driver, index):
@@ -87,7 +76,6 @@ def column(driver, index):
 def test_tables_sort_both_ways(page, index):
     driver = fresh(page)
     before = column(driver, index)
-    assert before[:3] == column(driver, index)
     key = float if index else str
     header = driver.find_elements("css selector", "#case-table thead th")[index]
     driver.execute_script("arguments[0].click()", header)

@@ -1,6 +1,7 @@
 """What the plots of a derivation show, against the results that they stand for."""
 
 import dataclasses
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,28 +9,42 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
+from matplotlib.figure import Figure
+
 from fem_reference.closed_form import point_response
-from validation.report.figures import campaign_figure, plot_responses
-from validation.report.files import draw_derivation
+from validation.report.figures import draw_campaign, draw_derivation, plot_responses, render_svg
+
+
+def draw(plot):
+    axes = Figure().subplots()
+    plot(axes)
+    return axes
 
 
 def test_the_plots_hold_the_curves_that_they_name(wts_derivation):
-    plots = plot_responses(wts_derivation)
-    fem, exact, gaussian = plots["psf-plot"].lines
-    radius, cover = 1e-3 * fem.x, wts_derivation.sensor.cover
-    np.testing.assert_allclose(fem.x, np.linspace(0, min(1e3 * wts_derivation.point_spread.reach, 12), 300))
-    np.testing.assert_allclose(fem.y, 1e-6 * wts_derivation.point_spread.pressure(radius))
-    np.testing.assert_allclose(exact.y, 1e-6 * point_response(cover, radius))
+    plots = {name: draw(plot) for name, (_, plot) in plot_responses(wts_derivation).items()}
+    fem, exact, gaussian = (line.get_xydata().T for line in plots["psf-plot"].lines)
+    radius, cover = 1e-3 * fem[0], wts_derivation.sensor.cover
+    np.testing.assert_allclose(fem[0], np.linspace(0, min(1e3 * wts_derivation.point_spread.reach, 12), 300))
+    np.testing.assert_allclose(fem[1], 1e-6 * wts_derivation.point_spread.pressure(radius))
+    np.testing.assert_allclose(exact[1], 1e-6 * point_response(cover, radius))
     sigma = 3.4 * wts_derivation.fit.gaussian.sigma_x
-    np.testing.assert_allclose(gaussian.y, np.exp(-(fem.x**2) / (2 * sigma**2)) / (2 * np.pi * sigma**2), rtol=1e-9)
+    expected = np.exp(-(fem[0] ** 2) / (2 * sigma**2)) / (2 * np.pi * sigma**2)
+    np.testing.assert_allclose(gaussian[1], expected, rtol=1e-9)
     kernel = wts_derivation.fit.gaussian.operator(wts_derivation.sensor.array)[3::6, 7 * 6 + 3]
     expected = (wts_derivation.texel_response_uniform[:, 3], wts_derivation.texel_response[:, 3], kernel)
     for line, values in zip(plots["texel-plot"].lines, expected, strict=True):
-        np.testing.assert_array_equal(line.x, np.arange(14) - 7)
-        np.testing.assert_allclose(line.y, 100 * values)
-    for plot in plots.values():
-        for line, trace in zip(plot.lines, plot.to_plotly()["data"], strict=True):
-            assert (trace["name"], trace["x"] is line.x, trace["y"] is line.y) == (line.name, True, True)
+        np.testing.assert_array_equal(line.get_xdata(), np.arange(14) - 7)
+        np.testing.assert_allclose(line.get_ydata(), 100 * values)
+
+
+def test_a_plot_in_the_page_takes_the_colour_of_its_text(wts_derivation):
+    _, plot = plot_responses(wts_derivation)["psf-plot"]
+    svg = render_svg(plot)
+    assert svg.startswith("<svg ")
+    assert "currentColor" in svg
+    assert "#000000" not in svg
+    assert "finite elements</text>" in svg
 
 
 @pytest.mark.parametrize("sides", [False, True], ids=["wide", "free sides"])
@@ -45,9 +60,6 @@ def test_a_picture_shows_the_plots_and_the_image_of_a_load_on_one_texel(wts_deri
     assert draw_derivation(derivation, tmp_path, "png") == ("psf.png",)
     *plots, image, colours = saved["psf.png"].axes
     assert len(plots) == (1 if sides else 2)
-    for drawn, plot in zip(plots, plot_responses(derivation).values(), strict=True):
-        for line, each in zip(drawn.lines, plot.lines, strict=True):
-            np.testing.assert_array_equal(line.get_ydata(), each.y)
     (drawn,) = image.images
     np.testing.assert_allclose(drawn.get_array(), 100 * wts_derivation.texel_response_uniform)
     assert drawn.origin == "lower"
@@ -60,8 +72,8 @@ def test_the_bars_of_a_campaign_stand_for_misplaced_forces():
         SimpleNamespace(case=SimpleNamespace(name=name), predictions={"fast": score[i], "zeros": score[i + 1]})
         for name, i in (("a", 0), ("b", 2))
     ]
-    figure = campaign_figure(SimpleNamespace(cases=cases, models=("fast", "zeros")))
-    assert [(bar["name"], bar["x"], bar["y"]) for bar in figure["data"]] == [
-        ("fast", ["a", "b"], pytest.approx([10, 30])),
-        ("zeros", ["a", "b"], pytest.approx([20, 40])),
-    ]
+    axes = draw(partial(draw_campaign, SimpleNamespace(cases=cases, models=("fast", "zeros"))))
+    fast, zeros = axes.containers
+    assert [bar.get_height() for bar in fast] == pytest.approx([10, 30])
+    assert [bar.get_height() for bar in zeros] == pytest.approx([20, 40])
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["a", "b"]

@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 
 from meshes.catalogue import ARRAYS
 from validation.cli.heat_map import draw_force_images
-from validation.data_sets.results import RecordingExample
-from validation.render.image import Scale, choose_ink, colour_bar, measure_luminance, tactile_image
-from validation.report.page import _draw_example as draw_example
+from validation.render.image import Scale, choose_ink, measure_luminance, tactile_image
 
 
 def test_row_0_is_at_the_bottom():
@@ -64,26 +62,3 @@ def test_the_ink_has_the_larger_contrast_to_its_ground(colour, luminance):
     assert measure_luminance(colour) == pytest.approx(luminance, rel=1e-3)
     black, white = (luminance + 0.05) / 0.05, 1.05 / (luminance + 0.05)
     assert choose_ink(colour) == ("#000" if black > white else "#fff")
-
-
-def test_images_of_recordings_print_grey_levels_on_one_scale():
-    array = ARRAYS["wts-0614-34"]
-    recorded, predicted = np.zeros((2, 14, 6), dtype=np.uint8)
-    recorded[1, 2], predicted[1, 2], predicted[3, 4] = 200, 220, 30
-    example = RecordingExample(split="x", case="1", load=1.0, recorded=recorded, predicted={"model": predicted})
-    drawn = draw_example(example, array, ("model", "absent"))
-    assert [name for name, *_ in drawn["images"]] == ["recorded", "model"]
-    (_, own, nothing), (_, model, apart) = drawn["images"]
-    assert nothing is None
-    grey, difference = Scale(peak=220), Scale(peak=30, difference=True)
-    for svg, scale, shown in (
-        (own, grey, recorded),
-        (model, grey, predicted),
-        (apart, difference, predicted - 1.0 * recorded),
-    ):
-        cells = re.findall(r'fill="(#\w{6})"><title>\[(\d+), (\d+)\] (\S+) grey</title>', svg)
-        assert len(cells) == 84
-        assert all(float(value) == shown[int(row), int(column)] for _, row, column, value in cells)
-        assert all(fill == scale.colour(float(value)) for fill, _, _, value in cells)
-    assert re.findall(r"<span>([^<]+)</span>", drawn["bars"]) == ["0", "220 grey", "-30", "30 grey"]
-    assert re.findall(r"<span>([^<]+)</span>", colour_bar(Scale(peak=0.25))) == ["0", "250 mN"]

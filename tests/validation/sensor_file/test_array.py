@@ -38,13 +38,6 @@ def test_positions_alone_make_a_list_of_texels_as_large_as_they_may_be(sensor, t
     assert "same centre" in faults(sensor(alone))[0]
 
 
-@pytest.mark.parametrize("text", ["", "a,b,c\n", "x,y,z\n1,2\n", "x,y,z\n1,2,nan\n", "x,y,z\n0,0,0\n"])
-def test_bad_table_of_texels(sensor, tmp_path, text, faults):
-    (tmp_path / "texels.csv").write_text(text)
-    (fault,) = faults(sensor(GOOD.replace("rows = 3", "rows = 3\npositions = 'texels.csv'")))
-    assert fault.startswith("array.positions: ")
-
-
 def test_mask_switches_texels_off(sensor):
     description = load(sensor(GOOD.replace("rows = 3", "rows = 3\nmask = ['01', '11', '11']")))
     assert description.array.active.tolist() == [False, True, True, True, True, True]

@@ -39,23 +39,24 @@ def doctor(*, port: str | None = None, json: Json = False) -> int:
     if port is not None:
         return _ask_sensor(port, json=json)
     parts = {part: {name: _find_version(name) for name in _find_distributions(part)} for part in _PARTS}
+    status = DONE if all(parts[""].values()) else CHECK_FAILED
     if json:
         named = {part or "base": versions for part, versions in parts.items()}
         print_json({"python": platform.python_version(), "parts": named, "surroundings": _find_surroundings()})
-    else:
-        rows = []
-        for part, versions in parts.items():
-            found = ", ".join(f"{name} {number}" for name, number in versions.items() if number)
-            absent = ", ".join(name for name, number in versions.items() if not number)
-            target = f"'.[{part}]'" if part else "."
-            cure = f"{absent}: in a clone, python -m pip install -e {target}" if absent else "nothing"
-            rows.append((part or "(base)", _PARTS[part], found, cure))
-        headings = ("part", "for", "installed", "missing, and how to get it")
-        title = f"softcover {_find_version('softcover')} on Python {platform.python_version()}"
-        print_table(headings, rows, title=title, left=len(headings))
-        for name, value in _find_surroundings().items():
-            show(f"{name}: {value}")
-    return DONE if all(parts[""].values()) else CHECK_FAILED
+        return status
+    rows = []
+    for part, versions in parts.items():
+        found = ", ".join(f"{name} {number}" for name, number in versions.items() if number)
+        absent = ", ".join(name for name, number in versions.items() if not number)
+        target = f"'.[{part}]'" if part else "."
+        cure = f"{absent}: in a clone, python -m pip install -e {target}" if absent else "nothing"
+        rows.append((part or "(base)", _PARTS[part], found, cure))
+    headings = ("part", "for", "installed", "missing, and how to get it")
+    title = f"softcover {_find_version('softcover')} on Python {platform.python_version()}"
+    print_table(headings, rows, title=title, left=len(headings))
+    for name, value in _find_surroundings().items():
+        show(f"{name}: {value}")
+    return status
 
 
 def _find_distributions(extra: str) -> list[str]:

@@ -52,9 +52,10 @@ def export(
         out: Folder for the files; an earlier result is replaced.
     """
     from validation import api
+    from validation.simulator_models import read_options
 
     faults = Faults()
-    faults.read(api.check_export, format, method, mass)
+    faults.read(read_options, format, method, mass)
     found = faults.read(read_sensor, sensor, cover)
     faults.refuse()
     tell_unused(found)

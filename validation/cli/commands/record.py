@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from validation.weiss.protocol import Reading
     from validation.weiss.stream import Gap
 
-#: Largest values of the sensor's settings that have 16 bits (interval, threshold) and 8 bits (gain).
-_MOST_16_BIT, _MOST_8_BIT = 0xFFFF, 0xFF
+#: Largest value of the settings that the sensor stores in 16 bits: interval [ms] and threshold [counts].
+_MOST_16_BIT = 0xFFFF
+#: Largest value of the setting that the sensor stores in 8 bits: gain [-].
+_MOST_8_BIT = 0xFF
 
 
 def record(

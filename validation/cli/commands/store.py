@@ -48,14 +48,14 @@ def list_entries(*, json: Json = False) -> None:
     """
     from fem_reference import result_store
 
-    found, folder, code = result_store.entries(), str(result_store.folder()), result_store.code_version()
+    found, code = result_store.entries(), result_store.code_version()
     if json:
-        entries, size = [_list_entry(entry, code) for entry in found], sum(entry.size for entry in found)
         partial = result_store.count_partial_files()
-        print_json({"folder": folder, "code": code, "entries": entries, "bytes": size, "partial_files": partial})
+        listed = _list_entries(found, code)
+        print_json({"folder": str(result_store.folder()), "code": code, **listed, "partial_files": partial})
         return
     _show_entries(found, code)
-    show(f"{_summarise(found)} in {folder}")
+    show(f"{_summarise(found)} in {result_store.folder()}")
     if other := sum(bool(entry.problem) or entry.code != code for entry in found):
         say(f"{other} of them cannot be used by this version; `softcover store prune` removes them")
 
@@ -138,9 +138,8 @@ def prune_entries(
     swept = 0 if dry_run else result_store.sweep_leftovers()
     left = len(found) - len(removed)
     if json:
-        entries, freed = [_list_entry(entry, code) for entry in removed], sum(entry.size for entry in removed)
-        told = {"dry_run": dry_run, "removed": entries, "bytes": freed, "kept": left, "partial_files_removed": swept}
-        print_json(told)
+        listed = _list_entries(removed, code, name="removed")
+        print_json({"dry_run": dry_run, **listed, "kept": left, "partial_files_removed": swept})
     else:
         _show_entries(removed, code)
         also = f", and {swept} unfinished files of killed processes" if swept else ""
@@ -176,18 +175,22 @@ def _show_entries(found: Sequence[Entry], code: str) -> None:
         show(f"{entry.key[:12]}  {decimal(entry.size):>9}  {age:>6}  {state:10}  {what}")
 
 
-def _list_entry(entry: Entry, code: str) -> dict[str, Any]:
-    """Return the JSON values of a stored result, given the present version of the code."""
-    return {
-        "key": entry.key,
-        "kind": entry.kind,
-        "about": _describe_inputs(entry.inputs),
-        "bytes": entry.size,
-        "created": datetime.fromtimestamp(entry.created, UTC).isoformat(timespec="seconds"),
-        "code": entry.code,
-        "usable": not entry.problem and entry.code == code,
-        "problem": entry.problem or None,
-    }
+def _list_entries(found: Sequence[Entry], code: str, *, name: str = "entries") -> dict[str, Any]:
+    """Return stored results and the sum of their sizes as JSON values, given the present version of the code."""
+    entries = [
+        {
+            "key": entry.key,
+            "kind": entry.kind,
+            "about": _describe_inputs(entry.inputs),
+            "bytes": entry.size,
+            "created": datetime.fromtimestamp(entry.created, UTC).isoformat(timespec="seconds"),
+            "code": entry.code,
+            "usable": not entry.problem and entry.code == code,
+            "problem": entry.problem or None,
+        }
+        for entry in found
+    ]
+    return {name: entries, "bytes": sum(entry.size for entry in found)}
 
 
 def _describe_inputs(inputs: Mapping[str, Any]) -> str:

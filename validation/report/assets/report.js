@@ -23,23 +23,4 @@ for (const header of document.querySelectorAll("table.sortable thead th")) {
   header.addEventListener("click", () => sortBy(header));
   header.addEventListener("keydown", (event) => { if (event.key === "Enter") sortBy(header); });
 }
-// Figures take their colours from the style sheet, so that they follow dark mode and print.
-const figures = Object.entries(JSON.parse(document.getElementById("figures").textContent));
-function paint(width) {
-  const style = getComputedStyle(document.documentElement);
-  const [ink, line] = ["--ink", "--line"].map((name) => style.getPropertyValue(name).trim());
-  for (const [id, figure] of figures) {
-    const { xaxis, yaxis, ...rest } = figure.layout;
-    const colour = (axis) => ({ ...axis, gridcolor: line, zerolinecolor: line });
-    const layout = { ...rest, xaxis: colour(xaxis), yaxis: colour(yaxis), font: { ...rest.font, color: ink } };
-    const data = figure.data.map((one) => (one.line?.color === "ink" ? { ...one, line: { ...one.line, color: ink } } : one));
-    if (width) Object.assign(layout, { width, autosize: false });
-    Plotly.react(id, data, layout, { responsive: true, displayModeBar: false });
-  }
-}
-paint();
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => paint());
-// 186 mm, the width between the margins of A4
-window.addEventListener("beforeprint", () => paint(690));
-window.addEventListener("afterprint", () => paint());
 document.documentElement.dataset.ready = "true";

@@ -51,21 +51,3 @@ def test_only_links_to_pseudo_terminals_are_replaced(softcover, tmp_path):
     assert (status, "cannot create a link to the port here" in err) == (2, True)
     assert str((tmp_path / "mine").readlink()) == "file"
     assert softcover("emulate", "left", "--seconds", "0")[0] == 0
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--array", "0"], "--array: is for recordings; leave it out with --show blob"),
-        (["--load", "2N"], "--indenter, --load: press on the fast model of a sensor; leave them out with --show blob"),
-        (["--rate", "nan"], "--rate: 'nan' is not a finite number"),
-        (["--rate", "1_0"], "--rate: '1_0' is not a finite number"),
-        (["--seconds", "1e999"], "--seconds: '1e999' is not a finite number"),
-        (["--seed", "1_0"], "--seed: '1_0' is not a whole number"),
-        (["--fault", "lose=0.1", "--fault", "lose=0.2"], "--fault: lose is given twice; give each fault once"),
-    ],
-)
-def test_numbers_are_finite_and_faults_are_given_once(softcover, words, message):
-    status, _, err = softcover("emulate", *words)
-    assert status == 2
-    assert message in err

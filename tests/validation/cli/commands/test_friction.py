@@ -1,18 +1,14 @@
 """Friction reaches the finite elements from the command line and from sensor files; the fast model says it has none."""
 
-import dataclasses
 import json
 import math
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from fem_reference import ConvergenceError
 from fem_reference.indentation import press
-from validation.campaign import evaluation
 from validation.campaign.case import Case
-from validation.errors import InputError
 from validation.sensor_file import load
 
 BALL = ("--indenter", "sphere:radius=5mm", "--model", "fem")
@@ -27,9 +23,9 @@ def coefficients(monkeypatch):
         asked.append(friction)
         raise ConvergenceError("not computed here")
 
+    monkeypatch.setattr("fem_reference.press_path", refuse)
     monkeypatch.setattr(press, "press", refuse)
     monkeypatch.setattr(press, "press_path", refuse)
-    monkeypatch.setattr("fem_reference.press_path", refuse)
     return asked
 
 
@@ -40,25 +36,6 @@ def coefficients(monkeypatch):
 def test_the_option_reaches_the_solver(softcover, coefficients, text, value, target):
     status, _, err = softcover("press", "wts-0614-34", *BALL, *target, "--friction", text)
     assert (status, set(coefficients)) == (4, {value}), err
-
-
-def test_the_sensor_file_reaches_the_solver(softcover, coefficients):
-    softcover("init")
-    file = Path("sensor.toml")
-    file.write_text(file.read_text() + "\n[contact]\nfriction = 0.4\n")
-    softcover("press", file, *BALL, "--load", "2N")
-    assert coefficients == [0.4]
-
-
-def test_the_sensor_file_reaches_every_case_of_a_report(coefficients, wts_derivation, monkeypatch):
-    """The comparison models are left out: they press before the cases do."""
-    monkeypatch.setattr(evaluation, "derive", lambda given, **__: dataclasses.replace(wts_derivation, sensor=given))
-    monkeypatch.setattr("validation.published.models.prepare_models", lambda *_, **__: None)
-    sensor = dataclasses.replace(load("wts-0614-34"), friction=0.6)
-    with pytest.raises(InputError, match="not computed here"):
-        evaluation.evaluate(sensor, cases=[Case.read(name, "sphere:radius=5mm", "2N") for name in ("one", "two")])
-    assert len(coefficients) == 4  # what is stored is looked up for the plan, then each case is computed
-    assert set(coefficients) == {0.6}
 
 
 @pytest.fixture
@@ -110,13 +87,3 @@ def test_beside_the_finite_elements_the_fast_model_says_that_they_alone_use_fric
         assert [sentence for sentence in found.fast.warnings if "friction" in sentence] == (
             [f"the fast model has no friction; {text}"] if text else []
         )
-
-
-@pytest.mark.parametrize("options", [("--model", "fem"), ("--curve", "3", "--out", "x")])
-def test_a_contact_method_without_the_fast_model_is_refused(softcover, tmp_path, options):
-    words = ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "2N", "--method", "boxes", *options)
-    status, out, err = softcover(*words)
-    assert (status, out) == (2, "")
-    assert err.startswith("softcover: --method: ")
-    assert "finite elements" in err
-    assert list(tmp_path.iterdir()) == []

@@ -1,12 +1,6 @@
 import pytest
 
 
-@pytest.fixture
-def sensor(tmp_path, softcover):
-    assert softcover("init")[0] == 0
-    return tmp_path / "sensor.toml"
-
-
 @pytest.mark.parametrize("more", [(), ("--force",)])
 def test_init_asks_for_a_file_where_a_folder_is_named(softcover, tmp_path, more):
     folder = tmp_path / "folder"
@@ -18,7 +12,9 @@ def test_init_asks_for_a_file_where_a_folder_is_named(softcover, tmp_path, more)
     )
 
 
-def test_init_never_overwrites(softcover, sensor):
+def test_init_never_overwrites(softcover, tmp_path):
+    sensor = tmp_path / "sensor.toml"
+    assert softcover("init")[0] == 0
     sensor.write_text("mine")
     status, _, err = softcover("init")
     assert status == 2

@@ -71,23 +71,6 @@ def test_modulus_from_a_hardness(ask):
     assert found["by_relation"]["gent-1958"] == pytest.approx(1.1424e6, rel=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (["dragonskn-30"], "did you mean 'dragon-skin-30'"),
-        (["--hardness", "90"], "--hardness: the relations hold for 20..80 Shore A"),
-        (["--hardness", "soft"], "--hardness: 'soft' is not a hardness"),
-        (["rtv615", "--hardness", "30"], "leave out the name"),
-        (["--out", "curve.csv"], "name it"),
-        (["rtv615", "--out", "curve.pdf"], "curve.pdf is none of .csv, .svg and .png"),
-    ],
-)
-def test_bad_words(softcover, words, expected):
-    status, out, err = softcover("materials", *words)
-    assert (status, out) == (2, "")
-    assert expected in err
-
-
 def test_no_two_names_differ_by_their_separators_alone():
     assert len({name.replace("-", "") for name in MATERIALS}) == len(MATERIALS)
 

@@ -11,39 +11,21 @@ from validation.errors import InputError
 from validation.text.friction import read_friction
 
 
-def test_press_prints_the_keys_that_others_rely_on(softcover):
-    status, out, _ = softcover(
-        "press", "wts-0614-34", "--indenter", "box:size=6mmx10mmx5mm", "--load", "500g", "--at=-0.7mm,1.1mm",
-        "--yaw=-45deg", "--json",
-    )  # fmt: skip
+def test_both_models_carry_the_load_and_are_scored(softcover):
+    place = ("--load", "500g", "--at=-0.7mm,1.1mm", "--yaw=-45deg")
+    status, out, _ = softcover("press", "wts-0614-34", "--indenter", "box:size=6mmx10mmx5mm", *place, "--json")
     result = json.loads(out)
+    fem, fast = (result["models"][model] for model in ("fem", "fast"))
     assert status == 0
-    for model in ("fem", "fast"):
-        entry = result["models"][model]
+    for entry in (fem, fast):
         assert np.shape(entry["texel_forces"]) == (14, 6)
         assert np.sum(entry["texel_forces"]) + entry["outside"] == pytest.approx(entry["total_force"], rel=1e-3)
         assert entry["total_force"] == pytest.approx(0.5 * 9.80665, rel=1e-3)
-        assert entry["seconds"] >= 0
-    assert result["models"]["fem"]["depth"] > 0
-    assert result["models"]["fast"]["method"] == "cover"
-    assert result["models"]["fast"]["depth"] == pytest.approx(result["models"]["fem"]["depth"], rel=0.1)
-    assert result["models"]["fem"]["error_estimate"].keys() == {"total_force", "depth", "peak_texel", "contact_area"}
-    assert result["models"]["fem"]["assumptions"].keys() >= {"strain", "friction", "base"}
-    assert result["scores"].keys() >= {
-        "total_force_error",
-        "misplaced_force",
-        "relative_l2",
-        "centre_of_pressure_m",
-        "image_changed_percent",
-        "pixels_changed",
-    }
-
-
-def test_boxes_misplace_more_force_than_the_cover_method(softcover):
-    touch = ("press", "wts-0614-34", "--indenter", "box:size=6mmx10mmx5mm", "--load", "500g", "--json")
-    cover, boxes = (json.loads(softcover(*touch, "--method", method)[1]) for method in ("cover", "boxes"))
-    assert boxes["models"]["fast"]["depth"] is None
-    assert boxes["scores"]["misplaced_force"] > 5 * cover["scores"]["misplaced_force"]
+    assert fast["method"] == "cover"
+    assert fast["depth"] == pytest.approx(fem["depth"], rel=0.1)
+    assert fem["error_estimate"].keys() == {"total_force", "depth", "peak_texel", "contact_area"}
+    assert fem["assumptions"].keys() >= {"strain", "friction", "base"}
+    assert result["scores"].keys() >= {"misplaced_force", "centre_of_pressure_m", "image_changed_percent"}
 
 
 @pytest.mark.slow
@@ -52,14 +34,6 @@ def test_at_a_depth_the_fast_model_takes_the_load_of_the_reference(softcover):
     models = json.loads(out)["models"]
     assert models["fem"]["depth"] == pytest.approx(0.3e-3, rel=1e-6)
     assert models["fast"]["total_force"] == pytest.approx(models["fem"]["total_force"], rel=1e-3)
-
-
-@pytest.mark.slow
-def test_press_draws_both_models(softcover):
-    status, out, _ = softcover("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "500g")
-    assert status == 0
-    assert "finite elements, mN" in out
-    assert "fast model, mN" in out
 
 
 def test_press_by_the_fast_model_alone_needs_no_finite_elements(softcover, without_reference):
@@ -78,22 +52,6 @@ def test_press_takes_the_fast_model_from_a_derived_folder(softcover, without_ref
     assert folder["models"]["fast"]["texel_forces"] == built_in["models"]["fast"]["texel_forces"]
     assert built_in["cover"]["assumed"] is True
     assert folder["cover"] is None
-
-
-@pytest.mark.parametrize("options", [["--load", "2N"], ["--depth", "0.1mm", "--model", "fast"]])
-def test_the_finite_elements_need_more_than_a_derived_folder(softcover, without_reference, options):
-    fastmodel.load("wts-0614-34").save("derived")
-    status, out, err = softcover("press", "derived", "--indenter", "sphere:radius=5mm", *options)
-    assert (status, out) == (2, "")
-    assert "no description of the cover" in err
-
-
-def test_the_faults_of_all_options_are_reported_at_once(softcover):
-    words = ("no.toml", "--indenter", "spher:x=1", "--load", "3", "--at=1mm", "--yaw=x", "--model", "fen")
-    status, _, err = softcover("press", *words)
-    assert status == 2
-    places = [line.split(": ")[1] for line in err.splitlines()]
-    assert places == ["--model", "no.toml", "--indenter", "--at", "--yaw", "--load"]
 
 
 def test_a_loading_path_that_stops_is_status_4_in_one_line(softcover, monkeypatch):

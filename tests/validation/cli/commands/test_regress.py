@@ -10,6 +10,7 @@ import pytest
 import fastmodel
 from fastmodel import Butterworth, Electronics, Gaussian, Parameters
 from meshes import TexelArray
+from validation.cli.commands.regress import explain_verdict
 
 
 @pytest.fixture
@@ -60,16 +61,19 @@ def test_a_change_is_told_stored_and_then_passes(regress, parameters, tmp_path):
     regress("--update")
     before = (tmp_path / "baseline.json").read_text().splitlines()
     other = replace(parameters, electronics=replace(parameters.electronics, sensitivity=1050.0))
-    status, out, err = regress("--junit", "junit.xml", changed=other)
+    status, out, err = regress("--junit", "junit.xml", "--out", "verdict", changed=other)
     assert status == 1
+    assert "quantities left their tolerances, in: characteristic." in err
+    header, *rows = (tmp_path / "verdict" / "regress.csv").read_text().splitlines()
+    ratios = {title.strip('"'): float(value) for title, value in (line.rsplit(",", 1) for line in rows)}
+    assert header == "quantity,change_over_tolerance"
+    assert ratios["characteristic: sensitivity"] == pytest.approx(10, rel=0.01)  # 5 % at a tolerance of 0.5 %
+    assert {title.split(":")[0] for title, value in ratios.items() if value > 1} == {"characteristic"}
     assert "characteristic: sensitivity: rose from 999.76 to 1049.7 counts/N (+5 %), tolerance 0.5 % of value" in out
     assert {line.split(":")[0] for line in out.splitlines()} == {"characteristic"}
     assert "if the changes are meant: softcover regress" in err
     failures = ET.parse(tmp_path / "junit.xml").getroot().findall(".//failure")  # noqa: S314 -- ours
     assert [each.get("message") for each in failures] == out.splitlines()
-    lines = (tmp_path / "junit.xml").read_text().splitlines()
-    tests = ET.parse(tmp_path / "junit.xml").getroot().findall(".//testcase")  # noqa: S314 -- ours
-    assert sum(line.startswith("    <testcase ") for line in lines) == len(tests) > 0
     status, out, err = regress("--update", changed=other)
     assert status == 0
     assert "characteristic: sensitivity: rose from 999.76 to 1049.7 counts/N" in out
@@ -78,23 +82,6 @@ def test_a_change_is_told_stored_and_then_passes(regress, parameters, tmp_path):
     assert any("1049.7" in line for line in changed)
     assert len(changed) < 10
     assert regress(changed=other)[0] == 0
-
-
-def test_a_file_has_each_change_over_its_tolerance(regress, parameters, tmp_path):
-    regress("--update")
-    other = replace(parameters, electronics=replace(parameters.electronics, sensitivity=1050.0))
-    status, _, err = regress("--out", "verdict", changed=other)
-    assert status == 1
-    assert "quantities left their tolerances, in: characteristic." in err
-    assert "wrote regress.csv to verdict" in err
-    header, *lines = (tmp_path / "verdict" / "regress.csv").read_text().splitlines()
-    ratios = {title.strip('"'): float(value) for title, value in (line.rsplit(",", 1) for line in lines)}
-    assert header == "quantity,change_over_tolerance"
-    assert ratios["characteristic: sensitivity"] == pytest.approx(10, rel=0.01)  # 5 % at a tolerance of 0.5 %
-    assert {title.split(":")[0] for title, value in ratios.items() if value > 1} == {"characteristic"}
-    status, _, err = regress("--update", "--out", "verdict")
-    assert status == 2
-    assert "--out, --update: give one of the two" in err
 
 
 def test_json_holds_changes_and_all_values(regress, parameters):
@@ -118,21 +105,6 @@ def test_what_cannot_be_measured_any_more_is_red_and_says_why(regress, parameter
     assert "not measured: characteristic: " in err
 
 
-def test_bad_options_are_refused_before_anything_is_measured(regress, softcover, tmp_path):
-    (tmp_path / "folder").mkdir()
-    for words, fault in (
-        (("--update", "--junit", "a.xml"), "give one of the two"),
-        (("--seed=-1",), "--seed: accepted: 0 or more"),
-        (("--update", "--baseline", "."), "is a folder; name a file"),
-        (("--junit", "."), "is a folder; name a file"),
-    ):
-        status, out, err = regress(*words)
-        assert (status, out) == (2, "")
-        assert fault in err
-    assert softcover("regress")[0] == 2
-    assert softcover("regress", "nosuch")[0] == 2
-
-
 def test_a_baseline_of_another_sensor_is_neither_compared_nor_replaced(regress, parameters, tmp_path):
     path = tmp_path / "baseline.json"
     regress("--update")
@@ -146,14 +118,6 @@ def test_a_baseline_of_another_sensor_is_neither_compared_nor_replaced(regress, 
     assert regress("--update")[0] == 2
     assert path.read_text() == '{"name": "of another program"}'
     path.write_bytes(before)
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
-def test_an_unwritable_folder_is_told(regress, tmp_path):
-    (tmp_path / "locked").mkdir(mode=0o500)
-    status, _, err = regress("--update", "--baseline", "locked/baseline.json")
-    assert status == 3
-    assert "locked" in err
 
 
 def test_a_file_that_cannot_be_written_leaves_the_old_one(regress, softcover, parameters, tmp_path, monkeypatch):
@@ -186,3 +150,12 @@ def test_a_built_in_sensor_is_derived_and_scored(softcover, tmp_path):
     status, _, err = softcover("regress", tmp_path / "folder")
     assert status == 2
     assert "without finite elements" in err
+
+
+def test_a_verdict_names_the_largest_change_or_the_groups_that_moved():
+    assert explain_verdict({}) == "All 0 quantities are within their tolerances."
+    assert explain_verdict({"a: x": 0.25, "b: y": 1.0, "b: z": 0.5}) == (
+        "All 3 quantities are within their tolerances; the largest change is 1 of its tolerance (b: y)."
+    )
+    moved = explain_verdict({"b: y": 1.5, "a: x": 0.5, "c: z": float("nan"), "b: w": float("inf")})
+    assert moved.startswith("3 of 4 quantities left their tolerances, in: b, c. ")

@@ -52,21 +52,16 @@ def test_the_list_of_an_empty_store_names_its_folder(empty):
     assert (result["entries"], result["bytes"]) == ([], 0)
 
 
-def test_the_list_has_a_line_per_entry_newest_first(filled):
+def test_the_list_has_an_entry_each_newest_first(filled):
     status, out, err = filled("store", "list")
     lines = out.splitlines()
-    assert status == 0
-    assert len(lines) == 6
+    assert (status, len(lines)) == (0, 6)
     assert lines[0].split()[0] == "0" * 12
     assert "point spread: 2 mm assumed elastomer, bonded" in lines[0]
     assert " 12 h " in lines[0]
-    assert " 4 d " in lines[4] or " 5 d " in lines[4]
-    assert [("other code" in line) for line in lines[:5]] == [True, False, True, False, False]
+    assert [("other code" in line) for line in lines[:5]] == [code is not None for code in CODES]
     assert lines[5].startswith("5 entries, ")
     assert "2 of them cannot be used" in err
-
-
-def test_the_list_as_json_tells_which_entries_are_usable(filled):
     result = json.loads(filled("store", "list", "--json")[1])
     assert numbers(result["entries"]) == [0, 1, 2, 3, 4]
     assert [entry["usable"] for entry in result["entries"]] == [code is None for code in CODES]
@@ -82,20 +77,13 @@ def test_an_indentation_is_described_in_the_words_of_the_command_line(softcover)
     assert softcover("store", "verify")[0] == 0
 
 
-def test_verify_of_an_undamaged_store_finds_nothing(filled):
-    status, out, err = filled("store", "verify")
-    assert (status, err) == (0, "")
-    assert out.endswith(" checked, none damaged\n")
-    status, out, err = filled("store", "verify", "--json")
-    assert (status, json.loads(out)["damaged"], err) == (0, [], "")
-
-
 def test_verify_names_the_damaged_entry(filled):
+    assert filled("store", "verify")[0] == 0
+    assert json.loads(filled("store", "verify", "--json")[1])["damaged"] == []
     path = damage(3)
     status, out, err = filled("store", "verify")
     assert status == 1
     assert out.splitlines()[0].startswith(f"{path}: has ")
-    assert "5 entries" in out
     assert out.endswith(" checked, 1 damaged\n")
     assert "removed by `softcover store prune`" in err
     status, out, err = filled("store", "verify", "--json")
@@ -107,14 +95,10 @@ def test_verify_names_the_damaged_entry(filled):
     ("options", "left"),
     [
         ([], [1, 3, 4]),
-        (["--other-code"], [1, 3, 4]),
         (["--older-than", "2d"], [0, 1]),
-        (["--older-than", "61h"], [0, 1, 2]),
         (["--older-than", "2d", "--other-code"], [0, 1, 3, 4]),
         (["--keep-latest", "3"], [0, 1, 2]),
         (["--keep-latest", "0"], []),
-        (["--keep-latest", "9"], [0, 1, 2, 3, 4]),
-        (["--keep-latest", "1", "--other-code"], [0, 1, 3, 4]),
         (["--all"], []),
     ],
 )
@@ -139,23 +123,3 @@ def test_prune_always_removes_damaged_entries_and_unfinished_files(filled):
     assert "damaged" in out
     assert "1 unfinished file" in out
     assert (result_store.folder() / "notes.txt").read_text() == "mine"
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (["prune", "--older-than", "30"], "--older-than: '30' has no unit"),
-        (["prune", "--older-than", "yesterday"], "'yesterday' is not a time; write for example '30 days'"),
-        (["prune", "--older-than=-3d"], "--older-than: accepted: 0 days or more, not '-3d'"),
-        (["prune", "--older-than", "3mm"], "--older-than: 'mm' in '3mm' is not a unit of time"),
-        (["prune", "--keep-latest=-1"], "--keep-latest: accepted: 0 or more"),
-        (["prune", "--keep-latest", "few"], "few"),
-        (["prune", "--all", "--keep-latest", "3"], "--all: removes every entry"),
-        (["lst"], "unknown action 'lst'; did you mean 'list'?"),
-    ],
-)
-def test_bad_options_remove_nothing(filled, words, expected):
-    status, out, err = filled("store", *words)
-    assert (status, out) == (2, "")
-    assert expected in err
-    assert stored() == [0, 1, 2, 3, 4]

@@ -44,19 +44,14 @@ GOOD = pack_npz(NAMES)
 MANIFEST = {"kind": "test", "code": "x", "arrays": ["a"]}
 BAD_BLOBS = {
     "nothing": b"",
-    "text": b"no zip",
-    "truncated": GOOD[: len(GOOD) // 2],
-    "empty": zipped(b"", name="a.npy"),
     "no arrays": pack_npz({}),
     "another array": pack_npz({"b": 1.0}),
     "python objects": zipped(pickled()),
-    "an empty array file": zipped(b"\x93NUMPY"),
     "lzma": zipped(head((1,)) + bytes(8), zipfile.ZIP_LZMA),
     "huge": zipped(head((10**12,))),
     "negative": zipped(head((-1,))),
     "short": zipped(head((3,)) + bytes(8)),
     "long": zipped(head((3,)) + bytes(80)),
-    "no array": zipped(b"x", name="a.txt"),
 }
 BAD_MANIFESTS = {
     "nothing": b"",
@@ -93,14 +88,6 @@ def test_bad_content_with_a_valid_hash_is_computed_again(folder, softcover, capl
     assert len(caplog.records) == 1
     np.testing.assert_array_equal(result_store.fetch("test", {}, dict)["a"], NAMES["a"])
     assert softcover("store", "verify")[0] == 0
-
-
-def test_an_array_that_an_entry_lacks_is_computed(folder, caplog):
-    forge(folder, {**MANIFEST, "arrays": ["b"]}, pack_npz({"b": 1.0}))
-    found = result_store.fetch("test", {}, lambda: NAMES)
-    np.testing.assert_array_equal(found["a"], NAMES["a"])
-    assert len(caplog.records) == 1
-    np.testing.assert_array_equal(result_store.fetch("test", {}, dict)["a"], NAMES["a"])
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ import time
 import numpy as np
 import pytest
 
-import fastmodel
 from meshes.catalogue import ARRAYS
+from validation.render.image import Scale
 
 ARRAY = ARRAYS["wts-0614-34"]
 TOUCH = ("--indenter", "sphere:radius=5mm", "--load", "500g")
@@ -44,21 +44,6 @@ def test_view_prints_the_last_frame_as_json(softcover):
     peak = np.unravel_index(np.argmax(result["texel_forces"]), (14, 6))
     assert peak[0] in {6, 7}
     assert peak[1] in {2, 3}
-
-
-def test_the_faults_of_all_options_are_reported_at_once(softcover):
-    status, out, err = softcover(
-        "view", "wts-0614-3", "--indenter", "shpere", "--load", "0N", "--method", "boxs", "--seconds=-1"
-    )
-    assert (status, out) == (2, "")
-    for part in ("'wts-0614-34'", "'sphere'", "--load: must be positive", "'boxes'", "--seconds: accepted: 0 or more"):
-        assert part in err
-
-
-def test_the_contact_methods_that_can_be_named_are_those_of_the_fast_model():
-    from validation.campaign.comparison import METHODS
-
-    assert set(METHODS) == {"default", *fastmodel.METHODS}
 
 
 @pytest.mark.parametrize(
@@ -109,9 +94,9 @@ def test_the_window_shows_the_array_and_its_image(display):
     while not seen and running.poll() is None and time.monotonic() < deadline:
         time.sleep(0.5)
         picture = np.asarray(ImageGrab.grab(xdisplay=display)).astype(int)
-        # the image in the corner, hottest where the sphere presses, and black where nothing does
+        # the image in the corner, bright where the sphere presses, and in the colour of zero where nothing does
         corner = picture[260:680, 10:190]
-        seen = (corner[..., 0] > corner[..., 2] + 100).any() and (corner == 0).all(axis=-1).any()
+        seen = (corner[..., 1] > 200).any() and (corner == Scale(peak=1).rgb(0)).all(axis=-1).any()
     running.send_signal(signal.SIGINT)
     out, err = running.communicate(timeout=60)
     assert (seen, running.returncode) == (True, 0), err

@@ -14,9 +14,11 @@ from meshes import Material, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.solid_mesh import SolidMesh, compute_volume, measure_area
 
-#: Largest number of nodes of the top, middles of edges included, on which the fast model is derived: it needs one
-#: solution per node, and keeps the displacement of each under a force on each [-].
+#: Largest number of nodes of the top, middles of edges included, on which the fast model is derived [-].  One solution
+#: per node is needed, and the compliance between all pairs of nodes is stored.
 MOST_NODES = 5000
+#: Reason why a solid cover has no fast model of contact, for messages.
+TOO_FINE = "the meshes of this cover are too fine for the fast model"
 
 
 def choose_mesh(meshes: tuple[SolidMesh, ...]) -> SolidMesh | None:
@@ -39,10 +41,10 @@ def derive_fast_model(meshes: tuple[SolidMesh, ...], texels: TexelArray, materia
         material: Material of the cover.
     """
     mesh = choose_mesh(meshes)
-    return None if mesh is None else derive_curved_cover(mesh, texels, material)
+    return None if mesh is None else derive_points(mesh, texels, material)
 
 
-def derive_curved_cover(mesh: SolidMesh, texels: TexelArray, material: Material) -> CoverPoints:
+def derive_points(mesh: SolidMesh, texels: TexelArray, material: Material) -> CoverPoints:
     """Compute the arrays of the fast model on the nodes of the top of one mesh, or read them from the store.
 
     The forces of the fast model are those of the reference's pressures (`pressure_shapes`), one around each node of the

@@ -14,8 +14,8 @@ from meshes.pose import Pose
 from meshes.solids import phalanx
 from meshes.solids.covers import take_meshes
 from meshes.solids.facets import split_facet
-from validation.derivation import curved
-from validation.derivation.curved import derive_curved_cover
+from validation.derivation import cover_points
+from validation.derivation.cover_points import derive_points
 
 RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
 
@@ -35,7 +35,7 @@ def mesh(cover):
 def test_presses_agree_with_those_of_the_reference_on_the_same_mesh(cover, mesh, shape, direction):
     """Both have the same pressures; the fast model does not cut them at a sharp edge, as the reference does."""
     close = 1e-2 if isinstance(shape, Sphere) else 8e-2
-    fast = derive_curved_cover(mesh, cover.texels, RUBBER)
+    fast = derive_points(mesh, cover.texels, RUBBER)
     pose = Pose.facing(-20e-3 * np.array(direction) + np.array([0, 0, 5e-3]), direction)
     known = press(take_meshes([mesh], RUBBER), cover.texels, shape, pose, depth=0.25e-3)
     found = press_fast(fast, shape, pose, load=known.total_force)
@@ -44,7 +44,7 @@ def test_presses_agree_with_those_of_the_reference_on_the_same_mesh(cover, mesh,
 
 
 def test_a_uniform_pressure_presses_on_the_texels_as_in_the_reference(cover, mesh):
-    fast = derive_curved_cover(mesh, cover.texels, RUBBER)
+    fast = derive_points(mesh, cover.texels, RUBBER)
     known = texel_responses([mesh], cover.texels, RUBBER).finest
     top = known.top
     np.testing.assert_array_equal(fast.points, top.nodes)
@@ -57,11 +57,11 @@ def test_a_uniform_pressure_presses_on_the_texels_as_in_the_reference(cover, mes
 
 
 def test_a_compliance_of_other_code_is_not_taken_from_the_store(cover, mesh, monkeypatch, tmp_path):
-    derive_curved_cover(mesh, cover.texels, RUBBER)
+    derive_points(mesh, cover.texels, RUBBER)
     other = tmp_path / "curved.py"
     other.write_text("# other formulas\n")
     with result_store.stored_only():
-        derive_curved_cover(mesh, cover.texels, RUBBER)
-        monkeypatch.setattr(curved, "__file__", str(other))
+        derive_points(mesh, cover.texels, RUBBER)
+        monkeypatch.setattr(cover_points, "__file__", str(other))
         with pytest.raises(result_store.NotStoredError, match="hat"):
-            derive_curved_cover(mesh, cover.texels, RUBBER)
+            derive_points(mesh, cover.texels, RUBBER)

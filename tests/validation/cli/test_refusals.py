@@ -1,0 +1,171 @@
+"""Bad input of every command: exit status 2, one line that names the place and what is accepted, and no file."""
+
+import pytest
+
+import fastmodel
+from tests.support.words import split_command, split_table
+
+#: Words of commands and what the line says.  BALL stands for an indenter with a load, WTS for the built-in sensor.
+REFUSED = """
+derive no.toml | no.toml: no such file or built-in sensor
+derive wts-0614-3 | did you mean 'wts-0614-34'
+derive WTS --material dragonskn-30 | did you mean 'dragon-skin-30'
+derive WTS --thickness 2 | --thickness: '2' has no unit
+derive WTS --thickness=-2mm | --thickness: must be positive
+derive WTS --thickness=5km | --thickness: must be at most 1 m, not '5km'
+derive | SENSOR is missing
+derive WTS --thicknes 2mm | --thicknes
+derive WTS --layer 2:thickness=1mm | --layer: the cover has no layer 2
+derive . | .: is a folder; name a file
+mesh . | .: is a folder; name a file
+regress WTS --baseline . | .: is a folder; name a file
+press WTS --indenter shpere:radius=5mm --load 1N | did you mean 'sphere'
+press WTS --indenter sphere:raduis=5mm --load 1N | did you mean 'radius'
+press WTS --indenter sphere --load 1N | sphere needs radius
+press WTS --indenter sphere:radius=-5mm --load 1N | positive
+press WTS --indenter box:size=1mmx2mm --load 1N | is not 3 values
+press WTS BALL --method boxs | 'boxes'
+press WTS --indenter sphere:radius=5mm | give one of them
+press WTS --indenter sphere:radius=5mm --load 5 | --load: '5' has no unit
+press WTS --indenter sphere:radius=5mm --load 0N | --load: must be positive
+press WTS --indenter sphere:radius=5mm --depth 3mm | --depth: at a depth of 3 mm
+press WTS BALL --at=1m,0m | is not on the array
+press WTS BALL --yaw=45 | --yaw: '45' has no unit
+press WTS BALL --model=fen | did you mean 'fem'
+press WTS BALL --layer 1:E=1MPa | mean 'youngs_modulus'
+press WTS BALL --model fast --friction 0.4 | --friction: the fast model has none
+press WTS BALL --friction sticky | --friction: 'sticky' is not zero, a positive number or no-slip
+press WTS BALL --model fast --accuracy 1% | the fast model has none
+press WTS BALL --model fast --out x | name fem
+press WTS BALL --model fem --curve 3 | --out
+press WTS BALL --model fem --curve 0 --out x | 1..1000
+press WTS BALL --model fem --method boxes | --method: --model names the finite elements alone
+press WTS BALL --curve 3 --out x --method boxes | --method: --curve is computed by finite elements alone
+press WTS BALL --direction=0,0,-1 | --direction
+press fingertip BALL --tilt=85deg,0deg | --tilt
+press flat-pad BALL --model fem --friction=0.4 | --friction: 0.4 is not computed on curved covers; accepted: 0
+press flat-pad BALL --model fem --friction=no-slip --strain=finite | --friction: on curved covers no slip
+press fingertip BALL --friction=no-slip --model=fast | --friction: the fast model has none
+press fingertip --indenter sphere:radius=5mm | --load, --depth
+validate fingertip --recordings none | recordings of curved covers are not scored; leave them out
+export phalanx --format sdf | curved cover
+datasheet flat-pad | curved cover
+view fingertip BALL | curved cover
+emulate port --show fingertip | softcover derive fingertip --out FOLDER
+export WTS --format usd | unknown format 'usd'; did you mean 'sdf'? accepted: mjcf, gazebo
+export WTS --mass 20g | --mass: mjcf holds massless boxes
+export WTS --format sdf --mass 20mm | is not a unit of mass
+export WTS --format urdf --mass=-1g | --mass: must be positive
+export WTS --format gazebo --method boxes | --method: the Gazebo plugin block has one method of its own
+export sdh2-distal --format gazebo --thickness 1mm | no texel may be masked
+datasheet WTS --out sheet.pdf | sheet.pdf is neither .md nor .html
+validate WTS --recordings nowhere | nowhere: no such folder
+validate WTS --measured gelsight | did you mean 'gelsight-mini'
+validate WTS --measured gelsight-mini --quick | leave out all options but --json
+materials dragonskn-30 | did you mean 'dragon-skin-30'
+materials --hardness 90 | --hardness: the relations hold for 20..80 Shore A
+materials --hardness soft | --hardness: 'soft' is not a hardness
+materials rtv615 --hardness 30 | leave out the name
+materials --out curve.csv | name it
+materials rtv615 --out curve.pdf | curve.pdf is none of .csv, .svg and .png
+emulate --array 0 | --array: is for recordings; leave it out with --show blob
+emulate --load 2N | --indenter, --load: press on the fast model of a sensor; leave them out with --show blob
+emulate --rate nan | --rate: 'nan' is not a finite number
+emulate --rate 1_0 | --rate: '1_0' is not a finite number
+emulate --seconds 1e999 | --seconds: '1e999' is not a finite number
+emulate --seed 1_0 | --seed: '1_0' is not a whole number
+emulate --fault lose=0.1 --fault lose=0.2 | --fault: lose is given twice; give each fault once
+emulate --fault lose=2 | --fault: the rate of lose must lie in 0..1, not 2.0
+emulate --fault sabotage=1 | known faults: flip-bit
+emulate --fault lose=often | such as lose=0.01; accepted: flip-bit
+emulate --fault lose | 'lose' is no fault and how often
+emulate --pause 2 | for example 2:3
+emulate --show blub | did you mean 'blob'
+record x --indenter pyramid | unknown indenter
+record x --load heavy | --load
+record x --load -5N | --load
+record x --seconds -1 | --seconds: accepted: 0 or more, not -1
+record x --seconds 1 --interval-ms 2000 | no frame would come within --seconds 1
+record x --gain 300 | --gain: accepted: 0..255, not 300
+replay /etc/hostname | not a recording; accepted
+replay nothing.mcap | no such file
+import nothing.bag | no such file
+import a.csv --force-delay 1 | name that with --force
+import a.csv --out a.txt | a.txt does not end in .mcap
+regress WTS --update --junit a.xml | give one of the two
+regress WTS --seed=-1 | --seed: accepted: 0 or more
+regress WTS --update --baseline . | is a folder; name a file
+regress WTS --junit . | is a folder; name a file
+regress | SENSOR is missing
+store prune --older-than 30 | --older-than: '30' has no unit
+store prune --older-than yesterday | 'yesterday' is not a time; write for example '30 days'
+store prune --older-than=-3d | --older-than: accepted: 0 days or more, not '-3d'
+store prune --older-than 3mm | --older-than: 'mm' in '3mm' is not a unit of time
+store prune --keep-latest=-1 | --keep-latest: accepted: 0 or more
+store prune --all --keep-latest 3 | --all: removes every entry
+store --json lst | unknown action 'lst'; did you mean 'list'
+calibrate x.mcap --sensor WTS --window 9:6 | the earlier time first
+calibrate x.mcap --sensor WTS --out new.toml | wts-0614-34 is built in and has no file to copy
+dervie WTS | did you mean 'derive'
+--json press | --json: unknown option; the options of a command follow its name
+"""
+
+
+@pytest.mark.parametrize(("command", "said"), split_table(REFUSED))
+def test_bad_input_is_one_line_and_status_2(softcover, tmp_path, command, said):
+    status, out, err = softcover(*split_command(command))
+    assert (status, out) == (2, "")
+    assert said in err
+    assert all(line.startswith("softcover: ") for line in err.splitlines())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", ["2.0", "many"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "press WTS BALL --out x --curve",
+        "calibrate x.mcap --sensor WTS --tip=1mm --texel",
+        "regress WTS --seed",
+        "import x.csv --rows",
+        "store prune --keep-latest",
+    ],
+)
+def test_what_is_counted_is_never_rounded(softcover, command, number):
+    words = split_command(command)
+    status, _, err = softcover(*words, number)
+    assert status == 2
+    assert err.startswith(f"softcover: Invalid value for {words[-1]}: {number!r} is not a whole number")
+
+
+@pytest.mark.parametrize(
+    ("command", "places"),
+    [
+        (
+            "press no.toml --indenter spher:x=1 --load 3 --at=1mm --yaw=x --model fen",
+            ["--model", "no.toml", "--indenter", "--at", "--yaw", "--load"],
+        ),
+        (
+            "press fingertip BALL --at=tip --direction=up --yaw=3 --tilt=1deg --strain=large",
+            ["--at", "--direction", "--yaw", "--tilt", "--strain"],
+        ),
+        (
+            "view wts-0614-3 --indenter shpere --load 0N --method boxs --seconds=-1",
+            ["wts-0614-3", "--indenter", "--load", "--seconds", "--method"],
+        ),
+        ("export wts-0614-3 --format gazebo --method boxes", ["--method", "wts-0614-3"]),
+    ],
+)
+def test_the_faults_of_all_options_are_told_at_once_before_any_work(softcover, monkeypatch, command, places):
+    monkeypatch.setattr("validation.places.make_meshes", None)
+    status, out, err = softcover(*split_command(command))
+    assert (status, out) == (2, "")
+    assert [line.split(": ")[1] for line in err.splitlines()] == places
+
+
+@pytest.mark.parametrize("options", ["--load 2N", "--depth 0.1mm --model fast"])
+def test_the_finite_elements_need_more_than_a_derived_folder(softcover, without_reference, options):
+    fastmodel.load("wts-0614-34").save("derived")
+    status, _, err = softcover(*split_command(f"press derived --indenter sphere:radius=5mm {options}"))
+    assert status == 2
+    assert "no description of the cover" in err
