@@ -11,7 +11,6 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray, IntArray
@@ -304,7 +303,7 @@ def check_texels(mesh: SolidMesh, texels: TexelArray) -> None:
     points = np.einsum("qa,fac->fqc", facet_shape(mesh.base.shape[1], place), mesh.nodes[mesh.base]).reshape(-1, 3)
     area = np.linalg.norm(vectors, axis=1)
     spacing = 2 * np.sqrt(area.max()) / LIMITS.samples
-    nearest = cKDTree(points).query(texels.centres)[1]
+    nearest = np.array([((points - centre) ** 2).sum(axis=1).argmin() for centre in texels.centres])
     units, away = vectors[nearest] / area[nearest, None], texels.centres - points[nearest]
     height = np.einsum("nc,nc->n", away, units)
     beside = np.linalg.norm(away - height[:, None] * units, axis=1)

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
@@ -396,9 +394,15 @@ def label_parts(count: int, faces: IntArray) -> IntArray:
         count: Number of points [-].
         faces: Points of each element, shape (f, k).
     """
-    first, other = np.repeat(faces[:, 0], faces.shape[1] - 1), faces[:, 1:].ravel()
-    linked = coo_array((np.ones(len(first)), (first, other)), shape=(count, count))
-    return np.asarray(connected_components(linked, directed=False)[1], dtype=np.int64)
+    label = np.arange(count)
+    while True:
+        before = label.copy()
+        lowest = label[faces].min(axis=1, keepdims=True)
+        np.minimum.at(label, before[faces], lowest)  # whole parts at once, so that long rows of points take few rounds
+        np.minimum.at(label, faces, lowest)
+        label = label[label]
+        if (label == before).all():
+            return label
 
 
 def describe(place: FloatArray | tuple[float, ...]) -> str:
