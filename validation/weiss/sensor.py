@@ -27,7 +27,6 @@ from validation.weiss.protocol import (
     RUN_LENGTH_FLAG,
     TARE,
     UNITS_PER_KELVIN,
-    UNTARE,
     Command,
     MatrixInfo,
     Message,
@@ -306,10 +305,6 @@ class Sensor(AbstractContextManager["Sensor"]):
         """Read the name that a user gave to the device (tag)."""
         return self._ask_text(Command.GET_TAG)
 
-    def set_tag(self, tag: str) -> None:
-        """Store a name for the device (tag), in ASCII characters."""
-        self.ask(Command.SET_TAG, tag.encode("ascii"))
-
     def read_temperature(self) -> float:
         """Read the temperature of the device [degC]."""
         return int(self.ask(Command.TEMPERATURE)[0]) / UNITS_PER_KELVIN
@@ -331,12 +326,8 @@ class Sensor(AbstractContextManager["Sensor"]):
         self._set(Command.SET_GAIN, gain)
 
     def tare(self) -> None:
-        """Make the device subtract the present frame from all later frames, until `untare` is called."""
+        """Make the device subtract the present frame from all later frames."""
         self.ask(Command.TARE, TARE)
-
-    def untare(self) -> None:
-        """Make the device stop the subtraction that `tare` started."""
-        self.ask(Command.TARE, UNTARE)
 
     def read_frame(self, *, run_length: bool = False) -> Reading:
         """Request one frame and return it.

@@ -12,7 +12,7 @@ import serial
 
 from tests.support.virtual_port import answer_always, is_ramp, take, wait_until
 from validation.weiss.inquiry import inquire
-from validation.weiss.protocol import Command, Reading, Status, encode_message, encode_request
+from validation.weiss.protocol import UNTARE, Command, Reading, Status, encode_message, encode_request
 from validation.weiss.sensor import LinkLostError, NoAnswerError, PortError, Sensor, SensorError
 from validation.weiss.stream import Gap
 from validation.weiss.virtual import WTS_0614_34, Misbehaviour, show_pattern
@@ -29,7 +29,7 @@ def test_everything_that_can_be_asked(plug_in):
         assert 25 <= sensor.read_temperature() < 35
         sensor.set_threshold(123)
         sensor.set_gain(45)
-        sensor.set_tag("left palm")
+        sensor.ask(Command.SET_TAG, b"left palm")
         assert (sensor.read_threshold(), sensor.read_gain(), sensor.read_tag()) == (123, 45, "left palm")
         assert sensor.ask(Command.LOOP, b"hello") == (b"hello",)
         with pytest.raises(SensorError, match=r"set threshold.*range error \(28\)"):
@@ -43,7 +43,7 @@ def test_single_frames_raw_and_run_length_encoded(plug_in):
         assert raw.counts.tolist() == packed.counts.tolist() == [2000] + 83 * [0]
         sensor.tare()
         assert not sensor.read_frame().counts.any()
-        sensor.untare()
+        sensor.ask(Command.TARE, UNTARE)
         sensor.set_threshold(500)
         assert sensor.read_frame().counts[0] == 1500
 
