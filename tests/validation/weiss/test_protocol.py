@@ -281,7 +281,7 @@ def _fuzz_streams(streams):
     return tally, wrong
 
 
-@pytest.mark.parametrize("count", [1000, pytest.param(100_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [1000, pytest.param(20_000, marks=pytest.mark.slow)])
 def test_damage_never_gives_false_frames_nor_hidden_gaps(count):
     tally, wrong = _fuzz_streams(range(count))
     assert not wrong
