@@ -195,7 +195,7 @@ def indent_together(
 def _describe(
     parameters: Parameters, method: str, reading: Reading, depth: float | None, started: float
 ) -> FastIndentation:
-    """Make the result of a press without chatter that began at a time [s]; see `FastIndentation`."""
+    """Make the result of a press without chatter; `started` is the time at which the press began [s]."""
     texel_forces = reading.texel_forces
     if texel_forces is None:
         texel_forces = parameters.spread.operator(parameters.array) @ reading.contact_forces

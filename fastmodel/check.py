@@ -223,7 +223,15 @@ def check_surroundings(
 def _check_flush_geoms(
     model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, name: str, surface: tuple[FloatArray, FloatArray]
 ) -> Iterator[str]:
-    """Find geoms that move with the array and reach its top, points and normals in the world; see the caller."""
+    """Find geoms that move with the array and reach its top; yield a sentence about each, see `check_surroundings`.
+
+    Args:
+        model: The compiled model.
+        data: State of the simulation.
+        geoms: Ids of the geoms of the array.
+        name: Name of the sensor.
+        surface: Points on the top of the array [m] and the normals there [-], in the world, shape (k, 3) each.
+    """
     points, normals = surface
     rigid = _find_colliding(model) & np.isin(model.body_weldid[model.geom_bodyid], _find_welded(model, int(geoms[0])))
     rigid[geoms] = False

@@ -62,7 +62,7 @@ def compile_kernel(loops: _F) -> _F:
 
 @cache
 def _guard(loops: Callable[..., Any]) -> Callable[..., Any]:
-    """Make numba's version of a kernel, from which exceptions of signal handlers come out as they are.
+    """Make numba's version of a kernel that passes on exceptions of signal handlers unchanged.
 
     While numba makes Python objects of the results, a signal such as Ctrl-C may raise an exception.  Python then
     reports a `SystemError` that this exception caused.

@@ -140,10 +140,11 @@ class CoverCells:
     loaded_compliance: FloatArray | None = None
     loaded_influence: FloatArray | None = None
 
-    #: Section of `parameters.toml` that holds the fields that are no arrays, and type of the numbers of the others.
+    #: Section of `parameters.toml` that holds the fields that are not arrays.
     section: ClassVar[str] = "cells"
+    #: Type of the numbers of the arrays in the npz file.
     number: ClassVar[type] = np.float64
-    #: Contact methods that take an array under this cover, best first.
+    #: Contact methods that accept an array under this cover, most accurate first.
     methods: ClassVar[tuple[str, ...]] = ("cover", "foundation", "area", "boxes")
 
     def __post_init__(self) -> None:
@@ -322,10 +323,12 @@ class CoverPoints:
     compliance: FloatArray
     thickness: float
 
-    #: See `CoverCells`.  The compliance is dense; four bytes for each number halve the file, with an error of 1e-7.
+    #: Section of `parameters.toml` that holds the fields that are not arrays.
     section: ClassVar[str] = "curved"
+    #: Type of the numbers of the arrays in the npz file.  The compliance is a dense matrix.  Four bytes for each number
+    #: halve the file, with a relative error of 1e-7.
     number: ClassVar[type] = np.float32
-    #: See `CoverCells`; plates and boxes do not follow the top.
+    #: Contact methods that accept an array under this cover.  Plates and boxes do not follow a curved top.
     methods: ClassVar[tuple[str, ...]] = ("curved",)
     margin: ClassVar[int | None] = None
     cells: ClassVar[None] = None

@@ -19,10 +19,10 @@ class PiercedError(ValueError):
 
 
 class UnsupportedError(ValueError):
-    """The solver of a kind of cover cannot do what is asked for.
+    """An argument of `press` is not supported for this kind of cover.
 
     Attributes:
-        argument: Name of the argument of `press` that asks for it.
+        argument: Name of the argument of `press`.
     """
 
     def __init__(self, message: str, argument: str) -> None:
@@ -32,6 +32,21 @@ class UnsupportedError(ValueError):
 
 class ConvergenceError(RuntimeError):
     """An iterative solver stopped before it reached its tolerance."""
+
+
+class PathConvergenceError(ConvergenceError):
+    """The solution of a loading path stopped before its target, although steps were halved repeatedly.
+
+    Attributes:
+        cause: Reason why the last step did not converge, in words.
+        load: Load of the last equilibrium, in the units of `walk_to`; 0 if no step converged.  Solvers of indentations
+            convert it to newtons.
+        depth: Depth of the last equilibrium, in metres likewise; 0 if no step converged.
+    """
+
+    def __init__(self, message: str, *, cause: str, load: float = 0.0, depth: float = 0.0) -> None:
+        super().__init__(message)
+        self.cause, self.load, self.depth = cause, load, depth
 
 
 class TooShallowError(ConvergenceError):

@@ -33,7 +33,7 @@ class MaterialSettings:
     equal: float = 1e-5
     #: Largest stretch, or reciprocal of the smallest, that is examined for stability [-].
     largest: float = 8.0
-    #: Number of stretches up to it [-].
+    #: Number of stretches from 1 to the largest that are examined for stability [-].
     stretches: int = 600
 
 

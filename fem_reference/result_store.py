@@ -56,8 +56,9 @@ _SETTINGS = StoreSettings()
 
 _LOG = logging.getLogger(__name__)
 
-#: Pattern of the header, which is the first line of an entry's file, and the length of the header [bytes].
+#: Pattern of the header, which is the first line of an entry's file.
 _HEADER = re.compile(rb"softcover-entry 1 sha256=([0-9a-f]{64}) bytes=(\d{16})\n")
+#: Length of the header [bytes].
 _HEADER_LENGTH = len(f"softcover-entry 1 sha256={'0' * 64} bytes={0:016d}\n")
 #: Ending of the file name of an entry.
 _SUFFIX = ".entry"

@@ -107,7 +107,7 @@ class SolidCover:
 
     Attributes:
         layers: The one layer; its thickness is that along the normals of the base, or the mean.
-        source: What the solid is made from, in words.
+        source: Origin of the solid, in words.
         make: Function that makes meshes of a thickness [m], coarsest first, and reports its progress.
         assumed: True if thickness and material were never measured; reports then say so.
         notes: Sentences on what was repaired or assumed about the shape.

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 
-#: Largest difference between a yaw and a multiple of 90 degrees that counts as rounding, over 90 degrees, and largest
-#: deviation of a rotation matrix from orthogonality [-].
+#: Largest deviation that counts as rounding [-]: of a yaw from a multiple of 90 degrees, over 90 degrees; of the
+#: entries of a rotation matrix; and of the product of a rotation matrix and its transpose from the identity.
 _ROUNDING = 1e-9
 
 

@@ -26,21 +26,21 @@ class TiltNumbers:
     steps: int = 40
     #: Largest change of the height in the last step, over the size of the shape [-].
     converged: float = 1e-9
-    #: Smallest sampled height of the search over the height of the shape [-].
+    #: Smallest sampled height in the search for the lower surface, over the height of the shape [-].
     least_height: float = 1e-4
-    #: Samples of the search [-].
+    #: Number of sampled heights in the search for the lower surface [-].
     heights: int = 120
-    #: Halvings of the interval that the search finds [-].
+    #: Number of halvings of the interval in which the search ends [-].
     halvings: int = 50
-    #: Largest jump over the height of the shape that is no wall [-].
+    #: Largest jump of the lower surface, over the height of the shape, that does not count as a wall [-].
     jump: float = 1e-6
     #: Samples along each side of the shape for its height [-].
     shape_samples: int = 101
     #: Samples along each side of a rectangle that is searched for the lowest point [-].
     samples: int = 61
-    #: Rectangles that are searched, one in the other [-].
+    #: Number of successively smaller rectangles that are searched for the lowest point [-].
     searches: int = 8
-    #: Size of the next rectangle over the distance of the samples [-].
+    #: Half the size of the next smaller rectangle over the distance of the samples in the present one [-].
     zoom: float = 4.0
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 import fastmodel
 from fastmodel import Parameters
+from meshes import SolidCover
 from validation.errors import InputError
 from validation.extras import REPORT_MODULES, require
 from validation.output_folder import make_file_name, new_folder, write_text
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from validation.calibration.point_load import PointLoadCalibration
     from validation.campaign.comparison import Comparison
     from validation.campaign.evaluation import Evaluation
+    from validation.data_sets.data_set import DataSet
     from validation.data_sheet import DataSheet
     from validation.derivation.derive import Derivation
     from validation.recordings.capture import Captured
@@ -231,10 +233,12 @@ def validate(
     *,
     campaign: str | Path | None = None,
     quick: bool = False,
-    recordings: str | Path | None = None,
+    recordings: str | Path | DataSet | None = None,
     data_set: str | Path | None = None,
+    recorded: SensorDescription | None = None,
     out: str | Path | None = None,
     progress: Progress | None = None,
+    announce: Callable[[str], None] | None = None,
 ) -> Evaluation:
     """Score the fast model of a sensor against finite elements, and against recordings if a folder is given.
 
@@ -244,8 +248,10 @@ def validate(
         quick: Whether six cases suffice.
         recordings: Folder with recordings under known loads, or a data-set file.
         data_set: Data-set file; that in the folder when not given.
+        recorded: The sensor that made the recordings; `sensor` when not given.
         out: Folder for the report, which replaces an earlier one; None to write none.
         progress: Called with the name of each stage.
+        announce: Called before the long computations with lines on what is left out and how long they take.
 
     Returns:
         All scores; `verdict.accepted` says whether the fast model meets the acceptance criterion.
@@ -255,19 +261,38 @@ def validate(
         MissingExtraError: If finite elements or packages of the report are not installed.
         ConvergenceError: If the finite elements did not converge.
     """
+    from validation.data_sets.data_set import DataSet, find_data_set
+    from validation.recordings.importing import list_modules
+    from validation.text.friction import describe_friction
+
+    description, data, tell = describe(sensor), recordings, announce or (lambda _: None)
+    if isinstance(description.cover, SolidCover) and (data is not None or data_set is not None):
+        raise InputError("--recordings, --data-set: recordings of curved covers are not scored; leave them out")
+    if not isinstance(data, DataSet):
+        data = None if data is None and data_set is None else find_data_set(data, data_set)
+    require(
+        "skfem", *(REPORT_MODULES if out else ()), *list_modules(file.path for file in (data.files if data else ()))
+    )
     from validation.campaign.evaluation import evaluate, read_plan
-    from validation.data_sets.data_set import find_data_set
 
-    description, path = describe(sensor), None if campaign is None else Path(campaign)
-    require("skfem", *(REPORT_MODULES if out else ()))
     shown = _Stages(progress)
-    plan = read_plan(path, description, shown)
-    data = None if recordings is None and data_set is None else find_data_set(recordings, data_set)
-    found = evaluate(description, campaign=plan.shorten() if quick else plan, recordings=data, progress=shown)
-    if out is not None:
-        from validation.report import write_report
+    plan = read_plan(None if campaign is None else Path(campaign), description, shown)
+    for line in plan.left_out:
+        tell(f"softcover: left out: {line}")
+    if description.friction:
+        tell(
+            f"friction {describe_friction(description.friction)} from {description.source} in the finite elements of "
+            "every case, which takes minutes for each flat face; the fast model has none"
+        )
+    plan = plan.shorten() if quick else plan
+    with new_folder(Path(out)) if out else contextlib.nullcontext() as folder:
+        found = evaluate(
+            description, campaign=plan, recordings=data, recorded=recorded, progress=shown, announce=announce
+        )
+        if folder:
+            from validation.report import write_report
 
-        with new_folder(Path(out)) as folder:
+            shown("report")
             write_report(found, folder)
     return found
 

@@ -38,8 +38,8 @@ class Entry(Result):
         name: Name for people.
         text: Value with its unit, or `not stated` and why.
         values: Values in SI units by their JSON names; None for those not stated.
-        definition: What the value means.
-        source: Where the value comes from.
+        definition: Definition of the value.
+        source: Origin of the value.
     """
 
     name: str
@@ -146,7 +146,7 @@ def make_datasheet(parameters: Parameters, sensor: SensorDescription | None) -> 
 
 
 def _make_entry(name: str, text: str | None, definition: str, source: str, values: dict[str, Any]) -> Entry:
-    """Make a line of the sheet; a text of None says that nothing is stated."""
+    """Make a line of the data sheet; if `text` is None the line says `not stated`."""
     return Entry(name=name, text=text or NOT_STATED, values=values, definition=definition, source=source)
 
 

@@ -111,8 +111,9 @@ class Score(Result):
     width_error_y_m: Annotated[Number, Column(heading="width error y", unit="mm", factor=1e3, shown=False)]
 
 
-#: How every metric is printed, and the metrics whose means over cases are tabulated, by the name of the metric.
+#: Heading, unit and format of each metric in tables, by the name of the metric.
 METRICS = columns(Score)
+#: The metrics whose means over the cases are tabulated, with heading, unit and format.
 TABULATED = {name: column for name, column in METRICS.items() if column.shown}
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from fastmodel import Parameters
     from validation.press_files import LoadCurve
 
-#: Strains that the finite elements know.
+#: Strain formulations of the finite elements.
 STRAINS = ("small", "finite")
 #: Largest number of points of a curve [-].
 _MOST_POINTS = 1000

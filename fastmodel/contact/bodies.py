@@ -22,7 +22,7 @@ from meshes.array_types import FloatArray, IntArray
 
 
 class Bodies:
-    """The bodies of a model as an array sees them.
+    """The bodies of a model that can touch an array, with their shapes.
 
     Attributes:
         of_geom: Id of the body that each geom moves with; -1 for a geom whose shape is not a convex solid; the last
@@ -63,7 +63,7 @@ class Bodies:
         self._sizes = sizes
 
     def follow_changes(self) -> None:
-        """Discard what is known of geoms if their shapes, or what they may touch, have changed since the last call.
+        """Discard stored shapes and pairs of geoms if the model's geoms or collision rules have changed.
 
         Raises:
             LifeCycleError: If the size of the array's own geoms has changed.
@@ -158,7 +158,7 @@ class NameInModel(str):  # noqa: SLOT000 -- pickle restores the suffix through _
     """Name of a sensor in a compiled model, whose geoms have names with a suffix.
 
     Attributes:
-        suffix: What `mujoco.MjSpec.attach` appended to the names of the geoms.
+        suffix: Suffix that `mujoco.MjSpec.attach` appended to the names of the geoms.
     """
 
     suffix: str
@@ -168,7 +168,7 @@ class NameInModel(str):  # noqa: SLOT000 -- pickle restores the suffix through _
 
         Args:
             name: Name of the sensor; the names of its geoms start with it.
-            suffix: What `mujoco.MjSpec.attach` appended to the names of the geoms.
+            suffix: Suffix that `mujoco.MjSpec.attach` appended to the names of the geoms.
         """
         made = super().__new__(cls, name)
         made.suffix = suffix

@@ -31,8 +31,10 @@ from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Values of `Reading.tangential_source` and `Frame.tangential_source`.
+#: Value of `Reading.tangential_source` and `Frame.tangential_source` if the tangential force of a texel is that of its
+#: contacts.
 BY_GEOM = "contacts of each texel"
+#: Value of `Reading.tangential_source` and `Frame.tangential_source` if the net shear is shared among the texels.
 SHARED = "net shear, shared in proportion to pressure"
 
 

@@ -17,10 +17,12 @@ import numpy as np
 from fastmodel.compiled import compile_kernel
 from meshes.array_types import FloatArray, IntArray
 
-#: Most divisions of the edge of an element [-].
+#: Largest number of divisions of the edge of an element [-].
 _MOST_DIVISIONS = 12
-#: Number of corners of a triangle, and dimension of a flex that is a solid [-].
-_TRIANGLE = _SOLID = 3
+#: Number of corners of a triangle [-].
+_TRIANGLE = 3
+#: Dimension of a flex that is a solid [-].
+_SOLID = 3
 
 
 class FlexSurfaces:

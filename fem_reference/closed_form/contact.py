@@ -40,8 +40,8 @@ class ContactSettings:
     nodes_per_layer: int = 12
     #: Largest number of Gauss points of the integral equation [-].
     most_nodes: int = 1600
-    #: Largest contact radius over the thickness of the top layer, where `most_nodes` is still accurate to 3e-6; at
-    #: twice this radius the force is in error by 4 %, and then has any sign [-].
+    #: Largest contact radius over the thickness of the top layer [-].  Up to this radius `most_nodes` gives a relative
+    #: error below 3e-6.  At twice this radius the force is in error by 4 %; at larger radii its sign can be wrong.
     most_thicknesses: float = 400.0
     #: Largest contact radius over the radius of the indenter, short of the sphere's vertical wall [-].
     widest: float = 0.95

@@ -307,7 +307,7 @@ class LineLoad:
     angle: float = 0.0
 
     def place(self, radius: float, highest: int, refinement: int = 1) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return the angle and the force (outward, tangential) there, as `ArcLoad.place` does."""
+        """Return the angle of the line and the force (outward, tangential) on it; see `ArcLoad.place`."""
         return np.array([self.angle]), np.array([[-self.force, self.shear_force]])
 
 

@@ -361,7 +361,7 @@ class _State:
 
 
 class StickingPress(MeshPress):
-    """Contact without slip; the compliance is that to vectors.  See `MeshPress`."""
+    """Contact without slip; the compliance has three directions at each node.  See `MeshPress`."""
 
     def to(self, target: float, control: Control, steps: int = STEPS) -> ContactForces:
         """Follow the indenter to a load [N] or a depth [m] in a number of steps; see `MeshPress.to`."""
@@ -386,7 +386,7 @@ class StickingPress(MeshPress):
         return self.under_load(target, start=whole.travel - self.touch, least=self._state.travel - self.touch)
 
     def _solve(self, travel: float) -> ContactForces:
-        """Solve the contact in one step after the last state, and remember the state that it leads to."""
+        """Solve the contact at a travel [m] in one step after the last state, and store the new state."""
         gaps, normals, last = self._sampler.at(travel), self._compliance.top.normals, self._state
         record = self._record_touch(gaps, travel)
         mean = gaps.spread.T @ normals
@@ -409,7 +409,11 @@ class StickingPress(MeshPress):
         return replace(self._describe(equations, found, travel), shear=shear)
 
     def _record_touch(self, gaps: MeanGaps, travel: float) -> FloatArray:
-        """Return what each hat keeps from its touch, predicted for those that are not in contact, shape (m, 3) [m]."""
+        """Return `_State.record` of every hat at the end of a step, shape (m, 3) [m].
+
+        It is unchanged for hats that are in contact.  For the others it is predicted: the time of touch follows from
+        the gap and from the speed at which the gap closes.
+        """
         last, before, normals = self._state, self._state.before, self._compliance.top.normals
         step = travel - last.travel
         speed = np.zeros_like(last.moved)
@@ -431,7 +435,10 @@ def _normalise(vectors: FloatArray) -> FloatArray:
 
 
 def _load_vectors(spread: sp.csc_matrix, normals: FloatArray, tangents: FloatArray) -> sp.csc_matrix:
-    """Return the force along x, y and z on each node per unit force of each hat against and across the normal.
+    """Return the forces on the nodes per unit force of each hat, shape (3 m, 3 m) [-].
+
+    Row 3 i + c is the component c (x, y or z) of the force on node i.  Column 3 j + d is the direction d of the force
+    of hat j: against the normal, then along the two tangents.
 
     Args:
         spread: Force on each node (row) per unit force of each hat (column), shape (m, m) [-].
@@ -448,11 +455,13 @@ def _load_vectors(spread: sp.csc_matrix, normals: FloatArray, tangents: FloatArr
 
 
 def measure_half_width(nodes: FloatArray, area: FloatArray, spacing: float) -> float:
-    """Measure half the smaller width of a contact: twice the root of its smaller second moment, a disk's radius [m].
+    """Measure half the smaller width of a contact: twice the root of its smaller second moment of area [m].
+
+    For a disk this is the radius.
 
     Args:
-        nodes: Places of the k hats in contact, shape (k, 3) [m].
-        area: Area of each, shape (k,) [m2].
+        nodes: Positions of the k hats in contact, shape (k, 3) [m].
+        area: Areas of the hats, shape (k,) [m2].
         spacing: Mean width of a hat [m].
     """
     if not area.sum() > 0:

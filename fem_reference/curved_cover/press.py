@@ -211,7 +211,10 @@ def _begin(mesh: SolidMesh, material: Material, problem: PressProblem) -> MeshPr
 
 @lru_cache(maxsize=6)
 def build_compliance(mesh: SolidMesh, material: Material, *, vectors: bool = False) -> TopCompliance:
-    """Build the compliance of the top of a mesh; the last ones are kept, with the nodes that touched so far."""
+    """Build the compliance of the top of a mesh.
+
+    The latest six are kept in memory, with the rows that were computed for nodes in contact.
+    """
     return TopCompliance(build_solid(mesh, material), vectors=vectors)
 
 
@@ -222,7 +225,18 @@ def _estimate(
     depths: list[float],
     control: Control,
 ) -> dict[str, float]:
-    """Estimate the relative errors of the results on the finest mesh, shape of the forces (meshes, texels)."""
+    """Estimate the relative errors of the results on the finest mesh.
+
+    Args:
+        meshes: The m meshes, from coarse to fine.
+        texel_forces: Forces on the n texels on each mesh, shape (m, n) [N].
+        contacts: Contact on each mesh.
+        depths: Depth on each mesh [m].
+        control: Whether the load or the depth is prescribed; its error is zero.
+
+    Returns:
+        Estimated relative errors by name of the result [-]; NaN where the mesh does not resolve the contact.
+    """
     peak = max(float(np.abs(texel_forces[-1]).max()), np.finfo(float).tiny)
     single = {
         "total_force": np.array([each.load for each in contacts]),
@@ -259,7 +273,17 @@ def _add_step_error(
     contacts: tuple[ContactForces, ContactForces],
     touch: float,
 ) -> None:
-    """Add to estimated errors what half the number of steps of the path changes; the error falls with their number."""
+    """Add the error of the steps of the path to estimated errors: the change from half the number of steps.
+
+    The error of the steps is proportional to one over their number.
+
+    Args:
+        errors: Estimated relative errors by name, which are changed [-].
+        changed: Texel forces with half the number of steps minus those with all steps, shape (n,) [N].
+        texel_forces: Texel forces with all steps, shape (n,) [N].
+        contacts: Contact with half the number of steps, and with all steps.
+        touch: Travel to the first touch [m].
+    """
     rough, fine = contacts
     size = np.abs(changed)
     errors["peak_texel"] += float(size.max() / max(np.abs(texel_forces).max(), np.finfo(float).tiny))
@@ -285,7 +309,14 @@ def warn_of_all(errors: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def _estimate_change(changes: FloatArray, meshes: tuple[SolidMesh, ...], has_edge: bool, safety: float) -> float:
-    """Estimate the error on the finest mesh from the changes between successive meshes, shape (meshes - 1,)."""
+    """Estimate the error of a quantity on the finest of m meshes, in the unit of the quantity.
+
+    Args:
+        changes: Absolute changes of the quantity between successive meshes, shape (m - 1,).
+        meshes: The meshes, from coarse to fine.
+        has_edge: Whether a sharp edge ends the pressure.
+        safety: Safety factor with three meshes [-].
+    """
     if len(changes) == 0:
         return float("nan")
     if len(changes) == 1:
@@ -335,7 +366,10 @@ def _collect(
 
 
 def measure_balance(force: FloatArray, base_force: FloatArray) -> float:
-    """Return how much the force on the base exceeds that on the cover along the latter, over it [-]."""
+    """Return the difference between the force on the base and the force on the cover, over the force on the cover [-].
+
+    The difference is taken along the force on the cover.
+    """
     return float((base_force - force) @ force / (force @ force))
 
 
@@ -381,7 +415,7 @@ class _Small:
 
 
 def _press_points(mesh: SolidMesh, material: Material, problem: PressProblem, target: float) -> _Small:
-    """Solve at small strain with contact at the Gauss points at which finite strain states it."""
+    """Solve at small strain with the contact condition at Gauss points, as in the solution at finite strain."""
     top, pose, thickness = find_top(mesh), problem.pose, measure_thickness(mesh)
     touch = find_touch(top, problem.indenter, pose)
     deepest = _SETTINGS.largest_depth * thickness
@@ -538,7 +572,13 @@ def _combine(
 
 
 def _estimate_effect(values: FloatArray, *, summed: bool = False) -> float:
-    """Estimate the largest error of the effect of finite strain, or the sum of all, from it on one or two meshes."""
+    """Estimate the error of the effect of finite strain on the finest mesh.
+
+    Args:
+        values: Effect on one or n quantities on each mesh on which finite strain was solved, coarsest first, shape
+            (meshes,) or (meshes, n).
+        summed: Whether to return the sum of the errors of the n quantities instead of the largest error.
+    """
     size = np.sum if summed else np.max
     if len(values) == 1:
         return _SETTINGS.one_mesh * float(size(np.abs(values)))

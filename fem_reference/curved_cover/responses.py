@@ -38,7 +38,7 @@ _PARTS = 12
 _STEPS = 8
 #: Largest distance of the point above a texel from the texel's normal, over the thickness [-].
 _BESIDE = 0.25
-#: Height above a texel, over the thickness, above which the top there is that of another side of the body [-].
+#: Height of the top above a texel, over the thickness, from which the top belongs to another side of the body [-].
 _HIGH = 3.0
 #: Smallest order of convergence that is assumed: quadratic elements have the order 3 [-].
 _ORDER = 2.0

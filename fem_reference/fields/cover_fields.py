@@ -21,9 +21,9 @@ from fem_reference.finite_strain.loading_path import Units
 from meshes.array_types import FloatArray, IntArray
 from meshes.pose import Pose
 
-#: Corners of quadrilaterals and hexahedra in the order of VTK: for each corner, whether it is the upper one along each
-#: direction.
+#: Corners of a quadrilateral in the order of VTK; for each corner 1 if it is the upper one along a direction, else 0.
 _QUADRILATERAL = ((0, 0), (1, 0), (1, 1), (0, 1))
+#: Corners of a hexahedron in the order of VTK; for each corner 1 if it is the upper one along a direction, else 0.
 _HEXAHEDRON = tuple((*corner, height) for height in (0, 1) for corner in _QUADRILATERAL)
 #: Index of the axis of an axisymmetric mesh that becomes each of the axes x, y and z.  The axes of the mesh are r, z
 #: and hoop, with the indices 0, 1 and 2; r becomes x, the hoop direction becomes y, and z stays z.

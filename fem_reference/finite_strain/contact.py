@@ -318,7 +318,7 @@ class SurfaceContact:
         self._recorded_traction = contact.traction
 
     def stiffen(self, pressure: float) -> None:
-        """Set the penalty in proportion to the largest contact pressure, if that is high.
+        """Set the penalty in proportion to the largest contact pressure, if this pressure is high.
 
         With friction the penalty remains, because slip is measured from positions on the penetrated surface.
 

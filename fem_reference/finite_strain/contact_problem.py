@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from scipy.interpolate import RegularGridInterpolator
 
 from fem_reference.elements.taylor_hood import MixedElements
-from fem_reference.errors import ConvergenceError
+from fem_reference.errors import ConvergenceError, PathConvergenceError
 from fem_reference.finite_strain.contact import ContactState, SurfaceContact
 from fem_reference.finite_strain.hyperelastic import SmallStrainSolid, Solid
 from fem_reference.finite_strain.loading_path import Control, Units
@@ -28,7 +28,6 @@ from fem_reference.finite_strain.newton import (
     STEP_FAILURES,
     Equilibrium,
     Linearisation,
-    PathConvergenceError,
     is_balanced,
     solve_newton,
     walk_to,

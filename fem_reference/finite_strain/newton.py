@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from fem_reference.elements.taylor_hood import MixedElements
-from fem_reference.errors import ConvergenceError
+from fem_reference.errors import ConvergenceError, PathConvergenceError
 from fem_reference.finite_strain.hyperelastic import InvertedElementError
 from fem_reference.finite_strain.loading_path import Control
 from meshes.array_types import FloatArray, IntArray
@@ -34,8 +34,9 @@ class NewtonSettings:
     least_back: float = 0.1
     #: Largest fraction of a Newton step that is reversed [-].
     most_back: float = 0.9
-    #: Smallest step along a loading path over the load or depth reached; with smaller steps the solver gives up.
-    #: Under a tip the first loads are far below the target [-].
+    #: Smallest step along a loading path, over the load or depth that has been reached [-].  If a smaller step would be
+    #: needed, the solver stops.  The step is not compared with the target, because under a sharp tip the first loads
+    #: are far below the target.
     smallest_step: float = 1 / 256
     #: Largest length of the last step to a target over the planned step, so that no tiny step remains [-].
     last_step: float = 1.3
@@ -78,21 +79,6 @@ class Equilibrium:
 
 #: Type of equilibrium that a problem returns.
 Reached = TypeVar("Reached", bound=Equilibrium)
-
-
-class PathConvergenceError(ConvergenceError):
-    """The solution of a loading path stopped before its target, although steps were halved repeatedly.
-
-    Attributes:
-        cause: Why the last step did not converge.
-        load: Load of the last equilibrium, in the units of `walk_to`; 0 if no step converged.  Solvers of indentations
-            convert it to newtons.
-        depth: Depth of the last equilibrium, in metres likewise; 0 if no step converged.
-    """
-
-    def __init__(self, message: str, *, cause: str, load: float = 0.0, depth: float = 0.0) -> None:
-        super().__init__(message)
-        self.cause, self.load, self.depth = cause, load, depth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

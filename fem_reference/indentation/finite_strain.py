@@ -23,11 +23,11 @@ from functools import partial
 import numpy as np
 
 from fem_reference import result_store
+from fem_reference.errors import PathConvergenceError
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.block_path import Block, is_rectangular, lay_out_block, lay_out_cover, press_paired
 from fem_reference.finite_strain.contact_problem import OVERLAP
 from fem_reference.finite_strain.loading_path import LoadingPath, Progress, name_grid
-from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import (
     GridSolution,
@@ -298,7 +298,7 @@ def state_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolution
 
 
 def _needs_no_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolution]]) -> bool:
-    """Return whether finite strain has no effect under a flat face that is pressed so little."""
+    """Return whether the last depth under a flat face is so small that the effect of finite strain is negligible."""
     if not path.indenter.is_flat or path.has_friction_effect or path.fields:
         return False
     return accurate[-1][-1].depth < _NEGLIGIBLE * _SMALLEST_RESOLVED_DEPTH * path.cover.thickness

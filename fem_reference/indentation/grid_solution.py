@@ -10,17 +10,20 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.fields.cover_fields import CoverFields
 from fem_reference.finite_strain.loading_path import Control
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.point_spread import PointSpread
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, Pose
+
+if TYPE_CHECKING:
+    from fem_reference.fields.cover_fields import CoverFields
 
 #: Safety factor on the change between two extrapolations, from which the error of an extrapolated result is estimated;
 #: ASME V&V 20-2009 uses 1.25 for three grids [-].

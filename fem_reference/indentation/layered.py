@@ -14,40 +14,36 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from operator import attrgetter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fem_reference.errors import (
     ConvergenceError,
     IncompletePathError,
+    PathConvergenceError,
     PiercedError,
     TooShallowError,
     UnsupportedError,
 )
 from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress
-from fem_reference.finite_strain.newton import PathConvergenceError
-from fem_reference.indentation import finite_strain, small_strain
+from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, estimate_spread
-from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
 from fem_reference.indentation.problem import PressProblem
 from fem_reference.indentation.result import Indentation, warn_of_errors
-from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.materials import describe_instability, warn_of_instability
-from fem_reference.small_strain_contact import friction_rings, no_slip
 from meshes import Cover, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Place
+
+if TYPE_CHECKING:
+    from fem_reference.fields.cover_fields import CoverFields
 
 #: Function that returns a quantity of a solution.
 Quantity = Callable[[GridSolution], float]
 
 #: Depth over thickness that is stated as the largest where a load would pierce the cover [-].
 _LARGEST_DEPTH = 0.98
-#: Distance between a contact and the sides of the cover above which the sides are neglected at finite strain or with
-#: friction, over the decay length of the cover's response; the key is the kind of base [-].
-_FAR_SIDES = {"bonded": 4.0, "sliding": 15.0}
-#: Relative error of the force where the sides are neglected [-].
-_SIDES_ERROR = 1e-3
 #: Depth over cover thickness above which a small-strain result is marked as outside its range.  At this depth the force
 #: on a sphere agrees with the finite-strain force within 0.3 % [-].
 _SMALL_STRAIN_DEPTH = 0.3
@@ -218,54 +214,19 @@ class LayerPress:
 
     def study(self, path: LoadingPath, refinement: int) -> GridStudy:
         """Solve a loading path on three grids by the solver for its strain, friction and cover."""
-        small = path.cover.small_strain_only
         if _is_linear(path):
             return small_strain.study_path(path, self.place, self.progress, refinement)
-        if self.is_far_from_sides(path):
-            study = self.study(replace(path, cover=replace(path.cover, size=None)), refinement)
-            return replace(
-                study,
-                least_error=max(study.least_error, _SIDES_ERROR),
-                assumptions=study.assumptions | {"sides": "too far from the contact to matter"},
-            )
-        in_plane = finite_strain.is_in_plane(path)
-        rubbing = None
-        # Not in three dimensions at finite strain, where the effect of rounded edges on the correction would be larger.
-        if np.isinf(path.friction) and path.indenter.is_flat and (small or in_plane):
-            rubbing = no_slip.study_path(path, self.place, self.progress)
-        if rubbing is None and path.friction and in_plane:
-            rubbing = friction_rings.study_path(path, self.progress, refinement)
-        if rubbing is not None and small:
-            return rubbing
-        if rubbing is not None and max(each.depth for each in rubbing.solutions[-1]) >= path.cover.thickness:
-            rubbing = None  # rubber bears loads at which the small-strain solution pierces the cover
-        return finite_strain.study_path(path, self.place, self.progress, refinement, rubbing)
+        from fem_reference.indentation import nonlinear
 
-    def is_far_from_sides(self, path: LoadingPath) -> bool:
-        """Return whether a contact with friction or at finite strain, simpler on a wide cover, is not changed by sides.
-
-        Fields are asked for up to the sides, so a path with fields is solved with these.
-        """
-        cover = path.cover
-        if cover.size is None or path.fields:
-            return False
-        wide = replace(cover, size=None)
-        contact = small_strain.estimate_contact(replace(path, cover=wide), None, self.progress)
-        nearest = min(edge / 2 - abs(at) for edge, at in zip(cover.size, self.place.pose.at, strict=True))
-        return bool(nearest - np.hypot(*contact.T).max() > _FAR_SIDES[cover.base] * decay_length(wide))
+        return nonlinear.study_path(path, self.place, self.progress, refinement)
 
     def count_refinements(self, path: LoadingPath) -> int:
         """Return how often the grids of a loading path can be refined."""
-        small = path.cover.small_strain_only
         if _is_linear(path):
             return len(small_strain.CELLS) - 3
-        if self.is_far_from_sides(path):
-            path = replace(path, cover=replace(path.cover, size=None))
-        if small and np.isinf(path.friction) and path.indenter.is_flat:
-            return 0  # the grids of a face without slip are fixed
-        if not finite_strain.is_in_plane(path):
-            return 0  # finer grids are not feasible in three dimensions
-        return len(friction_rings.GRIDS if small else finite_strain.GRIDS) - 3
+        from fem_reference.indentation import nonlinear
+
+        return nonlinear.count_refinements(path, self.place, self.progress)
 
 
 def _state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:
@@ -362,12 +323,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
     scale = total / finest.contact[:, 2].sum()
     depth = float(study.combine(grids, lambda each: each.depth))
     points, forces = _place_contact(finest, path, place, depth, scale)
-    missing = [each for each in (state_missing_fields(path, place.pose),) if path.fields and each]
-    fields = finest.fields
-    if path.fields and not missing and fields is None:
-        fields = solve_linear_fields(path, finest.contact * [1, 1, scale], place, depth=finest.depth)
-    elif fields is not None and path.cover.size is None:
-        fields = fields.to_array(place.pose)
+    fields, missing = _find_fields(finest, path, place, scale) if path.fields else (None, [])
     shear = forces[:, :2].sum(axis=0)
     return Indentation(
         texel_forces=texel_forces,
@@ -386,7 +342,12 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
         fields=fields,
         error_estimate=errors,
         assumptions=_state_assumptions(path, finest.depth) | study.assumptions,
-        warnings=(*warn_of_errors(errors), *_warn(path, balance, finest.depth), *study.warnings, *missing),
+        warnings=(
+            *warn_of_errors(errors),
+            *_warn(path, balance, finest.depth),
+            *study.warnings,
+            *missing,
+        ),
         seconds=seconds + time.perf_counter() - started,
         grid_values={
             name: tuple(float(quantity(each)) for each in grids)
@@ -395,6 +356,21 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
             ).items()
         },
     )
+
+
+def _find_fields(
+    finest: GridSolution, path: LoadingPath, place: Place, scale: float
+) -> tuple[CoverFields | None, list[str]]:
+    """Return displacement and stress in the frame of the array, or None and why there are none, in one line."""
+    from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
+
+    missing = state_missing_fields(path, place.pose)
+    fields = finest.fields
+    if not missing and fields is None:
+        fields = solve_linear_fields(path, finest.contact * [1, 1, scale], place, depth=finest.depth)
+    elif fields is not None and path.cover.size is None:
+        fields = fields.to_array(place.pose)
+    return fields, [missing] if missing else []
 
 
 def _warn(path: LoadingPath, balance: float, depth: float) -> list[str]:

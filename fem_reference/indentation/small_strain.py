@@ -17,12 +17,10 @@ from fem_reference.finite_strain.loading_path import LoadingPath, Progress
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.indentation.grid_solution import Base, GridSolution, GridStudy, scale_solution
 from fem_reference.linear_response.axisymmetric import point_spread
-from fem_reference.linear_response.finite_cover import solid_influence
 from fem_reference.linear_response.point_spread import TexelInfluence, superpose
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
-from fem_reference.small_strain_contact.free_edges import SideEdges
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
-from meshes import Cover, Indenter, TexelArray
+from meshes import Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, Pose
 
@@ -170,6 +168,8 @@ def _solve_response(path: LoadingPath, place: Place | None, progress: Progress) 
     """Solve for the texel forces per unit point load on the cover, or read them from the result store."""
     if path.cover.size is None:
         return point_spread(path.cover, progress=progress)
+    from fem_reference.linear_response.finite_cover import solid_influence
+
     return solid_influence(path.cover, _require_place(place).array, progress=progress)
 
 
@@ -203,10 +203,8 @@ def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, g
     return result_store.fetch("contact", inputs, compute)
 
 
-@lru_cache(maxsize=4)
-def _tabulate_surface(cover: Cover, reach: float) -> SurfaceCompliance:
-    """Tabulate the compliance of the top of a wide cover; all grids of a contact use the same table."""
-    return surface_compliance(cover, reach)
+#: Tables of the compliance of the top of wide covers; all grids of a contact use the same table.
+_tabulate_surface = lru_cache(maxsize=4)(surface_compliance)
 
 
 def _touch_near_sides(
@@ -219,6 +217,8 @@ def _touch_near_sides(
     depth: float | None,
 ) -> ContactPatch:
     """Solve the contact on a cover of limited size, in a rectangle of cells that grows until it spans the contact."""
+    from fem_reference.small_strain_contact.free_edges import SideEdges
+
     indenter = path.indenter
     largest = np.array(bound_contact(indenter, path.cover.thickness))
     half = largest

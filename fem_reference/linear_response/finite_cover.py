@@ -58,7 +58,7 @@ class FiniteCoverSettings:
     texel_points: int = 12
     #: Points in the search for the half width of a texel's response [-].
     width_points: int = 400
-    #: Distance of this search beyond the edge of the texel over the cover thickness [-].
+    #: Largest distance from the edge of the texel in the search for the half width, over the cover thickness [-].
     width_reach: float = 2.0
     #: Unknowns above which a progress line warns that the solution takes minutes [-].
     many: int = 300_000

@@ -28,8 +28,8 @@ class SurfaceSettings:
     #: Product x of wave number and thickness of the top layer above which the layers below have no effect: exp(-2 x)
     #: is below 1e-11 [-].
     short_waves: float = 13.0
-    #: Part of the largest wave number above which the effect of the layers below is faded out: cut off, the error of
-    #: the elements at short waves would ripple through all distances [-].
+    #: Part of the largest wave number above which the effect of the layers below is faded out [-].  If the effect ended
+    #: abruptly, the error of the elements at short waves would cause oscillations at all distances.
     fade: float = 0.8
     #: Quadratic elements through each layer [-].
     elements: int = 16
@@ -62,22 +62,24 @@ class SurfaceSettings:
     small_cell: float = 0.2
     #: Parts in which the compliance table is computed, to limit the memory of the Bessel functions [-].
     blocks: int = 8
-    #: Part of the radius of axisymmetric meshes that is proportional to the decay length of the cover's response [-].
+    #: Coefficient of the decay length of the cover's response in the outer radius of axisymmetric meshes [-].
     reach: float = 12.0
     #: Distance of the outer boundary from the contact in three dimensions, over the decay length [-].
     solid_reach: float = 7.0
-    #: Part of the radius of axisymmetric meshes that is proportional to the contact radius [-].
+    #: Coefficient of the contact radius in the outer radius of axisymmetric meshes [-].
     reach_radii: float = 1.5
-    #: Part of this radius that is proportional to the membrane length of a stiff top layer, where the top is held
-    #: sideways by friction [-].
+    #: Coefficient of the membrane length of a stiff top layer in the outer radius of axisymmetric meshes, where
+    #: friction holds the top sideways [-].
     reach_in_plane: float = 4.0
-    #: This radius on a sliding base over the sum of decay length and contact radius: the response decays only with the
-    #: square of the distance, and the boundary changes forces by less than 0.005 % [-].
+    #: Outer radius of axisymmetric meshes on a sliding base, over the sum of decay length and contact radius [-].
+    #: There the response decays only with the square of the distance.  The boundary changes forces by less than 0.005
+    #: %.
     reach_sliding: float = 40.0
-    #: Least radius of axisymmetric meshes for a stiff top layer, over the distance over which the stretch of that
-    #: layer decays; leaves 0.1 % of the texel forces [-].
+    #: Smallest outer radius of axisymmetric meshes for a stiff top layer, over the membrane length of this layer, which
+    #: is the distance over which its stretch decays [-].  The boundary changes texel forces by 0.1 %.
     reach_membrane: float = 0.3
-    #: Largest value of that least radius over the cover thickness: the factorisation fails for longer elements [-].
+    #: Upper limit of the smallest outer radius for a stiff top layer, over the cover thickness [-].  With longer
+    #: elements the factorisation fails.
     longest: float = 40.0
 
 

@@ -48,9 +48,9 @@ class SideSettings:
     far_sliding: float = 40.0
     #: Size of the pattern's elements at the sides of the cover over the distance of the sides from the contact [-].
     fine: float = 4 / 3
-    #: Smallest value of this size over the cover thickness [-].
+    #: Smallest size of the pattern's elements at the sides of the cover, over the cover thickness [-].
     smallest: float = 1 / 2
-    #: Largest value of this size over the cover thickness [-].
+    #: Largest size of the pattern's elements at the sides of the cover, over the cover thickness [-].
     largest: float = 2.0
     #: Smallest distance between contact and sides from which the element size is computed, over the width of the
     #: contact [-].

@@ -51,7 +51,8 @@ class RingSettings:
     edge: float = 0.2
     #: Size ratio of neighbouring elements, minus one, times the number of elements through the cover [-].
     growth: float = 1.2
-    #: Rings of each of the two forces from which the edge of the contact is found [-].
+    #: Number of rings in each of two groups at the edge of the contact [-].  The position of the edge follows from the
+    #: ratio of the forces on the two groups.
     fit: int = 2
     #: Relative tolerance of the conditions of contact and slip [-].
     tolerance: float = 1e-9
@@ -262,7 +263,10 @@ class RingContact:
         raise ConvergenceError(f"contact and slip of {n} rings did not settle in {_SETTINGS.exchanges} exchanges")
 
     def _predict_touch(self, before: _Step, depth: float) -> FloatArray:
-        """Return the outward displacements with which rings touch: of open rings, if their last motion continues."""
+        """Return the outward displacement of each ring times its area at the moment of touch, shape (n,).
+
+        For rings without contact it is predicted from their motion in the last step.
+        """
         if not before.depth:
             return before.outward
         ahead = before.gap / np.where(before.closing > 0, before.closing, np.inf)
@@ -366,7 +370,7 @@ def _find_violations(
 
 
 def _exchange(condition: IntArray, pressure: FloatArray, shear: FloatArray, friction: float) -> IntArray:
-    """Return the conditions that rings get which violate theirs."""
+    """Return the new conditions of rings that violate their present conditions."""
     slides = np.where(shear > 0, _OUTWARD, _INWARD)
     after = np.where(
         condition == _OPEN, _STICKS if friction else _INWARD, np.where(condition == _STICKS, slides, _STICKS)

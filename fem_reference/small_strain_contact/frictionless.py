@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
@@ -16,9 +17,11 @@ from scipy import ndimage
 from fem_reference.errors import ConvergenceError, TooShallowError
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator, find_pressures
-from fem_reference.small_strain_contact.free_edges import SideEdges
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from fem_reference.small_strain_contact.free_edges import SideEdges
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,17 +38,19 @@ class GridSettings:
     most: int = 96
     #: Largest number of cells of the repeated pattern, to limit the computing time [-].
     most_in_all: int = 3600
-    #: Grids that are up to this factor finer are tried for one that fits the edges of the face better [-].
+    #: Largest number of cells that is tried over the wanted number of cells [-].  A finer grid may fit the edges of the
+    #: face better.
     finer: float = 1.2
-    #: Cells across the walls of a face, where a pattern is repeated nine times [-].
+    #: Number of cells across the walls of a face if the pattern is repeated nine times [-].
     per_wall: int = 45
-    #: Cells per thickness of the top layer, where a pattern is repeated nine times [-].
+    #: Number of cells per thickness of the top layer if the pattern is repeated nine times [-].
     per_layer: int = 4
-    #: Share of a face that lies on walls thinner than the wall that the cells resolve [-].
+    #: Share of a face on walls that are thinner than the wall thickness that the cells must resolve [-].
     thin_share: float = 0.1
-    #: Smallest jump of the width of a face, over its largest width, that counts as a straight edge [-].
+    #: Smallest change of the width of a face between neighbouring samples, over its largest width, that counts as a
+    #: straight edge [-].
     jump: float = 0.05
-    #: Largest jump of the width of a face over four samples at a straight edge, over that over two [-].
+    #: Largest change of the width of a face over four samples at a straight edge, over the change over two samples [-].
     sharp: float = 1.2
     #: Largest distance between an edge and a cell edge, over a cell, that counts as a fit [-].
     fit: float = 0.02
@@ -268,10 +273,11 @@ class FrictionlessSettings:
     first_depth: float = 0.5
     #: Smallest number of cells in the initial guess of a contact [-].
     first_cells: int = 9
-    #: Cells of a grid over those of the coarser grid whose contact is its initial guess, along an axis.  Under a stiff
-    #: top layer every exchange of cells peels only one ring off the contact [-].
+    #: Number of cells of a grid along an axis, over that of the coarser grid whose contact is its initial guess [-].
+    #: Without a good guess many changes of the set of cells in contact are needed, because under a stiff top layer each
+    #: change removes only one ring of cells.
     coarsening: int = 3
-    #: Smallest number of cells of that coarser grid along an axis [-].
+    #: Smallest number of cells of the coarser grid along an axis [-].
     coarsest: int = 16
     #: Half width of the square of cells to which a polynomial is fitted at the edge of the contact [cells].
     fitted: int = 2

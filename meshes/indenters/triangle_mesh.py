@@ -26,7 +26,8 @@ from meshes.surfaces.triangles import enclosed_volume, normal_vectors
 class _Numbers:
     """Numbers of the measures of a body; it is symmetric if its image deviates by less than the sum of tolerances."""
 
-    #: Volume over the cube of the body's size, and height over the size, that count as zero [-]; rounding.
+    #: Value below which a ratio counts as zero [-]; rounding.  The ratios are the volume over the cube of the body's
+    #: size, and the height over the size.
     zero: float = 1e-9
     #: Grid points along x and along y at which the gap is compared with its mirror image [-]; chosen.
     symmetry_points: int = 61

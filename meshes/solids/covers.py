@@ -42,7 +42,7 @@ def make_swept_cover(swept: SweptCover, material: Material, source: str, *, assu
     Args:
         swept: Base and thickness.
         material: Material of the cover.
-        source: What the cover is made from, in words.
+        source: Origin of the cover, in words.
         assumed: Whether thickness and material were never measured.
     """
 
@@ -63,7 +63,7 @@ def make_shell_cover(shell: Shell, material: Material, source: str, sizes: tuple
     Args:
         shell: The closed surface.
         material: Material of the cover.
-        source: What the cover is made from, in words.
+        source: Origin of the cover, in words.
         sizes: Sizes of the elements of each mesh [m].
         keep: Keeps the meshes for later runs, because the mesher gives another mesh at every call.
     """
@@ -92,7 +92,7 @@ def take_meshes(
     Args:
         meshes: One mesh, or two or three of the same shape.
         material: Material of the cover.
-        source: What the cover is made from, in words.
+        source: Origin of the cover, in words.
         notes: Sentences on what was repaired or assumed.
     """
     thickness = measure_thickness(meshes[-1])

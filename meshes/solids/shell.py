@@ -69,12 +69,14 @@ _OFFSET = _OffsetNumbers()
 _SIDES = _SideNumbers()
 #: Index of the strip between the borders of outer surface and base among the groups of triangles of a body.
 _STRIP = 2
-#: What is wrong where surfaces cross, and what to do.
+#: Error message if a base that is the closed surface of a core crosses the outer surface.
 _CORE = (
     "the base reaches through the outer surface; give the body of the cover alone as surface, the outer body minus the "
     "core, or open surfaces that end where the cover ends"
 )
+#: Error message if an open base crosses the outer surface.
 _SHEETS = "the outer surface and the base cross each other; check frame and unit, or end both where the cover ends"
+#: Error message if the sides of the body cross the outer surface or the base.
 _OUTLINES = "the sides between the borders of outer surface and base cross a surface; cut both along the same outline"
 
 
@@ -218,7 +220,7 @@ def _refuse_crossings(groups: tuple[FloatArray, ...], words: tuple[str, str]) ->
 
     Args:
         groups: Triangles of each group, shape (n, 3, 3) [m].
-        words: What is wrong if the first two cross, and if the third crosses one of them or itself.
+        words: Error message if the first two groups cross, and if the third crosses one of them or itself.
 
     Raises:
         ValueError: With the number of pairs that cross and the place of one.

@@ -43,9 +43,10 @@ class MeshLimits:
     tetrahedron_jacobian: float = 0.01
     #: Smallest number of quadratic elements through the thickness [-]; with fewer the error estimates do not hold.
     through: float = 1.5
-    #: Least and greatest largest edge of a cover [m]; outside, the unit must be wrong.
+    #: Smallest and largest accepted size of a cover, which is its largest edge [m]; other sizes mean a wrong unit.
     sizes: tuple[float, float] = (1e-3, 0.3)
-    #: Largest distance of a texel's centre from the base and beside the base, over the mean thickness [-]; chosen.
+    #: Largest distance of a texel's centre from the nearest point of the base, along the normal and across it, over the
+    #: mean thickness [-]; chosen.
     off_base: float = 0.1
     #: Smallest cosine of the angle between a texel's normal and that of the base [-]; 30 degrees, chosen.
     cosine: float = float(np.cos(np.radians(30)))
@@ -75,7 +76,7 @@ class SolidMesh:
         base: Facets that are bonded to the rigid base, shape (b, 9) or (b, 3).
         top: Facets that an indenter can touch, shape (t, 9) or (t, 3).
         sides: All other facets of the surface, shape (s, 9) or (s, 3).
-        source: What the mesh was made from, for reports.
+        source: Origin of the mesh, in words.
         settings: Settings with which it was made.
     """
 

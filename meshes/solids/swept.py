@@ -61,7 +61,7 @@ class BaseSurface:
         normals: Unit normals at the points, shape (p, 3) [-].
         quads: Indices of the points of each quadrilateral in lexicographic order, counterclockwise as seen from
             outside, shape (q, 9).
-        source: Where the surface comes from.
+        source: Origin of the surface, in words.
         settings: Numbers that describe it.
     """
 
@@ -141,7 +141,7 @@ def join_grids(
     Args:
         grids: For each grid its points, shape (r, c, 3) with odd r and c [m], and unit normals out of the base, shape
             (r, c, 3); None to compute normals from the points, with the second direction counterclockwise of the first.
-        source: Where the surface comes from.
+        source: Origin of the surface, in words.
         settings: Numbers that describe it.
 
     Raises:

@@ -51,7 +51,7 @@ class FileLimits:
     grid_points: int = 61
     #: Distance of a point at the origin from its neighbours up to which it is present, over the grid's spacing [-].
     near: float = 2.0
-    #: Least and greatest largest edge of an indenter [m]; outside, the unit must be wrong.
+    #: Smallest and largest accepted size of an indenter, which is its largest edge [m]; other sizes mean a wrong unit.
     sizes: tuple[float, float] = (2e-5, 1.0)
     #: Height above an indenter's flat face from which its underside never touches [m]; half of a thick cover of 10 mm.
     out_of_reach: float = 5e-3

@@ -7,8 +7,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.parametrize("thing", ["sphere", "mug", "flex"])
-@pytest.mark.parametrize("name", ["fetch", "panda"])
+@pytest.mark.parametrize(("name", "thing"), [("fetch", "sphere"), ("panda", "mug"), ("fetch", "flex")])
 def test_arrays_on_a_gripper_read_the_force_of_mujoco_and_images_are_steady(benchmarks, name, thing):
     grippers = importlib.import_module("grippers")
     package = grippers.GRIPPERS[name].package

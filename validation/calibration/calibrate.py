@@ -58,7 +58,7 @@ from validation.sensor_file import BUILT_IN, SensorDescription, parse
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationNumbers:
-    """Array of a calibration.
+    """Limits and settings of a calibration.
 
     Attributes:
         least_share: Smallest force on a texel whose gain is reported, over the largest force on any texel in the same
@@ -68,9 +68,9 @@ class CalibrationNumbers:
         evidence: Increase of twice the log likelihood, over the penalty of the Bayesian information criterion, from
             which a fit with saturation is preferred [-].
         degree: Degree of the polynomial characteristic, as in the 2015 report [-].
-        every: Of the recordings of a placement, one in this many is left out of the second fit [-].
-        fewest_left: Smallest number of recordings that remain in the second fit [-].
-        fewest_loads: Smallest number of loads of a straight line [-].
+        every: Number n of which every n-th recording of a placement is left out of the second fit [-].
+        fewest_left: Smallest number of recordings that must remain in the second fit [-].
+        fewest_loads: Smallest number of different loads to which a straight line is fitted [-].
     """
 
     least_share: float = 0.15
@@ -89,7 +89,7 @@ _CHARACTERISTIC = ("sensitivity", "offset", "characteristic")
 
 @result_model
 class HoldOut(Result):
-    """Predictions of recordings that were left out of a second fit, beside a line per texel.
+    """Predictions of recordings that were left out of a second fit, by the forward model and by a line for each texel.
 
     Attributes:
         recordings: Names of the left-out recordings.
@@ -131,8 +131,8 @@ class Calibration(Result):
         gains: Gain of every texel of the array, of mean 1 over `texels`, shape (n,); 1 for other texels [-].
         gain_half_widths: Half width of the interval of each gain, shape (n,); NaN for texels without one [-].
         texels: Indices of the texels whose gains are determined.
-        poses: By placement and by the parts `x_m`, `y_m`, `yaw_rad`, `tilt_x_rad`, `tilt_y_rad`: value and half width,
-            which is 0 for parts that were given.
+        poses: Value and half width of the interval of each part of a pose, by the name of the placement and of the part
+            (`x_m`, `y_m`, `yaw_rad`, `tilt_x_rad`, `tilt_y_rad`); the half width is 0 for given parts.
         residual_rms_counts: Root mean square of predicted minus recorded counts [counts].
         polynomial: Coefficients c0..c5 of the polynomial characteristic [counts/N^k]; None with fewer than seven loads.
         hold_out: Score on recordings that were left out of a second fit; None with too few recordings.

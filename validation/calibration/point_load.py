@@ -17,11 +17,13 @@ from validation.derivation.contact_range import compute_tip_share, linearise
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 
-#: Counts over the largest count of a trial, from which the saturation bends the line, so that images are left out [-].
+#: Counts over the largest count of a trial above which images of a saturated trial are left out of the fit [-].  Near
+#: saturation the characteristic is no longer straight.
 _UNBENT = 0.85
-#: Counts over the largest count of a trial, from which an image is saturated [-].
+#: Counts over the largest count of a trial above which an image counts as saturated [-].
 _SATURATED = 0.97
-#: Smallest number of images and of different loads in a trial, and of images that make a plateau, less one [-].
+#: Smallest number of images to which a line is fitted [-].  A trial is saturated if more than this number of images
+#: are.
 _FEWEST_IMAGES = 2
 
 

@@ -31,13 +31,13 @@ class Inputs:
     """Standard uncertainties of the inputs of a comparison.
 
     Attributes:
-        modulus: Of every modulus, over the modulus, where the material states no spread [-].
-        poisson_ratio: Of every Poisson ratio, where the material states no spread [-].
-        thickness: Of every layer, over its thickness [-].
-        position: Of the indenter's axis, along x and along y [m].
-        yaw: Of the rotation of the indenter about its axis [rad].
+        modulus: Standard uncertainty of Young's modulus over the modulus, for materials that state no spread [-].
+        poisson_ratio: Standard uncertainty of Poisson's ratio, for materials that state no spread [-].
+        thickness: Standard uncertainty of the thickness of each layer over the thickness [-].
+        position: Standard uncertainty of the position of the indenter's axis, along x and along y [m].
+        yaw: Standard uncertainty of the rotation of the indenter about its axis [rad].
         friction: Upper bound of the friction coefficient, inf for no slip; the lower bound is zero [-].
-        data: Of measured forces, over the force; 0 if the reference is the data [-].
+        data: Standard uncertainty of measured forces over the force; 0 if finite elements stand for a measurement [-].
     """
 
     modulus: float = 0.1
@@ -69,8 +69,8 @@ class Campaign:
     Attributes:
         name: Name of the campaign.
         source: The file, or `built-in`.
-        intended_use: What the fast model is to be used for.
-        criterion: What is required.
+        intended_use: Intended use of the fast model, in words.
+        criterion: Acceptance criterion.
         inputs: Uncertainty of the inputs.
         cases: The cases without faults.
         quick: Names of the cases of a quick run.

@@ -42,7 +42,7 @@ SKILL_METRICS = ("misplaced_force", "image_changed_percent", "image_changed_line
 
 @result_model
 class Reference(Result):
-    """Result of the finite elements in one case, as far as it is kept.
+    """Part of the finite-element result of one case that is kept for scores and reports.
 
     Attributes:
         texel_forces: Force on each of n texels, along its normal on a curved cover, shape (n,) [N].
@@ -57,8 +57,10 @@ class Reference(Result):
         energy: Elastic energy stored in the cover; None on curved covers [J].
         seconds: Elapsed time of the computation [s].
         grid_values: Quantities on the three grids, coarsest first, in SI units.
-        force, moment: Of the indenter on the cover, shape (3,) [N], [N m]; no moment with friction on flat covers.
-        base_force, base_moment: Of the cover on the base, shape (3,) [N], [N m]; the moment on curved covers.
+        force: Force of the indenter on the cover, shape (3,) [N].
+        moment: Moment of this force about the origin, shape (3,) [N m]; None with friction on flat covers.
+        base_force: Force of the cover on the base, shape (3,) [N].
+        base_moment: Moment of `base_force` about the origin, shape (3,) [N m]; None on flat covers.
         unmeasured: Part of the base force that no texel measures, shape (3,) [N].
         found: The whole result of the solver; None in a result that was read from a file.
     """
@@ -146,7 +148,7 @@ class SkippedCase(Result):
         name: Name of the case.
         indenter: The indenter as text.
         load: Applied force [N].
-        reason: Why a model cannot compute the indentation; for example, the indenter would pierce a soft cover.
+        reason: Reason why a model cannot compute the indentation; for example, the indenter would pierce a soft cover.
         converged: False if the finite-element solver did not converge.
     """
 
@@ -406,7 +408,7 @@ class Finding(Result):
 
     Attributes:
         metric: Name of the metric, a field of `Score`.
-        over: What the limit is on: `mean over the cases`, or the name of a case.
+        over: Object of the limit: `mean over the cases`, or the name of a case.
         value: The mean or the value, in SI units, as a fraction, or in percent where the name says so.
         low: Lower end of the 95 % interval of a mean, same unit; equal to `value` for a case.
         high: Upper end, same unit.

@@ -62,14 +62,15 @@ def run_campaign(
 
     if bench.comparison is not None:
         bench.comparison.check_unseen(cases)
-    clock = Clock(plan or plan_cases(bench.cover, bench.parameters.array, cases, friction=bench.friction))
+    plan = plan or plan_cases(bench.cover, bench.parameters.array, cases, friction=bench.friction)
+    started = time.perf_counter()
     tell = progress or (lambda *_: None)
     results: list[CaseResult] = []
     skipped: list[SkippedCase] = []
     number, interrupted = 0, False
     try:
         for number, case in enumerate(cases):
-            tell(number, len(cases), clock.describe(number, case.name))
+            tell(number, len(cases), plan.describe_left(number, time.perf_counter() - started, case.name))
             try:
                 results.append(bench.solve(case))
             except (ValueError, ConvergenceError) as error:
@@ -170,13 +171,11 @@ class Plan:
     """What a campaign has to compute.
 
     Attributes:
-        cases: Number of cases [-].
         missing: Whether the solution of each case is missing from the store; cases that share one count once.
         seconds: Expected time of each case [s].
         rest: Expected time of everything besides the cases [s].
     """
 
-    cases: int
     missing: tuple[bool, ...]
     seconds: tuple[float, ...]
     rest: float = _REST
@@ -188,34 +187,24 @@ class Plan:
 
     def describe(self) -> str:
         """Say in one line how many solutions are missing and about how long the evaluation takes."""
-        count = sum(self.missing)
-        what = (
-            f"all reference solutions of {self.cases} cases are in the store"
-            if not count
-            else f"{self.cases} cases, {count} reference solutions missing from the store"
-        )
+        count, cases = sum(self.missing), len(self.missing)
+        what = f"{cases} cases, {count} reference solutions missing from the store"
+        if not count:
+            what = f"all reference solutions of {cases} cases are in the store"
         return f"{what}; about {format_time(self.total)}"
 
-
-class Clock:
-    """Time left of a campaign, from the plan and from the time that the finished cases took."""
-
-    def __init__(self, plan: Plan) -> None:
-        self._plan = plan
-        self._started = time.perf_counter()
-
-    def describe(self, done: int, name: str) -> str:
-        """Return the name of the next case with the time left.
+    def describe_left(self, done: int, elapsed: float, name: str) -> str:
+        """Return the name of the next case with the time left, by the time that the finished cases took.
 
         Args:
             done: Number of finished cases [-].
+            elapsed: Time that they took [s].
             name: Name of the next case.
         """
-        expected = sum(self._plan.seconds[:done])
-        elapsed = time.perf_counter() - self._started
+        expected = sum(self.seconds[:done])
         # The finished cases tell how fast this computer is; before the first the plan is all there is.
         factor = elapsed / expected if expected else 1.0
-        return f"{name}, about {format_time(factor * sum(self._plan.seconds[done:]))} left"
+        return f"{name}, about {format_time(factor * sum(self.seconds[done:]))} left"
 
 
 def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Case], *, friction: float = 0.0) -> Plan:
@@ -239,7 +228,7 @@ def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Cas
         seen.append(case)
         missing.append(absent)
         seconds.append(_PER_CASE + (_SECONDS[kind] if absent else 0.0))
-    return Plan(cases=len(cases), missing=tuple(missing), seconds=tuple(seconds), rest=rest)
+    return Plan(missing=tuple(missing), seconds=tuple(seconds), rest=rest)
 
 
 def classify(cover: Cover | SolidCover, case: Case, friction: float) -> str:

@@ -197,7 +197,7 @@ def _report_interrupt() -> int:
 
 
 def _drop_output() -> None:
-    """Send what is still to be written to nowhere: a program such as `head` has closed the other end of the pipe."""
+    """Redirect the remaining output to the null device after the reader of the pipe, such as `head`, has ended."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):  # not a file, as in tests

@@ -195,7 +195,7 @@ def read_description(
 
 
 def _check_description(found: SensorDescription, *, curved: bool) -> None:
-    """Refuse a curved cover that a command cannot treat; keep a note on what is assumed about the electronics."""
+    """Refuse a curved cover unless `curved`, and print a note on assumed properties of the electronics."""
     if not curved:
         _ = found.layered_cover  # a solid is refused
     if assumed := ", ".join(found.assumed_electronics):

@@ -196,6 +196,22 @@ class Progress(contextlib.ExitStack):
             sys.stderr.write(f"[{now - self._started:5.1f} s]{count} {text}\n")
 
 
+#: Estimated relative error of the finite elements below which they are called good [-].
+GOOD_ERROR = 0.01
+
+
+def explain_error(estimates: Iterable[float], remedy: str) -> str:
+    """Explain the largest error estimate of the finite elements [-], and name a remedy if it is large."""
+    known = [each for each in estimates if not math.isnan(each)]
+    if not known:
+        return "No error of the finite elements is known: there is one mesh only."
+    worst = max(known)
+    sentence = (
+        f"The finite elements state an error of at most {100 * worst:.2g} % (good: below {100 * GOOD_ERROR:.0f} %)"
+    )
+    return f"{sentence}." if worst <= GOOD_ERROR else f"{sentence}: {remedy}."
+
+
 #: Names of the quantities of error estimates for people, where they differ from those in JSON.
 _ESTIMATED = {"peak_texel": "largest texel", "sigma": "width of the kernel"}
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from validation.cli.heat_map import to_colours
+from validation.render.image import Scale
 
 if TYPE_CHECKING:
     from validation.cli.view_scene import Scene
@@ -119,7 +119,8 @@ class Window(contextlib.ExitStack):
 
         started = time.monotonic()
         parameters = self._scene.sensor.parameters
-        image = to_colours(counts.reshape(-1, parameters.array.columns)[::-1] / parameters.electronics.output_max)
+        scale = Scale(peak=parameters.electronics.output_max)
+        image = scale.rgb(counts.reshape(-1, parameters.array.columns)[::-1])
         pixels = max(1, IMAGE_HEIGHT // max(image.shape))  # texels are equal squares
         image = image.repeat(pixels, axis=0).repeat(pixels, axis=1)
         rectangle = mujoco.MjrRect(MARGIN, MARGIN, image.shape[1], image.shape[0])

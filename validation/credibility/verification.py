@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 #: Wave numbers times the thickness at which the surface compliance is compared [-].
 _WAVE_NUMBERS = np.geomspace(0.2, 4.0, 25)
-#: Number of elements through each layer on the three meshes of this comparison [-].
+#: Number of elements through each layer on the three meshes for the surface compliance [-].
 _WAVE_ELEMENTS = (4, 8, 16)
 #: Depth of the contact checks over the thickness of the cover [-].
 _DEPTH = 0.05
@@ -53,7 +53,7 @@ class Check(Result):
     """One solver against one closed-form solution.
 
     Attributes:
-        name: What is compared.
+        name: Quantity and solver that are compared.
         exact: The closed-form solution and its source.
         sizes: Element sizes of the grids over that of the coarsest, coarsest first [-].
         errors: Relative error on each grid [-].

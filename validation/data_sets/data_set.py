@@ -53,7 +53,7 @@ class DataFile:
         threshold: Counts that the firmware subtracted; None for what the labels of the recording say [-].
         window: First and last time after loading between which frames are averaged [s].
         temperature_channel: Index of the temperature sensor, negative ones from the end.
-        uses: What the recording may be used for: `fit`, `score`.
+        uses: Uses that are allowed for the recording: `fit`, `score`.
     """
 
     path: Path
@@ -75,7 +75,7 @@ class DataSet:
 
     Attributes:
         name: Name of the data set.
-        source: Where the recordings were published.
+        source: Publication of the recordings.
         sensor: Sensor file or built-in sensor that made the recordings; empty if the file does not say.
         folder: Folder that the paths of the files are relative to.
         files: The recordings that were found.
@@ -352,7 +352,10 @@ def _find_file(data_set: str | Path | None, folder: Path | None) -> Path:
 
 
 def _may_be_data_set(path: Path) -> bool:
-    """Return whether a file in the folder of recordings has series, or cannot be read, which is then reported."""
+    """Return whether a file in the folder of recordings names series, or cannot be read.
+
+    A file that cannot be read is taken as a data set, so that the user sees the error when it is opened.
+    """
     if not path.is_file():
         return False
     try:

@@ -16,22 +16,24 @@ from validation.recordings.importing import open_recording
 from validation.recordings.recording import BoolArray, RecordedArray, Recording, RecordingError, find_pressed_array
 from validation.schema.data_set import FORCE
 
-#: Sum of counts over its final value [-]: the load counts as applied from the time after which the sum of counts stays
-#: above this share.
+#: Sum of counts over its final value above which the load counts as applied [-].  The load is applied at the time after
+#: which the sum stays above this share.
 _APPLIED_SHARE = 0.5
 #: Length of the part at the end of a recording whose median sum of counts is the final value [s].
 _FINAL_PERIOD = 2.0
-#: Fewest frames of a part at rest [-].
+#: Smallest number of frames at rest at the start of a recording [-].
 _FLAT_FRAMES = 4
-#: Least change of the image by a load over its noise [-].
+#: Smallest change of the first principal component of the counts that counts as a change of the load, over the standard
+#: deviation of its noise [-].
 _STEP_OVER_NOISE = 6.0
-#: Quantile of the change over time that counts as the whole of it [-].
+#: Quantile, over the frames, of the change of the first principal component that counts as the whole change [-].
 _WHOLE = 0.95
-#: Steps of the power iteration for the principal component; the change by a load dominates all others [-].
+#: Number of steps of the power iteration for the first principal component [-].  Few steps suffice, because a change of
+#: the load changes the counts far more than anything else.
 _POWERS = 10
-#: Longest time in which half of the change happens [s].
+#: Longest time from the last frame at rest to half of the whole change [s].
 _STEP_TIME = 1.0
-#: Smallest ratio of last to first time of a fit of creep [-].
+#: Smallest ratio of the last to the first time of a fit of creep [-].
 _SHORTEST_CREEP = 2.0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from meshes.array_types import FloatArray
 from validation.results.derivation import Responses
@@ -14,20 +14,6 @@ if TYPE_CHECKING:
     from fastmodel.parameters import Parameters
 
 Progress = Callable[[str], None]
-
-
-class ResponseMap(NamedTuple):
-    """Forces on the n texels under a unit force over one of them, for an image.
-
-    Attributes:
-        caption: Caption of the image.
-        values: Forces over the load, shape (n,) [-].
-        is_difference: Whether `values` is the difference of two maps.
-    """
-
-    caption: str
-    values: FloatArray
-    is_difference: bool = False
 
 
 class Derivation(Protocol):
@@ -50,10 +36,10 @@ class Derivation(Protocol):
         """Standard deviation of the fitted Gaussian along the first axis [m]."""
 
     @property
-    def maps(self) -> tuple[ResponseMap, ...]:
-        """Responses of the texels to a load on one of them.
+    def maps(self) -> Mapping[str, FloatArray]:
+        """Forces on the n texels under a unit force over one of them, shape (n,) [-], by a caption.
 
-        The last three are that to a uniform load, that of the fitted Gaussian, and their difference.
+        The last two are those under a uniform load and those of the fitted Gaussian.
         """
 
     @property
@@ -66,10 +52,10 @@ class Derivation(Protocol):
 
     @property
     def result(self) -> Responses:
-        """What is written of the derivation."""
+        """The results that are written to files."""
 
     def explain(self) -> Iterator[str]:
-        """Yield sentences about what the numbers mean."""
+        """Yield sentences that explain the results to the user."""
 
 
 def describe_provenance(sensor: SensorDescription) -> dict[str, Any]:

@@ -364,11 +364,12 @@ def fit_depth(cover: Cover) -> DepthFits:
 
 #: Depths of the tip over the thickness of the cover [-].
 _DEPTHS = (0.1, 0.2, 0.4)
-#: Exponent of the load over which the share is nearly straight: the area of a ball's contact grows so [-].
+#: Exponent p for the interpolation of the tip's share, which is nearly linear in load^p [-].  The contact area of a
+#: ball is proportional to load^(2/3).
 _EXPONENT = 2 / 3
-#: Number of loads at which the line is fitted [-].
+#: Number of loads to which the line of force on the texel over applied force is fitted [-].
 _FITTED_LOADS = 200
-#: Decimals of the share, fewer than what differs between machines [-].
+#: Number of decimals to which the share is rounded [-].  Further decimals differ between computers.
 _DECIMALS = 4
 
 

@@ -14,10 +14,10 @@ from meshes import Material, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.solid_mesh import SolidMesh, compute_volume, measure_area
 
-#: Largest number of nodes of the top, middles of edges included, on which the fast model is derived: it needs one
-#: solution per node, and keeps the displacement of each under a force on each [-].
+#: Largest number of nodes of the top, middles of edges included, on which the fast model is derived [-].  One solution
+#: per node is needed, and the compliance between all pairs of nodes is stored.
 MOST_NODES = 5000
-#: Why a solid cover has no fast model of contact.
+#: Reason why a solid cover has no fast model of contact, for messages.
 TOO_FINE = "the meshes of this cover are too fine for the fast model"
 
 

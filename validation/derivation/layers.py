@@ -20,7 +20,7 @@ from fastmodel.fitting.gaussian import Fit
 from fastmodel.signal.point_spread import Tabulated
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
-from validation.derivation.base import Progress, ResponseMap, derive_cover, describe_provenance
+from validation.derivation.base import Progress, derive_cover, describe_provenance
 from validation.derivation.contact_range import (
     DepthFits,
     TipShare,
@@ -94,7 +94,7 @@ class LayeredDerivation:
 
     @cached_property
     def outside(self) -> tuple[float, float]:
-        """Forces that no texel measures under these two loads [-].
+        """Forces that no texel measures under a unit point load and a unit uniform load over the middle texel [-].
 
         For a wide cover they are integrated over the radius, independently of the texel forces: that the two add up to
         the load is a check.
@@ -133,16 +133,14 @@ class LayeredDerivation:
         return {"point": float(point[row, column]), "uniform": float(uniform[row, column])}
 
     @property
-    def maps(self) -> tuple[ResponseMap, ...]:
+    def maps(self) -> Mapping[str, FloatArray]:
         """Forces under a point load and a uniform load on the middle texel, and those of the fitted kernel."""
-        array, uniform = self.sensor.array, self.texel_response_uniform.ravel()
-        kernel = self.fit.gaussian.operator(array)[:, array.middle]
-        return (
-            ResponseMap("point load", self.texel_response.ravel()),
-            ResponseMap("uniform load", uniform),
-            ResponseMap("fitted kernel", kernel),
-            ResponseMap("kernel \u2212 uniform", kernel - uniform, is_difference=True),
-        )
+        array = self.sensor.array
+        return {
+            "point load": self.texel_response.ravel(),
+            "uniform load": self.texel_response_uniform.ravel(),
+            "fitted kernel": self.fit.gaussian.operator(array)[:, array.middle],
+        }
 
     @property
     def verification(self) -> Mapping[str, float]:
@@ -166,7 +164,7 @@ class LayeredDerivation:
 
     @cached_property
     def result(self) -> Responses:
-        """What is written of the derivation."""
+        """The results that are written to files."""
         sensor, fit, spread = self.sensor, self.fit, self.point_spread
         estimates = {name: pair for name, pair in fit.estimates.items() if np.isfinite(pair).all()}
         return Responses(

@@ -14,7 +14,7 @@ from meshes import SolidCover
 from meshes.array_types import FloatArray
 from meshes.solids.texels import tangent_axes
 from validation.cover_meshes import describe_mesh, make_meshes
-from validation.derivation.base import Progress, ResponseMap, derive_cover, describe_provenance
+from validation.derivation.base import Progress, derive_cover, describe_provenance
 from validation.derivation.kernel import gauss_points
 from validation.places import find_middle
 from validation.results.derivation import Responses, SurfaceKernel
@@ -100,17 +100,12 @@ class SolidDerivation:
         }
 
     @property
-    def maps(self) -> tuple[ResponseMap, ...]:
+    def maps(self) -> Mapping[str, FloatArray]:
         """Forces under a uniform load on the middle texel, and those of the fitted Gaussian."""
         array = self.sensor.array
         loaded = find_middle(array)
-        uniform = self.uniform[loaded]
         kernel = self.gaussian.spread(array, array.centres[[loaded]], array.normals[[loaded]])[0]
-        return (
-            ResponseMap(f"uniform load over texel {loaded}", uniform),
-            ResponseMap("Gaussian in surface coordinates", kernel),
-            ResponseMap("Gaussian \u2212 reference", kernel - uniform, is_difference=True),
-        )
+        return {f"uniform load over texel {loaded}": self.uniform[loaded], "Gaussian in surface coordinates": kernel}
 
     @cached_property
     def parameters(self) -> Parameters:
@@ -148,7 +143,7 @@ class SolidDerivation:
 
     @property
     def result(self) -> Responses:
-        """What is written of the derivation."""
+        """The results that are written to files."""
         sensor, array = self.sensor, self.sensor.array
         return Responses(
             sensor=sensor.name,

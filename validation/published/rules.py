@@ -74,7 +74,7 @@ class Model:
         certainty: Source of the implementation, such as `CODE`.
         predict: Function of a scene and of the parameters by name, which returns the forces.
         parameters: The parameters by name.
-        total: What the sum of the forces is, if it is not the load by the model itself.
+        total: Sum of the forces in words, if the model itself does not make it the load.
         in_time: Published filters, dampers and noise, which have no effect on a held load and are not built.
     """
 
@@ -130,6 +130,7 @@ def foundation_stiffness(cover: Cover) -> float | None:
 
 #: All published models, by name.  Null models and the fast model are in `validation.campaign.results.MODELS`.
 PUBLISHED: dict[str, Model] = {}
+#: Function of a scene and of the parameters of a model by name that returns the forces.
 Predict = Callable[..., Forces]
 
 

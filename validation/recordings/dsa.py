@@ -77,8 +77,9 @@ LIMITS = Limits()
 _LARGEST_FULL_SCALE = int(np.iinfo(np.int16).max)
 #: Number of hexadecimal digits of one token of a frame, an IEEE-754 single-precision number.
 _TOKEN_DIGITS = 8
-#: Patterns of the accepted whole numbers and decimal numbers, which limit the number of digits.
+#: Pattern of the accepted whole numbers, which limits the number of digits.
 _WHOLE_NUMBER = re.compile(r"[0-9]{1,15}")
+#: Pattern of the accepted decimal numbers, which limits the number of digits.
 _NUMBER = re.compile(r"[+-]?[0-9]{1,15}(\.[0-9]{0,15})?([eE][+-]?[0-9]{1,2})?")
 #: Length of a millimetre [m].
 _MILLIMETRE = 1e-3
@@ -103,6 +104,7 @@ _SCHEMA: Mapping[str, tuple[str, ...]] = {
     "root/joint_angles": ("angle_count", "angle"),
     "root/joint_angles/angle": ("time_stamp", "angle_data"),
 }
+#: Elements that a file may leave out.
 _OPTIONAL = ("temperatures", "joint_angles")
 #: For each XML element that may be repeated, the element that states the number of repetitions.  Repeated elements
 #: have an attribute `index`.

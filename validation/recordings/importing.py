@@ -22,8 +22,7 @@ _MODULES = {".mcap": "mcap", ".bag": "rosbags", ".db3": "rosbags"}
 #: Smallest first time of a file of forces from which its times count as times since 1970 [s]; smaller times count from
 #: the first frame.  Since 1970, the value is a date in 1973, before any recording; as a duration, it is three years.
 _EPOCH_TIMES = 1e8
-#: Largest time after the first frame, and before the last frame, for which readings of the force sensor may be
-#: missing [s].
+#: Largest time without readings of the force sensor at the start, and at the end, of the frames [s].
 _UNCOVERED_TIME = 0.5
 _SECONDS_PER_NANOSECOND = 1e-9
 #: Latest time since 1970 that a message of ROS can state, 19 January 2038 [s].

@@ -327,7 +327,7 @@ def unpack_records(chunk: Chunk, budget: Budget) -> Iterator[McapRecord]:
 
     Args:
         chunk: The chunk.
-        budget: What may still be unpacked from the file.
+        budget: Limits of what is unpacked from the file.
 
     Raises:
         RecordingError: If the chunk unpacks to another size than stated or than is accepted, fails its checksum, ends

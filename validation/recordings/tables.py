@@ -42,7 +42,7 @@ from validation.recordings.recording import (
 
 #: Pattern of the keys in the lines `# key = value` of a CSV file.
 _KEY = re.compile(r"[A-Za-z][\w .\-\[\]/]{0,59}")
-#: Keys in these lines that have a meaning; other keys are kept as labels.
+#: Keys of the lines `# key = value` that have a meaning; other keys are kept as labels.
 _KEYS = frozenset({"rows", "columns", "pitch", "full_scale", "indenter", "load", "note"})
 #: Largest accepted number of characters in a line [-]; enough for ten thousand texels.
 MOST_CHARACTERS = 2**18

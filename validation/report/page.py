@@ -124,14 +124,14 @@ def _interval(value: Pooled, factor: float, digits: int = 3) -> str:
 
 
 def _draw_maps(derivation: Derivation) -> dict[str, Any]:
-    """Draw the responses to a load on one texel; those that are no difference have the scale of the uniform load."""
-    array, (uniform, _, difference) = derivation.sensor.array, derivation.maps[-3:]
-    force = Scale(peak=float(uniform.values.max()), unit="% of the load", factor=100)
-    apart = dataclasses.replace(force, peak=float(np.abs(difference.values).max()), difference=True)
-    images = [
-        (each.caption, tactile_image(array, each.values, apart if each.is_difference else force, name=each.caption))
-        for each in derivation.maps
-    ]
+    """Draw the responses to a load on one texel on one scale, and the difference of the last two."""
+    array, maps = derivation.sensor.array, derivation.maps
+    *_, uniform, kernel = maps.values()
+    force = Scale(peak=float(uniform.max()), unit="% of the load", factor=100)
+    apart = dataclasses.replace(force, peak=float(np.abs(kernel - uniform).max()), difference=True)
+    difference = f"{list(maps)[-1]} \u2212 reference"
+    images = [(caption, tactile_image(array, values, force, name=caption)) for caption, values in maps.items()]
+    images.append((difference, tactile_image(array, kernel - uniform, apart, name=difference)))
     return {"images": images, "bars": colour_bar(force) + colour_bar(apart)}
 
 
@@ -197,8 +197,9 @@ def _draw_example(example: RecordingExample, array: TexelArray, names: tuple[str
     return {"images": images, "bars": colour_bar(grey) + colour_bar(apart)}
 
 
-#: Words for the status of a requirement, and for the kinds of rows that are no model of the sensor.
+#: Words for the status of a requirement.
 _STATUS = {"met": "met", "missed": "missed", "open": "not decided"}
+#: Words for the kinds of rows that are not models of the sensor.
 _KINDS = {"null": "null", "floor": "repeatability"}
 #: How each range of the validated domain is printed.
 _RANGES = {
@@ -388,9 +389,9 @@ def _list_fitted(row: RowScores) -> str:
 
 
 def describe_comparison(campaign: CampaignResult) -> dict[str, Any]:
-    """Name the presses of the fit, the models that are as good as the fast model or better, and what is not built.
+    """Name the presses of the fit, the models at least as good as the fast model, and what is not implemented.
 
-    As good is a model that the cases do not tell from the fast model: the interval of the skill includes zero.
+    A model counts as equally good if the interval of the fast model's skill against it includes zero.
     """
     as_good: dict[str, list[str]] = {METRICS[metric].heading: [] for metric in SKILL_METRICS}
     for row in campaign.published:
@@ -488,7 +489,12 @@ def list_inputs(evidence: Evidence) -> list[str]:
 
 
 def name_limits(evidence: Evidence) -> dict[str, Any]:
-    """Say which stage of the model has the largest error, how much the electronics hide, and the inputs change [%]."""
+    """Return the errors of the fast model by cause.
+
+    Returns:
+        `stage`: name of the stage with the largest mean error; `error`: this error [%]; `hidden`: mean error by the
+        electronics [%]; `inputs`: mean misplaced force by uncertain inputs [%].
+    """
     if (stages := evidence.stages) is None:
         return {}
     model = {name: each.mean for name, each in stages.pooled.items() if name != "electronics" and each.cases}

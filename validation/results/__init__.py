@@ -101,12 +101,15 @@ class Unread:
         return core_schema.any_schema()
 
 
-#: Arrays of numbers, of indices, and images of grey levels.
+#: An array of numbers.
 Array = Annotated[npt.NDArray[np.float64], _Array(np.float64)]
+#: An array of indices.
 Indices = Annotated[npt.NDArray[np.intp], _Array(np.intp)]
+#: An image of grey levels, 0..255.
 GreyImage = Annotated[npt.NDArray[np.uint8], _Array(np.uint8)]
-#: A number that may be NaN, or infinite.
+#: A number that may be NaN; NaN is null in JSON.
 Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
+#: A number that may be infinite; infinity is null in JSON.
 Bound = Annotated[float, BeforeValidator(lambda value: math.inf if value is None else value)]
 
 
@@ -120,7 +123,10 @@ def renamed(key: str) -> Any:  # noqa: ANN401 -- as `pydantic.Field`
 
 
 class Result:
-    """Base of results: equality by what is written, JSON and back.  Subclasses are decorated with `result_model`."""
+    """Base of results that can be written as JSON and read again; results with equal JSON are equal.
+
+    Subclasses are decorated with `result_model`.
+    """
 
     #: Properties that are written beside the fields, as pairs of key in JSON and name; they are not read.
     computed: ClassVar[tuple[tuple[str, str], ...]] = ()

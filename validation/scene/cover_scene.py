@@ -20,7 +20,7 @@ class _Numbers:
     turn: int = 48
     #: Distance from the contact to which a wide cover is drawn, over its thickness [-].
     surroundings: float = 4.0
-    #: Ratio of the largest stresses of two layers above which the scale of colours is logarithmic [-].
+    #: Largest stress of one layer over that of another layer above which the scale of colours is logarithmic [-].
     uneven: float = 20.0
 
 

@@ -45,11 +45,12 @@ class _Style:
     decades: float = 1e-4
     #: Largest number of intervals of a ruled edge [-].
     intervals: int = 8
-    #: Accepted lengths of an interval, times powers of ten.
+    #: Accepted lengths of an interval of a ruled edge, except for a power of ten [-].
     steps: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
-    #: Part of an interval by which what is shown may pass the end of its ruled edge [-].
+    #: Largest length by which the cover may extend beyond the end of a ruled edge, over an interval [-].
     slack: float = 0.1
-    #: Factors on displacements, of which the largest is used that keeps to `most_moved` [-].
+    #: Factors by which displacements can be enlarged [-].  The largest factor is used for which no displacement exceeds
+    #: `most_moved`.
     factors: tuple[int, ...] = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
     #: Largest displacement that is drawn, over the thickness [-].
     most_moved: float = 0.35
@@ -84,7 +85,7 @@ def write_picture(scene: CoverScene, path: Path) -> None:
     """Draw a scene to a PNG file.
 
     Args:
-        scene: What is drawn.
+        scene: Scene to draw.
         path: File to write; its name ends in `.png`.
 
     Raises:
@@ -112,7 +113,7 @@ def write_gltf(scene: CoverScene, path: Path) -> None:
     Displacements are to scale.
 
     Args:
-        scene: What is written.
+        scene: Scene to write.
         path: File to write; its name ends in `.gltf`.
 
     Raises:
@@ -358,7 +359,7 @@ def write_scene(scene: CoverScene | None, folder: Path) -> tuple[str, ...]:
     Without pyvista nothing is written, without a renderer no picture; one line of warning says so.
 
     Args:
-        scene: What is drawn; None for nothing.
+        scene: Scene to draw; None for nothing.
         folder: An existing folder to write to.
 
     Returns:

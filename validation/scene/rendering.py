@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
-#: Libraries that VTK's windows without a display load, one of which must be there.
+#: Libraries that VTK loads for a window without a display, by class of the window; one of each list must be installed.
 _LIBRARIES = {
     "vtkEGLRenderWindow": ("libEGL.so.1", "libEGL.so"),
     "vtkOSOpenGLRenderWindow": ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"),

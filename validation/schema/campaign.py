@@ -40,7 +40,7 @@ _LOADS = ("load", "loads", "path")
 
 
 def _find_kind(metric: str) -> Any:  # noqa: ANN401 -- an annotation
-    """Return the annotation of a limit on a metric: a number, a length or a percentage, which its name says."""
+    """Return the annotation of a limit on a metric: a number, a length or a percentage, by the name of the metric."""
     if metric in _PLAIN:
         return Annotated[float, number(0, LIMITS.number)]
     return Annotated[
@@ -62,7 +62,7 @@ class _LimitsBase(Table):
         return made
 
     def list_limits(self) -> dict[str, float]:
-        """Return the stated limits as the metrics have them: fractions, metres, percent where the name says so."""
+        """Return the stated limits in the units of the metrics: fractions, metres, or percent for `..._percent`."""
         return {
             name: 100 * value if name.endswith("_percent") else value
             for name in self._order
@@ -98,13 +98,13 @@ class InputsTable(Table):
     """Standard uncertainties of the inputs of a comparison.
 
     Attributes:
-        modulus: Of every modulus, where the material states no spread.
-        poisson_ratio: Of every Poisson ratio, where the material states no spread.
-        thickness: Of every layer.
-        position: Of the indenter's axis, along x and along y.
-        yaw: Of the rotation of the indenter about its axis.
+        modulus: Relative uncertainty of Young's modulus, for materials that state no spread.
+        poisson_ratio: Uncertainty of Poisson's ratio, for materials that state no spread.
+        thickness: Relative uncertainty of the thickness of each layer.
+        position: Uncertainty of the position of the indenter's axis, along x and along y.
+        yaw: Uncertainty of the rotation of the indenter about its axis.
         friction: Upper bound of the friction coefficient, or "no-slip"; the lower bound is zero.
-        data: Of measured forces; 0 if the reference is the data.
+        data: Relative uncertainty of measured forces; 0 if finite elements stand for a measurement.
     """
 
     modulus: Annotated[float, percentage(1)] | None = None
@@ -183,7 +183,7 @@ class CaseTable(Table):
 
 
 def _require_nothing(schema: dict[str, Any]) -> None:
-    """Say in a JSON Schema that no key is required: those of the default campaign replace what is left out."""
+    """Make no key required in a JSON Schema; values of the default campaign replace keys that are left out."""
     del schema["required"]
 
 

@@ -38,8 +38,8 @@ class UncertaintyTable(Table):
     """Standard uncertainties of the measurement.
 
     Attributes:
-        force: Of each force, independent of the others.
-        zero: Of the zero of depth, one error for all points.
+        force: Standard uncertainty of each force, independent of the others.
+        zero: Standard uncertainty of the zero of depth, which has one error for all points.
     """
 
     force: Force | None = None

@@ -60,7 +60,7 @@ class Read:
 
     Attributes:
         read: Converts the value, and raises a `ValueError` that says what is wrong and what would be accepted.
-        json: What the JSON Schema says about the value.
+        json: JSON Schema of the value.
     """
 
     read: Callable[[Any], Any]
@@ -77,12 +77,12 @@ class Read:
 
 @dataclass(frozen=True, eq=False)
 class TableOr:
-    """Annotation: a table from which the value is made, or something shorter that stands for it.
+    """Annotation of a value that a file gives as a table, or in a shorter form such as a text.
 
     Attributes:
         table: Class of the table.
         read: Converts the value, given a function that reads a table.
-        json: What the JSON Schema says about the shorter form; empty if there is none.
+        json: JSON Schema of the shorter form; empty if there is none.
     """
 
     table: type[Table]
@@ -100,7 +100,7 @@ class TableOr:
 
 @dataclass(frozen=True, eq=False)
 class OneByOne:
-    """Annotation: a list of 1 to `most` tables that are checked later, one by one, so that a fault costs one of them.
+    """Annotation of a list of 1 to `most` tables that are checked later, one by one; a fault rejects only its table.
 
     Attributes:
         table: Class of the tables.
@@ -128,7 +128,7 @@ class OneByOne:
 
 
 class OneOrMore:
-    """Annotation of a list: one entry alone stands for a list of it."""
+    """Annotation of a list; a file can give a list of one entry as the entry alone."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
         """Return the schema of the list."""

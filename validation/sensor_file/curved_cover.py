@@ -104,7 +104,7 @@ def _check_size(triangles: FloatArray, name: str) -> None:
 
 
 def _build_shell(table: CurvedCoverTable, folder: Path) -> tuple[Shell, str]:
-    """Make the closed surface of the body, and say in words from what."""
+    """Make the closed surface of the body, and describe in words from which files it is made."""
     unit = table.unit or 1.0  # required by the schema
     if table.thickness is not None:
         name, inward = (table.surface, True) if table.surface is not None else (table.base, False)

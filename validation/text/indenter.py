@@ -26,7 +26,7 @@ from meshes import (
     tilt_indenter,
 )
 from meshes.surfaces.files import LIMITS
-from validation.errors import InputError, nearest
+from validation.errors import Faults, InputError, nearest
 from validation.text.quantity import read_quantities, read_quantity
 
 #: Number of values of a parameter, by shape and parameter, for parameters with more than one value [-].
@@ -96,7 +96,7 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
             f"{place}: unknown indenter {shape!r}; {nearest(shape, [*SHAPES, *_ALIASES])}; for example {example}"
         )
     known = _parameters(shape)
-    faults: list[str] = []
+    faults = Faults()
     values: dict[str, Any] = {}
     given: set[str] = set()
     for part in filter(None, _PARAMETER_COMMA.split(rest)):
@@ -108,17 +108,13 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
             hint = nearest(name, known)
             faults.append(f"{place}: {shape} has no parameter {name!r}; {hint}; for example {_EXAMPLES[shape]}")
             continue
-        try:
-            values[name] = _read_value(shape, name, known[name], value, place)
-        except InputError as error:
-            faults += error.faults
+        values[name] = faults.read(_read_value, shape, name, known[name], value, place)
     faults.extend(
         f"{place}: {shape} needs {name}; write for example {_EXAMPLES[shape]}"
         for name, parameter in known.items()
         if parameter.required and name not in given
     )
-    if faults:
-        raise InputError(*faults)
+    faults.refuse()
     try:
         made: Indenter = SHAPES[shape](**values)
     except ValueError as error:

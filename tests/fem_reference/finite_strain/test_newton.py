@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem_reference.errors import ConvergenceError
+from fem_reference.errors import ConvergenceError, PathConvergenceError
 from fem_reference.finite_strain.hyperelastic import InvertedElementError
 from fem_reference.finite_strain.newton import (
     Equilibrium,
     Linearisation,
-    PathConvergenceError,
     solve_newton,
     walk_to,
 )

@@ -7,7 +7,7 @@ import pytest
 
 from fem_reference import press, press_path
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.indentation.layered import LayerPress
+from fem_reference.indentation.nonlinear import is_far_from_sides
 from fem_reference.linear_response.finite_cover import GRIDS, choose_grids
 from meshes import Box, Cylinder, Sphere, TexelArray
 from meshes.pose import Place, Pose
@@ -99,11 +99,11 @@ def test_a_contact_near_any_side_is_not_taken_for_one_on_a_wide_cover(at, far, m
     cover = make_cover(0.45, model, size=(40e-3, 30e-3))
     path = LoadingPath(cover=cover, indenter=indenter, targets=(1e-4,), control="depth", friction=friction)
     place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=Pose.planar(at=at))
-    assert LayerPress(place=place).is_far_from_sides(path) is far
+    assert is_far_from_sides(path, place) is far
 
 
 def test_fields_are_computed_up_to_the_sides():
     cover = make_cover(0.45, size=(40e-3, 30e-3))
     path = LoadingPath(cover=cover, indenter=Sphere(radius=4e-3), targets=(1e-4,), control="depth", fields=True)
     place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=Pose())
-    assert not LayerPress(place=place).is_far_from_sides(path)
+    assert not is_far_from_sides(path, place)

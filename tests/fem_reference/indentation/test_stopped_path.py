@@ -7,9 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from fem_reference import IncompletePathError, press_path
-from fem_reference.errors import ConvergenceError, TooShallowError
+from fem_reference.errors import ConvergenceError, PathConvergenceError, TooShallowError
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.finite_strain.newton import PathConvergenceError
 from fem_reference.indentation.layered import LayerPress
 from meshes import Cylinder, Sphere
 from tests.support.rubber import make_cover

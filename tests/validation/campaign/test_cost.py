@@ -4,7 +4,7 @@ import pytest
 
 from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
-from validation.campaign.run import Clock, Plan, plan_cases, run_campaign
+from validation.campaign.run import Plan, plan_cases, run_campaign
 
 CASES = (
     Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),
@@ -27,17 +27,12 @@ def test_missing_solutions_are_counted_once_and_stored_ones_not(bonded, wts, tmp
     assert after.total < plan.total
 
 
-def test_time_left_follows_the_finished_cases(monkeypatch):
-    now = [0.0]
-    monkeypatch.setattr("validation.campaign.run.time.perf_counter", lambda: now[0])
-    clock = Clock(Plan(cases=3, missing=(True,) * 3, seconds=(10.0, 10.0, 20.0)))
-    assert clock.describe(0, "a") == "a, about 40 s left"
-    now[0] = 30.0  # three times as long as expected
-    assert clock.describe(1, "b") == "b, about 90 s left"
-    now[0] = 60.0
-    assert clock.describe(2, "c") == "c, about 60 s left"
-    now[0] = 600.0
-    assert clock.describe(2, "c") == "c, about 10 min left"
+def test_time_left_follows_the_finished_cases():
+    plan = Plan(missing=(True,) * 3, seconds=(10.0, 10.0, 20.0))
+    assert plan.describe_left(0, 0.0, "a") == "a, about 40 s left"
+    assert plan.describe_left(1, 30.0, "b") == "b, about 90 s left"  # three times as long as expected
+    assert plan.describe_left(2, 60.0, "c") == "c, about 60 s left"
+    assert plan.describe_left(2, 600.0, "c") == "c, about 10 min left"
 
 
 def test_an_interrupted_run_keeps_the_finished_cases(wts_derivation, monkeypatch):

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Literal
 
 from validation.cli.entry import DONE, OUTSIDE_FAILED
-from validation.cli.meaning import explain_error
 from validation.cli.options import UNCHANGED, CoverChanges, Json, SensorFile, read_description
 from validation.cli.output import (
     Progress,
     describe_cover,
+    explain_error,
     make_console,
     print_json,
     print_meaning,
@@ -65,11 +65,11 @@ def derive(
         from validation.cli.heat_map import draw_share_image
         from validation.render.table import tabulate_facts
 
-        uniform, _, _ = found.maps[-3:]
+        *_, uniform, _ = found.maps.values()
         show_wrapped(f"{description.name}, cover {describe_cover(description.cover)}", further="  ")
         render(tabulate_facts("responses", "Responses of the texels", result))
         show("Uniform load on one texel: share of it on each texel, %")
-        make_console().print(draw_share_image(np.asarray(found.sensor.array.image(uniform.values), dtype=np.float64)))
+        make_console().print(draw_share_image(np.asarray(found.sensor.array.image(uniform), dtype=np.float64)))
         remedy = "take it as their uncertainty, and check a touch of yours by `softcover press`"
         print_meaning([*result.notes, *found.explain(), explain_error(result.error_estimate.values(), remedy)])
     for sentence in result.warnings:

@@ -19,14 +19,36 @@ from validation.cli.options import (
     read_description,
     read_sensor,
 )
-from validation.cli.output import Progress, print_json, print_table, say
+from validation.cli.output import (
+    Progress,
+    describe_cover,
+    describe_errors,
+    explain_error,
+    make_console,
+    print_json,
+    print_meaning,
+    print_rows,
+    print_table,
+    say,
+)
 from validation.errors import InputError
+from validation.render import escape
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
+    from meshes.array_types import FloatArray
+    from validation.campaign.comparison import Comparison
     from validation.press_files import LoadCurve
     from validation.pressing import PressRequest
     from validation.sensor_file import SensorDescription
+
+
+#: Share of the force on wrong texels below which the fast model is called good [-].  `softcover derive` states the
+#: range of loads for this share.
+GOOD_MISPLACED = 0.02
+#: Share of the force on wrong texels below which the fast model is called usable [-].  `softcover derive` states the
+#: range of loads for this share.
+USABLE_MISPLACED = 0.05
 
 
 def press(
@@ -112,7 +134,6 @@ def press(
 
 def _compare(request: PressRequest, out: Path | None, *, json: bool) -> int:
     """Compute one indentation by the chosen models, print it, and write its files to `out` if given."""
-    from validation.cli.press_table import print_comparison
     from validation.output_folder import new_folder
     from validation.press_files import write_press
     from validation.scene.draw import lacks_picture
@@ -127,7 +148,7 @@ def _compare(request: PressRequest, out: Path | None, *, json: bool) -> int:
     if json:
         print_json(comparison.as_json())
     else:
-        print_comparison(comparison)
+        _print_comparison(comparison)
     for result in (comparison.fem, comparison.fast):
         for sentence in result.warnings if result is not None else ():
             say(f"softcover: warning: {sentence}")
@@ -168,3 +189,91 @@ def _list_points(curve: LoadCurve) -> Iterator[tuple[str, ...]]:
     for row in curve.rows():
         factors = {"load_N": 1, "depth_m": 1e3, "contact_area_m2": 1e6, "peak_texel_N": 1, "energy_J": 1e3}
         yield tuple(f"{factor * row[name]:.4g}" for name, factor in factors.items())
+
+
+def _print_comparison(comparison: Comparison) -> None:
+    """Print the images of texel forces of the chosen models, their results and their scores."""
+    from validation.cli.heat_map import draw_force_images
+    from validation.press_files import list_images
+    from validation.sensor_file import SensorDescription
+
+    console = make_console()
+    case, sensor, array = comparison.case, comparison.sensor, comparison.sensor.array
+    console.print(escape(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.place}"), markup=False)
+    if isinstance(sensor, SensorDescription):
+        notes = "".join(f"; {sentence}" for sentence in sensor.cover.notes)
+        console.print(escape(f"cover: {describe_cover(sensor.cover)}{notes}") + "\n", markup=False)
+    images = list(list_images(comparison))
+    console.print(draw_force_images(array, images, width=console.width))
+    print_rows(_list_results(comparison))
+    print_meaning(_explain_comparison(comparison))
+
+
+def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
+    """Yield name and text of the results of each model and, if there are results of both models, of the scores."""
+    from validation.metrics import TABULATED
+
+    fem, fast = comparison.fem, comparison.fast
+    if fem is not None and "fem" in comparison.models:
+        errors = describe_errors(fem.error_estimate)
+        assumptions = ", ".join(f"{name}: {value}" for name, value in fem.assumptions.items())
+        on_mesh = fem.mesh is not None
+        yield "finite elements", _describe_force(fem.total_force, fem.outside, along=on_mesh)
+        yield "", f"depth {1e3 * fem.depth:.4f} mm, contact area {1e6 * fem.contact_area:.3f} mm²"
+        if fem.energy is not None:
+            yield "", f"elastic energy {1e3 * fem.energy:.4g} mJ"
+        if on_mesh:
+            for name, force in (("cover", fem.force), ("base", fem.base_force)):
+                yield "", f"force on the {name} ({_format_vector(force)}) N"
+            yield "", f"not measured ({_format_vector(fem.unmeasured)}) N: beside the texels and shear along them"
+        yield "", f"error estimate {errors}"
+        yield "", f"assumes {assumptions}; {fem.seconds:.2f} s"
+        if fem.mesh is not None:
+            kind = "hexahedra" if fem.mesh.is_hexahedral else "tetrahedra"
+            yield "", f"finest mesh: {len(fem.mesh.cells)} {kind}, hash {fem.mesh.digest[:12]}"
+    if fast is not None:
+        yield "fast model", _describe_force(fast.total_force, fast.outside, along=fast.force is not None)
+        yield "", f"{fast.seconds:.3f} s"
+    if comparison.score is not None:
+        values = comparison.score.as_json()
+        for index, (name, metric) in enumerate(TABULATED.items()):
+            text = f"{metric.heading}: {metric.text(values[name])} {metric.unit}".rstrip()
+            yield "" if index else "fast against finite", text
+
+
+def _describe_force(total: float, outside: float, *, along: bool) -> str:
+    """Describe a force [N]: that along the motion, or the whole force and its part outside the array."""
+    # Adding 0.0 removes the minus sign of a value that is rounded to negative zero.
+    part = " along the motion" if along else f", {round(outside, 4) + 0.0:.4f} N of it outside the array"
+    return f"{total:.4f} N{part}"
+
+
+def _format_vector(values: FloatArray) -> str:
+    return ", ".join(f"{round(float(each), 4) + 0.0:.4g}" for each in values)
+
+
+def _explain_comparison(comparison: Comparison) -> Iterator[str]:
+    """Yield sentences about how far the two models agree, and how accurate the finite elements are."""
+    score, fem, fast = comparison.score, comparison.fem, comparison.fast
+    if score is not None:
+        share = score.misplaced_force
+        yield (
+            f"The fast model puts {100 * share:.1f} % of the force on wrong texels here (good: below "
+            f"{100 * GOOD_MISPLACED:.0f} %, usable: below {100 * USABLE_MISPLACED:.0f} %)."
+        )
+        if share > GOOD_MISPLACED:
+            method = "" if fast is None or fast.method == "cover" else "; `--method cover` is the most accurate method"
+            yield (
+                "It is one linear response: a deep or sharp touch on a soft cover leaves its range. Press less, or "
+                f"take the finite elements{method}. `softcover derive` states the range."
+            )
+    elif fast is not None:
+        yield "No finite elements were computed: `--model fem,fast` shows how far the fast model is right here."
+    if fem is not None and "fem" in comparison.models:
+        remedy = "`--accuracy 1%` adds finer grids" if fem.mesh is None else "take it as their uncertainty"
+        yield explain_error(fem.error_estimate.values(), remedy)
+        if fem.mesh is not None:
+            yield (
+                "The force on a texel is the resultant on it along its own normal, so forces on a curved base do not "
+                "sum to the load; the balance is that of the forces on cover and base."
+            )

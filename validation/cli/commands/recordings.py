@@ -25,7 +25,8 @@ from validation.errors import InputError
 if TYPE_CHECKING:
     from validation.recordings.recording import Recording, SimulatedForces
 
-#: Largest difference of two clocks [s]: both count from 1970, or one from the first frame.
+#: Largest accepted delay between the clocks of force sensor and tactile sensor [s].  One clock may count from 1970 and
+#: the other from the first frame.
 _MOST_DELAY = 9e9
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
 
 from validation.cli.entry import CHECK_FAILED, DONE
-from validation.cli.meaning import explain_verdict
 from validation.cli.options import Json, Sensor
 from validation.cli.output import Progress, print_json, say, show
 from validation.errors import InputError
@@ -94,3 +94,17 @@ def _check_options(baseline: Path, junit: Path | None, out: Path | None, seed: i
             faults.append(f"{option}: {path} lies below a file; name a file in a folder")
     if faults:
         raise InputError(*faults)
+
+
+def explain_verdict(changes: Mapping[str, float]) -> str:
+    """Explain the largest changes of quantities over their tolerances [-], by title."""
+    moved = [title for title, value in changes.items() if not value <= 1]
+    if not moved:
+        worst = max(changes, key=lambda title: changes[title], default="")
+        near = f"; the largest change is {changes[worst]:.2g} of its tolerance ({worst})" if worst else ""
+        return f"All {len(changes)} quantities are within their tolerances{near}."
+    groups = ", ".join(dict.fromkeys(title.partition(":")[0] for title in moved))
+    return (
+        f"{len(moved)} of {len(changes)} quantities left their tolerances, in: {groups}. An improvement counts as a "
+        "change too. Look for the cause in the first group: later ones follow from it."
+    )

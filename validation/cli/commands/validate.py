@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -30,7 +30,6 @@ from validation.errors import InputError
 if TYPE_CHECKING:
     from validation.campaign.evaluation import Evaluation
     from validation.campaign.results import CampaignResult
-    from validation.data_sets.data_set import DataSet
     from validation.measured_force.comparison import ForceComparison, Row
     from validation.render.table import Table
     from validation.schema.measured_force import Measurement
@@ -44,8 +43,9 @@ _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings unde
 _DEMO = "wts-0614-34"
 #: Built-in sensor with which the recordings under known weights were made.
 _RECORDED = "sdh2-distal"
-#: Names of the metrics in the printed table of scores; number of its rows [-].
+#: Names of the metrics in the printed table of scores.
 SHOWN = ("misplaced_force", "centre_of_pressure_m", "image_changed_percent")
+#: Largest number of rows of the printed table of scores [-].
 _ROWS = 10
 
 
@@ -68,9 +68,8 @@ def demo(
     from validation.data_sets.data_set import find_data_set
     from validation.sensor_file import BUILT_IN
 
-    data_set = find_data_set(recordings)
-    recorded = BUILT_IN[_RECORDED]
-    return _evaluate(BUILT_IN[_DEMO], None, out, quick=quick, recordings=data_set, recorded=recorded, json=json)
+    data = find_data_set(recordings)
+    return _evaluate(BUILT_IN[_DEMO], out, quick=quick, recordings=data, recorded=BUILT_IN[_RECORDED], json=json)
 
 
 def validate(
@@ -105,8 +104,7 @@ def validate(
         data_set: Data-set file, or kiechle-sdh2; that in the folder when not given.
         measured: File of measured forces with their own cover, or gelsight-mini: compare the finite elements with them.
     """
-    from meshes import SolidCover
-    from validation.data_sets.data_set import describe_unused_recordings, find_data_set
+    from validation.data_sets.data_set import describe_unused_recordings
 
     if measured is not None:
         if quick or cover != UNCHANGED or any(each is not None for each in (campaign, recordings, data_set)):
@@ -114,67 +112,29 @@ def validate(
         _compare_measured_force(measured, json=json)
         return DONE
     description = read_description(sensor, cover, curved=True)
-    if isinstance(description.cover, SolidCover) and (recordings is not None or data_set is not None):
-        raise InputError("--recordings, --data-set: recordings of curved covers are not scored; leave them out")
     # Recordings belong to one sensor.  Those of the environment variable may be of another sensor, so only recordings
     # that the user names are used.
-    found = None if recordings is None and data_set is None else find_data_set(recordings, data_set)
-    if found is None and (sentence := describe_unused_recordings()):
+    if recordings is None and data_set is None and (sentence := describe_unused_recordings()):
         note(sentence)
-    return _evaluate(description, campaign, out, quick=quick, recordings=found, recorded=description, json=json)
+    return _evaluate(
+        description, out, campaign=campaign, quick=quick, recordings=recordings, data_set=data_set, json=json
+    )
 
 
-def _evaluate(
-    sensor: SensorDescription,
-    campaign: Path | None,
-    out: Path,
-    *,
-    quick: bool,
-    recordings: DataSet | None,
-    recorded: SensorDescription,
-    json: bool,
-) -> int:
-    """Evaluate a sensor, write the report and print a summary.
+def _evaluate(sensor: SensorDescription, out: Path, *, json: bool, **options: Any) -> int:  # noqa: ANN401
+    """Evaluate a sensor, write the report, print a summary, and return the exit status.
 
     Args:
         sensor: The sensor to evaluate.
-        campaign: Campaign file; None for the default campaign.
         out: Folder of the report.
-        quick: Whether six cases suffice.
-        recordings: Recordings under known loads, or None.
-        recorded: The sensor that made the recordings.
         json: Whether to print the numbers as JSON instead of tables.
-
-    Returns:
-        The exit status, see `_choose_status`.
+        **options: Options of `validation.validate`.
     """
-    from validation.extras import REPORT_MODULES, require
-    from validation.output_folder import new_folder
-    from validation.recordings.importing import list_modules
+    from validation import api
 
     started = time.perf_counter()
-    files = recordings.files if recordings else ()
-    require("skfem", *REPORT_MODULES, *list_modules(file.path for file in files))
-    from validation.campaign.evaluation import evaluate, read_plan
-    from validation.report import write_report
-    from validation.text.friction import describe_friction
-
     with Progress() as progress:
-        plan = read_plan(campaign, sensor, progress)
-    for line in plan.left_out:
-        say(f"softcover: left out: {line}")
-    if sensor.friction:
-        say(
-            f"friction {describe_friction(sensor.friction)} from {sensor.source} in the finite elements of every case, "
-            "which takes minutes for each flat face; the fast model has none"
-        )
-    plan = plan.shorten() if quick else plan
-    with new_folder(out) as folder, Progress() as progress:
-        found = evaluate(
-            sensor, campaign=plan, recordings=recordings, recorded=recorded, progress=progress, announce=say
-        )
-        progress("report")
-        write_report(found, folder)
+        found = api.validate(sensor, out=out, progress=progress, announce=say, **options)
     if json:
         print_json(found.report.as_json())
     else:

@@ -10,6 +10,7 @@ import pytest
 import fastmodel
 from fastmodel import Butterworth, Electronics, Gaussian, Parameters
 from meshes import TexelArray
+from validation.cli.commands.regress import explain_verdict
 
 
 @pytest.fixture
@@ -149,3 +150,12 @@ def test_a_built_in_sensor_is_derived_and_scored(softcover, tmp_path):
     status, _, err = softcover("regress", tmp_path / "folder")
     assert status == 2
     assert "without finite elements" in err
+
+
+def test_a_verdict_names_the_largest_change_or_the_groups_that_moved():
+    assert explain_verdict({}) == "All 0 quantities are within their tolerances."
+    assert explain_verdict({"a: x": 0.25, "b: y": 1.0, "b: z": 0.5}) == (
+        "All 3 quantities are within their tolerances; the largest change is 1 of its tolerance (b: y)."
+    )
+    moved = explain_verdict({"b: y": 1.5, "a: x": 0.5, "c: z": float("nan"), "b: w": float("inf")})
+    assert moved.startswith("3 of 4 quantities left their tolerances, in: b, c. ")
