@@ -517,7 +517,7 @@ def judge(campaign: Campaign, result: CampaignResult) -> Verdict:
 def _judge(campaign: Campaign, results: Sequence[CaseResult]) -> Iterator[Finding]:
     """Compare the means with their limits, then every case with its own."""
 
-    def find(metric: str, over: str, value: float, low: float, high: float, limit: float) -> Finding:
+    def find(metric: str, over: str, value: float, *, low: float, high: float, limit: float) -> Finding:
         status: Status = "met" if high <= limit else "missed" if value > limit else "open"
         return Finding(metric=metric, over=over, value=value, low=low, high=high, limit=limit, status=status)
 
@@ -526,12 +526,12 @@ def _judge(campaign: Campaign, results: Sequence[CaseResult]) -> Iterator[Findin
 
     for metric, limit in campaign.criterion.mean.items():
         pooled = pool([measure(each, metric) for each in results if each.case.compares(metric)])
-        yield find(metric, _MEAN, pooled.mean, pooled.low, pooled.high, limit)
+        yield find(metric, _MEAN, pooled.mean, low=pooled.low, high=pooled.high, limit=limit)
     for result in results:
         for metric, limit in {**campaign.criterion.each, **result.case.required}.items():
             if result.case.compares(metric):
                 value = measure(result, metric)
-                yield find(metric, result.case.name, value, value, value, limit)
+                yield find(metric, result.case.name, value, low=value, high=value, limit=limit)
 
 
 def _list_doubts(campaign: Campaign, result: CampaignResult) -> list[str]:
