@@ -11,11 +11,6 @@ from hypothesis import strategies as st
 from validation.weiss.stream import Continuity, DeviceClock
 
 
-def test_missing_frames_are_counted_from_the_start_and_across_the_wrap_of_the_clock():
-    clock = [(2**32 - 10 + round(n * 3.69)) % 2**32 for n in range(30) if n not in (2, 20, 21)]
-    assert [(gap.kind, gap.frames) for gap in _follow(clock)] == [("frames missing", 1), ("frames missing", 2)]
-
-
 @pytest.mark.parametrize("lost", [0.05, 0.2])
 def test_many_frames_lost_from_the_start_are_not_taken_for_a_slow_stream(lost):
     unmarked = false = missing = 0
@@ -177,7 +172,4 @@ def test_frames_with_a_clock_that_stands_are_stamped():
     clock = DeviceClock()
     stamps = [clock.stamp(5, _BASE + n * 1_000_000_000) for n in range(20)]
     assert (np.diff(stamps) > 0).all()
-
-
-def test_no_frames_have_no_residual():
     assert np.isnan(DeviceClock().residual.p95)
