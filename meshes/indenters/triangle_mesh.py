@@ -18,23 +18,19 @@ from functools import cached_property
 import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
-from meshes.indenters.shapes import Indenter, Primitive, require_axis_inside
+from meshes.indenters.shapes import Indenter, Primitive, find_tolerance, require_axis_inside
 from meshes.surfaces.triangles import enclosed_volume, normal_vectors
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Numbers:
-    """Numbers of the measures of a body; it is symmetric if its image deviates by less than the sum of tolerances."""
+    """Numbers of the measures of a body."""
 
     #: Value below which a ratio counts as zero [-]; rounding.  The ratios are the volume over the cube of the body's
     #: size, and the height over the size.
     zero: float = 1e-9
     #: Grid points along x and along y at which the gap is compared with its mirror image [-]; chosen.
     symmetry_points: int = 61
-    #: Tolerance over the larger half width of the body [-]; rounding in STL files of single precision.
-    relative_tolerance: float = 1e-6
-    #: Tolerance [m]; rounding in double precision.
-    tolerance: float = 1e-9
     #: Distance of the middles of two edges that are one, over the larger half width [-]; single precision.
     same_place: float = 1e-6
     #: Angle between two facets above which they form an edge of the body [rad]; chosen, 29 degrees.
@@ -99,7 +95,7 @@ class TriangleMesh(Indenter):
         half = self.footprint
         x, y = np.meshgrid(*(np.linspace(-h, h, _NUMBERS.symmetry_points) for h in half))
         gap = np.nan_to_num(self.gap(x, y), posinf=-1.0)
-        tolerance = _NUMBERS.tolerance + _NUMBERS.relative_tolerance * max(half)
+        tolerance = find_tolerance(half)
         in_x, in_y = (bool(np.abs(gap - np.flip(gap, axis)).max() < tolerance) for axis in (1, 0))
         return (in_x, in_y)
 
