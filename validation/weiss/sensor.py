@@ -262,7 +262,7 @@ class Sensor(AbstractContextManager["Sensor"]):
         return MatrixInfo.from_values(self.ask(Command.MATRIX_INFO))
 
     def read_mask(self) -> npt.NDArray[np.bool_]:
-        """Read which texels of the array exist, shape (n,), if the device states this as `unconfirmed` assumes."""
+        """Read which texels of the array exist, shape (n,), if the device states this as `inquiry` assumes."""
         (data,), texels = self.ask(Command.GET_MASK), self.read_matrix().texels
         bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder=protocol.MASK_BIT_ORDER).astype(bool)
         if len(data) != -(-texels // 8) or bits[texels:].any() or not bits.any():

@@ -60,9 +60,6 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
     }
 )
 
-#: Device tag of the virtual sensor if none is given.  It is not empty, because some public clients wait for a tag;
-#: whether a new device has one is unknown.
-DEFAULT_TAG = "softcover"
 #: Function from the time since the start [s] to the counts of the n texels, shape (n,) [-].
 Source = Callable[[float], npt.ArrayLike]
 
@@ -107,7 +104,8 @@ class VirtualSensor:
         matrix: Description of the array that the sensor reports.
         rate: Frames per second if a client requests frames without an interval [Hz].
         active: Whether each texel exists, shape (n,); the others always read 0.  All exist if not given.
-        tag: Device tag that the sensor reports until a client sets another one, at most 64 ASCII characters.
+        tag: Device tag that the sensor reports until a client sets another one, at most 64 ASCII characters.  It is not
+            empty by default, because some public clients wait for a tag; whether a new device has one is unknown.
         misbehaviour: Faults that the sensor makes; none if not given.
 
     Raises:
@@ -122,7 +120,7 @@ class VirtualSensor:
         matrix: MatrixInfo = WTS_0614_34,
         rate: float = 271.0,
         active: npt.ArrayLike | None = None,
-        tag: str = DEFAULT_TAG,
+        tag: str = "softcover",
         misbehaviour: Misbehaviour | None = None,
     ) -> None:
         if not 0 < rate < math.inf:
