@@ -135,22 +135,21 @@ class Link:
 
         Bytes for which the buffer has no room are discarded and counted.
         """
-        port = self._serial
-        try:
-            while not self._stopping:
-                data = bytes(port.read(_SOCKET_BYTES if self._is_url else max(1, port.in_waiting)))
-                with self._changed:
-                    if self._buffered + len(data) > self._limit:
-                        self._lost += len(data)
-                    elif data:
-                        self._chunks.append(Chunk(time.monotonic_ns(), data, self._lost))
-                        self._buffered += len(data)
-                        self._lost = 0
-                        self._changed.notify_all()
-        except (OSError, TypeError) as error:
-            # pyserial raises TypeError if the file descriptor of the port is closed during a read
+        while not self._stopping and self._failure is None:
+            data, failure = b"", None
+            try:
+                data = self._serial.read(_SOCKET_BYTES if self._is_url else max(1, self._serial.in_waiting))
+            except (OSError, TypeError) as error:
+                # pyserial raises TypeError if the file descriptor of the port is closed during a read
+                failure = error
             with self._changed:
-                self._failure = error
+                self._failure = failure
+                if self._buffered + len(data) > self._limit:
+                    self._lost += len(data)
+                elif data:
+                    self._chunks.append(Chunk(time.monotonic_ns(), data, self._lost))
+                    self._buffered += len(data)
+                    self._lost = 0
                 self._changed.notify_all()
 
 
@@ -406,12 +405,9 @@ class Sensor(AbstractContextManager["Sensor"]):
                 self.ask(Command.STOP_PERIODIC_FRAMES)
             self.read_info()
         except NoAnswerError as error:
-            seen = self.parser.bytes_seen
-            reason = (
-                f"{seen} bytes came and none of them is an answer (another device, or a wrong baud rate)"
-                if seen
-                else "nothing came back (is it the sensor's port, and is the sensor powered?)"
-            )
+            reason = "nothing came back (is it the sensor's port, and is the sensor powered?)"
+            if seen := self.parser.bytes_seen:
+                reason = f"{seen} bytes came and none of them is an answer (another device, or a wrong baud rate)"
             raise NoAnswerError(f"{self.port}: no Weiss WTS sensor answers here: {reason}") from error
         self.parser.texels = None
         with suppress(SensorError):
@@ -497,19 +493,17 @@ class Sensor(AbstractContextManager["Sensor"]):
             LinkLostError: The given `error`, if the port cannot be opened in time.
         """
         lost, last_ticks = time.monotonic_ns(), self._last_ticks
-        self._link.close()
-        while time.monotonic_ns() - lost < 1e9 * patience:
+        while True:
+            self._link.close()
+            if time.monotonic_ns() - lost >= 1e9 * patience:
+                raise error
             time.sleep(_PATIENCE.reopen_pause)
-            try:
+            with suppress(PortError):
                 self._link = self._open_link()
                 self.parser = Parser(texels=self.parser.texels)
                 self._check_sensor()
                 for command, value in self._settings.items():
                     self.ask(command, value)
                 self._start_stream(requested)
-            except PortError:
-                self._link.close()
-                continue
-            now = time.monotonic_ns()
-            return Gap(kind="link lost", host_time=now, after=last_ticks, seconds=1e-9 * (now - lost))
-        raise error
+                now = time.monotonic_ns()
+                return Gap(kind="link lost", host_time=now, after=last_ticks, seconds=1e-9 * (now - lost))
