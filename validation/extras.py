@@ -9,7 +9,7 @@ from importlib.util import find_spec
 _MODULES = {
     "fem": ("skfem", "pymetis", "trimesh", "manifold3d"),
     "curved": ("pytetwild",),
-    "report": ("jinja2", "plotly", "matplotlib"),
+    "report": ("jinja2", "matplotlib"),
     "device": ("serial", "mcap", "mcap_ros2", "rosbags"),
     "gym": ("gymnasium",),
     "view": ("pyvista",),
