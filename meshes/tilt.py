@@ -19,7 +19,7 @@ MOST_TILT = float(np.radians(10))
 
 @dataclass(frozen=True, kw_only=True)
 class TiltNumbers:
-    """Constants of the iteration for the height of a rotated surface, of the search used if it fails, and of sampling."""
+    """Constants of the iteration for the height of a rotated surface, of its fallback search, and of sampling."""
 
     #: Tolerance of the limit on the tilt, for rounding [rad].
     rounding: float = 1e-9

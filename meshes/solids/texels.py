@@ -19,7 +19,8 @@ _POLE = 1e-6
 def tangent_axes(normals: FloatArray) -> FloatArray:
     """Return the tangent axes of texels.
 
-    The second axis is the projection of the array's y axis, the first is y cross normal.  Where the normal points along y, the second axis is -z.  On a planar array the axes are x and y.
+    The second axis is the projection of the array's y axis, the first is y cross normal.  Where the normal points
+    along y, the second axis is -z.  On a planar array the axes are x and y.
 
     Args:
         normals: Unit normals, shape (n, 3) [-].
