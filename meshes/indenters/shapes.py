@@ -169,6 +169,11 @@ def require_positive(shape: object, *lengths: float) -> None:
         raise ValueError(f"{type(shape).__name__} needs positive lengths, not {lengths}")
 
 
+def find_tolerance(footprint: tuple[float, float]) -> float:
+    """Find the largest deviation of a shape from its mirror image that counts as rounding [m]."""
+    return NUMBERS.tolerance + NUMBERS.relative_tolerance * max(footprint)
+
+
 def require_remainder(inset: float, greatest_depth: float) -> None:
     """Check that something remains of a flat face when its outline is moved inwards by an inset.
 
@@ -411,7 +416,7 @@ class PolygonalPunch(FlatPunch):
         """
         ends = list_sides(self.polygons)
         points = np.concatenate([ends[:, 0], ends.mean(axis=1)])
-        tolerance = NUMBERS.tolerance + NUMBERS.relative_tolerance * max(self.footprint)
+        tolerance = find_tolerance(self.footprint)
         in_x, in_y = (
             bool(np.abs(self.signed_distance(*(points * signs).T)).max() < tolerance) for signs in ((-1, 1), (1, -1))
         )

@@ -17,27 +17,20 @@ from functools import cached_property
 import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
-from meshes.indenters.shapes import Indenter, Primitive, require_axis_inside
+from meshes.indenters.shapes import Indenter, Primitive, find_tolerance, require_axis_inside
 from meshes.surfaces.triangles import enclosed_volume, normal_vectors
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Numbers:
-    """Constants of the measures of a body."""
+    """Numbers of the measures of a body."""
 
     #: Value below which a ratio counts as zero [-]; above rounding.  The ratios are the volume over the cube of the
     #: body's size, and the height over the size.
     zero: float = 1e-9
     #: Grid points along x and along y at which the gap is compared with its mirror image [-]; chosen.
     symmetry_points: int = 61
-    #: Relative part of the tolerance of symmetry, over the larger half width of the body [-]; the rounding of single
-    #: precision in STL files.  The gap is symmetric if it deviates from its mirror image by less than the sum of both
-    #: parts.
-    relative_tolerance: float = 1e-6
-    #: Absolute part of the tolerance of symmetry [m]; the rounding of double precision.
-    tolerance: float = 1e-9
-    #: Distance between the midpoints of two edges, over the larger half width, below which they are the same edge [-].
-    #: It is above the rounding of single precision.
+    #: Distance of the middles of two edges that are one, over the larger half width [-]; single precision.
     same_place: float = 1e-6
     #: Angle between two facets above which they form an edge of the body [rad]; chosen, 29 degrees.
     edge_angle: float = 0.5
@@ -101,7 +94,7 @@ class TriangleMesh(Indenter):
         half = self.footprint
         x, y = np.meshgrid(*(np.linspace(-h, h, _NUMBERS.symmetry_points) for h in half))
         gap = np.nan_to_num(self.gap(x, y), posinf=-1.0)
-        tolerance = _NUMBERS.tolerance + _NUMBERS.relative_tolerance * max(half)
+        tolerance = find_tolerance(half)
         in_x, in_y = (bool(np.abs(gap - np.flip(gap, axis)).max() < tolerance) for axis in (1, 0))
         return (in_x, in_y)
 

@@ -12,7 +12,7 @@ import numpy as np
 from meshes.cover import Layer, SolidCover
 from meshes.material import Material
 from meshes.solids.shell import Shell
-from meshes.solids.solid_mesh import LIMITS, SolidMesh, check_quality, measure_thickness
+from meshes.solids.solid_mesh import ARRAYS, LIMITS, SolidMesh, check_quality, measure_thickness
 from meshes.solids.swept import SweptCover
 from meshes.surfaces.triangles import enclosed_volume
 
@@ -133,13 +133,12 @@ def _fill(shell: Shell, source: str, size: float, keep: Keep, progress: Progress
     def compute() -> dict[str, object]:
         progress(f"tetrahedra of {1e3 * size:.3g} mm")
         mesh = fill_with_tetrahedra(shell.surface, shell.base, size, name=source, crossings=not shell.is_folded)
-        arrays = {name: getattr(mesh, name) for name in ("nodes", "cells", "base", "top", "sides")}
-        return {**arrays, "settings": np.array(json.dumps(dict(mesh.settings)))}
+        return {**mesh.arrays, "settings": np.array(json.dumps(dict(mesh.settings)))}
 
     found = keep({"surface": shell.surface, "base": shell.base, "size": size}, compute)
     return SolidMesh(
         nodes=found["nodes"].astype(float),
-        **{name: found[name].astype(np.int64) for name in ("cells", "base", "top", "sides")},
+        **{name: found[name].astype(np.int64) for name in ARRAYS[1:]},
         source=f"tetrahedra in {source}",
         settings=json.loads(str(found["settings"])),
     )

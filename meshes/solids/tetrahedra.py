@@ -1,8 +1,8 @@
 """Fill a closed surface of triangles with tetrahedra by fTetWild (Hu et al. 2020), for covers that cannot be swept.
 
-The mesher gives a different mesh at every call.  A mesh is therefore an input, which `fill_with_tetrahedra` stores in a
-file, and the scatter of results over several meshes is the noise of meshing.  The mesher runs in a process and a folder
-of its own, because it writes a file into its working folder and may crash on bad surfaces.
+The mesher gives another mesh at every call, so a mesh is an input: callers keep it, and the spread of results over
+several meshes is their noise.  The mesher runs in a process and a folder of its own, because it
+writes a file into its working folder and may crash on bad surfaces.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
-from meshes.solids.solid_mesh import LIMITS, Quality, Setting, SolidMesh, check_quality, read_mesh, write_mesh
+from meshes.solids.solid_mesh import LIMITS, Setting, SolidMesh
 from meshes.surfaces.triangles import (
     check_closed,
     enclosed_volume,
@@ -63,7 +63,6 @@ def fill_with_tetrahedra(
     base: FloatArray,
     element_size: float,
     *,
-    keep: Path | None = None,
     name: str = "the surface",
     crossings: bool = True,
 ) -> SolidMesh:
@@ -74,14 +73,11 @@ def fill_with_tetrahedra(
             shape (n, 3, 3) [m].
         base: Corners of the triangles of the bonded part, in either orientation, shape (b, 3, 3) [m].
         element_size: Wanted edge length of the tetrahedra [m].
-        keep: File in which the mesh is stored.  If the file exists, its mesh is returned, after a check that its
-            surfaces and settings are the same.
         name: Name of the surface in messages.
         crossings: Whether a surface that intersects itself is refused; the mesher smooths small folds.
 
     Raises:
-        ValueError: If a surface is open, inside out or intersects itself, the mesher fails, or the file holds another
-            mesh.
+        ValueError: If a surface is open, inside out or intersects itself, or the mesher fails.
         ModuleNotFoundError: If pytetwild is not installed.
     """
     surface, base = np.asarray(surface, dtype=float), np.asarray(base, dtype=float)
@@ -100,23 +96,15 @@ def fill_with_tetrahedra(
         "surface": _hash(surface),
         "base": _hash(base),
     }
-    if keep is not None and keep.exists():
-        kept = read_mesh(keep)
-        if dict(kept.settings) != settings:
-            raise ValueError(f"{keep.name} holds a mesh of another surface or with other settings; remove or rename it")
-        return kept
     if find_spec("pytetwild") is None:
         raise ModuleNotFoundError(
             "tetrahedral meshes need pytetwild; run in a clone of softcover: python -m pip install -e '.[curved]'",
             name="pytetwild",
         )
     nodes, cells = _run_mesher(surface, element_size, _NUMBERS.envelope * thickness, name)
-    mesh = classify_boundary(
+    return classify_boundary(
         nodes, cells, base, tolerance=_NUMBERS.near_base * _NUMBERS.envelope * thickness, settings=settings
     )
-    if keep is not None:
-        write_mesh(keep, mesh)
-    return mesh
 
 
 def classify_boundary(
@@ -142,10 +130,8 @@ def classify_boundary(
         ValueError: If no facet lies on the base, or all facets do.
     """
     used, place = np.unique(cells, return_inverse=True)
-    nodes, cells = np.array(nodes[used], dtype=float), place.reshape(-1, 4).astype(np.int64)
-    corner = nodes[cells]
-    turned = np.linalg.det(corner[:, 1:] - corner[:, :1]) < 0
-    cells[turned] = cells[turned][:, [0, 2, 1, 3]]
+    nodes = np.array(nodes[used], dtype=float)
+    cells = orient_tetrahedra(nodes, place.reshape(-1, 4).astype(np.int64))
     facets = list_boundary(cells)
     outer = np.unique(facets)
     nearest = nearest_points(nodes[outer], base)[0]
@@ -172,15 +158,11 @@ def classify_boundary(
     )
 
 
-def measure_base_deviation(mesh: SolidMesh, base: FloatArray) -> float:
-    """Return the largest distance of the nodes of a mesh's base from the triangles of the base [m]."""
-    points = mesh.nodes[np.unique(mesh.base)]
-    return float(np.linalg.norm(nearest_points(points, base)[0] - points, axis=1).max())
-
-
-def check_tetrahedra(mesh: SolidMesh, base: FloatArray) -> Quality:
-    """Check the quality of a tetrahedral mesh, and measure the deviation of its base."""
-    return check_quality(mesh, base_deviation=measure_base_deviation(mesh, base))
+def orient_tetrahedra(nodes: FloatArray, cells: IntArray) -> IntArray:
+    """Return tetrahedra of which all have a positive volume, shape (e, 4)."""
+    corner = nodes[cells]
+    turned = np.linalg.det(corner[:, 1:] - corner[:, :1]) < 0
+    return np.where(turned[:, None], cells[:, [0, 2, 1, 3]], cells)
 
 
 def list_boundary(cells: IntArray) -> IntArray:

@@ -7,6 +7,8 @@ Overlapping texels share their overlap equally.  Texels that touch each other ov
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from meshes.array import TexelArray
@@ -78,7 +80,8 @@ def cylinder_texels(
     )
     normals = np.stack([np.sin(turn), np.zeros_like(turn), np.cos(turn)], axis=-1).reshape(-1, 3)
     centres = radius * normals + np.stack([0 * y, y, 0 * y], axis=-1).reshape(-1, 3)
-    return _make_array(centres, normals, size, pitch, shape=(rows, columns), name=name)
+    grid = TexelArray.grid(rows, columns, pitch, texel_size=size, name=name)
+    return replace(grid, centres=centres, normals=normals)
 
 
 def fingertip_texels(radius: float, length: float, *, pitch: float, size: float, name: str) -> TexelArray:
@@ -103,26 +106,5 @@ def fingertip_texels(radius: float, length: float, *, pitch: float, size: float,
         each = around + np.array([0.0, np.sin(latitude), 0.0])
         normals.append(each)
         centres.append(radius * each + np.array([0.0, y, 0.0]))
-    place, direction = np.concatenate(centres), np.concatenate(normals)
-    return _make_array(place, direction, (size, size), (pitch, pitch), shape=(1, len(place)), name=name)
-
-
-def _make_array(
-    centres: FloatArray,
-    normals: FloatArray,
-    size: tuple[float, float],
-    pitch: tuple[float, float],
-    *,
-    shape: tuple[int, int],
-    name: str,
-) -> TexelArray:
-    return TexelArray(
-        centres=centres,
-        normals=normals,
-        texel_size=size,
-        pitch=pitch,
-        rows=shape[0],
-        columns=shape[1],
-        active=np.ones(len(centres), dtype=bool),
-        name=name,
-    )
+    row = TexelArray.grid(1, sum(map(len, centres)), pitch, texel_size=size, name=name)
+    return replace(row, centres=np.concatenate(centres), normals=np.concatenate(normals))

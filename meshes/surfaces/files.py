@@ -83,7 +83,7 @@ def read_triangles(path: Path, unit: float) -> FloatArray:
     if kind not in SURFACES:
         raise ValueError(f"{path.name} has an unknown ending; accepted: {', '.join(SURFACES)}")
     if kind == ".tet":
-        from meshes.solids.tetrahedra import list_boundary
+        from meshes.solids.tetrahedra import list_boundary, orient_tetrahedra
 
         nodes, cells = read_tetrahedra(path, unit)
         return _drop_collapsed(path.name, nodes[list_boundary(orient_tetrahedra(nodes, cells))])
@@ -143,15 +143,6 @@ def read_tetrahedra(path: Path, unit: float) -> tuple[FloatArray, IntArray]:
     if not valid or not np.abs(points).max() <= LIMITS.surface_coordinate:
         raise ValueError(f"{path.name} is no .tet file: it needs lines 'v x y z' and 't a b c d', nodes counted from 0")
     return unit * points, index
-
-
-def orient_tetrahedra(nodes: FloatArray, cells: IntArray) -> IntArray:
-    """Reorder the nodes of tetrahedra so that all volumes are positive, shape (e, 4)."""
-    corner = nodes[cells]
-    turned = np.linalg.det(corner[:, 1:] - corner[:, :1]) < 0
-    out = cells.copy()
-    out[turned] = out[turned][:, [0, 2, 1, 3]]
-    return np.asarray(out)
 
 
 def _read(path: Path, *, most: int = LIMITS.surface_bytes, what: str = "a surface") -> bytes:

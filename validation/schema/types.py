@@ -280,7 +280,6 @@ _PAIR_JSON = {"anyOf": [_LENGTH.json, {"type": "array", "items": _LENGTH.json, "
 Lengths = Annotated[tuple[float, float], Read(_read_pair, _PAIR_JSON)]
 LengthUnit = Annotated[float, Read(lambda value: read_quantity(f"1 {value}", "length"))]
 Pressure = Annotated[float, quantity("pressure")]
-AnyPressure = Annotated[float, quantity("pressure", positive=False)]
 Force = Annotated[float, quantity("force")]
 Frequency = Annotated[float, quantity("frequency")]
 Friction = Annotated[
