@@ -233,13 +233,19 @@ def test_permission_denied_names_the_group(plug_in):
         os.seteuid(0)
 
 
-def test_open_questions_are_answered_and_a_refused_one_does_not_end_the_others(plug_in, monkeypatch):
+def test_open_questions_are_answered_and_one_without_an_answer_does_not_end_the_others(plug_in, monkeypatch):
     monkeypatch.setattr("validation.weiss.inquiry._CLOCK_FRAMES", 60)
     wrong = Misbehaviour(refused={Command.GET_GAIN: Status.COMMAND_UNKNOWN})
-    with Sensor(plug_in(show_pattern("corner"), misbehaviour=wrong).name) as sensor:
+    port = plug_in(show_pattern("corner"), misbehaviour=wrong)
+    answer = port.sensor._answer
+    monkeypatch.setattr(
+        port.sensor, "_answer", lambda asked, now: b"" if asked.identifier == Command.GET_TAG else answer(asked, now)
+    )
+    with Sensor(port.name, timeout=0.1) as sensor:
         answers = inquire(sensor)
     assert answers["loop (0x06)"] == "answers with the bytes it was sent"
     assert "(assumed 1 ms)" in answers["clock"]
     assert "at most 0 counts" in answers["run length"]
     assert "texel 0, read as row 0, column 0" in answers["texel order"]
     assert "not as assumed" in answers["gain (0x37)"]
+    assert "no answer to `get tag`" in answers["device tag (0x52)"]
