@@ -37,7 +37,7 @@ def name_unknown(kind: str, name: str, valid: Iterable[str], note: str = "") -> 
         kind: Kind of the named object, for example "body".
         name: The name that was given.
         valid: The names that exist.
-        note: What follows the valid names in the message.
+        note: Text that follows the valid names in the message.
     """
     return FastModelError(f"no {kind} named {name!r}; valid names: {', '.join(sorted(valid)) or '(none)'}{note}")
 
@@ -65,7 +65,7 @@ def check_count(name: str, number: float, least: int, unit: str = "") -> int:
         name: Name of the argument.
         number: Value of the argument.
         least: Smallest accepted number.
-        unit: What it counts, for the message, for example " of physics steps".
+        unit: Unit of the number, for the message, for example " of physics steps".
 
     Raises:
         FastModelError: If the value is no number, not whole or smaller.

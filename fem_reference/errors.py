@@ -38,7 +38,7 @@ class PathConvergenceError(ConvergenceError):
     """The solution of a loading path stopped before its target, although steps were halved repeatedly.
 
     Attributes:
-        cause: Why the last step did not converge.
+        cause: Reason why the last step did not converge, in words.
         load: Load of the last equilibrium, in the units of `walk_to`; 0 if no step converged.  Solvers of indentations
             convert it to newtons.
         depth: Depth of the last equilibrium, in metres likewise; 0 if no step converged.

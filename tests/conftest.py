@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -21,6 +22,8 @@ from tests.support.compute_once import compute_once
 if TYPE_CHECKING:
     from validation.derivation.derive import Derivation
 
+# The modules of all tests hold many objects for good; looking for garbage among them more rarely saves time.
+gc.set_threshold(20_000, 20, 20)
 # A property must hold, however long a busy machine takes to try an example.
 # In CI the examples of property tests are the same on every run, and more; elsewhere they differ from run to run.
 hypothesis.settings.register_profile(

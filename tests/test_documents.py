@@ -16,7 +16,7 @@ from validation.regression.quantities import EXPERIMENTS
 NO_CODE = {"", "text", "toml", "sh notest", "{toctree}", "{eval-rst}"}
 RUNNING = [page for page in PAGES if any(language in {"python", "sh"} for language, _ in list_blocks(page))]
 #: Pages that run within a second or two; the slow tests run the others.
-QUICK = {"how-to/electronics.md", "how-to/python.md", "tutorials/gripper.md"}
+QUICK = {"how-to/electronics.md"}
 
 
 def name(page):

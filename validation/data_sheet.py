@@ -38,8 +38,8 @@ class Entry(Result):
         name: Name for people.
         text: Value with its unit, or `not stated` and why.
         values: Values in SI units by their JSON names; None for those not stated.
-        definition: What the value means.
-        source: Where the value comes from.
+        definition: Definition of the value.
+        source: Origin of the value.
     """
 
     name: str

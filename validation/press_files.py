@@ -220,7 +220,7 @@ class LoadCurve:
     Attributes:
         indentations: Results in ascending order.
         wanted: Number of results that were asked for [-].
-        stopped: Why the path ended before the last result; empty if it did not.
+        stopped: Reason why the path ended before the last target; empty if it did not.
     """
 
     indentations: Sequence[Indentation]

@@ -28,7 +28,7 @@ class Exported(Result):
         method: Contact method that the model is for; None for the Gazebo plugin, which has a method of its own.
         out: Folder of the files.
         files: Names of the files; the first is the model.
-        warnings: What the sensor file states and the fast model does not use, a sentence each.
+        warnings: Sentences about values of the sensor file that the fast model does not use.
     """
 
     sensor: str

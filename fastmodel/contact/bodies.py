@@ -158,7 +158,7 @@ class NameInModel(str):  # noqa: SLOT000 -- pickle restores the suffix through _
     """Name of a sensor in a compiled model, whose geoms have names with a suffix.
 
     Attributes:
-        suffix: What `mujoco.MjSpec.attach` appended to the names of the geoms.
+        suffix: Suffix that `mujoco.MjSpec.attach` appended to the names of the geoms.
     """
 
     suffix: str
@@ -168,7 +168,7 @@ class NameInModel(str):  # noqa: SLOT000 -- pickle restores the suffix through _
 
         Args:
             name: Name of the sensor; the names of its geoms start with it.
-            suffix: What `mujoco.MjSpec.attach` appended to the names of the geoms.
+            suffix: Suffix that `mujoco.MjSpec.attach` appended to the names of the geoms.
         """
         made = super().__new__(cls, name)
         made.suffix = suffix

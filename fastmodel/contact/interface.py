@@ -34,7 +34,7 @@ class Reading(NamedTuple):
             origin, in its frame, shape (6,); None if the contact method does not compute them [N, N m].
         tangential: Tangential force on each texel along its two tangents (x and y of a flat array), before spread,
             shape (n, 2); None if the contact method does not compute it [N].
-        tangential_source: How the tangential forces were found, see `Frame.tangential_source`.
+        tangential_source: Method by which the tangential forces were computed, see `Frame.tangential_source`.
     """
 
     contact_forces: FloatArray

@@ -31,7 +31,7 @@ from fastmodel.pose import make_quaternions
 from fastmodel.pressure.cell_grid import Panel, PanelCells, divide_into_panels, lay_out
 from fastmodel.pressure.flexes import FlexSurfaces
 from fastmodel.pressure.gap import GapSamples, PosedBody, sample_gap
-from fastmodel.pressure.solvers import STEEP, CoverSolver, FoundationSolver, Load, PressureSolution
+from fastmodel.pressure.solvers import STEEP, CoverSolver, FoundationSolver, Load, PressureSolution, PressureSolver
 from fastmodel.state import State, take_array
 from fastmodel.surface import Surface
 from fastmodel.validity import FEWEST_CELLS
@@ -218,7 +218,7 @@ class CellReader(PressureReader):
         array: TexelArray,
         name: str,
         *,
-        solver: CoverSolver | FoundationSolver,
+        solver: PressureSolver,
         first: float,
     ) -> None:
         """Find the plate in the compiled model, and start in the state without contacts.
@@ -359,7 +359,7 @@ class CellReader(PressureReader):
         """Sum the forces on cells over texels, at the top and, if the method computes them, at the base."""
         pressed = np.bincount(samples.body, solution.forces > 0, len(contact.loads))
         texel_forces = None
-        if isinstance(self._solver, CoverSolver) and solution.window is not None:
+        if solution.window is not None:
             window, origin = solution.window, solution.origin
             if len(pressed) == 1 and pressed[0] < FEWEST_CELLS and not self._grid.panels:
                 load = contact.loads[0]
@@ -382,11 +382,11 @@ class CellReader(PressureReader):
         row, column, forces = self._grid.divide_points(contact.points)
         contact_forces = reading.contact_forces + self._grid.sum_on_texels(row, column, forces)
         texel_forces = reading.texel_forces
-        if isinstance(self._solver, CoverSolver) and texel_forces is not None:
+        if texel_forces is not None:
             origin = int(row.min()), int(column.min())
             window = np.zeros((row.max() - origin[0] + 1, column.max() - origin[1] + 1))
             np.add.at(window, (row - origin[0], column - origin[1]), forces)
-            texel_forces = texel_forces + self._solver.find_base_forces(window, origin)
+            texel_forces = texel_forces + np.asarray(self._solver.find_base_forces(window, origin))
         carried += float(contact.points[:, 2].sum())
         return reading._replace(contact_forces=contact_forces, texel_forces=texel_forces, carried=carried)
 

@@ -235,16 +235,47 @@ class PressureSolution:
     converged: bool = True
 
 
-class CoverSolver:
+class PressureSolver:
+    """Solver for the pressure of bodies on the cells of an array, without previous solutions and forces at the base.
+
+    Attributes:
+        grid: The contact grid of the array.
+        bases: Operators to texel forces at the base of the cover, at each of its loads; empty if none are computed.
+    """
+
+    def __init__(self, grid: CellGrid, bases: Sequence[BaseForces] = ()) -> None:
+        self.grid, self.bases = grid, bases
+
+    def reset(self) -> None:
+        """Discard the last solution."""
+
+    def get_state(self) -> State:
+        """Return the last solution as arrays."""
+        return {}
+
+    def set_state(self, state: State) -> None:
+        """Restore what `get_state` returned."""
+
+    def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
+        """Compute the forces on the cells under all bodies.
+
+        Args:
+            samples: Cells under each body, with their gaps.
+            loads: Force and moments of each body.
+        """
+        raise NotImplementedError
+
+    def find_base_forces(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray | None:  # noqa: ARG002
+        """Compute the texel forces under forces on a window of cells; None if the method computes none."""
+        return None
+
+
+class CoverSolver(PressureSolver):
     """Solver for the pressure on a cover; the iteration of each contact starts from the previous solution.
 
     A cover whose stiff top stretches under load has tables for some loads, which were fitted to a ball.  They apply to
     a body that sinks as deep as the ball under the same load.  A body with a large face sinks less and stretches the
     cover less; the smaller load at which the ball is equally deep is then used.
-
-    Attributes:
-        grid: The contact grid of the array.
-        bases: Operators to texel forces at the base, without load and at each of the loads of the cover.
     """
 
     def __init__(
@@ -264,9 +295,10 @@ class CoverSolver:
             tolerance: Tolerance of the iteration: sum of the changes of cell forces in one step, over the load, below
                 which the iteration stops [-].
             steps: Largest number of steps of the iteration [-].
-            bases: See the attribute.
+            bases: Operators to texel forces at the base, without load and at each of the loads of the cover.
         """
-        self.grid, self._tolerance, self._steps, self._cells, self.bases = grid, tolerance, steps, cells, bases
+        super().__init__(grid, bases)
+        self._tolerance, self._steps, self._cells = tolerance, steps, cells
         # displacement at the centre of a square on an elastic half space under uniform pressure of unit force
         self._square = 4 * float(np.arcsinh(1.0)) * cells.top_compliance / float(np.sqrt(cells.cell[0] * cells.cell[1]))
         kernels = [each.compliance / (cells.cell[0] * cells.cell[1]) for each in cells.under_loads]
@@ -298,11 +330,7 @@ class CoverSolver:
 
         If the iteration with the prescribed moments does not converge, for example because no pressure on the cells has
         these moments, only the forces of the bodies are prescribed, and the bodies keep their tilt.  The body with the
-        largest force determines the tables of a cover that depends on the load.
-
-        Args:
-            samples: Cells under each body, with their gaps.
-            loads: Force and moments of each body.
+        largest force determines the tables of a cover that depends on the load; see `PressureSolver.solve`.
         """
         heaviest = int(np.argmax([load.force for load in loads]))
         force, position = loads[heaviest].force, self._cells.position_among_loads
@@ -406,15 +434,8 @@ def join_constraints(
     return np.concatenate(columns, axis=1), np.concatenate(targets), first
 
 
-class FoundationSolver:
-    """Solver for the pressure on an elastic foundation; no solution depends on previous ones.
-
-    Attributes:
-        grid: The contact grid of the array.
-        bases: Empty: a foundation does not compute forces at the base.
-    """
-
-    bases: tuple[BaseForces, ...] = ()
+class FoundationSolver(PressureSolver):
+    """Solver for the pressure on an elastic foundation; no solution depends on previous ones."""
 
     def __init__(self, grid: CellGrid, modulus: float) -> None:
         """Compute the stiffness of a whole cell.
@@ -423,26 +444,12 @@ class FoundationSolver:
             grid: The contact grid of the array.
             modulus: Modulus of the foundation, pressure per displacement [Pa/m].
         """
-        self.grid, self._stiffness = grid, modulus * grid.edge[0] * grid.edge[1]
+        super().__init__(grid)
+        self._stiffness = modulus * grid.edge[0] * grid.edge[1]
         self._match = compile_kernel(match_springs)
 
-    def reset(self) -> None:
-        """Do nothing, as there is no previous solution."""
-
-    def get_state(self) -> State:
-        """Return no arrays, for the same reason."""
-        return {}
-
-    def set_state(self, state: State) -> None:
-        """Do nothing, for the same reason."""
-
     def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
-        """Compute the forces on the cells under all bodies.
-
-        Args:
-            samples: Cells under each body, with their gaps.
-            loads: Force and moments of each body.
-        """
+        """Compute the forces on the cells under all bodies; see `PressureSolver.solve`."""
         forces, surface = np.zeros(samples.count), np.zeros(samples.count)
         for body, load in enumerate(loads):
             own = (samples.body == body).nonzero()[0]

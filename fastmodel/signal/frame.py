@@ -30,9 +30,9 @@ class Frame:
         tangential: Tangential force that contacts exert on each texel, along x and y of a flat array (in general along
             the texel's tangents, see `fastmodel.signal.point_spread.find_tangents`), shape (n, 2); filtered, without
             spread; zero on masked texels.  None for a real sensor [N].
-        tangential_source: How the tangential forces were found: "contacts of each texel" for the contact methods
-            `boxes` and `area`; "net shear, shared in proportion to pressure" for `cover` and `foundation`, whose
-            tangential forces say nothing about the distribution of shear, only about its sum.
+        tangential_source: Method by which the tangential forces were computed: "contacts of each texel" for the contact
+            methods `boxes` and `area`; "net shear, shared in proportion to pressure" for `cover` and `foundation`.  In
+            this case only the sum of the tangential forces is meaningful, not their distribution.
     """
 
     time: float

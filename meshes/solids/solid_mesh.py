@@ -25,6 +25,8 @@ HEXAHEDRON = 27
 TETRAHEDRON = 4
 #: Number of nodes of a facet of an element; the key is the number of nodes of the element [-].
 _FACET_NODES = {HEXAHEDRON: QUADRILATERAL, TETRAHEDRON: TRIANGLE}
+#: Arrays of a mesh.
+ARRAYS = ("nodes", "cells", "base", "top", "sides")
 #: Version of the file format.
 _FORMAT = "softcover-mesh 1"
 #: A setting from which a mesh was made.
@@ -37,13 +39,15 @@ class MeshLimits:
 
     #: Largest mesh file [bytes]; far above a mesh that can be solved.
     file_bytes: int = 2**30
-    #: Smallest scaled Jacobian of a hexahedron [-]; below it an element is a sliver, by the error of test meshes.
+    #: Smallest accepted scaled Jacobian of a hexahedron [-].  Below it an element is a sliver, by the error of test
+    #: meshes.
     hexahedron_jacobian: float = 0.05
-    #: Smallest scaled Jacobian of a tetrahedron [-]; below it an element is a sliver, by the error of test meshes.
+    #: Smallest accepted scaled Jacobian of a tetrahedron [-].  Below it an element is a sliver, by the error of test
+    #: meshes.
     tetrahedron_jacobian: float = 0.01
     #: Smallest number of quadratic elements through the thickness [-]; with fewer the error estimates do not hold.
     through: float = 1.5
-    #: Smallest and largest accepted size of a cover, which is its largest edge [m]; other sizes mean a wrong unit.
+    #: Smallest and largest accepted length of a cover's largest edge [m].  Other lengths indicate a wrong unit.
     sizes: tuple[float, float] = (1e-3, 0.3)
     #: Largest distance of a texel's centre from the nearest point of the base, along the normal and across it, over the
     #: mean thickness [-]; chosen.
@@ -65,10 +69,10 @@ LIMITS = MeshLimits()
 class SolidMesh:
     """Solid mesh of a cover.
 
-    Elements are hexahedra of 27 nodes with quadratic geometry, in lexicographic order (node i + 3 j + 9 k at (i, j, k)
-    of 3 x 3 x 3, k from base to top in swept meshes), or tetrahedra of 4 nodes.  Facets are quadrilaterals of 9 nodes
-    or triangles of 3.  The normals of top and sides point out of the cover; those of the base point into it, as the
-    normals of the texels do.
+    Elements are hexahedra of 27 nodes with quadratic geometry, or tetrahedra of 4 nodes.  The nodes of a hexahedron are
+    in lexicographic order: node i + 3 j + 9 k at (i, j, k) of 3 x 3 x 3, with k from base to top in swept meshes.
+    Facets are quadrilaterals of 9 nodes or triangles of 3.  The normals of top and sides point out of the cover.  Those
+    of the base point into it, as the normals of the texels do.
 
     Attributes:
         nodes: Positions of the n nodes, shape (n, 3) [m].
@@ -76,8 +80,8 @@ class SolidMesh:
         base: Facets that are bonded to the rigid base, shape (b, 9) or (b, 3).
         top: Facets that an indenter can touch, shape (t, 9) or (t, 3).
         sides: All other facets of the surface, shape (s, 9) or (s, 3).
-        source: What the mesh was made from, for reports.
-        settings: Settings with which it was made.
+        source: Origin of the mesh, in words.
+        settings: Settings of the mesh.
     """
 
     nodes: FloatArray
@@ -104,10 +108,10 @@ class SolidMesh:
                 raise ValueError(f"the facets of the {name} do not fit the elements")
             if name != "sides" and not len(facets):
                 raise ValueError(f"the mesh has no {name}")
-        every = np.concatenate([each.ravel() for each in (self.cells, self.base, self.top, self.sides)])
+        every = np.concatenate([getattr(self, name).ravel() for name in ARRAYS[1:]])
         if every.min() < 0 or every.max() >= len(self.nodes):
             raise ValueError("the mesh refers to a node that it does not have")
-        for values in (self.nodes, self.cells, self.base, self.top, self.sides):
+        for values in self.arrays.values():
             values.setflags(write=False)
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
@@ -116,11 +120,16 @@ class SolidMesh:
         """Whether the elements are hexahedra."""
         return bool(self.cells.shape[1] == HEXAHEDRON)
 
+    @property
+    def arrays(self) -> dict[str, FloatArray | IntArray]:
+        """The arrays by their names."""
+        return {name: getattr(self, name) for name in ARRAYS}
+
     @cached_property
     def digest(self) -> str:
         """Hash of all arrays, the source and the settings: two meshes are equal if their hashes are."""
         hasher = hashlib.sha256(json.dumps([self.source, dict(self.settings)], sort_keys=True).encode())
-        for values in (self.nodes, self.cells, self.base, self.top, self.sides):
+        for values in self.arrays.values():
             hasher.update(str((values.shape, values.dtype.str)).encode())
             hasher.update(np.ascontiguousarray(values).tobytes())
         return hasher.hexdigest()
@@ -138,8 +147,7 @@ def write_mesh(path: Path, mesh: SolidMesh) -> None:
         OSError: If the file cannot be written.
     """
     about = {"format": _FORMAT, "digest": mesh.digest, "source": mesh.source, "settings": dict(mesh.settings)}
-    arrays = {name: getattr(mesh, name) for name in ("nodes", "cells", "base", "top", "sides")}
-    replace(path, [pack_npz({**arrays, "about": np.array(json.dumps(about))})])
+    replace(path, [pack_npz({**mesh.arrays, "about": np.array(json.dumps(about))})])
 
 
 def read_mesh(path: Path) -> SolidMesh:
@@ -151,14 +159,14 @@ def read_mesh(path: Path) -> SolidMesh:
     try:
         arrays = unpack_npz(read_bytes(path, most=LIMITS.file_bytes), most=LIMITS.file_bytes)
         about = parse_json(str(arrays["about"]))
-        for name, kinds in {"nodes": "f", "cells": "iu", "base": "iu", "top": "iu", "sides": "iu"}.items():
-            if arrays[name].dtype.kind not in kinds:
+        for name in ARRAYS:
+            if arrays[name].dtype.kind not in ("f" if name == "nodes" else "iu"):
                 raise FileLimitError(f"has {name} of type {arrays[name].dtype}")  # noqa: TRY301 -- reported below
         if about["format"] != _FORMAT:
             raise ValueError(f"{path.name} is a mesh of another version: {str(about['format'])[:40]!r}")
         mesh = SolidMesh(
             nodes=arrays["nodes"].astype(np.float64),
-            **{name: arrays[name].astype(np.int64) for name in ("cells", "base", "top", "sides")},
+            **{name: arrays[name].astype(np.int64) for name in ARRAYS[1:]},
             source=str(about["source"]),
             settings=about["settings"],
         )
@@ -186,7 +194,6 @@ class Quality:
         scaled_jacobian: Smallest scaled Jacobian of all elements: 1 for a cube or a regular tetrahedron [-].
         inverted: Number of elements with a negative Jacobian [-].
         slivers: Number of elements that are not inverted and have a scaled Jacobian below the limit [-].
-        base_deviation: Largest distance of a node of the base from the wanted base surface; nan if not known [m].
         through: Mean number of elements through the thickness [-].
         faults: One line for each limit that is exceeded; empty for a mesh that can be used.
     """
@@ -199,19 +206,17 @@ class Quality:
     scaled_jacobian: float
     inverted: int
     slivers: int
-    base_deviation: float
     through: float
     faults: tuple[str, ...]
 
     def require(self) -> None:
-        """Raise a ValueError with one line per fault if the mesh cannot be used."""
+        """Raise a ValueError with one line per fault if the mesh exceeds a limit."""
         if self.faults:
             raise ValueError("\n".join(self.faults))
 
     def lines(self) -> list[str]:
         """Describe the quality in lines of text."""
-        deviation = "" if np.isnan(self.base_deviation) else f", base within {1e6 * self.base_deviation:.3g} um"
-        thickness = f"{1e3 * self.thickness:.3g} mm{deviation}"
+        thickness = f"{1e3 * self.thickness:.3g} mm"
         return [
             f"{self.elements} {self.kind}, {self.nodes} nodes, {self.through:.3g} elements through {thickness}",
             f"scaled Jacobian at least {self.scaled_jacobian:.3g}, {self.inverted} inverted, {self.slivers} slivers",
@@ -220,12 +225,8 @@ class Quality:
 
 
 @lru_cache(maxsize=4)
-def check_quality(mesh: SolidMesh, *, base_deviation: float = float("nan")) -> Quality:
+def check_quality(mesh: SolidMesh) -> Quality:
     """Measure the quality of a mesh and compare it with the limits; `Quality.require` refuses.
-
-    Args:
-        mesh: The mesh.
-        base_deviation: Largest distance of a node of the base from the wanted surface, if known [m].
 
     Raises:
         ValueError: If the base or the top has no area.
@@ -253,14 +254,13 @@ def check_quality(mesh: SolidMesh, *, base_deviation: float = float("nan")) -> Q
         scaled_jacobian=float(jacobian.min()),
         inverted=inverted,
         slivers=slivers,
-        base_deviation=base_deviation,
         through=through,
         faults=tuple(faults),
     )
 
 
 def _list_faults(mesh: SolidMesh, inverted: int, slivers: int, through: float) -> list[str]:
-    """List why a mesh cannot be used, from its numbers of bad elements and of elements through the thickness."""
+    """List the faults of a mesh, from its numbers of bad elements and of elements through the thickness."""
     least = LIMITS.hexahedron_jacobian if mesh.is_hexahedral else LIMITS.tetrahedron_jacobian
     count, faults = len(mesh.cells), []
     low, high = LIMITS.sizes
@@ -291,12 +291,12 @@ def _list_faults(mesh: SolidMesh, inverted: int, slivers: int, through: float) -
 
 
 def check_texels(mesh: SolidMesh, texels: TexelArray) -> None:
-    """Check that every texel lies on the base of a mesh and looks out of it.
+    """Check that every texel lies on the base of a mesh and faces out of the base.
 
     Raises:
         ValueError: With one line per fault: texels beside or off the base, or normals that point elsewhere.
     """
-    thickness = compute_volume(mesh) / measure_area(mesh, "base")
+    thickness = measure_thickness(mesh)
     along = (np.arange(LIMITS.samples) + 0.5) / LIMITS.samples
     u, v = np.meshgrid(along, along)
     place = np.column_stack([u.ravel(), v.ravel()])
@@ -305,28 +305,25 @@ def check_texels(mesh: SolidMesh, texels: TexelArray) -> None:
     points = np.einsum("qa,fac->fqc", facet_shape(mesh.base.shape[1], place), mesh.nodes[mesh.base]).reshape(-1, 3)
     area = np.linalg.norm(vectors, axis=1)
     spacing = 2 * np.sqrt(area.max()) / LIMITS.samples
-    off, turned = [], []
-    for number, (centre, normal) in enumerate(zip(texels.centres, texels.normals, strict=True)):
-        nearest = int(np.argmin(((points - centre) ** 2).sum(axis=1)))
-        unit = vectors[nearest] / area[nearest]
-        away = centre - points[nearest]
-        height = away @ unit
-        beside = np.linalg.norm(away - height * unit)
-        if abs(height) > LIMITS.off_base * thickness or beside > LIMITS.off_base * thickness + spacing:
-            off.append((number, max(abs(float(height)), float(beside))))
-        elif unit @ normal < LIMITS.cosine:
-            turned.append(number)
+    nearest = np.array([((points - centre) ** 2).sum(axis=1).argmin() for centre in texels.centres])
+    units, away = vectors[nearest] / area[nearest, None], texels.centres - points[nearest]
+    height = np.einsum("nc,nc->n", away, units)
+    beside = np.linalg.norm(away - height[:, None] * units, axis=1)
+    allowed = LIMITS.off_base * thickness
+    off = (np.abs(height) > allowed) | (beside > allowed + spacing)
+    turned = ~off & (np.einsum("nc,nc->n", units, texels.normals) < LIMITS.cosine)
     faults = []
-    if off:
-        worst = max(off, key=lambda each: each[1])
+    if off.any():
+        distance = np.where(off, np.maximum(np.abs(height), beside), 0.0)
+        worst = int(distance.argmax())
         faults.append(
-            f"{len(off)} of {texels.count} texels are off the base: texel {worst[0]} by {1e3 * worst[1]:.3g} mm; check "
-            "their positions, their unit and the frame, or project them onto the base"
+            f"{off.sum()} of {texels.count} texels are off the base: texel {worst} by {1e3 * distance[worst]:.3g} mm; "
+            "check their positions, their unit and the frame, or project them onto the base"
         )
-    if turned:
+    if turned.any():
         faults.append(
-            f"the normals of {len(turned)} of {texels.count} texels do not point out of the base there: texel "
-            f"{turned[0]}; reverse or recompute them"
+            f"the normals of {turned.sum()} of {texels.count} texels do not point out of the base there: texel "
+            f"{turned.argmax()}; reverse or recompute them"
         )
     if faults:
         raise ValueError("\n".join(faults))
@@ -378,7 +375,7 @@ def scaled_jacobians(mesh: SolidMesh) -> FloatArray:
 
 
 def _count_loose(mesh: SolidMesh) -> int:
-    """Count the elements of bodies that the base does not hold: they could move freely."""
+    """Count the elements of bodies that have no facet on the base and could therefore move freely."""
     label = label_parts(len(mesh.nodes), mesh.cells)
     return int((~np.isin(label[mesh.cells[:, 0]], label[mesh.base])).sum())
 

@@ -1,7 +1,7 @@
 """Fill a closed surface of triangles with tetrahedra by fTetWild (Hu et al. 2020), for covers that cannot be swept.
 
-The mesher gives another mesh at every call, so a mesh is an input: `fill_with_tetrahedra` keeps it in a file, and the
-spread of results over several meshes is their noise.  The mesher runs in a process and a folder of its own, because it
+The mesher gives another mesh at every call, so a mesh is an input: callers keep it, and the spread of results over
+several meshes is their noise.  The mesher runs in a process and a folder of its own, because it
 writes a file into its working folder and may crash on bad surfaces.
 """
 
@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
-from meshes.solids.solid_mesh import LIMITS, Quality, Setting, SolidMesh, check_quality, read_mesh, write_mesh
+from meshes.solids.solid_mesh import LIMITS, Setting, SolidMesh
 from meshes.surfaces.triangles import (
     check_closed,
     enclosed_volume,
@@ -32,22 +32,23 @@ from meshes.surfaces.triangles import (
 
 @dataclass(frozen=True, kw_only=True)
 class _Numbers:
-    """Numbers of meshes of tetrahedra."""
+    """Constants of meshes of tetrahedra."""
 
-    #: Largest distance of the mesh's surface from the given one, over the cover's thickness [-]; chosen.
+    #: Largest distance between the surfaces of the mesh and of the cover, over the cover's thickness [-]; chosen.
     envelope: float = 1 / 50
-    #: Distance of a facet from the base up to which it can belong to the base, in envelopes [-]; chosen.
+    #: Largest distance of a facet of the base from the given base, in units of `envelope` [-]; chosen.
     near_base: float = 3.0
     #: Smallest cosine between the normals of the base and of a facet of the base [-]; 45 degrees, chosen.
     on_base: float = 0.7
-    #: Smallest cosine between the base's nearest normal and that of a facet of the top [-]; 60 degrees, else a side.
+    #: Smallest cosine between the normals of a facet of the top and of the nearest point of the base [-]; 60 degrees,
+    #: chosen.  Facets below this value belong to the sides.
     on_top: float = 0.5
-    #: Longest time for a mesh [s]; chosen.
+    #: Time limit for a mesh [s]; chosen.
     seconds: int = 900
 
 
 _NUMBERS = _Numbers()
-#: Program of the mesher's process: reads the surface and writes the mesh in the current folder.
+#: Program of the mesher's process.  It reads the surface and writes the mesh in the current folder.
 _PROGRAM = """
 import numpy, pytetwild
 given = numpy.load("surface.npz")
@@ -62,7 +63,6 @@ def fill_with_tetrahedra(
     base: FloatArray,
     element_size: float,
     *,
-    keep: Path | None = None,
     name: str = "the surface",
     crossings: bool = True,
 ) -> SolidMesh:
@@ -71,16 +71,13 @@ def fill_with_tetrahedra(
     Args:
         surface: Corners of the n triangles of the whole surface of the cover, counterclockwise as seen from outside,
             shape (n, 3, 3) [m].
-        base: Corners of the triangles of the part of it that is bonded, facing either way, shape (b, 3, 3) [m].
+        base: Corners of the triangles of the bonded part, in either orientation, shape (b, 3, 3) [m].
         element_size: Wanted edge length of the tetrahedra [m].
-        keep: File in which the mesh is kept.  If the file exists, its mesh is returned, after a check that it was made
-            from the same surfaces with the same settings.
         name: Name of the surface in messages.
         crossings: Whether a surface that intersects itself is refused; the mesher smooths small folds.
 
     Raises:
-        ValueError: If a surface is open, inside out or intersects itself, the mesher fails, or the file holds another
-            mesh.
+        ValueError: If a surface is open, inside out or intersects itself, or the mesher fails.
         ModuleNotFoundError: If pytetwild is not installed.
     """
     surface, base = np.asarray(surface, dtype=float), np.asarray(base, dtype=float)
@@ -99,23 +96,15 @@ def fill_with_tetrahedra(
         "surface": _hash(surface),
         "base": _hash(base),
     }
-    if keep is not None and keep.exists():
-        kept = read_mesh(keep)
-        if dict(kept.settings) != settings:
-            raise ValueError(f"{keep.name} holds a mesh of another surface or with other settings; remove or rename it")
-        return kept
     if find_spec("pytetwild") is None:
         raise ModuleNotFoundError(
             "tetrahedral meshes need pytetwild; run in a clone of softcover: python -m pip install -e '.[curved]'",
             name="pytetwild",
         )
     nodes, cells = _run_mesher(surface, element_size, _NUMBERS.envelope * thickness, name)
-    mesh = classify_boundary(
+    return classify_boundary(
         nodes, cells, base, tolerance=_NUMBERS.near_base * _NUMBERS.envelope * thickness, settings=settings
     )
-    if keep is not None:
-        write_mesh(keep, mesh)
-    return mesh
 
 
 def classify_boundary(
@@ -132,7 +121,7 @@ def classify_boundary(
     Args:
         nodes: Positions of the nodes, shape (n, 3) [m].
         cells: Indices of the nodes of each tetrahedron, in either orientation, shape (e, 4).
-        base: Corners of the triangles of the base, facing either way, shape (b, 3, 3) [m].
+        base: Corners of the triangles of the base, in either orientation, shape (b, 3, 3) [m].
         tolerance: Largest distance of a node of the base from these triangles [m].
         settings: Settings of the mesh.
         source: Source of the mesh.
@@ -141,10 +130,8 @@ def classify_boundary(
         ValueError: If no facet lies on the base, or all facets do.
     """
     used, place = np.unique(cells, return_inverse=True)
-    nodes, cells = np.array(nodes[used], dtype=float), place.reshape(-1, 4).astype(np.int64)
-    corner = nodes[cells]
-    turned = np.linalg.det(corner[:, 1:] - corner[:, :1]) < 0
-    cells[turned] = cells[turned][:, [0, 2, 1, 3]]
+    nodes = np.array(nodes[used], dtype=float)
+    cells = orient_tetrahedra(nodes, place.reshape(-1, 4).astype(np.int64))
     facets = list_boundary(cells)
     outer = np.unique(facets)
     nearest = nearest_points(nodes[outer], base)[0]
@@ -171,15 +158,11 @@ def classify_boundary(
     )
 
 
-def measure_base_deviation(mesh: SolidMesh, base: FloatArray) -> float:
-    """Return the largest distance of the nodes of a mesh's base from the triangles of the base [m]."""
-    points = mesh.nodes[np.unique(mesh.base)]
-    return float(np.linalg.norm(nearest_points(points, base)[0] - points, axis=1).max())
-
-
-def check_tetrahedra(mesh: SolidMesh, base: FloatArray) -> Quality:
-    """Check the quality of a tetrahedral mesh, and measure the deviation of its base."""
-    return check_quality(mesh, base_deviation=measure_base_deviation(mesh, base))
+def orient_tetrahedra(nodes: FloatArray, cells: IntArray) -> IntArray:
+    """Return tetrahedra of which all have a positive volume, shape (e, 4)."""
+    corner = nodes[cells]
+    turned = np.linalg.det(corner[:, 1:] - corner[:, :1]) < 0
+    return np.where(turned[:, None], cells[:, [0, 2, 1, 3]], cells)
 
 
 def list_boundary(cells: IntArray) -> IntArray:

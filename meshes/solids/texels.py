@@ -1,11 +1,13 @@
 """Texels on curved bases: their tangent axes, the part of the base that each covers, and two layouts.
 
-A texel covers the points of the base whose projection along the texel's normal lies in the rectangle of its size around
-its centre, along the two tangent axes, on the side that its normal points to.  Where texels overlap, which they do if
-they touch on a convex base, they share the overlap equally.
+A texel covers a region of the base on the side to which the texel's normal points.  The region is the set of points
+whose projection along the normal lies in the texel's rectangle, whose edges are along the two tangent axes.
+Overlapping texels share their overlap equally.  Texels that touch each other overlap on a convex base.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,9 +19,10 @@ _POLE = 1e-6
 
 
 def tangent_axes(normals: FloatArray) -> FloatArray:
-    """Return the tangent axes of texels: the second is the projection of the array's y axis, the first y cross normal.
+    """Return the tangent axes of texels.
 
-    Where the normal points along y, the second axis is -z.  On a planar array the axes are x and y.
+    The second axis is the projection of the array's y axis, the first is y cross normal.  Where the normal points
+    along y, the second axis is -z.  On a planar array the axes are x and y.
 
     Args:
         normals: Unit normals, shape (n, 3) [-].
@@ -36,10 +39,10 @@ def tangent_axes(normals: FloatArray) -> FloatArray:
 
 
 def covered_share(texels: TexelArray, points: FloatArray, normals: FloatArray, spread: FloatArray) -> FloatArray:
-    """Compute which share of small parts of the base each texel covers.
+    """Compute which fraction of small parts of the base each texel covers.
 
     Args:
-        texels: n texels.
+        texels: Array of n texels.
         points: Middles of p parts of the base, shape (p, 3) [m].
         normals: Unit normals of the base at these points, shape (p, 3) [-].
         spread: Edge vectors of the parts, which count as parallelograms, shape (p, 2, 3) [m].
@@ -77,7 +80,8 @@ def cylinder_texels(
     )
     normals = np.stack([np.sin(turn), np.zeros_like(turn), np.cos(turn)], axis=-1).reshape(-1, 3)
     centres = radius * normals + np.stack([0 * y, y, 0 * y], axis=-1).reshape(-1, 3)
-    return _make_array(centres, normals, size, pitch, shape=(rows, columns), name=name)
+    grid = TexelArray.grid(rows, columns, pitch, texel_size=size, name=name)
+    return replace(grid, centres=centres, normals=normals)
 
 
 def fingertip_texels(radius: float, length: float, *, pitch: float, size: float, name: str) -> TexelArray:
@@ -102,26 +106,5 @@ def fingertip_texels(radius: float, length: float, *, pitch: float, size: float,
         each = around + np.array([0.0, np.sin(latitude), 0.0])
         normals.append(each)
         centres.append(radius * each + np.array([0.0, y, 0.0]))
-    place, direction = np.concatenate(centres), np.concatenate(normals)
-    return _make_array(place, direction, (size, size), (pitch, pitch), shape=(1, len(place)), name=name)
-
-
-def _make_array(
-    centres: FloatArray,
-    normals: FloatArray,
-    size: tuple[float, float],
-    pitch: tuple[float, float],
-    *,
-    shape: tuple[int, int],
-    name: str,
-) -> TexelArray:
-    return TexelArray(
-        centres=centres,
-        normals=normals,
-        texel_size=size,
-        pitch=pitch,
-        rows=shape[0],
-        columns=shape[1],
-        active=np.ones(len(centres), dtype=bool),
-        name=name,
-    )
+    row = TexelArray.grid(1, sum(map(len, centres)), pitch, texel_size=size, name=name)
+    return replace(row, centres=np.concatenate(centres), normals=np.concatenate(normals))

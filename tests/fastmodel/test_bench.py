@@ -10,7 +10,6 @@ from fastmodel.errors import MissedArrayError
 from meshes import Box, Cylinder, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
-from tests.support.cover_data import parameters as cover_parameters
 
 WTS = ARRAYS["wts-0614-34"]
 PARAMETERS = Parameters(array=WTS, spread=Gaussian.from_sigma(0.6), electronics=WTS_0614_34)
@@ -65,22 +64,6 @@ def test_a_bent_array_carries_the_weight():
     result = indent(parameters, Sphere(radius=5e-3), load=2.0, at=(0.3e-3, 0.2e-3))
     assert result.total_force == pytest.approx(2.0, rel=1e-3)
     assert result.contact_forces.argmax() == 4
-
-
-@pytest.mark.parametrize("method", ["boxes", "cover"])
-@pytest.mark.parametrize("count", [30, pytest.param(2000, marks=pytest.mark.slow)])
-def test_random_shapes_and_poses_are_carried(count, method):
-    """Thin, tiny, huge, over corners and edges: the weight is carried, nothing negative, nothing undefined."""
-    rng = np.random.default_rng(count)
-    for _ in range(count):
-        a, b, c = 10 ** rng.uniform(-3.5, -1.9, 3)
-        shape = rng.choice([Sphere(radius=a), Cylinder(radius=a), Box(size=(a, b, c)), RoundedTip(radius=a)])
-        at = (rng.uniform(-0.0102, 0.0102), rng.uniform(-0.0238, 0.0238))
-        load = 10 ** rng.uniform(-2, 1.0)
-        result = indent(cover_parameters(), shape, load=load, at=at, yaw=rng.uniform(0, 7), method=method)
-        assert result.total_force == pytest.approx(load, rel=1e-3), (shape, at)
-        assert np.all(np.isfinite(result.texel_forces))
-        assert np.all(result.contact_forces >= 0)
 
 
 def test_forces_that_do_not_settle_are_averaged(monkeypatch):

@@ -1,17 +1,15 @@
 import dataclasses
 import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fastmodel.errors import FastModelError, ParametersError
 from fastmodel.parameters import Parameters, list_sensors, load
 from fastmodel.signal.butterworth import Butterworth
-from fastmodel.signal.electronics import WTS_0614_34, Electronics
+from fastmodel.signal.electronics import WTS_0614_34
 from fastmodel.signal.point_spread import Gaussian, Tabulated
 from meshes import TexelArray, atomic_file
 from meshes.catalogue import ARRAYS
@@ -205,33 +203,6 @@ def test_a_path_means_a_folder_even_if_a_sensor_has_that_name(tmp_path, monkeypa
 
 
 positive = st.floats(1e-6, 1e6)
-
-
-@settings(max_examples=40, deadline=None)
-@given(
-    st.builds(
-        Electronics,
-        rate_hz=positive,
-        sensitivity=positive,
-        offset=st.floats(-1e6, 1e6),
-        noise=st.floats(0, 10),
-        characteristic=st.none() | st.tuples(*[st.floats(-1e3, 1e3)] * 6),
-        gains=st.none() | st.tuples(*[st.floats(0, 10)] * 6),
-        seed=st.integers(0, 2**31),
-    ),
-    st.none() | st.builds(Butterworth, cutoff_hz=positive, order=st.integers(1, 20)),
-    st.builds(Gaussian.from_sigma, st.floats(0.01, 20), st.floats(0.01, 20)),
-    st.tuples(st.floats(1e-5, 1e-1), st.floats(1e-5, 1e-1)),
-    st.lists(st.booleans(), min_size=6, max_size=6).filter(any),
-)
-def test_any_parameters_are_loaded_bit_for_bit_as_saved(electronics, low_pass, spread, pitch, active):
-    array = TexelArray.grid(2, 3, pitch, active=np.reshape(active, (2, 3)), name="any")
-    saved = make(array=array, electronics=electronics, filter=low_pass, spread=spread)
-    with tempfile.TemporaryDirectory() as folder:
-        saved.save(folder)
-        back = load(folder)
-    assert same_array(back.array, array)
-    assert (back.electronics, back.filter, back.spread) == (electronics, low_pass, spread)
 
 
 def test_what_counts_were_calibrated_against_is_stored_and_its_absence_is_said(tmp_path, caplog):

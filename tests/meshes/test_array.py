@@ -37,13 +37,6 @@ def test_row_and_column_of_an_image_follow_from_the_position(rows, columns, pitc
     assert array.extent == pytest.approx((columns * pitch[0], rows * pitch[1]))
 
 
-def test_rectangular_pitch_and_smaller_texels():
-    array = TexelArray.grid(2, 3, (1e-3, 2e-3), texel_size=0.8e-3)
-    assert array.pitch == (1e-3, 2e-3)
-    assert array.texel_size == (0.8e-3, 0.8e-3)
-    assert array.extent == pytest.approx((2.8e-3, 2.8e-3))
-
-
 def test_an_array_is_regular_wherever_it_lies_until_a_texel_moves():
     array = TexelArray.grid(3, 4, 1e-3)
     assert array.regular

@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from meshes import atomic_file
 
@@ -15,15 +13,6 @@ OLD, NEW = b"old" * 100_000, b"new!" * 100_000
 
 def names(folder):
     return sorted(path.name for path in folder.iterdir())
-
-
-@given(parts=st.lists(st.binary(max_size=300), max_size=8))
-def test_a_file_holds_its_parts_one_after_the_other(tmp_path_factory, parts):
-    path = tmp_path_factory.mktemp("folder") / "file"
-    path.write_bytes(OLD)
-    atomic_file.replace(path, iter(parts))
-    assert path.read_bytes() == b"".join(parts)
-    assert names(path.parent) == ["file"]
 
 
 @pytest.mark.parametrize("call", ["open", "write", "fsync", "replace", "close"])
@@ -86,11 +75,6 @@ def test_a_sweep_removes_abandoned_files_and_keeps_those_being_written(tmp_path)
     assert names(tmp_path) == [".partial-of-another-program"]
 
 
-def test_a_folder_that_does_not_exist_has_nothing_to_sweep(tmp_path):
-    assert atomic_file.temporary_files(tmp_path / "absent") == []
-    assert atomic_file.sweep(tmp_path / "absent") == 0
-
-
 def test_without_locks_only_old_temporary_files_are_swept(tmp_path, monkeypatch):
     def unsupported(*_, **__):
         raise OSError(95, "Operation not supported")
@@ -104,21 +88,6 @@ def test_without_locks_only_old_temporary_files_are_swept(tmp_path, monkeypatch)
     assert atomic_file.sweep(tmp_path) == 1
     assert (young.exists(), old.exists()) == (True, False)
     assert (tmp_path / "file").read_bytes() == NEW
-
-
-def test_a_file_swept_before_it_was_locked_is_made_again(tmp_path, monkeypatch):
-    lock, swept = atomic_file._lock, []
-
-    def late(handle, *, wait):
-        if wait and not swept:
-            swept.append(atomic_file.sweep(tmp_path))
-        lock(handle, wait=wait)
-
-    monkeypatch.setattr(atomic_file, "_lock", late)
-    atomic_file.replace(tmp_path / "file", [NEW])
-    assert swept == [1]
-    assert (tmp_path / "file").read_bytes() == NEW
-    assert names(tmp_path) == ["file"]
 
 
 @pytest.mark.parametrize(

@@ -93,34 +93,6 @@ def test_a_sphere_and_no_tilt_change_nothing():
     assert tilt_indenter(nut, (0.0, 0.0)) is nut
 
 
-@pytest.mark.parametrize("base", [Nut(across=13e-3, bore=8e-3), Box(size=(6e-3, 4e-3, 5e-3)), RoundedTip(radius=1e-3)])
-def test_solids_of_the_fast_model_touch_at_the_same_height(base):
-    import mujoco
-
-    shape = tilt_indenter(base, (0.08, -0.05))
-    spec = mujoco.MjSpec()
-    for index, solid in enumerate(shape.primitives()):
-        kinds = {"box": mujoco.mjtGeom.mjGEOM_BOX, "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE}
-        kinds |= {"sphere": mujoco.mjtGeom.mjGEOM_SPHERE, "hull": mujoco.mjtGeom.mjGEOM_MESH}
-        extra = {}
-        if solid.kind == "hull":
-            spec.add_mesh(name=f"{index}", uservert=np.ravel(solid.vertices))
-            extra = {"meshname": f"{index}"}
-        geom = spec.worldbody.add_geom(type=kinds[solid.kind], pos=solid.position, quat=solid.quaternion, **extra)
-        if solid.kind != "hull":
-            geom.size[: len(solid.size)] = solid.size
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    places = np.stack(np.meshgrid(np.linspace(-6e-3, 6e-3, 41), np.linspace(-6e-3, 6e-3, 41)), -1).reshape(-1, 2)
-    hit = np.zeros(1, dtype=np.int32)
-    distance = np.array([mujoco.mj_ray(model, data, [*at, -1.0], [0, 0, 1.0], None, 1, -1, hit) for at in places])
-    gap = shape.gap(*places.T)
-    both = (distance >= 0) & np.isfinite(gap)
-    assert both.sum() > 5
-    assert distance[both] - 1.0 == pytest.approx(gap[both], abs=2e-6)
-
-
 def test_large_tilts_are_refused_in_words():
     with pytest.raises(ValueError, match="at most 10 degrees about either axis, not 12"):
         tilt_indenter(Box(size=(6e-3, 4e-3, 5e-3)), (0.0, np.radians(12)))
@@ -144,10 +116,3 @@ def test_steep_cones_keep_their_surface(degrees, tilt):
     inside = (expected > 0) & (expected < 8e-3)
     assert inside.mean() > 0.5
     assert gap[inside] == pytest.approx(expected[inside], abs=1e-8)
-
-
-def test_a_tilt_of_zero_given_directly_changes_nothing():
-    cone = Cone(angle=1.0, radius=5e-3)
-    shape = TiltedIndenter(indenter=cone, tilt=(0.0, 0.0))
-    assert shape.primitives() == cone.primitives()
-    assert shape.gap(np.array([1e-3]), np.zeros(1)) == pytest.approx(cone.gap(np.array([1e-3]), np.zeros(1)))

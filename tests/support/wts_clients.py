@@ -31,7 +31,6 @@ class PollingClient:
     def __init__(self, name, texels=84, timeout=0.05):
         self._port = serial.Serial(name, 115200, timeout=timeout)
         self._texels = texels
-        self.late = 0
 
     def read(self):
         """Counts of a frame; None if it did not arrive in time as a whole."""
@@ -39,7 +38,6 @@ class PollingClient:
         self._port.write(make_message(0x20, b"\0"))
         answer = self._port.read(15 + 2 * self._texels)
         if len(answer) < 15 + 2 * self._texels or checksum(answer) or answer[3] != 0x20 or answer[6:8] != b"\0\0":
-            self.late += 1
             return None
         return struct.unpack_from(f"<{self._texels}H", answer, 13)
 
@@ -85,12 +83,10 @@ class MessageClient:
         return answer[2:]
 
 
-def wait_for_tag(client, patience=2.0):
-    """Start as a driver does that names itself after the device: ask for the tag until it is not empty."""
-    deadline = time.monotonic() + patience
-    while not (tag := client.ask(0x52).decode("ascii")):
-        if time.monotonic() > deadline:
-            raise TimeoutError("the device has no tag")
+def wait_for_tag(client):
+    """Start as a driver does that names itself after the device, which must have a tag."""
+    tag = client.ask(0x52).decode("ascii")
+    assert tag, "the device has no tag"
     columns, rows, width, height, full_scale = struct.unpack("<5H", client.ask(0x30))
     return tag, (columns, rows), (width, height), full_scale
 

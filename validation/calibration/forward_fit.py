@@ -27,7 +27,7 @@ IntArray = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class FitNumbers:
-    """Numbers of the fit.  Spreads are standard deviations of Gaussian priors, chosen wide.
+    """Constants of the fit.  Spreads are standard deviations of Gaussian priors, chosen wide.
 
     Attributes:
         gain_spread: Spread of ln(gain) of a texel [-].
@@ -222,7 +222,7 @@ def lay_out(
 
     Args:
         observations: The images.
-        options: What to fit, and what is given.
+        options: Parameters that are fitted, and values of the others.
         array: The texels.
         guesses: Guessed pose of each placement.
         curve: A curve whose level alone is fitted, beside the poses; None to fit a curve that starts as a line.
@@ -339,7 +339,7 @@ class ForwardFit:
         method: The contact method.
         poses: Pose of each placement, by its name.
         curve: The curve from texel force to counts, with gains and heights.
-        options: What was fitted.
+        options: Options of the fit.
         layout: Names and order of the p fitted parameters.
         vector: The fitted parameters, shape (p,).
         jacobian: Derivatives of the weighted residuals, priors left out, shape (r, p) [1/unit of the parameter].
@@ -458,7 +458,7 @@ def fit_forward(
     Args:
         method: The contact method.
         observations: The images.
-        options: What to fit, and what is given.
+        options: Parameters that are fitted, and values of the others.
         start: An earlier fit, from which the poses start, and whose curve is kept but for its level.
 
     Raises:

@@ -171,7 +171,7 @@ class ContactMethod:
 
     Attributes:
         name: Name of the method in tables.
-        about: What the method assumes, in a few words.
+        about: Assumptions of the method, in a few words.
         array: The n texels.
         solve: Function from indenter, load [N] and pose to the force on each texel, shape (n,) [N].
         gain_error: Largest known error of a texel's share of the load by the method, which passes into the gain of that

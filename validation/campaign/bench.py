@@ -239,7 +239,7 @@ def prepare_bench(
     """Return the bench on which cases are scored: that of flat layers, unless another one is registered.
 
     Args:
-        derivation: What was derived from a sensor; other kinds of covers register a function for theirs.
+        derivation: Derivation of a sensor; each other kind of cover registers a function for its own derivations.
         cases: The cases that will be scored; nothing may be fitted to them.
         progress: Called with the name of each part.
         parameters: Parameters of the fast model instead of the derived ones; no published model is scored then.

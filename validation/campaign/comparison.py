@@ -40,8 +40,8 @@ class Comparison:
         score: Score of the fast model against the finite elements; None unless there are results of both models.
         models: Names of the models that were chosen, some of `MODELS`.
         wanted: Load [N] or depth [m] that was asked for, under the name `load` or `depth`.
-        stopped: How far the finite elements came and why they stopped early; empty if they did not.
-        note: Why a chosen model was left out; empty if none was.
+        stopped: Load or depth at which the finite elements stopped early, and the reason; empty if they did not.
+        note: Reason why a chosen model was left out; empty if none was.
     """
 
     sensor: SensorDescription | Parameters

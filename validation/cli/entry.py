@@ -42,28 +42,14 @@ PIPE_CLOSED = 141
 _PATH_FAULTS = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP, errno.EINVAL, errno.EILSEQ}
 #: Largest number of lines in which the faults of an input are printed [-].
 _MOST_LINES = 50
-#: Place of each command as `module:name` in the folder `commands`: its function, or its application if the command has
-#: actions of its own.
-_COMMANDS = {
-    "demo": "validate:demo",
-    "derive": "derive:derive",
-    "press": "press:press",
-    "mesh": "mesh:mesh",
-    "view": "view:view",
-    "validate": "validate:validate",
-    "regress": "regress:regress",
-    "export": "export:export",
-    "record": "record:record",
-    "replay": "recordings:replay",
-    "import": "recordings:import_recording",
-    "calibrate": "calibrate:calibrate",
-    "emulate": "emulate:emulate",
-    "store": "store:store",
-    "materials": "materials:materials",
-    "datasheet": "datasheet:datasheet",
-    "init": "init:init",
-    "doctor": "doctor:doctor",
-}
+#: Commands, in the order of the help page.
+_COMMANDS = (
+    "demo", "derive", "press", "mesh", "view", "validate", "regress", "export", "record", "replay", "import",
+    "calibrate", "emulate", "store", "materials", "datasheet", "init", "doctor",
+)  # fmt: skip
+#: Place of a command as `module:name` in the folder `commands`, where it is not a function or an application (if the
+#: command has actions of its own) in the module of its name.
+_PLACES = {"demo": "validate:demo", "replay": "recordings:replay", "import": "recordings:import_recording"}
 
 
 def _convert(wanted: type, tokens: Sequence[Token]) -> object:
@@ -98,8 +84,8 @@ app = App(
     default_parameter=Parameter(negative=(), converter=_convert),
     suppress_keyboard_interrupt=False,
 )
-for _name, _target in _COMMANDS.items():
-    app.command(f"validation.cli.commands.{_target}", name=_name)
+for _name in _COMMANDS:
+    app.command(f"validation.cli.commands.{_PLACES.get(_name, f'{_name}:{_name}')}", name=_name)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -70,6 +70,8 @@ class LiveImage(contextlib.ExitStack):
             say(text)
             return
         from validation.cli.heat_map import draw_heat_map
+        from validation.render.image import Scale
 
         image = counts.reshape(-1, self._columns)
-        self._live.update(draw_heat_map(image, image / self._full_scale).append(text), refresh=True)
+        scale = Scale(peak=self._full_scale, unit="", factor=1)
+        self._live.update(draw_heat_map(image, scale).append(text), refresh=True)

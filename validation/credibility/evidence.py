@@ -38,7 +38,7 @@ class Evidence(Result):
         stages: Errors by stage; None if the fast model has no cover data.
         groups: Pooled errors of the fast model by load, shape and pose: group, member, metric.
         domain: Range of the cases, by name: smallest and largest value, in SI units.
-        failed: Why a part is missing, one line each.
+        failed: Reasons why parts are missing, one line each.
         left_out: Which sections have no meaning for this kind of cover, one sentence each.
         notes: What readers must know about this kind of cover, by section of the report.
     """

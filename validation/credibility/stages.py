@@ -53,7 +53,7 @@ class StageErrors(Result):
     Attributes:
         cases: Error of each stage by name of the case and of the stage; NaN where a stage does not apply [-].
         pooled: Mean over the cases, by stage.
-        note: What was not computed; empty if nothing.
+        note: Sentence about parts that were not computed; empty if all were.
     """
 
     cases: Mapping[str, Mapping[str, Number]]

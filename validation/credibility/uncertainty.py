@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
-from meshes import Cover, Cylinder, Material, TexelArray
+from meshes import Cover, Cylinder, Indenter, Material, TexelArray
 from meshes.array_types import FloatArray
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
@@ -62,7 +62,7 @@ class InputUncertainty(Result):
         uncertainties: Standard uncertainty of each input by its name, with its unit in the name.
         image: Forces on the n texels with the nominal inputs, on the coarse grid, shape (n,) [N].
         effects: Change of the image by one standard uncertainty, by the name of the input, shape (n,) each [N].
-        note: What was not computed; empty if nothing.
+        note: Sentence about inputs that were not propagated; empty if all were.
     """
 
     load: float
@@ -222,39 +222,27 @@ def simulate_image(cover: Cover, array: TexelArray, case: Case) -> FloatArray:
         array: The array.
         case: The indentation, not tilted.
     """
-    cells = _solve_cells(cover, case)
-    x, y = case.pose.to_array(cells[0], cells[1])
+    *places, forces = _solve_cells(cover, case.indenter, case.load, CELLS)
+    x, y = case.pose.to_array(*places)
     response = _tabulate_response(cover, array.texel_size)
-    out = np.array([response(x - cx, y - cy) @ cells[2] for cx, cy in array.centres[:, :2]])
+    out = np.array([response(x - cx, y - cy) @ forces for cx, cy in array.centres[:, :2]])
     return np.where(array.active, out, 0.0)
 
 
-#: Contacts that were solved, by cover, indenter and load.  They do not depend on the pose.
-_CONTACTS: dict[str, FloatArray] = {}
+@lru_cache(maxsize=256)
+def _solve_cells(cover: Cover, indenter: Indenter, load: float, count: int) -> FloatArray:
+    """Solve the contact on a number of cells across it, which poses share.
 
-
-def _solve_cells(cover: Cover, case: Case) -> FloatArray:
-    """Solve the contact; rows x, y [m] and force [N] of m cells in the frame of the indenter, shape (3, m)."""
-    from fem_reference.result_store import describe, make_key
-    from fem_reference.small_strain_contact.frictionless import solve_contact
-
-    key = make_key("cells", describe([cover, case.indenter, case.load]))
-    if key not in _CONTACTS:
-        patch = solve_contact(
-            _tabulate_surface(cover, _find_reach(cover, case)), case.indenter, cells=CELLS, load=case.load
-        )
-        if len(_CONTACTS) > 1000:  # noqa: PLR2004 -- more than any campaign needs at once
-            _CONTACTS.clear()
-        _CONTACTS[key] = np.stack([patch.x, patch.y, patch.force])
-    return _CONTACTS[key]
-
-
-def _find_reach(cover: Cover, case: Case) -> float:
+    Returns:
+        Rows x, y [m] and force [N] of m cells in the frame of the indenter, shape (3, m).
+    """
     from fem_reference.linear_response.surface_compliance import decay_length
-    from fem_reference.small_strain_contact.frictionless import bound_contact
+    from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
 
-    size = float(np.hypot(*bound_contact(case.indenter, cover.thickness)))
-    return max(_REACH * size, _DECAY * decay_length(cover))
+    size = float(np.hypot(*bound_contact(indenter, cover.thickness)))
+    reach = max(_REACH * size, _DECAY * decay_length(cover))
+    patch = solve_contact(_tabulate_surface(cover, reach), indenter, cells=count, load=load)
+    return np.stack([patch.x, patch.y, patch.force])
 
 
 @lru_cache(maxsize=64)

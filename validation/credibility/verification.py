@@ -53,7 +53,7 @@ class Check(Result):
     """One solver against one closed-form solution.
 
     Attributes:
-        name: What is compared.
+        name: Quantity and solver that are compared.
         exact: The closed-form solution and its source.
         sizes: Element sizes of the grids over that of the coarsest, coarsest first [-].
         errors: Relative error on each grid [-].

@@ -53,7 +53,7 @@ class DataFile:
         threshold: Counts that the firmware subtracted; None for what the labels of the recording say [-].
         window: First and last time after loading between which frames are averaged [s].
         temperature_channel: Index of the temperature sensor, negative ones from the end.
-        uses: What the recording may be used for: `fit`, `score`.
+        uses: Uses that are allowed for the recording: `fit`, `score`.
     """
 
     path: Path
@@ -75,7 +75,7 @@ class DataSet:
 
     Attributes:
         name: Name of the data set.
-        source: Where the recordings were published.
+        source: Publication of the recordings.
         sensor: Sensor file or built-in sensor that made the recordings; empty if the file does not say.
         folder: Folder that the paths of the files are relative to.
         files: The recordings that were found.

@@ -182,7 +182,7 @@ class RecordingScores(Result):
         notes: Comparison with null models, and what the fitted recordings determine, by name of the split.
         files: SHA-256 hash of each recording, by name of the recording.
         noise: Root mean square over recordings of the standard deviation of a texel's counts [counts].
-        source: Where the recordings were published.
+        source: Publication of the recordings.
         problems: One line per recording, series or split that was left out.
     """
 

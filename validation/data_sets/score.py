@@ -358,7 +358,7 @@ def choose_power(method: ContactMethod, fitted: Observations, options: Options) 
     Args:
         method: The contact method.
         fitted: The fitted images; no scored image takes part.
-        options: What is fitted.
+        options: Options of the fit.
     """
     light = fitted.loads < fitted.loads.max() * (1 - _SAME_LOAD)
     placed = {placement.name for placement in fitted.select(light).placements}

@@ -74,7 +74,7 @@ class Model:
         certainty: Source of the implementation, such as `CODE`.
         predict: Function of a scene and of the parameters by name, which returns the forces.
         parameters: The parameters by name.
-        total: What the sum of the forces is, if it is not the load by the model itself.
+        total: Sum of the forces in words, if the model itself does not make it the load.
         in_time: Published filters, dampers and noise, which have no effect on a held load and are not built.
     """
 

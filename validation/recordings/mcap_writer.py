@@ -174,7 +174,7 @@ def encode_labels(
     """Return labels as the text of a JSON object.
 
     Args:
-        setup: How the recording is made.
+        setup: Indenter, load and notes of the recording.
         arrays: The texel arrays; their frames are left out.
         serial: Serial number of the sensor.
         start: Time at the start of the recording, UTC since 1970 [ns].
@@ -325,7 +325,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
     Args:
         path: The file to write; it must not exist.
         arrays: The arrays whose frames will be added; frames that `arrays` already hold are not written.
-        setup: How the recording is made.
+        setup: Indenter, load and notes of the recording.
         serial: Serial number of the sensor.
         start: Time at the start of the recording, UTC since 1970; the present time if not given [ns].
 

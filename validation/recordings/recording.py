@@ -137,7 +137,7 @@ class SimulatedForces:
         net_force: Force of all contacts on the array, shape (frames, 3) [N].
         net_torque: Torque of all contacts about the origin of the array's frame, shape (frames, 3) [N m].
         tangential: Tangential force on each texel, shape (frames, n, 2) [N].
-        tangential_source: How the tangential forces were found; empty if there are none.
+        tangential_source: Method by which the tangential forces were computed; empty if there are none.
     """
 
     texel_forces: FloatArray
@@ -217,7 +217,7 @@ class Recording:
         arrays: The texel arrays with their counts, in the order of the file.
         temperatures: Temperatures of all channels at each reading, shape (readings, channels) [degC].
         temperature_times: Time of each temperature reading from the first frame, shape (readings,) [s].
-        setup: How the recording was made.
+        setup: Indenter, load and notes of the recording.
         gaps: One line for each place where frames are missing, as noticed during the recording.
         complete: Whether the file was closed properly.  If the recorder was killed, up to half a second is missing.
         host_monotonic: Time at which each frame arrived on the monotonic clock of the host, shape (frames,) [ns]; empty

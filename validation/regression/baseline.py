@@ -88,7 +88,7 @@ class Change:
 
     Attributes:
         quantity: Title of the quantity.
-        text: What changed and by how much, in one line.
+        text: Description of the change and its size, in one line.
         label: Label of the number that changed most, and for an image its column; empty for a single number.
         before: That number in the baseline; None if the quantity is not there, or has another form.
         now: The number measured; None if the quantity was not measured, or has another form.
@@ -148,7 +148,7 @@ def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -
     Args:
         stored: The stored baseline.
         measured: The readings of now.
-        failures: Why quantities could not be measured, by group.
+        failures: Reasons why quantities could not be measured, by group.
     """
     changes = []
     for title in sorted({*stored.readings, *measured.readings}):
@@ -197,7 +197,7 @@ def merge(stored: Baseline | None, measured: Baseline, changes: Sequence[Change]
     Args:
         stored: The stored baseline; None if there is none.
         measured: The readings of now.
-        changes: What changed between the two, see `compare`.
+        changes: Differences between the two, see `compare`.
     """
     if stored is None:
         return measured
@@ -282,7 +282,7 @@ class Regression:
     Attributes:
         now: The readings of now.
         stored: The stored baseline; None if there is none yet.
-        failures: Why quantities could not be measured, by group.
+        failures: Reasons why quantities could not be measured, by group.
         seconds: Duration of the check [s].
     """
 

@@ -585,21 +585,18 @@ def _simulate(
     for name, sensor in zip(sensors, bound, strict=True):
         if seeds and name in seeds:
             sensor.reset(seed=seeds[name])
-    frames: list[list[Frame]] = [[] for _ in bound]
-    new: list[list[bool]] = [[] for _ in bound]
-    totals: list[list[float]] = [[] for _ in bound]
+    records: list[list[tuple[Frame, bool, float]]] = [[] for _ in bound]
     for load in loads.tolist():
         data.xfrc_applied[ball, 2] = -load
         mujoco.mj_step(model, data)
-        for index, sensor in enumerate(bound):
-            new[index].append(sensor.step(data))
-            frame = sensor.frame()
-            frames[index].append(frame)
+        for sensor, record in zip(bound, records, strict=True):
+            new, frame = sensor.step(data), sensor.frame()
             forces = 0.0 if frame.texel_forces is None else float(frame.texel_forces.sum())
-            totals[index].append(forces + sensor.outside())
+            record.append((frame, new, forces + sensor.outside()))
+    columns = (zip(*record, strict=True) for record in records)
     return {
-        name: _Recorded(frames=frames[index], new=np.array(new[index]), totals=np.array(totals[index]))
-        for index, name in enumerate(sensors)
+        name: _Recorded(frames=frames, new=np.array(new), totals=np.array(totals))
+        for name, (frames, new, totals) in zip(sensors, columns, strict=True)
     }
 
 

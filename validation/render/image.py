@@ -9,6 +9,7 @@ import html
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.distance import pdist
 
 from fastmodel.fitting.gaussian import unroll_from
@@ -59,13 +60,18 @@ class Scale:
         """Colours at equal steps from the lowest to the highest value of the scale."""
         return _DIFFERENCE if self.difference else _FORCE
 
-    def colour(self, value: float) -> str:
-        """Return the colour of a value, as `#rrggbb`."""
-        share = value / self.peak if self.peak > 0 else 0.0
+    def rgb(self, values: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+        """Return red, green and blue of values of any shape, each 0..255, shape (..., 3)."""
+        share = np.asarray(values, dtype=np.float64) / self.peak if self.peak > 0 else np.zeros(np.shape(values))
         place = 0.5 + share / 2 if self.difference else share
         steps = np.linspace(0, 1, len(self.colours))
         channels = ([int(colour[k : k + 2], 16) for colour in self.colours] for k in (1, 3, 5))
-        return "#" + "".join(f"{round(float(np.interp(place, steps, channel))):02x}" for channel in channels)
+        levels = np.stack([np.interp(place, steps, channel) for channel in channels], axis=-1)
+        return np.asarray(np.rint(levels), dtype=np.uint8)
+
+    def colour(self, value: float) -> str:
+        """Return the colour of a value, as `#rrggbb`."""
+        return "#" + self.rgb(value).tobytes().hex()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +138,7 @@ def tactile_image(
         scale: Colour scale of the image.
         outline: Corners (x, y) of a closed line that is drawn over the image of a planar array, for example around the
             contact area, in the array's frame, shape (m, 2) [m]; None for no line.
-        name: What the image shows, for its label.
+        name: Title of the image, for its label.
     """
     frame = _Frame.of(array)
     rows, columns = np.divmod(np.arange(array.count), array.columns)

@@ -29,7 +29,7 @@ class Cell:
     """A cell of a table.
 
     Attributes:
-        text: What is printed.
+        text: Printed text.
         value: The number behind the text as `report.json` has it, for sorting and CSV; None for text.
         small: A second, smaller line.
         bold: Whether the text is emphasised.
@@ -47,7 +47,7 @@ class Table:
     Args:
         headings: Headings of the columns, with units; empty for a list of names and values.
         rows: Cells of each row; a text stands for a cell that shows it.
-        caption: What the table shows.
+        caption: Caption of the table.
         name: Identifier of the table on the page.
         texts: Indices of further columns that hold text, which is aligned to the left.
     """
@@ -128,7 +128,7 @@ def tabulate_facts(name: str, caption: str, result: Result) -> Table:
 
     Args:
         name: Identifier of the table.
-        caption: What it shows.
+        caption: Caption of the table.
         result: The result.
     """
     return Table(name=name, caption=caption, headings=("quantity", "value"), rows=list(_walk_facts(result)))
@@ -187,7 +187,7 @@ def number(
         digits: Number of significant digits [-].
         small: A second, smaller line.
         unit: Printed unit, where the heading of the column does not name it.
-        column: How the number is printed, instead of factor and digits.
+        column: Format of the number, instead of factor and digits.
     """
     if value is None or math.isnan(value):
         return Cell(text=DASH, small=small)

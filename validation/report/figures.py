@@ -47,7 +47,7 @@ class Pictures:
 
     Attributes:
         files: Name of the picture's file by name of the case.
-        missing: Why there are none, or not all; empty if nothing is to say.
+        missing: Reason why pictures are missing; empty if none is.
     """
 
     files: Mapping[str, str] = dataclasses.field(default_factory=dict)

@@ -17,7 +17,7 @@ class Kernel(Result):
     Attributes:
         sigma_x, sigma_y: Standard deviations [pitches].
         ksize_x, ksize_y: Odd numbers of texels [-].
-        estimator: How sigma was found.
+        estimator: Name of the estimator of sigma.
         estimates: Sigma along x and y by every estimator that is defined [pitches].
         residual: Half the summed absolute difference from the response, over the load [-].
         outside_kernel: Force of the response beyond ksize, over the load [-].

@@ -85,7 +85,7 @@ def write_picture(scene: CoverScene, path: Path) -> None:
     """Draw a scene to a PNG file.
 
     Args:
-        scene: What is drawn.
+        scene: Scene to draw.
         path: File to write; its name ends in `.png`.
 
     Raises:
@@ -113,7 +113,7 @@ def write_gltf(scene: CoverScene, path: Path) -> None:
     Displacements are to scale.
 
     Args:
-        scene: What is written.
+        scene: Scene to write.
         path: File to write; its name ends in `.gltf`.
 
     Raises:
@@ -359,7 +359,7 @@ def write_scene(scene: CoverScene | None, folder: Path) -> tuple[str, ...]:
     Without pyvista nothing is written, without a renderer no picture; one line of warning says so.
 
     Args:
-        scene: What is drawn; None for nothing.
+        scene: Scene to draw; None for nothing.
         folder: An existing folder to write to.
 
     Returns:

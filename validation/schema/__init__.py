@@ -67,7 +67,7 @@ def read(path: Path, schema: type[T], *, hint: str = "") -> T:
     Args:
         path: The file.
         schema: The tables of its format.
-        hint: What else the user could name, for the message that the file does not exist.
+        hint: Other names that are accepted, for the message that the file does not exist.
 
     Raises:
         InputError: If the file does not exist, exceeds the limits on size and depth, or has faults; one line per fault.

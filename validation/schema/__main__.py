@@ -20,7 +20,6 @@ from validation.schema.baseline import BaselineTables
 from validation.schema.campaign import CampaignTables
 from validation.schema.data_set import DataSetTables
 from validation.schema.measured_force import Measurement
-from validation.schema.parameters import ParametersTables
 from validation.schema.sensor import SensorTables
 
 #: Tables of each format by the name of its JSON Schema.
@@ -29,7 +28,6 @@ FORMATS: Mapping[str, type[Table]] = {
     "campaign": CampaignTables,
     "data-set": DataSetTables,
     "measured-force": Measurement,
-    "parameters": ParametersTables,
     "baseline": BaselineTables,
 }
 _ENTRY = re.compile(r"^    (?:    )?(\w+): (.+?)(?=^    (?:    )?\w+: |\Z)", re.MULTILINE | re.DOTALL)

@@ -60,7 +60,7 @@ class Read:
 
     Attributes:
         read: Converts the value, and raises a `ValueError` that says what is wrong and what would be accepted.
-        json: What the JSON Schema says about the value.
+        json: JSON Schema of the value.
     """
 
     read: Callable[[Any], Any]
@@ -82,7 +82,7 @@ class TableOr:
     Attributes:
         table: Class of the table.
         read: Converts the value, given a function that reads a table.
-        json: What the JSON Schema says about the shorter form; empty if there is none.
+        json: JSON Schema of the shorter form; empty if there is none.
     """
 
     table: type[Table]
@@ -280,7 +280,6 @@ _PAIR_JSON = {"anyOf": [_LENGTH.json, {"type": "array", "items": _LENGTH.json, "
 Lengths = Annotated[tuple[float, float], Read(_read_pair, _PAIR_JSON)]
 LengthUnit = Annotated[float, Read(lambda value: read_quantity(f"1 {value}", "length"))]
 Pressure = Annotated[float, quantity("pressure")]
-AnyPressure = Annotated[float, quantity("pressure", positive=False)]
 Force = Annotated[float, quantity("force")]
 Frequency = Annotated[float, quantity("frequency")]
 Friction = Annotated[

@@ -14,8 +14,8 @@ from meshes.solids import check_quality, read_mesh
 from meshes.solids.covers import make_shell_cover, take_meshes
 from meshes.solids.shell import Shell, join, point_normals, select_base, thicken
 from meshes.solids.solid_mesh import LIMITS
-from meshes.solids.tetrahedra import classify_boundary, list_boundary
-from meshes.surfaces.files import orient_tetrahedra, read_tetrahedra, read_triangles
+from meshes.solids.tetrahedra import classify_boundary, list_boundary, orient_tetrahedra
+from meshes.surfaces.files import read_tetrahedra, read_triangles
 from meshes.surfaces.triangles import (
     check_closed,
     close_cracks,

@@ -68,8 +68,8 @@ class SensorDescription:
         friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip.  A
             derivation and the fast model have no friction [-].
         source: Path of the sensor file, or the name of the built-in sensor.
-        assumed_electronics: What the sensor file does not state about the electronics, and the value assumed instead,
-            one text each; counts depend on it, forces do not.
+        assumed_electronics: Assumed values of properties of the electronics that the sensor file does not state, one
+            text each; counts depend on them, forces do not.
     """
 
     name: str

@@ -16,7 +16,7 @@ def read_friction(value: object, *, place: str = "", example: str = "0.4") -> fl
     Args:
         value: A number, or a text with a number or `no-slip`.
         place: Option or key that holds the value; error messages begin with it.
-        example: What the error message gives as an example.
+        example: Example in the error message.
 
     Raises:
         InputError: If the value is neither `no-slip` nor a finite number of at least zero.

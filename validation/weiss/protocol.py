@@ -14,19 +14,20 @@ CRC would miss one in 65536.  Functions that decode frames therefore also check 
 
 from __future__ import annotations
 
+import re
 import struct
 from binascii import crc_hqx
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 
 CountArray = npt.NDArray[np.uint16]
 
-# Assumptions that no source confirms, see `inquiry.UNCONFIRMED`.  A change of one of these constants changes both the
-# driver and the virtual sensor.
+# Assumptions that no source confirms, see `inquiry.UNCONFIRMED`; others are in the layouts of `Command`.  A change here
+# changes both the driver and the virtual sensor.
 
 #: Assumed length of one tick of the device's clock [s].
 TICK = 1e-3
@@ -35,16 +36,8 @@ RUN_LENGTH_FLAG = 0x01
 #: Number of low bits of a 16-bit run-length unit that hold the count; the other bits hold the number of equal counts
 #: (1..15).
 RUN_LENGTH_VALUE_BITS = 12
-#: Payload of the command `tare` that makes the device subtract the present frame from later frames.
-TARE = 1
-#: Payload of the command `tare` that ends the subtraction.
-UNTARE = 0
 #: Order of the bits in the bytes of the answer to `get mask`, as numpy names it.
 MASK_BIT_ORDER: Literal["little", "big"] = "little"
-#: `struct` format of the threshold in the payloads of requests and answers.
-_THRESHOLD = "<H"
-#: `struct` format of the front-end gain in the payloads of requests and answers.
-_GAIN = "<B"
 
 #: First bytes of every message.
 PREAMBLE = b"\xaa\xaa\xaa"
@@ -54,6 +47,8 @@ HEAD_SIZE = 6
 CHECKSUM_SIZE = 2
 #: Largest size of a payload that the 16-bit field in the head can state [bytes].
 _LARGEST_PAYLOAD = 0xFFFF
+#: Place at which a message may start: a preamble, or its first bytes at the end of the received bytes.
+_START = re.compile(rb"\xaa{3}|\xaa{1,2}\Z")
 #: Table of the CRC: checksum of each single byte, by the normal (non-reflected) CRC with the polynomial 0x1021, which
 #: `crc_hqx` computes.
 _TABLE = tuple(crc_hqx(bytes([byte]), 0) for byte in range(256))
@@ -74,20 +69,16 @@ class Message:
     skipped: int = 0
 
 
-def compute_checksum(data: bytes, state: int = 0xFFFF) -> int:
+def compute_checksum(data: bytes) -> int:
     """Compute the checksum of the bytes of a message; it is 0 for a complete message that includes its checksum.
 
     Args:
         data: Bytes of the message, from the first AA on.
-        state: Checksum of the bytes of the message before `data`; the initial value if there are none.
     """
+    state = 0xFFFF
     for byte in data:
         state = _TABLE[(state ^ byte) & 0xFF] ^ (state >> 8)
     return state
-
-
-#: Checksum of the preamble, from which the checksum of every message continues.
-_PREAMBLE_CHECKSUM = compute_checksum(PREAMBLE)
 
 
 def encode_message(identifier: int, payload: bytes = b"") -> bytes:
@@ -101,14 +92,12 @@ def encode_message(identifier: int, payload: bytes = b"") -> bytes:
         raise ValueError(f"a message identifier is 0..255 and not 0xAA, not {identifier:#x}")
     if len(payload) > _LARGEST_PAYLOAD:
         raise ValueError(f"a payload holds at most {_LARGEST_PAYLOAD} bytes, not {len(payload)}")
-    body = bytes([identifier]) + len(payload).to_bytes(2, "little") + payload
-    return PREAMBLE + body + compute_checksum(body, _PREAMBLE_CHECKSUM).to_bytes(CHECKSUM_SIZE, "little")
+    message = PREAMBLE + struct.pack("<BH", identifier, len(payload)) + payload
+    return message + compute_checksum(message).to_bytes(CHECKSUM_SIZE, "little")
 
 
 #: Layout of the status at the start of the payload of an answer: unsigned, 16 bits, little-endian.
 _STATUS = struct.Struct("<H")
-#: Bytes of the status `success`.
-_SUCCESS = b"\0\0"
 #: Number of the device's units of length per metre [1/m]; the unit is 0.01 mm.
 _UNITS_PER_METRE = 100_000
 #: Number of the device's units of temperature per kelvin [1/K]; the unit is 0.1 K.
@@ -120,13 +109,14 @@ LONGEST_TEXT = 64
 PERIODIC_FRAME = 0x00
 
 #: Values in the payload of a request or an answer, in the order of its layout.
-Values = tuple[int | bytes, ...]
+Values = tuple[Any, ...]
 
 
 class Command(IntEnum):
     """The documented commands: identifier, layout of the request, and layout of the answer after its status.
 
-    A layout is a `struct` format of the values; it is None for raw bytes, and empty where there are no values.
+    A layout is a `struct` format of the values; it is None for raw bytes, and empty where there are no values.  The
+    layouts of tare, threshold and gain are assumptions.
     """
 
     request: str | None
@@ -149,15 +139,15 @@ class Command(IntEnum):
     READ_SINGLE_FRAME = 0x20, "<B", None
     START_PERIODIC_FRAMES = 0x21, "<BH"
     STOP_PERIODIC_FRAMES = 0x22
-    TARE = 0x23, "<B"
+    TARE = 0x23, "<B"  # 1 to subtract the present frame from later frames, 0 to end this
     MATRIX_INFO = 0x30, "", "<5H"
     SET_MASK_WINDOW = 0x31, None
     SET_ADVANCED_MASK = 0x32, None
     GET_MASK = 0x33, "", None
-    SET_THRESHOLD = 0x34, _THRESHOLD
-    GET_THRESHOLD = 0x35, "", _THRESHOLD
-    SET_GAIN = 0x36, _GAIN
-    GET_GAIN = 0x37, "", _GAIN
+    SET_THRESHOLD = 0x34, "<H"
+    GET_THRESHOLD = 0x35, "", "<H"
+    SET_GAIN = 0x36, "<B"
+    GET_GAIN = 0x37, "", "<B"
     SENSOR_TYPE = 0x38, "", None
     TEMPERATURE = 0x46, "", "<h"
     SYSTEM_INFO = 0x50, "", "<BBHI"
@@ -201,7 +191,7 @@ class Status(IntEnum):
     FILE_EXISTS = 30
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class MatrixInfo:
     """Description of the texel array, as reported by the device.
 
@@ -231,14 +221,13 @@ class MatrixInfo:
         return (self.columns, self.rows, width, height, self.full_scale)
 
     @classmethod
-    def from_values(cls, values: Values) -> MatrixInfo:
+    def from_values(cls, values: Values) -> Self:
         """Read the values of the answer to the command `matrix info`."""
-        columns, rows, width, height, full_scale = map(int, values)
-        width_m, height_m = width / _UNITS_PER_METRE, height / _UNITS_PER_METRE
-        return cls(columns=columns, rows=rows, cell_width=width_m, cell_height=height_m, full_scale=full_scale)
+        columns, rows, width, height, full_scale = values
+        return cls(columns, rows, width / _UNITS_PER_METRE, height / _UNITS_PER_METRE, full_scale)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class SystemInfo:
     """Description of the device, as reported by the device.
 
@@ -255,11 +244,10 @@ class SystemInfo:
     serial_number: int
 
     @classmethod
-    def from_values(cls, values: Values) -> SystemInfo:
+    def from_values(cls, values: Values) -> Self:
         """Read the values of the answer to the command `system info`."""
-        kind, hardware, firmware, serial = map(int, values)
-        version = ".".join(str(firmware >> shift & 15) for shift in (12, 8, 4, 0))
-        return cls(kind=kind, hardware_revision=hardware, firmware=version, serial_number=serial)
+        kind, hardware, firmware, serial = values
+        return cls(kind, hardware, ".".join(str(firmware >> shift & 15) for shift in (12, 8, 4, 0)), serial)
 
 
 def encode_request(command: Command, *values: int | bytes) -> bytes:
@@ -277,61 +265,41 @@ def encode_answer(command: Command, status: Status, *values: int | bytes) -> byt
     Raises:
         ValueError: If the values do not fit the command's layout.
     """
-    data = _pack(command, command.answer, values) if status == Status.SUCCESS else b""
+    data = b"" if status else _pack(command, command.answer, values)
     return encode_message(command, _STATUS.pack(status) + data)
 
 
-def decode_request(message: Message) -> tuple[Command, Values]:
-    """Return the command and the values of a request message.
+def decode_request(command: Command, payload: bytes) -> Values:
+    """Return the values in the payload of a request.
 
     Raises:
-        KeyError: If the command is unknown.
         ValueError: If the payload does not fit the command's layout.
     """
-    command = _find_command(message.identifier)
-    return command, _unpack(command, command.request, message.payload)
+    return _unpack(command, command.request, payload)
 
 
-def decode_answer(message: Message) -> tuple[int, Values]:
-    """Return the status and the values of an answer message; the values are empty unless the status is 0 (success).
+def decode_answer(command: Command, payload: bytes) -> tuple[int, Values]:
+    """Return the status and the values of an answer; the values are empty unless the status is 0 (success).
 
     Raises:
-        KeyError: If the command is unknown.
         ValueError: If the payload does not fit the command's layout.
     """
-    command = _find_command(message.identifier)
-    if len(message.payload) < _STATUS.size:
+    if len(payload) < _STATUS.size:
         raise ValueError(f"the answer to {command.name} has no status; expected {_STATUS.size} bytes or more")
-    (status,) = _STATUS.unpack_from(message.payload)
-    if status != Status.SUCCESS:
-        return status, ()
-    return status, _unpack(command, command.answer, message.payload[_STATUS.size :])
+    (status,) = _STATUS.unpack_from(payload)
+    return status, () if status else _unpack(command, command.answer, payload[_STATUS.size :])
 
 
 def describe_status(status: int) -> str:
     """Return the meaning of a status in words, with its number."""
-    try:
-        return f"{Status(status).name.lower().replace('_', ' ')} ({status})"
-    except ValueError:
-        return f"unknown status ({status})"
-
-
-def join_bytes(values: Values) -> bytes:
-    """Join the raw bytes among the values of a request or an answer."""
-    return b"".join(value for value in values if isinstance(value, bytes))
-
-
-def _find_command(identifier: int) -> Command:
-    try:
-        return Command(identifier)
-    except ValueError:
-        raise KeyError(f"no command has the identifier {identifier:#04x}") from None
+    name = {each.value: each.name for each in Status}.get(status, "unknown status")
+    return f"{name.lower().replace('_', ' ')} ({status})"
 
 
 def _pack(command: Command, layout: str | None, values: Values) -> bytes:
     """Convert values to a payload by a `struct` format, or join raw bytes if the format is None."""
     try:
-        return join_bytes(values) if layout is None else struct.pack(layout, *values)
+        return b"".join(values) if layout is None else struct.pack(layout, *values)
     except struct.error as error:
         raise ValueError(f"{command.name}: {values} does not fit its layout {layout!r}: {error}") from error
 
@@ -464,8 +432,8 @@ class Parser:
         #: Numbers of bytes received, and of bytes that belong to no message.
         self.bytes_seen = self.bytes_skipped = 0
         self._buffer = bytearray()
-        #: Number of bytes since the last message that belong to no message.
-        self._skipped = 0
+        #: Number of bytes before the last message that belong to no message.
+        self._skipped_before = 0
 
     @property
     def largest_payload(self) -> int:
@@ -473,37 +441,36 @@ class Parser:
         texels = _MOST_TEXELS if self.texels is None else self.texels
         return _STATUS.size + max(_FRAME_HEAD.size + 2 * texels, LONGEST_TEXT)
 
-    def feed(self, data: bytes) -> list[Message]:
-        """Add the next bytes of the stream and return the messages that they complete."""
-        self._buffer += data
-        self.bytes_seen += len(data)
-        return self._scan(final=False)
-
     def finish(self) -> list[Message]:
         """End the wait for the rest of a message, and return the messages in the stored bytes after its head."""
-        return self._scan(final=True)
+        return self.feed(b"", final=True)
 
-    def _scan(self, *, final: bool) -> list[Message]:
-        """Return the messages in the stored bytes; if `final`, an incomplete message counts as damaged."""
+    def feed(self, data: bytes, *, final: bool = False) -> list[Message]:
+        """Add the next bytes of the stream and return the messages that they complete.
+
+        Args:
+            data: The next bytes.
+            final: Whether an incomplete message counts as damaged, because no further bytes are awaited.
+        """
+        self._buffer += data
+        self.bytes_seen += len(data)
         messages: list[Message] = []
-        buffer, start = self._buffer, 0
-        while True:
-            found = buffer.find(PREAMBLE, start)
-            if found < 0:
-                found = len(buffer) if final else _find_partial_preamble(buffer, start)
-            self._skip(found - start)
-            start = found
-            size = self._measure_message(start, final=final)
-            if size is None or start == len(buffer):
+        buffer, end, place = self._buffer, 0, 0
+        while found := _START.search(buffer, place):
+            place = found.start()
+            size = self._measure_message(place, final=final)
+            if size is None:
                 break
             if size:
-                payload = bytes(buffer[start + HEAD_SIZE : start + size - CHECKSUM_SIZE])
-                messages.append(Message(buffer[start + 3], payload, self._skipped))
-                self._skipped = 0
-            else:
-                self._skip(1)
-            start += size or 1
-        del buffer[:start]
+                self.bytes_skipped += place - end
+                payload = bytes(buffer[place + HEAD_SIZE : place + size - CHECKSUM_SIZE])
+                messages.append(Message(buffer[place + 3], payload, self.bytes_skipped - self._skipped_before))
+                self._skipped_before, end = self.bytes_skipped, place + size
+            place += size or 1
+        else:
+            place = len(buffer)
+        self.bytes_skipped += place - end
+        del buffer[:place]
         return messages
 
     def _measure_message(self, start: int, *, final: bool) -> int | None:
@@ -514,37 +481,18 @@ class Parser:
         """
         head = self._buffer[start : start + HEAD_SIZE]
         size = HEAD_SIZE + int.from_bytes(head[4:], "little") + CHECKSUM_SIZE
-        if len(head) == HEAD_SIZE and (
-            head[3] == PREAMBLE[0] or size > HEAD_SIZE + self.largest_payload + CHECKSUM_SIZE
-        ):
+        if head[3:4] == PREAMBLE[:1] or size > HEAD_SIZE + self.largest_payload + CHECKSUM_SIZE:
             return 0
         message = bytes(self._buffer[start : start + size])
-        if len(head) < HEAD_SIZE or len(message) < size:
+        if len(message) < size:
             return 0 if final else None
-        valid = compute_checksum(message) == 0 and self._is_possible(head[3], message[HEAD_SIZE:-CHECKSUM_SIZE])
-        return size if valid else 0
-
-    def _is_possible(self, identifier: int, payload: bytes) -> bool:
-        """Return whether the payload of a message is valid: a frame if the identifier is that of a frame message."""
-        if identifier == Command.READ_SINGLE_FRAME and payload.startswith(_SUCCESS):
-            payload = payload[_STATUS.size :]
-        elif identifier != PERIODIC_FRAME:
-            return True
-        try:
-            decode_frame(payload, texels=self.texels)
-        except ValueError:
-            return False
-        return True
-
-    def _skip(self, count: int) -> None:
-        """Count bytes that belong to no message."""
-        self.bytes_skipped += count
-        self._skipped += count
-
-
-def _find_partial_preamble(buffer: bytearray, position: int) -> int:
-    """Return the index at which an incomplete preamble at the end of the buffer starts, or the length of the buffer."""
-    start = len(buffer)
-    while start > max(position, len(buffer) - len(PREAMBLE) + 1) and buffer[start - 1] == PREAMBLE[0]:
-        start -= 1
-    return start
+        if compute_checksum(message):
+            return 0
+        payload = message[HEAD_SIZE:-CHECKSUM_SIZE]
+        is_single = head[3] == Command.READ_SINGLE_FRAME and payload.startswith(_STATUS.pack(Status.SUCCESS))
+        if is_single or head[3] == PERIODIC_FRAME:
+            try:
+                decode_frame(payload[_STATUS.size * is_single :], texels=self.texels)
+            except ValueError:
+                return 0
+        return size

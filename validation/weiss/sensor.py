@@ -20,27 +20,8 @@ import numpy.typing as npt
 import serial
 from serial.tools import list_ports
 
-from validation.weiss.protocol import (
-    LONGEST_TEXT,
-    MASK_BIT_ORDER,
-    PERIODIC_FRAME,
-    RUN_LENGTH_FLAG,
-    TARE,
-    UNITS_PER_KELVIN,
-    UNTARE,
-    Command,
-    MatrixInfo,
-    Message,
-    Parser,
-    Reading,
-    SystemInfo,
-    Values,
-    decode_answer,
-    decode_frame,
-    describe_status,
-    encode_request,
-    join_bytes,
-)
+from validation.weiss import protocol
+from validation.weiss.protocol import Command, MatrixInfo, Parser, Reading, SystemInfo
 from validation.weiss.stream import Continuity, Gap
 
 #: Largest number of received bytes that are kept until the program fetches them: five seconds of an array of 84 texels
@@ -49,7 +30,7 @@ BUFFER_BYTES = 256 * 1024
 #: Longest wait for a byte, after which the reading thread checks whether it should stop [s].
 _READ_TIMEOUT = 0.05
 #: Longest wait until the port accepts bytes to send [s].
-WRITE_TIMEOUT = 1.0
+_WRITE_TIMEOUT = 1.0
 #: Number of bytes that are requested at a time from a socket [bytes].  A socket, unlike a serial port, does not report
 #: the number of bytes that can be read.
 _SOCKET_BYTES = 64
@@ -95,19 +76,14 @@ class Link:
     """
 
     def __init__(self, port: str, *, baud_rate: int = 115_200, buffer_bytes: int = BUFFER_BYTES) -> None:
-        self.port = port
+        self.name = port
         self._is_url = "://" in port
+        # A serial port can be locked against a second client; a pyserial URL cannot.
+        options = {"timeout": _SOCKET_TIMEOUT} if self._is_url else {"timeout": _READ_TIMEOUT, "exclusive": True}
         try:
-            self._serial = serial.serial_for_url(
-                port,
-                baudrate=baud_rate,
-                timeout=_SOCKET_TIMEOUT if self._is_url else _READ_TIMEOUT,
-                write_timeout=WRITE_TIMEOUT,
-                # A serial port can be locked against a second client; a pyserial URL cannot.
-                **({} if self._is_url else {"exclusive": True}),
-            )
+            self._serial = serial.serial_for_url(port, baudrate=baud_rate, write_timeout=_WRITE_TIMEOUT, **options)
             self._serial.reset_input_buffer()
-        except (OSError, serial.SerialException, ValueError) as error:
+        except (OSError, ValueError) as error:
             raise PortError(_explain(port, error)) from error
         self._limit = buffer_bytes
         self._chunks: deque[Chunk] = deque()
@@ -127,8 +103,8 @@ class Link:
         """
         try:
             self._serial.write(data)
-        except (OSError, serial.SerialException) as error:
-            raise LinkLostError(f"{self.port}: the port went away or takes no bytes: {error}") from error
+        except OSError as error:
+            raise LinkLostError(f"{self.name}: the port went away or takes no bytes: {error}") from error
 
     def read(self, timeout: float) -> list[Chunk]:
         """Fetch the bytes received since the last call.
@@ -145,7 +121,7 @@ class Link:
             self._chunks.clear()
             self._buffered = 0
         if not chunks and self._failure is not None:
-            raise LinkLostError(f"{self.port}: the port went away (unplugged?)") from self._failure
+            raise LinkLostError(f"{self.name}: the port went away (unplugged?)") from self._failure
         return chunks
 
     def close(self) -> None:
@@ -155,54 +131,50 @@ class Link:
         self._serial.close()
 
     def _keep_reading(self) -> None:
-        """Read bytes into the buffer until the port is closed or lost; runs in the background thread."""
-        port = self._serial
-        try:
-            while not self._stopping:
-                data = port.read(_SOCKET_BYTES if self._is_url else max(1, port.in_waiting))
-                if data:
-                    self._buffer(bytes(data))
-        except (OSError, serial.SerialException, TypeError) as error:
-            # pyserial raises TypeError if the file descriptor of the port is closed during a read
-            with self._changed:
-                self._failure = error
-                self._changed.notify_all()
+        """Read bytes into the buffer until the port is closed or lost; runs in the background thread.
 
-    def _buffer(self, data: bytes) -> None:
-        """Append received bytes to the buffer, or discard them if the buffer is full."""
-        with self._changed:
-            if self._buffered + len(data) > self._limit:
-                self._lost += len(data)
-                return
-            self._chunks.append(Chunk(time.monotonic_ns(), data, self._lost))
-            self._buffered += len(data)
-            self._lost = 0
-            self._changed.notify_all()
+        Bytes for which the buffer has no room are discarded and counted.
+        """
+        while not self._stopping and self._failure is None:
+            data, failure = b"", None
+            try:
+                data = self._serial.read(_SOCKET_BYTES if self._is_url else max(1, self._serial.in_waiting))
+            except (OSError, TypeError) as error:
+                # pyserial raises TypeError if the file descriptor of the port is closed during a read
+                failure = error
+            with self._changed:
+                self._failure = failure
+                if self._buffered + len(data) > self._limit:
+                    self._lost += len(data)
+                elif data:
+                    self._chunks.append(Chunk(time.monotonic_ns(), data, self._lost))
+                    self._buffered += len(data)
+                    self._lost = 0
+                self._changed.notify_all()
 
 
 def _explain(port: str, error: Exception) -> str:
     """Return one line with the reason why a port cannot be opened and what the user can do."""
-    number = getattr(error, "errno", None)
-    text = str(error)
+    number, text = getattr(error, "errno", None), " ".join(str(error).split())
     if number == errno.ENOENT:
         names = ", ".join(entry.device for entry in list_ports.comports()) or "none"
-        return f"{port}: no such port; ports on this machine: {names}"
-    if number == errno.EACCES:
-        return f"{port}: no permission to open it; {_find_remedy(port)}"
-    if "exclusively lock" in text or number == errno.EBUSY:
-        return f"{port}: another program has it open; only one client can use a sensor"
-    if "configure port" in text or number in (errno.ENOTTY, errno.EISDIR):
-        return f"{port}: not a serial port; {_ACCEPTED}"
-    return f"{port}: cannot be opened: {' '.join(text.split())}; {_ACCEPTED}"
+        reason = f"no such port; ports on this machine: {names}"
+    elif number == errno.EACCES:
+        reason = f"no permission to open it; {_find_remedy(port)}"
+    elif "exclusively lock" in text or number == errno.EBUSY:
+        reason = "another program has it open; only one client can use a sensor"
+    elif "configure port" in text or number in (errno.ENOTTY, errno.EISDIR):
+        reason = f"not a serial port; {_ACCEPTED}"
+    else:
+        reason = f"cannot be opened: {text}; {_ACCEPTED}"
+    return f"{port}: {reason}"
 
 
 def _find_remedy(port: str) -> str:
     """Return an instruction how the user gets permission to open a port."""
     try:
-        import grp
-
-        group = grp.getgrgid(Path(port).stat().st_gid).gr_name
-    except (ImportError, KeyError, OSError):
+        group = Path(port).group()
+    except (KeyError, OSError, NotImplementedError):
         return "ask the administrator"
     user = os.environ.get("USER", "$USER")
     return f"it belongs to group {group!r}: run `sudo usermod -aG {group} {user}` and log in again"
@@ -215,8 +187,7 @@ class _Patience:
     Attributes:
         most_events: Largest number of readings and gaps that are stored until the program takes them from the stream
             [-].
-        attempts: Number of times that a command is sent before it counts as unanswered, and largest number of stored
-            answers [-].
+        attempts: Number of times that a command is sent before it counts as unanswered [-].
         reopen_pause: Pause between two attempts to open a lost port again [s].
         silent_timeouts: A stream counts as silent after this many timeouts of an answer without a frame [-].
         silent_intervals: A stream counts as silent only after this many intervals between frames as well [-].
@@ -264,7 +235,8 @@ class Sensor(AbstractContextManager["Sensor"]):
         #: Values that were set on the device, by command; they are set again after a reconnection.
         self._settings: dict[Command, int] = {}
         self._events: deque[Reading | Gap] = deque()
-        self._answers: list[Message] = []
+        #: Payload of the latest answer to each command since a request was sent.
+        self._answers: dict[int, bytes] = {}
         #: Parser of the received bytes, which counts bytes and messages since the port was opened or opened again.
         self.parser = Parser()
         self._continuity = Continuity()
@@ -290,11 +262,11 @@ class Sensor(AbstractContextManager["Sensor"]):
         return MatrixInfo.from_values(self.ask(Command.MATRIX_INFO))
 
     def read_mask(self) -> npt.NDArray[np.bool_]:
-        """Read which texels of the array exist, shape (n,), if the device states this as `unconfirmed` assumes."""
-        data, texels = join_bytes(self.ask(Command.GET_MASK)), self.read_matrix().texels
-        bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder=MASK_BIT_ORDER).astype(bool)
+        """Read which texels of the array exist, shape (n,), if the device states this as `inquiry` assumes."""
+        (data,), texels = self.ask(Command.GET_MASK), self.read_matrix().texels
+        bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder=protocol.MASK_BIT_ORDER).astype(bool)
         if len(data) != -(-texels // 8) or bits[texels:].any() or not bits.any():
-            fault = f"{len(data)} bytes {data[:LONGEST_TEXT].hex()} are no mask of {texels} texels"
+            fault = f"{len(data)} bytes {data[: protocol.LONGEST_TEXT].hex()} are no mask of {texels} texels"
             raise SensorError(f"{self.port}: the answer to `get mask` is not as assumed: {fault}")
         return bits[:texels]
 
@@ -312,7 +284,7 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     def read_temperature(self) -> float:
         """Read the temperature of the device [degC]."""
-        return int(self.ask(Command.TEMPERATURE)[0]) / UNITS_PER_KELVIN
+        return int(self.ask(Command.TEMPERATURE)[0]) / protocol.UNITS_PER_KELVIN
 
     def read_threshold(self) -> int:
         """Read the threshold below which a texel reads 0 [counts]."""
@@ -332,11 +304,11 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     def tare(self) -> None:
         """Make the device subtract the present frame from all later frames, until `untare` is called."""
-        self.ask(Command.TARE, TARE)
+        self.ask(Command.TARE, 1)
 
     def untare(self) -> None:
         """Make the device stop the subtraction that `tare` started."""
-        self.ask(Command.TARE, UNTARE)
+        self.ask(Command.TARE, 0)
 
     def read_frame(self, *, run_length: bool = False) -> Reading:
         """Request one frame and return it.
@@ -344,10 +316,10 @@ class Sensor(AbstractContextManager["Sensor"]):
         Args:
             run_length: Whether to request run-length encoding.
         """
-        values = self.ask(Command.READ_SINGLE_FRAME, RUN_LENGTH_FLAG * run_length)
-        return decode_frame(join_bytes(values), host_time=time.monotonic_ns())
+        (frame,) = self.ask(Command.READ_SINGLE_FRAME, protocol.RUN_LENGTH_FLAG * run_length)
+        return protocol.decode_frame(frame, host_time=time.monotonic_ns())
 
-    def ask(self, command: Command, *values: int | bytes) -> Values:
+    def ask(self, command: Command, *values: int | bytes) -> protocol.Values:
         """Send any documented command and return the values of its answer.
 
         Args:
@@ -362,16 +334,20 @@ class Sensor(AbstractContextManager["Sensor"]):
         name = command.name.lower().replace("_", " ")
         for _ in range(_PATIENCE.attempts):
             self._answers.clear()
-            self._link.write(encode_request(command, *values))
-            message = self._await_answer(command)
-            if message is None:
+            self._link.write(protocol.encode_request(command, *values))
+            deadline = time.monotonic() + self.timeout
+            while command not in self._answers and (left := deadline - time.monotonic()) > 0:
+                self._receive(left)
+            if command not in self._answers:
+                self._end_wait()
+            if command not in self._answers:
                 continue
             try:
-                status, answered = decode_answer(message)
+                status, answered = protocol.decode_answer(command, self._answers[command])
             except ValueError as error:
                 raise SensorError(f"{self.port}: the answer to `{name}` is not as assumed: {error}") from error
             if status:
-                raise SensorError(f"{self.port}: the sensor refused `{name}`: {describe_status(status)}")
+                raise SensorError(f"{self.port}: the sensor refused `{name}`: {protocol.describe_status(status)}")
             return answered
         raise NoAnswerError(
             f"{self.port}: no answer to `{name}` in {_PATIENCE.attempts * self.timeout:g} s; check the cable"
@@ -393,18 +369,19 @@ class Sensor(AbstractContextManager["Sensor"]):
         Raises:
             LinkLostError: If the port is lost and cannot be opened again within `reconnect`.
         """
-        values = (RUN_LENGTH_FLAG * run_length, interval_ms)
+        requested = (protocol.RUN_LENGTH_FLAG * run_length, interval_ms)
         silence = max(_PATIENCE.silent_timeouts * self.timeout, _PATIENCE.silent_intervals * interval_ms * 1e-3)
-        self._start_stream(values)
+        self._start_stream(requested)
         try:
             while True:
                 try:
-                    yield from self._await_events(silence, values)
+                    self._await_event(silence, requested)
                 except LinkLostError as error:
                     self._end_wait()
                     self._events.extend(self._continuity.finish())
                     yield from self._take_events()
-                    yield self._reconnect(error, reconnect, values)
+                    yield self._reconnect(error, reconnect, requested)
+                yield from self._take_events()
         finally:
             self._stop_stream()
 
@@ -424,25 +401,17 @@ class Sensor(AbstractContextManager["Sensor"]):
             NoAnswerError: If no sensor answers on the port.
         """
         try:
-            self._ask_unless_refused(Command.STOP_PERIODIC_FRAMES)
+            with suppress(SensorError):  # a device may refuse a command that would not change its state
+                self.ask(Command.STOP_PERIODIC_FRAMES)
             self.read_info()
         except NoAnswerError as error:
-            seen = self.parser.bytes_seen
-            reason = (
-                f"{seen} bytes came and none of them is an answer (another device, or a wrong baud rate)"
-                if seen
-                else "nothing came back (is it the sensor's port, and is the sensor powered?)"
-            )
+            reason = "nothing came back (is it the sensor's port, and is the sensor powered?)"
+            if seen := self.parser.bytes_seen:
+                reason = f"{seen} bytes came and none of them is an answer (another device, or a wrong baud rate)"
             raise NoAnswerError(f"{self.port}: no Weiss WTS sensor answers here: {reason}") from error
-        try:
-            self.parser.texels = self.read_matrix().texels
-        except SensorError:
-            self.parser.texels = None
-
-    def _ask_unless_refused(self, command: Command, *values: int | bytes) -> None:
-        """Send a command and ignore a refusal: a device may refuse a command that would not change its state."""
+        self.parser.texels = None
         with suppress(SensorError):
-            self.ask(command, *values)
+            self.parser.texels = self.read_matrix().texels
 
     def _set(self, command: Command, value: int) -> None:
         """Set a value on the device, and store the value for a reconnection."""
@@ -451,17 +420,7 @@ class Sensor(AbstractContextManager["Sensor"]):
 
     def _ask_text(self, command: Command) -> str:
         """Send a command and return the text in its answer."""
-        return join_bytes(self.ask(command)).decode("ascii", "replace")
-
-    def _await_answer(self, command: Command) -> Message | None:
-        """Wait for the answer to a command and return it; None if it does not arrive in time."""
-        deadline, left = time.monotonic() + self.timeout, self.timeout
-        while True:
-            self._receive(left) if left > 0 else self._end_wait()
-            answer = next((message for message in self._answers if message.identifier == command), None)
-            if answer is not None or left <= 0:
-                return answer
-            left = deadline - time.monotonic()
+        return str(self.ask(command)[0], "ascii", "replace")
 
     def _receive(self, timeout: float) -> None:
         """Receive bytes and sort the messages in them; wait for the first byte at most for `timeout` [s]."""
@@ -476,58 +435,55 @@ class Sensor(AbstractContextManager["Sensor"]):
         """Sort the messages that the parser has held back while it waited for the rest of a damaged message."""
         self._sort_messages(self.parser.finish(), time.monotonic_ns())
 
-    def _sort_messages(self, messages: list[Message], host_time: int) -> None:
-        """Store answers for `_find_answer`, and store frames and the gaps between them as events of the stream."""
+    def _sort_messages(self, messages: list[protocol.Message], host_time: int) -> None:
+        """Store answers for `ask`, and store frames and the gaps between them as events of the stream."""
         for message in messages:
-            if message.identifier != PERIODIC_FRAME:
-                self._answers.append(message)
-                del self._answers[: -_PATIENCE.attempts]
+            if message.identifier != protocol.PERIODIC_FRAME:
+                self._answers[message.identifier] = message.payload
                 continue
-            reading = decode_frame(message.payload, host_time=host_time)
+            reading = protocol.decode_frame(message.payload, host_time=host_time)
             gaps = self._continuity.add(reading.ticks, skipped=message.skipped, host_time=host_time)
             self._events += [*gaps, reading]
             self._last_ticks = reading.ticks
         if len(self._events) > _PATIENCE.most_events:
             lost = len(self._events)
-            self._events.clear()
-            self._events.append(Gap(kind="overflow", host_time=host_time, frames=lost))
+            self._events = deque([Gap(kind="overflow", host_time=host_time, frames=lost)])
 
-    def _start_stream(self, values: tuple[int, int]) -> None:
-        """Command the device to send frames; `values` are the flags and the interval between frames [ms]."""
+    def _start_stream(self, requested: tuple[int, int]) -> None:
+        """Command the device to send frames with these flags and this interval between frames [ms]."""
         self._events.clear()
         self._continuity = Continuity()
         self._streaming = True
-        self._ask_unless_refused(Command.START_PERIODIC_FRAMES, *values)
+        with suppress(SensorError):  # the device may already send frames
+            self.ask(Command.START_PERIODIC_FRAMES, *requested)
 
     def _stop_stream(self) -> None:
         """Command the device to stop sending frames, if it sends them."""
-        if not self._streaming:
-            return
-        self._streaming = False
-        # If the port was lost or the device does not answer, there is no stream to stop.
-        with suppress(PortError):
-            self._ask_unless_refused(Command.STOP_PERIODIC_FRAMES)
+        if self._streaming:
+            self._streaming = False
+            # If the port was lost or the device does not answer, there is no stream to stop.
+            with suppress(PortError):
+                self.ask(Command.STOP_PERIODIC_FRAMES)
 
-    def _await_events(self, silence: float, values: tuple[int, int]) -> Iterator[Reading | Gap]:
-        """Wait for readings and gaps, and yield them.
+    def _await_event(self, silence: float, requested: tuple[int, int]) -> None:
+        """Wait until a reading or a gap is stored.
 
-        If nothing arrives for `silence` [s], yield a gap and command the device again to send frames.
+        If nothing arrives for `silence` [s], this is a gap, and the device is commanded again to send frames.
         """
         deadline = time.monotonic() + silence
         while not self._events and (left := deadline - time.monotonic()) > 0:
             self._receive(left)
         if not self._events:
             self._end_wait()
-            self._link.write(encode_request(Command.START_PERIODIC_FRAMES, *values))
-            yield Gap(kind="silence", host_time=time.monotonic_ns(), seconds=silence)
-        yield from self._take_events()
+            self._link.write(protocol.encode_request(Command.START_PERIODIC_FRAMES, *requested))
+            self._events.appendleft(Gap(kind="silence", host_time=time.monotonic_ns(), seconds=silence))
 
     def _take_events(self) -> Iterator[Reading | Gap]:
         """Yield the stored readings and gaps, and remove them from the store."""
         while self._events:
             yield self._events.popleft()
 
-    def _reconnect(self, error: LinkLostError, patience: float, values: tuple[int, int]) -> Gap:
+    def _reconnect(self, error: LinkLostError, patience: float, requested: tuple[int, int]) -> Gap:
         """Try for `patience` [s] to open the lost port and to start the stream again.
 
         Returns:
@@ -537,19 +493,17 @@ class Sensor(AbstractContextManager["Sensor"]):
             LinkLostError: The given `error`, if the port cannot be opened in time.
         """
         lost, last_ticks = time.monotonic_ns(), self._last_ticks
-        self._link.close()
-        while time.monotonic_ns() - lost < 1e9 * patience:
+        while True:
+            self._link.close()
+            if time.monotonic_ns() - lost >= 1e9 * patience:
+                raise error
             time.sleep(_PATIENCE.reopen_pause)
-            try:
+            with suppress(PortError):
                 self._link = self._open_link()
                 self.parser = Parser(texels=self.parser.texels)
                 self._check_sensor()
                 for command, value in self._settings.items():
                     self.ask(command, value)
-                self._start_stream(values)
-            except PortError:
-                self._link.close()
-                continue
-            now = time.monotonic_ns()
-            return Gap(kind="link lost", host_time=now, after=last_ticks, seconds=1e-9 * (now - lost))
-        raise error
+                self._start_stream(requested)
+                now = time.monotonic_ns()
+                return Gap(kind="link lost", host_time=now, after=last_ticks, seconds=1e-9 * (now - lost))

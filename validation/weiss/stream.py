@@ -19,11 +19,12 @@ stamps.
 
 from __future__ import annotations
 
+import math
 from array import array
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import fmean
 from typing import Literal
 
@@ -90,48 +91,31 @@ class Gap:
 
     def __str__(self) -> str:
         """Return a description of the gap in one line."""
-        parts: list[str] = [self.kind]
-        if self.after is not None:
-            parts.append(f"after tick {self.after}")
-        if self.frames:
-            parts.append(f"{self.frames} frames")
-        if self.skipped:
-            parts.append(f"{self.skipped} bytes")
-        if self.seconds:
-            parts.append(f"{self.seconds:.2f} s")
-        return ", ".join(parts)
-
-
-@dataclass(frozen=True, slots=True)
-class _Step:
-    """The step of the device's clock from one frame to the next.
-
-    Attributes:
-        before: Time of the first of the two frames on the clock of the device [ticks].
-        after: Time of the second of the two frames on the clock of the device [ticks].
-        skipped: Number of bytes between the two frames that belong to no message [-].
-        host_time: Time at which the second frame was read, on the monotonic clock of the host [ns].
-    """
-
-    before: int
-    after: int
-    skipped: int
-    host_time: int
+        parts = {
+            f"after tick {self.after}": self.after is not None,
+            f"{self.frames} frames": self.frames,
+            f"{self.skipped} bytes": self.skipped,
+            f"{self.seconds:.2f} s": self.seconds,
+        }
+        return ", ".join([self.kind, *(text for text, is_known in parts.items() if is_known)])
 
     @property
-    def length(self) -> int:
-        """Number of ticks from the first frame to the second, also if the clock has started again at zero."""
-        return (self.after - self.before) % _CLOCK_RANGE
+    def step(self) -> int:
+        """Number of ticks from the frame before the gap to the frame after it, also if the clock started again at 0."""
+        return 0 if self.after is None or self.before is None else (self.before - self.after) % _CLOCK_RANGE
 
 
 class Continuity:
-    """Reports the gaps in a stream of frames, from the times of the frames on the clock of the device."""
+    """Reports the gaps in a stream of frames, from the times of the frames on the clock of the device.
+
+    What lies between two consecutive frames is described as a `Gap`, also if nothing is missing there.
+    """
 
     def __init__(self) -> None:
         #: Lengths [ticks] and numbers of frames of the latest steps without a long gap.
         self._steps: deque[tuple[int, int]] = deque(maxlen=_RULES.remembered_steps)
-        #: Steps at the start of the stream that have not been checked for gaps yet; None when the period is known.
-        self._unchecked: list[_Step] | None = []
+        #: Pairs of frames at the start of the stream that have not been checked yet; None when the period is known.
+        self._unchecked: list[Gap] | None = []
         self._last: int | None = None
 
     def add(self, ticks: int, *, skipped: int, host_time: int) -> list[Gap]:
@@ -142,74 +126,65 @@ class Continuity:
             skipped: Number of bytes before the frame that belong to no message [-].
             host_time: Time at which the frame was read, on the monotonic clock of the host [ns].
         """
-        last, self._last = self._last, ticks
-        if last is None:
-            return [Gap(kind="bytes skipped", host_time=host_time, before=ticks, skipped=skipped)] if skipped else []
-        step = _Step(last, ticks, skipped, host_time)
+        pair = Gap(kind="bytes skipped", host_time=host_time, after=self._last, before=ticks, skipped=skipped)
+        self._last = ticks
+        if pair.after is None:
+            return [pair] if skipped else []
         if self._unchecked is None:
             period = self._compute_period()
-            self._add(step, period)
-            gap = _find_gap(step, period)
-            return [] if gap is None else [gap]
-        self._unchecked.append(step)
+            self._add(pair, period)
+            return _find_gaps([pair], period)
+        self._unchecked.append(pair)
         waiting, short = len(self._unchecked), _find_short_steps(self._unchecked)
         is_known = len(short) >= _RULES.initial_steps and sum(short) >= _RULES.initial_span
         return self.finish() if is_known or (short and waiting >= _RULES.most_waiting_steps) else []
 
     def finish(self) -> list[Gap]:
         """Check the steps at the start of the stream that have not been checked yet, and return the gaps in them."""
-        steps = self._unchecked or []
-        short = _find_short_steps(steps)
-        for step in steps if short else []:
-            self._add(step, fmean(short))
+        pairs = self._unchecked or []
+        short = _find_short_steps(pairs)
+        for pair in pairs if short else []:
+            self._add(pair, fmean(short))
         self._unchecked = None if self._steps else []
-        period = self._compute_period() if self._steps else 0.0
-        return [gap for step in steps if (gap := _find_gap(step, period)) is not None]
+        return _find_gaps(pairs, self._compute_period())
 
-    def _add(self, step: _Step, period: float) -> None:
+    def _add(self, pair: Gap, period: float) -> None:
         """Add a step to those that give the period, unless it has a long gap or the clock repeated or was set back."""
-        frames = round(step.length / period)
-        if 0 < frames <= _RULES.most_frames_per_step and step.length:
-            self._steps.append((step.length, frames))
+        frames = round(pair.step / period)
+        if 0 < frames <= _RULES.most_frames_per_step:
+            self._steps.append((pair.step, frames))
 
     def _compute_period(self) -> float:
-        """Return the mean step without a lost frame [ticks]."""
+        """Return the mean step without a lost frame [ticks]; infinite if no step is known."""
+        if not self._steps:
+            return math.inf
         lengths, frames = zip(*self._steps, strict=True)
         return float(sum(lengths) / sum(frames))
 
 
-def _find_short_steps(steps: Collection[_Step]) -> list[int]:
+def _find_short_steps(pairs: Collection[Gap]) -> list[int]:
     """Return the lengths of the steps without a lost frame [ticks].
 
     A frame counts as lost if the step exceeds the first octile of all steps by the factor `_RULES.long_step`.  Steps in
     which the clock repeated or was set back do not count.
     """
-    ordered = sorted(step.length for step in steps if 0 < step.length < _CLOCK_RANGE // 2)
+    ordered = sorted(pair.step for pair in pairs if 0 < pair.step < _CLOCK_RANGE // 2)
     return ordered[: bisect_right(ordered, _RULES.long_step * ordered[len(ordered) // 8])] if ordered else []
 
 
-def _find_gap(step: _Step, period: float) -> Gap | None:
-    """Return the gap in a step, or None; `period` is the mean step without a lost frame, 0 if unknown [ticks]."""
-    kind: Kind
-    frames = 0
-    if step.length == 0:
-        kind = "frame repeated"
-    elif step.length >= _CLOCK_RANGE // 2:
-        kind = "clock set back"
-    elif period and step.length > _RULES.long_step * period:
-        kind, frames = "frames missing", max(1, round(step.length / period) - 1)
-    elif step.skipped:
-        kind = "bytes skipped"
-    else:
-        return None
-    return Gap(
-        kind=kind,
-        host_time=step.host_time,
-        after=step.before,
-        before=step.after,
-        frames=frames,
-        skipped=step.skipped,
-    )
+def _find_gaps(pairs: Collection[Gap], period: float) -> list[Gap]:
+    """Return the pairs with a gap between them; `period` is the mean step without a lost frame [ticks]."""
+    gaps = []
+    for pair in pairs:
+        if pair.step == 0:
+            gaps.append(replace(pair, kind="frame repeated"))
+        elif pair.step >= _CLOCK_RANGE // 2:
+            gaps.append(replace(pair, kind="clock set back"))
+        elif pair.step > _RULES.long_step * period:
+            gaps.append(replace(pair, kind="frames missing", frames=max(1, round(pair.step / period) - 1)))
+        elif pair.skipped:
+            gaps.append(pair)
+    return gaps
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,7 +216,7 @@ _FIT = _FitSettings()
 _NANOSECONDS_PER_SECOND = 1_000_000_000
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Residual:
     """How far arrival times lie from the times that the fit gives.
 
@@ -251,7 +226,7 @@ class Residual:
         largest: Largest of these times [s].
         tick: Length of a tick of the device by the clock of the host [s].
         unfitted: Number of frames whose device clock did not fit, stamped by their arrival [-].
-        restarts: How often the fit started again because the device's clock was set anew [-].
+        restarts: Number of times that the fit started again because the device's clock was set anew [-].
     """
 
     median: float
@@ -280,10 +255,9 @@ class DeviceClock:
     """
 
     def __init__(self) -> None:
-        self._restarts = self._unfitted = self._outliers = 0
+        self._restarts = self._unfitted = self._outliers = self._last_stamp = 0
         #: Time from the stamp of each frame to its arrival [ns]: 8 MB in an hour at 271 frames/s.
         self._delays = array("q")
-        self._last_stamp = 0
         self._tick = TICK
         self._start()
 
@@ -295,17 +269,17 @@ class DeviceClock:
             arrival: Time at which the frame arrived, on the monotonic clock of the host [ns].
         """
         fitted = self._fit(ticks, arrival)
-        if fitted is None:
-            self._outliers += 1
-            if self._outliers < _FIT.most_outliers:
-                self._unfitted += 1
-                return self._increase(arrival)
-            self._restarts += 1
+        self._outliers = 0 if fitted is not None else self._outliers + 1
+        if self._outliers == _FIT.most_outliers:
+            self._restarts, self._outliers = self._restarts + 1, 0
             self._start()
             fitted = self._fit(ticks, arrival)
-        self._outliers = 0
-        stamp = self._increase(arrival if fitted is None else fitted)
-        self._delays.append(max(0, arrival - stamp))
+        # A stamp that would not be later than the last one follows the last one by a microsecond.
+        stamp = self._last_stamp = max(arrival if fitted is None else fitted, self._last_stamp + 1000)
+        if fitted is None:
+            self._unfitted += 1
+        else:
+            self._delays.append(max(0, arrival - stamp))
         return stamp
 
     @property
@@ -313,14 +287,7 @@ class DeviceClock:
         """How far arrival times lie from the stamps so far; NaN without frames."""
         delays = np.array(self._delays) / _NANOSECONDS_PER_SECOND if self._delays else np.array([np.nan])
         median, p95, largest = np.percentile(delays, (50, 95, 100)).tolist()
-        return Residual(
-            median=median,
-            p95=p95,
-            largest=largest,
-            tick=self._tick,
-            unfitted=self._unfitted,
-            restarts=self._restarts,
-        )
+        return Residual(median, p95, largest, self._tick, self._unfitted, self._restarts)
 
     def _start(self) -> None:
         """Start the fit with the next frame."""
@@ -347,7 +314,8 @@ class DeviceClock:
         block = int(elapsed / _FIT.block)
         if block != self._block:
             self._block = block
-            self._fit_line()
+            if self._earliest:
+                self._fit_line()
             self._earliest.append((device, difference))
         elif self._level(device, difference) < self._level(*self._earliest[-1]):
             self._earliest[-1] = (device, difference)
@@ -360,8 +328,6 @@ class DeviceClock:
 
     def _fit_line(self) -> None:
         """Fit slope and offset to the earliest frames of the complete blocks."""
-        if not self._earliest:
-            return
         device, difference = np.array(self._earliest).T
         first, second = np.triu_indices(len(device), 1)
         step = device[second] - device[first]
@@ -372,8 +338,3 @@ class DeviceClock:
             self._tick = TICK * (1 + slope)
             self._slope = min(max(slope, -_FIT.largest_drift), _FIT.largest_drift)
         self._offset = float(np.min(difference - self._slope * device))
-
-    def _increase(self, stamp: int) -> int:
-        """Return the stamp, or the last one and a microsecond if it would not be later."""
-        self._last_stamp = max(stamp, self._last_stamp + 1000)
-        return self._last_stamp

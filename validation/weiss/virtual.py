@@ -3,8 +3,6 @@
 `VirtualSensor` converts received bytes and times to sent bytes and needs no port; `serve` runs a virtual sensor on a
 port: a pseudo-terminal, or any port that pyserial opens.  Where no source states how a real device answers, the virtual
 sensor follows the assumptions in `inquiry`.
-
-A fault of the serial line accepts any bytes, also none, because the faults of a message may be combined in any order.
 """
 
 from __future__ import annotations
@@ -15,115 +13,57 @@ import select
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
 from types import MappingProxyType
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import serial
 
-from validation.weiss.protocol import (
-    HEAD_SIZE,
-    LARGEST_COUNT,
-    LONGEST_TEXT,
-    MASK_BIT_ORDER,
-    PERIODIC_FRAME,
-    PREAMBLE,
-    RUN_LENGTH_FLAG,
-    TARE,
-    TICK,
-    UNITS_PER_KELVIN,
-    Command,
-    MatrixInfo,
-    Message,
-    Parser,
-    Status,
-    Values,
-    decode_request,
-    encode_answer,
-    encode_frame,
-    encode_message,
-    join_bytes,
-)
-from validation.weiss.sensor import WRITE_TIMEOUT, PortError
+from validation.weiss import protocol
+from validation.weiss.protocol import LARGEST_COUNT, PREAMBLE, Command, MatrixInfo, Status, Values
+from validation.weiss.sensor import Link, PortError
 
 #: Function from a message, the index of a random byte of it, and a random number generator to the bytes that the
 #: receiver gets.
 Fault = Callable[[bytes, int, Random], bytes]
-#: Every fault by the name that the command line takes.
+#: Every fault of the serial line by the name that the command line takes.
 FAULTS: Mapping[str, Fault] = MappingProxyType(
     {
         # one random bit changed
-        "flip-bit": lambda message, at, random: (
-            message[:at] + bytes(byte ^ (1 << random.randrange(8)) for byte in message[at : at + 1]) + message[at + 1 :]
-        ),
+        "flip-bit": lambda sent, at, random: sent[:at] + bytes([sent[at] ^ 1 << random.randrange(8)]) + sent[at + 1 :],
         # one to eight consecutive bytes replaced by random ones
-        "change-bytes": lambda message, at, random: (
-            message[:at] + random.randbytes(size := len(message[at : at + random.randint(1, 8)])) + message[at + size :]
+        "change-bytes": lambda sent, at, random: (
+            sent[:at] + random.randbytes(size := len(sent[at : at + random.randint(1, 8)])) + sent[at + size :]
         ),
         # one to sixteen consecutive bytes left out, or sent twice
-        "drop-bytes": lambda message, at, random: message[:at] + message[at + random.randint(1, 16) :],
-        "repeat-bytes": lambda message, at, random: message[: at + random.randint(1, 16)] + message[at:],
+        "drop-bytes": lambda sent, at, random: sent[:at] + sent[at + random.randint(1, 16) :],
+        "repeat-bytes": lambda sent, at, random: sent[: at + random.randint(1, 16)] + sent[at:],
         # one to forty random bytes in or before the message
-        "insert-noise": lambda message, at, random: (
-            message[:at] + random.randbytes(random.randint(1, 40)) + message[at:]
-        ),
-        "cut": lambda message, at, _: message[: max(1, at)],
+        "insert-noise": lambda sent, at, random: sent[:at] + random.randbytes(random.randint(1, 40)) + sent[at:],
+        "cut": lambda sent, at, _: sent[: max(1, at)],
         # one to five bytes AA, the byte of the preamble, before the message
-        "extra-preamble": lambda message, _, random: PREAMBLE[:1] * random.randint(1, 5) + message,
+        "extra-preamble": lambda sent, _, random: PREAMBLE[:1] * random.randint(1, 5) + sent,
         # the head of another message, with a random payload size and without payload, before the message
-        "false-head": lambda message, _, random: (
-            PREAMBLE + random.choice((b"\x00", b"\x20")) + bytes([random.randrange(256), 0]) + message
+        "false-head": lambda sent, _, random: (
+            PREAMBLE + bytes([random.choice((0x00, 0x20)), random.randrange(256), 0]) + sent
         ),
         "lose": lambda *_: b"",
-        "repeat": lambda message, *_: message + message,
+        "repeat": lambda sent, *_: sent + sent,
         # the text of a booting device of the SDH generation before the message
-        "boot-text": lambda message, *_: b"\x1b[5n\x1b[5n\x1b[5n" + message,
+        "boot-text": lambda sent, *_: b"\x1b[5n\x1b[5n\x1b[5n" + sent,
         # a random payload size in the head of the message
-        "wrong-size": lambda message, _, random: message[: HEAD_SIZE - 2] + random.randbytes(2) + message[HEAD_SIZE:],
+        "wrong-size": lambda sent, _, random: sent[:4] + random.randbytes(2) + sent[protocol.HEAD_SIZE :],
     }
 )
 
-#: Device tag of the virtual sensor if none is given.  It is not empty, because some public clients wait for a tag;
-#: whether a new device has one is unknown.
-DEFAULT_TAG = "softcover"
 #: Function from the time since the start [s] to the counts of the n texels, shape (n,) [-].
 Source = Callable[[float], npt.ArrayLike]
 
 #: Description of the array of a WTS 0614-34 sensor.
-WTS_0614_34 = MatrixInfo(columns=6, rows=14, cell_width=3.4e-3, cell_height=3.4e-3, full_scale=4095)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _ShownValues:
-    """Temperatures and test patterns of the virtual sensor, chosen so that a user can tell them apart.
-
-    Attributes:
-        cold: Temperature of the device at the start [degC].
-        warm: Temperature of the device after a long time [degC].
-        warming_time: Time constant of the exponential rise from `cold` to `warm` [s].
-        blob_peak: Largest count of the pattern `blob`, a moving Gaussian peak [-].
-        blob_spread: Twice the variance of the Gaussian of the pattern `blob` [texels^2].
-        ramp_step: Difference of the counts of consecutive texels of the pattern `ramp` [-].
-        ramp_rate: Increase of the counts of the pattern `ramp` over time [counts/s].
-        corner_count: Count of the first texel of the pattern `corner`; all others are zero [-].
-    """
-
-    cold: float = 25.0
-    warm: float = 35.0
-    warming_time: float = 1200.0
-    blob_peak: int = 3000
-    blob_spread: float = 4.0
-    ramp_step: int = 40
-    ramp_rate: int = 1000
-    corner_count: int = 2000
-
-
-_SHOWN = _ShownValues()
+WTS_0614_34 = MatrixInfo(columns=6, rows=14, cell_width=3.4e-3, cell_height=3.4e-3, full_scale=LARGEST_COUNT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,8 +103,8 @@ class VirtualSensor:
         matrix: Description of the array that the sensor reports.
         rate: Frames per second if a client requests frames without an interval [Hz].
         active: Whether each texel exists, shape (n,); the others always read 0.  All exist if not given.
-        sensor_type: Name of the sensor's type that the sensor reports; made from the array if not given.
-        tag: Device tag that the sensor reports until a client sets another one, at most 64 ASCII characters.
+        tag: Device tag that the sensor reports until a client sets another one, at most 64 ASCII characters.  It is not
+            empty by default, because some public clients wait for a tag; whether a new device has one is unknown.
         misbehaviour: Faults that the sensor makes; none if not given.
 
     Raises:
@@ -179,14 +119,13 @@ class VirtualSensor:
         matrix: MatrixInfo = WTS_0614_34,
         rate: float = 271.0,
         active: npt.ArrayLike | None = None,
-        sensor_type: str | None = None,
-        tag: str = DEFAULT_TAG,
+        tag: str = "softcover",
         misbehaviour: Misbehaviour | None = None,
     ) -> None:
         if not 0 < rate < math.inf:
             raise ValueError(f"rate must be positive, not {rate} Hz")
-        if not tag.isascii() or len(tag) > LONGEST_TEXT:
-            raise ValueError(f"a device tag holds at most {LONGEST_TEXT} ASCII characters, not {tag!r}")
+        if not tag.isascii() or len(tag) > protocol.LONGEST_TEXT:
+            raise ValueError(f"a device tag holds at most {protocol.LONGEST_TEXT} ASCII characters, not {tag!r}")
         self.matrix = matrix
         self._active = np.ones(matrix.texels, dtype=bool) if active is None else np.asarray(active, dtype=bool)
         if self._active.shape != (matrix.texels,):
@@ -194,27 +133,22 @@ class VirtualSensor:
         self.frames_sent = 0
         self._source = source
         self._rate = rate
-        self.type = sensor_type or name_type(matrix)
+        self.type = name_type(matrix)
         self._misbehaviour = misbehaviour or Misbehaviour()
         self._random = Random(self._misbehaviour.seed)  # noqa: S311 -- reproducible faults, no secret
-        self._parser = Parser(texels=matrix.texels)
+        self._parser = protocol.Parser(texels=matrix.texels)
         #: Answers to the commands that ask for a setting.
-        self._settings: dict[Command, int | bytes] = {
+        self._settings: dict[Command, Any] = {
             Command.GET_THRESHOLD: 0,
             Command.GET_GAIN: 0,
             Command.GET_TAG: tag.encode("ascii"),
         }
         #: Counts that are subtracted from each frame after the command `tare`, shape (n,) [-].
         self._zero: npt.NDArray[np.int64] = np.zeros(matrix.texels, dtype=np.int64)
-        #: Time between periodic frames [s]; None while no periodic frames are sent.
-        self._period: float | None = None
-        self._flags = 0
-        self._next_due = 0.0
-
-    @property
-    def next_due(self) -> float | None:
-        """Time since the start at which the next periodic frame is due [s]; None while no periodic frames are sent."""
-        return None if self._period is None else self._next_due
+        #: Time since the start at which the next periodic frame is due; infinite while none are sent [s].
+        self.next_due = math.inf
+        #: Time between periodic frames [s], and their flags.
+        self._period, self._flags = math.inf, 0
 
     def receive(self, data: bytes, now: float) -> bytes:
         """Process bytes from the client and return the bytes of the answers.
@@ -232,12 +166,12 @@ class VirtualSensor:
             now: Time since the start [s].
         """
         frames = []
-        while self._period is not None and self._next_due <= now:
-            if not any(start <= self._next_due < end for start, end in self._misbehaviour.pauses):
-                frame = encode_message(PERIODIC_FRAME, self._make_frame(self._next_due, self._flags))
-                frames.append(self._damage(frame))
+        while self.next_due <= now:
+            if not any(start <= self.next_due < end for start, end in self._misbehaviour.pauses):
+                frame = self._make_frame(self.next_due, self._flags)
+                frames.append(self._damage(protocol.encode_message(protocol.PERIODIC_FRAME, frame)))
                 self.frames_sent += 1
-            self._next_due += self._period
+            self.next_due += self._period
         return frames
 
     def _damage(self, message: bytes) -> bytes:
@@ -247,65 +181,66 @@ class VirtualSensor:
                 message = FAULTS[name](message, self._random.randrange(len(message)), self._random)
         return message
 
-    def _answer(self, message: Message, now: float) -> bytes:
+    def _answer(self, message: protocol.Message, now: float) -> bytes:
         """Execute the command in a message from the client and return the bytes of the answer."""
         try:
-            command, values = decode_request(message)
-        except KeyError:
-            return encode_message(message.identifier, int(Status.COMMAND_UNKNOWN).to_bytes(2, "little"))
+            command = Command(message.identifier)
         except ValueError:
-            status = Status.NOT_ENOUGH_PARAMETERS if not message.payload else Status.COMMAND_FORMAT_ERROR
-            return encode_answer(Command(message.identifier), status)
+            return protocol.encode_message(message.identifier, int(Status.COMMAND_UNKNOWN).to_bytes(2, "little"))
+        try:
+            values = protocol.decode_request(command, message.payload)
+        except ValueError:
+            status = Status.COMMAND_FORMAT_ERROR if message.payload else Status.NOT_ENOUGH_PARAMETERS
+            return protocol.encode_answer(command, status)
         if command in self._misbehaviour.refused:
-            return encode_answer(command, self._misbehaviour.refused[command])
-        number = values[0] if values and isinstance(values[0], int) else 0
-        data = join_bytes(values)
-        degrees = _SHOWN.warm - (_SHOWN.warm - _SHOWN.cold) * math.exp(-now / _SHOWN.warming_time)
-        questions: Mapping[Command, Callable[[], Values]] = {
-            Command.LOOP: lambda: (data,),
-            Command.READ_SINGLE_FRAME: lambda: (self._make_frame(now, number),),
+            return protocol.encode_answer(command, self._misbehaviour.refused[command])
+        questions: Mapping[Command, Callable[..., Values]] = {
+            Command.LOOP: lambda data: (data,),
+            Command.READ_SINGLE_FRAME: lambda flags: (self._make_frame(now, flags),),
             Command.MATRIX_INFO: lambda: self.matrix.values,
             Command.SYSTEM_INFO: lambda: (1, 1, 0x1000, 1),
             Command.SENSOR_TYPE: lambda: (self.type.encode("ascii"),),
-            Command.TEMPERATURE: lambda: (round(degrees * UNITS_PER_KELVIN),),
-            Command.GET_MASK: lambda: (np.packbits(self._active, bitorder=MASK_BIT_ORDER).tobytes(),),
+            # from 25 to 35 degC with a time constant of 20 min
+            Command.TEMPERATURE: lambda: (round((35 - 10 * math.exp(-now / 1200)) * protocol.UNITS_PER_KELVIN),),
+            Command.GET_MASK: lambda: (np.packbits(self._active, bitorder=protocol.MASK_BIT_ORDER).tobytes(),),
             **{setting: lambda: (self._settings[command],) for setting in self._settings},
         }
         if command in questions:
-            return encode_answer(command, Status.SUCCESS, *questions[command]())
-        return encode_answer(command, self._change(command, values, number, now))
+            return protocol.encode_answer(command, Status.SUCCESS, *questions[command](*values))
+        return protocol.encode_answer(command, self._change(command, values, now))
 
-    def _change(self, command: Command, values: Values, number: int, now: float) -> Status:
+    def _change(self, command: Command, values: Values, now: float) -> Status:
         """Execute a command whose answer has no values; return the status.
 
         Args:
             command: The command.
             values: Values of the request.
-            number: The first value; 0 if it is not a number.
             now: Time since the start [s].
         """
         match command:
-            case Command.START_PERIODIC_FRAMES if self._period is not None:
+            case Command.START_PERIODIC_FRAMES if self.next_due < math.inf:
                 return Status.ALREADY_RUNNING
             case Command.START_PERIODIC_FRAMES:  # no faster than at the rate of the sensor
-                self._period = max(int(values[1]) * 1e-3, 1 / self._rate)
-                self._flags, self._next_due = number, now
+                self._flags, interval = values
+                self._period, self.next_due = max(interval * 1e-3, 1 / self._rate), now
             case Command.STOP_PERIODIC_FRAMES:
-                self._period = None
+                self.next_due = math.inf
             case Command.TARE:
-                self._zero = self._show(now) if number == TARE else np.zeros_like(self._zero)
+                self._zero = self._show(now) * (values[0] == 1)
             case Command.SET_THRESHOLD | Command.SET_GAIN | Command.SET_TAG:
-                if number > LARGEST_COUNT or len(join_bytes(values)) > LONGEST_TEXT:
+                (value,) = values
+                if len(value) > protocol.LONGEST_TEXT if isinstance(value, bytes) else value > LARGEST_COUNT:
                     return Status.RANGE_ERROR
-                self._settings[Command(command + 1)] = values[0]  # the command that asks for a setting follows
+                self._settings[Command(command + 1)] = value  # the command that asks for a setting follows
             case _:
                 return Status.FEATURE_NOT_SUPPORTED
         return Status.SUCCESS
 
     def _make_frame(self, now: float, flags: int) -> bytes:
         """Return the bytes of a frame at the time `now` [s], after tare and threshold were subtracted."""
-        counts = np.clip(self._show(now) - self._zero - int(self._settings[Command.GET_THRESHOLD]), 0, LARGEST_COUNT)
-        return encode_frame(int(now / TICK), counts, run_length=bool(flags & RUN_LENGTH_FLAG))
+        counts = np.clip(self._show(now) - self._zero - self._settings[Command.GET_THRESHOLD], 0, LARGEST_COUNT)
+        run_length = bool(flags & protocol.RUN_LENGTH_FLAG)
+        return protocol.encode_frame(int(now / protocol.TICK), counts, run_length=run_length)
 
     def _show(self, now: float) -> npt.NDArray[np.int64]:
         """Return the counts of the source at the time `now` [s], before tare and threshold, shape (n,) [-]."""
@@ -326,39 +261,38 @@ def show_pattern(name: str, matrix: MatrixInfo = WTS_0614_34) -> Source:
     """Make a source of counts that shows a test pattern.
 
     Args:
-        name: `blob` (a moving peak), `ramp` (every frame differs), `corner` (the first texel only) or `zero`.
+        name: `blob` (a moving Gaussian peak of 3000 counts), `ramp` (40 counts more from texel to texel, and 1000 more
+            in a second, modulo 4096), `corner` (2000 counts of the first texel only) or `zero`.
         matrix: Description of the array.
 
     Raises:
         ValueError: If the name is unknown.
     """
-    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(matrix.columns), np.arange(matrix.rows)))
     order = np.arange(matrix.texels)
+    y, x = np.divmod(order, matrix.columns)
 
     def show_blob(time: float) -> npt.ArrayLike:
         column = (matrix.columns - 1) * (1 + np.sin(2 * time)) / 2
         row = (matrix.rows - 1) * (1 + np.sin(time)) / 2
-        squared = (x - column) ** 2 + (y - row) ** 2
-        return np.asarray(np.rint(_SHOWN.blob_peak * np.exp(-squared / _SHOWN.blob_spread)), dtype=np.int64)
+        return np.asarray(np.rint(3000 * np.exp(-((x - column) ** 2 + (y - row) ** 2) / 4)), dtype=np.int64)
 
     patterns: dict[str, Source] = {
         "blob": show_blob,
-        "ramp": lambda time: (order * _SHOWN.ramp_step + round(time * _SHOWN.ramp_rate)) % (LARGEST_COUNT + 1),
-        "corner": lambda _: np.where(order == 0, _SHOWN.corner_count, 0),
-        "zero": lambda _: np.zeros_like(order),
+        "ramp": lambda time: (40 * order + round(1000 * time)) % (LARGEST_COUNT + 1),
+        "corner": lambda _: 2000 * (order == 0),
+        "zero": lambda _: 0 * order,
     }
     if name not in patterns:
         raise ValueError(f"unknown pattern {name!r}; known patterns: {', '.join(patterns)}")
     return patterns[name]
 
 
-def show_recording(times: npt.ArrayLike, counts: npt.ArrayLike, *, loop: bool = True) -> Source:
-    """Make a source of counts that shows recorded frames at the times at which they were recorded.
+def show_recording(times: npt.ArrayLike, counts: npt.ArrayLike) -> Source:
+    """Make a source of counts that shows recorded frames at the times at which they were recorded, again and again.
 
     Args:
         times: Increasing times of the frames, shape (frames,) [s].
         counts: Counts of the n texels in each frame, shape (frames, n) [-].
-        loop: Whether to start again after the last frame; otherwise the last frame is shown from then on.
 
     Raises:
         ValueError: If there are no frames, or if the numbers of times and frames differ.
@@ -367,12 +301,11 @@ def show_recording(times: npt.ArrayLike, counts: npt.ArrayLike, *, loop: bool = 
     if not len(moments) or len(moments) != len(values):
         raise ValueError(f"a playback needs as many times as frames and at least one, not {len(moments)}")
     moments = moments - moments[0]
-    # In a loop, the last frame is shown for the mean time between frames.
-    duration = moments[-1] * len(moments) / max(1, len(moments) - 1)
+    # The last frame is shown for the mean time between frames.  One frame alone is shown all the time.
+    duration = moments[-1] * len(moments) / max(1, len(moments) - 1) or math.inf
 
     def show(time: float) -> npt.ArrayLike:
-        moment = time % duration if loop and duration else time
-        return np.asarray(values[max(0, int(np.searchsorted(moments, moment, side="right")) - 1)])
+        return np.asarray(values[np.searchsorted(moments, time % duration, side="right") - 1])
 
     return show
 
@@ -387,15 +320,14 @@ def show_frames(frames: Iterable[npt.ArrayLike]) -> Source:
         ValueError: If there are no frames.
     """
     remaining = iter(frames)
-    try:
-        shown = next(remaining)
-    except StopIteration:
-        raise ValueError("at least one frame is needed to show") from None
+    shown = next(remaining, None)
+    if shown is None:
+        raise ValueError("at least one frame is needed to show")
 
     def show(time: float) -> npt.ArrayLike:  # noqa: ARG001 -- the order of the frames decides
         nonlocal shown
         shown = next(remaining, shown)
-        return shown
+        return np.asarray(shown)
 
     return show
 
@@ -411,17 +343,7 @@ _PIECE_BYTES = 4096
 _TERMINALS = ("/dev/pts/", "/dev/ttys")
 
 
-class End(Protocol):
-    """The end of a connection to a client on the side of the virtual sensor."""
-
-    def send(self, data: bytes) -> int:
-        """Send as many bytes as possible without waiting, and return their number."""
-
-    def receive(self, wait: float) -> bytes:
-        """Return the bytes received; wait for the first byte at most for `wait` [s]."""
-
-
-class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
+class PseudoTerminal:
     """A pseudo-terminal, which a client opens by its `name` like a serial port.  It needs Linux or macOS.
 
     The client's side stays open in this program, so that clients may close and open the port any number of times.  It
@@ -441,19 +363,20 @@ class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
             import tty
         except ImportError as error:
             raise PortError("pseudo-terminals need Linux or macOS; name a real port to serve on") from error
-        self._device, self._client = pty.openpty()
-        tty.setraw(self._client)
+        self._device, client = pty.openpty()
+        self._open_files = [self._device, client]
+        tty.setraw(client)
         os.set_blocking(self._device, False)
-        self.port = os.ttyname(self._client)
-        self._closed = False
-        self._link: Path | None = None
+        self.port = os.ttyname(client)
+        self.name = str(link or self.port)
         if link is not None:
-            self._create_link(Path(link))
-        self.name = self.port if link is None else str(link)
-
-    def __exit__(self, *_: object) -> None:
-        """Close the pseudo-terminal."""
-        self.close()
+            try:
+                self._remove_link(lambda target: target.startswith(_TERMINALS))
+                Path(link).symlink_to(self.port)
+            except OSError as error:
+                self.close()
+                fault = f"cannot create a link to the port here: {error.strerror}; name a new file"
+                raise PortError(f"{link}: {fault}") from error
 
     def send(self, data: bytes) -> int:
         """Send as many bytes as the buffer of the client accepts, and return their number."""
@@ -469,63 +392,35 @@ class PseudoTerminal(AbstractContextManager["PseudoTerminal"]):
 
     def close(self) -> None:
         """Close the pseudo-terminal; for a client, the port is then lost.  A second call does nothing."""
-        if self._closed:
-            return
-        self._closed = True
-        # A link that another pseudo-terminal has replaced since then is not removed.
-        if self._link is not None and self._link.is_symlink() and str(self._link.readlink()) == self.port:
-            self._link.unlink()
-        os.close(self._client)
-        os.close(self._device)
+        if self._open_files:
+            # A link that another pseudo-terminal has replaced since then is not removed.
+            self._remove_link(lambda target: target == self.port)
+        while self._open_files:
+            os.close(self._open_files.pop())
 
-    def _create_link(self, link: Path) -> None:
-        try:
-            if link.is_symlink() and str(link.readlink()).startswith(_TERMINALS):
-                link.unlink()
-            link.symlink_to(self.port)
-        except OSError as error:
-            self.close()
-            raise PortError(
-                f"{link}: cannot create a link to the port here: {error.strerror}; name a new file"
-            ) from error
-        self._link = link
+    def _remove_link(self, is_old: Callable[[str], bool]) -> None:
+        """Remove the link to the port if its target is an old one."""
+        link = Path(self.name)
+        if link.is_symlink() and is_old(str(link.readlink())):
+            link.unlink()
 
 
-class SerialEnd:
-    """The device's end of a serial cable, or of a connection that a pyserial URL names.
-
-    Args:
-        port: Name of a port, or a pyserial URL.
-        baud_rate: Baud rate of a UART [1/s].
-
-    Raises:
-        PortError: If the port cannot be opened.
-    """
-
-    def __init__(self, port: str, *, baud_rate: int = 115_200) -> None:
-        self.name = port
-        try:
-            self._serial = serial.serial_for_url(port, baudrate=baud_rate, write_timeout=WRITE_TIMEOUT)
-        except (OSError, ValueError) as error:
-            raise PortError(f"{port}: cannot be opened: {error}") from error
+class SerialEnd(Link):
+    """The device's end of a serial cable, or of a connection that a pyserial URL names."""
 
     def send(self, data: bytes) -> int:
         """Send all bytes to the client and return their number."""
-        return int(self._serial.write(data) or 0)
+        self.write(data)
+        return len(data)
 
     def receive(self, wait: float) -> bytes:
         """Return the bytes that a client sent; wait for the first one at most for `wait` [s]."""
-        self._serial.timeout = wait
-        return bytes(self._serial.read(max(1, self._serial.in_waiting)))
-
-    def close(self) -> None:
-        """Close the port."""
-        self._serial.close()
+        return b"".join(chunk.data for chunk in self.read(wait))
 
 
 def serve(
     sensor: VirtualSensor,
-    end: End,
+    end: PseudoTerminal | SerialEnd,
     *,
     stop: threading.Event | None = None,
     seconds: float | None = None,
@@ -545,11 +440,9 @@ def serve(
         Number of frames that were left out because the client did not read [-].
     """
     start = time.monotonic()
+    limit = math.inf if seconds is None else seconds
     backlog, left_out = b"", 0
-    while not (stop and stop.is_set()):
-        now = time.monotonic() - start
-        if seconds is not None and now >= seconds:
-            break
+    while not (stop and stop.is_set()) and (now := time.monotonic() - start) < limit:
         for frame in sensor.take_due_frames(now):
             if len(backlog) < backlog_bytes:
                 backlog += frame
@@ -557,11 +450,8 @@ def serve(
                 left_out += 1
             # Bytes are sent after each frame; otherwise several frames that are due at once would fill the backlog.
             backlog = backlog[end.send(backlog) :]
-        due = sensor.next_due
-        wait = _RECEIVE_TIMEOUT if due is None else min(_RECEIVE_TIMEOUT, max(0.0, due - (time.monotonic() - start)))
-        received = end.receive(wait)
-        if received:
-            backlog += sensor.receive(received, time.monotonic() - start)
+        wait = min(_RECEIVE_TIMEOUT, max(0.0, sensor.next_due - (time.monotonic() - start)))
+        backlog += sensor.receive(end.receive(wait), time.monotonic() - start)
         if backlog:
             backlog = backlog[end.send(backlog) :]
     return left_out

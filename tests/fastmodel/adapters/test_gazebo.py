@@ -30,16 +30,6 @@ def test_the_reports_own_spelling_and_numbers():
     assert block.data_topic == "tactile/data"
 
 
-def test_a_written_block_is_read_back_unchanged():
-    back = read_block(f"<sdf><model><link>{write_block(WTS)}</link></model></sdf>", pitch=3.4e-3).parameters
-    assert back.spread == WTS.spread
-    assert back.filter == WTS.filter
-    assert back.electronics == WTS.electronics
-    np.testing.assert_allclose(back.array.centres, WTS.array.centres)
-    bare = dataclasses.replace(WTS, filter=None)
-    assert read_block(write_block(bare), pitch=3.4e-3).parameters.filter is None
-
-
 def test_the_line_in_the_block_is_that_of_the_force_on_a_texel():
     known = dataclasses.replace(WTS_0614_34, tip_share=0.8)
     text = write_block(dataclasses.replace(WTS, electronics=known))

@@ -98,19 +98,6 @@ def test_a_registered_environment_is_made_again_with_its_sensors():
         gymnasium.registry.pop("softcover-test/Ball-v0")
 
 
-def test_several_environments_may_be_made_from_one_sensor():
-    spec, sensor = build_pushed_ball()
-    envs = [TactileObservation(BallEnv(spec.compile()), sensor) for _ in range(2)]
-    images = []
-    for env in envs:
-        env.reset(seed=3)
-    for _ in range(200):
-        images = [env.step(np.array([-0.5]))[0]["tactile"] for env in envs]
-    assert images[0].any()
-    assert np.array_equal(*images)
-    assert envs[0].sensors["tactile"].carried() == pytest.approx(0.2 * 9.81 + 0.5, rel=1e-2)
-
-
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])  # noqa: S301
 @pytest.mark.parametrize("physics_steps", [1, 10])
 def test_a_copy_continues_as_the_original_and_leaves_it_alone(physics_steps, duplicate):
@@ -199,39 +186,3 @@ def test_a_copy_that_starts_anew_needs_a_reset(ball_file):
         twin.step(np.array([-0.5]))
     twin.reset(seed=3)
     assert np.array_equal(run(twin, 20), mine)
-
-
-@pytest.mark.slow
-def test_an_environment_of_gymnasium_robotics_needs_no_callback_of_its_own(ball_file):
-    robotics = pytest.importorskip("gymnasium_robotics.envs.robot_env")
-    path, sensor = ball_file
-
-    class RobotEnv(robotics.MujocoRobotEnv):
-        metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012 -- gymnasium's
-
-        def _set_action(self, action):
-            self.data.ctrl[:] = action
-
-        def _get_obs(self):
-            return {"observation": self.data.qpos.copy(), "achieved_goal": np.zeros(1), "desired_goal": np.zeros(1)}
-
-        def _sample_goal(self):
-            return np.zeros(1)
-
-        def _is_success(self, achieved, desired):
-            return False
-
-        def compute_reward(self, achieved, desired, info):
-            return 0.0
-
-        def compute_terminated(self, achieved, desired, info):
-            return False
-
-        def compute_truncated(self, achieved, desired, info):
-            return False
-
-    inner = RobotEnv(model_path=path, initial_qpos={}, n_actions=1, n_substeps=20)
-    env = TactileObservation(inner, sensor)
-    env.reset(seed=3)
-    assert np.array_equal(run(env, 20)[-1], simulate_by_hand(400, -0.5)[-1].image)
-    assert inner.n_substeps == 20

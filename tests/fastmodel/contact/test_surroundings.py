@@ -255,19 +255,6 @@ def test_an_exclusion_that_ends_during_a_simulation_is_followed(method):
     assert image[:, 2:].max() == 0
 
 
-@pytest.mark.parametrize("method", COVER_FIRST)
-def test_facing_arrays_press_on_one_another(method):
-    spec = make_spec()
-    low = fastmodel.attach(spec, "world", PAD, name="low", contact=method, every=1)
-    body = spec.worldbody.add_body(name="finger", pos=[0, 0, 0.1e-3])
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=2.0)
-    body.add_geom(type=BOX, size=[5e-3, 5e-3, 5e-3], pos=[0, 0, 20e-3], mass=3 / 9.81)
-    high = fastmodel.attach(spec, body, PAD, name="high", contact=method, every=1, quaternion=[0, 1, 0, 0])
-    simulate(spec, [low, high], 250)
-    assert low.carried() == pytest.approx(3.0, rel=1e-2)
-    assert high.carried() == pytest.approx(low.carried(), rel=1e-5)
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_friction_that_pulls_at_a_side_counts_with_its_sign(method):
     """A finger rubs upwards along the side of the array while a ball rests on it."""

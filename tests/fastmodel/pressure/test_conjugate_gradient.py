@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from fastmodel.pressure.gap import sample_gap
 from fastmodel.pressure.pressure_kernels import place_cells
@@ -103,24 +101,3 @@ def test_loads_stay_balanced_when_the_iteration_is_cut_off_or_diverges():
     solver = CoverSolver(CELLS, GRID)
     solver._last = (samples.row, samples.column, np.full(samples.count, np.nan))
     assert solver.solve(samples, load).forces.sum() == pytest.approx(0.2, rel=1e-6)
-
-
-POSES = {
-    "x": st.floats(-2e-3, 2e-3),
-    "y": st.floats(-8e-3, 8e-3),
-    "yaw": st.floats(0.05, 1.5),
-    "shape": st.sampled_from([Box(size=(7e-3, 4e-3, 5e-3)), Sphere(radius=4e-3), Cylinder(radius=3e-3)]),
-}
-
-
-@settings(max_examples=20, deadline=None)
-@given(force=st.floats(0.01, 20.0), dx=st.floats(-1e-3, 1e-3), dy=st.floats(-1e-3, 1e-3), **POSES)
-def test_pressures_balance_force_and_moments(*, force, dx, dy, x, y, yaw, shape):
-    samples = sample_gap(GRID, [pose_body(shape, at=(x, y), yaw=yaw)], [2e-3])
-    moment = force * np.array([x + dx, y + dy])
-    found = CoverSolver(CELLS, GRID).solve(samples, [Load(force=force, moment=moment, tilts=True)])
-    assert found.forces.min() >= 0
-    assert found.forces.sum() == pytest.approx(force, rel=1e-8)
-    assert found.window.sum() == pytest.approx(force, rel=1e-8)
-    if found.converged and not isinstance(shape, Sphere):  # a sphere presses near its lowest point only
-        np.testing.assert_allclose([found.forces @ samples.x, found.forces @ samples.y], moment, atol=1e-9 * force)

@@ -136,11 +136,3 @@ def test_no_force_is_outside_where_the_kernel_ends_within_the_array(sigma_x, sig
     inside_x = np.minimum(column, WTS.columns - 1 - column) >= gaussian.ksize_x // 2
     inside_y = np.minimum(row, WTS.rows - 1 - row) >= gaussian.ksize_y // 2
     np.testing.assert_allclose(outside[inside_x & inside_y], 0, atol=1e-12)
-
-
-@given(widths, widths)
-def test_the_operator_of_a_grid_is_reciprocal_and_mirror_symmetric(sigma_x, sigma_y):
-    operator = Gaussian.from_sigma(sigma_x, sigma_y).operator(WTS)
-    np.testing.assert_allclose(operator, operator.T, atol=1e-14)
-    turned = operator.reshape(14, 6, 14, 6)[::-1, :, ::-1, :].reshape(84, 84)
-    np.testing.assert_allclose(turned, operator, atol=1e-14)

@@ -8,7 +8,6 @@ from meshes.surfaces.triangles import (
     check_closed,
     close_cracks,
     enclosed_volume,
-    find_crossings,
     merge_corners,
 )
 
@@ -60,17 +59,6 @@ def test_a_long_narrow_strip_has_no_seam(length, width, count):
     assert thicken(strip, 1e-3, "strip", inward=True).nominal == 1e-3
 
 
-def test_a_border_of_very_many_corners_is_no_crack():
-    turn = np.linspace(0, 2 * np.pi, 40_001)
-    ring = 10e-3 * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=-1)
-    cone = np.stack([np.broadcast_to([0, 0, 5e-3], (40_000, 3)), ring[:-1], ring[1:]], axis=1)
-    closed = close_cracks(cone)
-    assert len(closed) > 39_000
-    assert np.linalg.norm(np.cross(*(closed[:, [1, 2]] - closed[:, :1]).transpose(1, 0, 2)), axis=1).sum() / 2 == (
-        pytest.approx(np.pi * 10e-3 * np.hypot(10e-3, 5e-3), rel=1e-2)
-    )
-
-
 def test_loose_parts_are_refused_with_their_place():
     loose = 0.2 * DOME + [0.0, 20e-3, 0.0]
     with pytest.raises(ValueError, match=r"2 parts .* 3\.8 % of the area near \(0, 2"):
@@ -89,11 +77,3 @@ def test_a_fine_tessellation_is_thickened_like_a_coarse_one(around):
     shell = thicken(make_dome(around, rings=30), 2e-3, "dome", inward=True)
     assert shell.notes == ()
     assert enclosed_volume(shell.surface) == pytest.approx(np.pi / 3 * (8**3 - 6**3) * 1e-9, rel=0.02)
-
-
-def test_crossings_are_found_in_either_order():
-    """A needle through the middle of a large triangle, whose own edges it does not meet."""
-    large = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]])
-    needle = np.array([[-0.01, 0, -1.0], [0.01, 0, -1], [0, 0, 1]])
-    assert len(find_crossings(np.stack([large, needle]))) == len(find_crossings(np.stack([needle, large]))) == 1
-    assert len(find_crossings(np.stack([large, needle + 5.0]))) == 0

@@ -64,12 +64,6 @@ def test_a_surface_on_a_grid_computes_its_normals():
         join_grids([(np.zeros((4, 5, 3)), None)], "given")
 
 
-def test_the_same_cover_gives_the_same_mesh_bit_by_bit_and_another_size_another():
-    cover = phalanx()
-    assert cover.mesh(2e-3).digest == cover.mesh(2e-3).digest
-    assert cover.mesh(2e-3).digest != cover.mesh(1.9e-3).digest
-
-
 def test_a_mesh_file_holds_its_mesh_and_a_changed_one_is_named(tmp_path):
     mesh = flat_pad().mesh(4e-3)
     path = tmp_path / "pad.npz"

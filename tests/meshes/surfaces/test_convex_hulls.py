@@ -15,12 +15,6 @@ def limit(monkeypatch, **changes):
     monkeypatch.setattr(triangle_mesh, "HULLS", dataclasses.replace(triangle_mesh.HULLS, **changes))
 
 
-def test_two_balls_are_made_of_a_few_hulls_that_are_computed_once(write_stl):
-    body = read_stl(write_stl("two-balls"))
-    assert 2 <= len(body.primitives()) <= 20
-    assert body.primitives() is body.primitives()
-
-
 def test_every_hull_contains_only_corners_at_or_above_the_underside(write_stl):
     """No corner of a hull reaches below the body; the lowest of all is the body's lowest point."""
     body = read_stl(write_stl("two-balls"))

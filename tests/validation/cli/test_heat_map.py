@@ -1,27 +1,7 @@
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 
 from meshes.catalogue import ARRAYS
-from validation.cli.heat_map import CELL, NEGATIVE, draw_force_images, draw_share_image, to_colours
-
-SHARES = arrays.arrays(np.float64, st.tuples(st.integers(1, 6), st.integers(1, 6)), elements=st.floats(-1, 2))
-
-
-@given(low=st.floats(0, 1), high=st.floats(0, 1))
-def test_colours_grow_brighter_with_the_value(low, high):
-    low, high = sorted((low, high))
-    dark, bright = to_colours(np.array([low, high])).astype(int)
-    assert (bright >= dark).all()
-
-
-@given(shares=SHARES)
-def test_values_outside_the_scale_are_dark_blue_below_and_brightest_above(shares):
-    colours = to_colours(shares)
-    assert colours.shape == (*shares.shape, 3)
-    assert (colours[shares < 0] == NEGATIVE).all()
-    assert (colours[shares > 1] == to_colours(np.ones(1))[0]).all()
+from validation.cli.heat_map import CELL, draw_force_images, draw_share_image
 
 
 def test_masked_texels_stay_empty():

@@ -220,12 +220,12 @@ def test_errors_are_grouped_and_the_range_is_that_of_the_cases(results, wts_deri
 
 @pytest.mark.slow
 def test_propagated_uncertainty_agrees_with_a_monte_carlo(bonded, wts):
-    """200 draws of all inputs at once, each through the whole contact: the spread agrees with the propagated one."""
+    """100 draws of all inputs at once, each through the whole contact: the spread agrees with the propagated one."""
     cover, inputs = bonded(0.45), Inputs(friction=0.0)
     found = propagate_inputs(cover, wts, BALL, inputs)
     random = np.random.default_rng(0)
     images = []
-    for _ in range(200):
+    for _ in range(100):
         changed, case = cover, BALL
         for _, uncertainty, change in list_inputs(cover, inputs):
             changed, case = change(changed, case, uncertainty * random.standard_normal())
@@ -245,7 +245,7 @@ def test_propagated_uncertainty_agrees_with_a_monte_carlo(bonded, wts):
         ),
     ):
         propagated = math.sqrt(sum(value**2 for value in found.of(quantity).values()))
-        assert np.std(drawn) == pytest.approx(propagated, rel=0.2)  # 200 draws: 5 % of a standard deviation
+        assert np.std(drawn) == pytest.approx(propagated, rel=0.25)  # 100 draws: 7 % of a standard deviation
 
 
 def test_a_case_whose_inputs_cannot_be_propagated_costs_its_comparison_and_a_line(results, wts_derivation, monkeypatch):

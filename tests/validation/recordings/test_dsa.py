@@ -299,8 +299,8 @@ def test_flipped_bits_in_the_xml_are_refused_or_change_one_value(write):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not REAL.is_dir(), reason="the recordings are not here")
-def test_thousand_flipped_bits_over_all_real_files_never_give_other_numbers(tmp_path):
-    for file in sorted((REAL / "kiechle-sdh2").rglob("*.dsa")):
+def test_flipped_bits_in_real_files_never_give_other_numbers(tmp_path):
+    for file in sorted((REAL / "kiechle-sdh2").rglob("*.dsa"))[::6]:
         path, original = tmp_path / file.name, file.read_bytes()
         path.write_bytes(original)
         assert check_variants(path, original, flip_bits(34)) > 34

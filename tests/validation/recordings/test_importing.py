@@ -60,8 +60,8 @@ def test_a_recording_of_six_masked_arrays_saved_as_mcap_comes_back(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not FILES, reason="the recordings are not here")
-@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_every_recording_saved_as_mcap_comes_back(file, tmp_path):
+@pytest.mark.parametrize("file", FILES[::6], ids=lambda file: file.stem)
+def test_every_sixth_recording_saved_as_mcap_comes_back(file, tmp_path):
     recording, back = _save_and_open(file, tmp_path)
     assert find_differences(back, recording) == []
     assert back.setup == replace(recording.setup, source_sha256=recording.sha256)

@@ -27,6 +27,20 @@ BALL = Case.read("ball", "sphere:radius=5mm", "300 g", at="0.7mm,-1.1mm")
 FAST = tuple(EXPERIMENTS)[:13]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_cases():
+    """Take every fourth case of the default campaign."""
+    whole = evaluation.read_plan
+
+    def read_plan(*arguments):
+        plan = whole(*arguments)
+        return replace(plan, cases=plan.cases[::4])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(evaluation, "read_plan", read_plan)
+        yield
+
+
 def healthy_parameters():
     return replace(fastmodel.load("wts-0614-34"), filter=Butterworth(cutoff_hz=30.0, order=2))
 

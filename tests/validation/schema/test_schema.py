@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import fastmodel
 from tests.support.sensor_text import GOOD
 from validation.errors import InputError
 from validation.schema import parse, read
@@ -31,7 +30,6 @@ SHIPPED = [
     ("measured-force", PACKAGE / "measured_force" / "gelsight-mini.toml"),
     ("sensor", PACKAGE / "sensor_file" / "template.toml"),
     ("baseline", ROOT / ".ci" / "wts-0614-34.json"),
-    *(("parameters", fastmodel.parameters.SENSORS / name / "parameters.toml") for name in fastmodel.list_sensors()),
 ]
 
 

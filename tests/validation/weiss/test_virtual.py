@@ -1,8 +1,11 @@
 """The virtual sensor: its clock, its answers and the values that it shows, and its service on a port."""
 
 import dataclasses
+import select
 import socket
 import threading
+from contextlib import closing
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,69 +14,47 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.virtual_port import hit, is_ramp, take, wait_until
-from validation.weiss.protocol import (
-    Command,
-    MatrixInfo,
-    Parser,
-    decode_answer,
-    decode_frame,
-    encode_message,
-    encode_request,
-)
+from validation.weiss import protocol, virtual
+from validation.weiss.protocol import Command, MatrixInfo, decode_answer, decode_frame, encode_message, encode_request
 from validation.weiss.sensor import PortError, Sensor
-from validation.weiss.virtual import (
-    BACKLOG_BYTES,
-    FAULTS,
-    WTS_0614_34,
-    Misbehaviour,
-    PseudoTerminal,
-    VirtualSensor,
-    serve,
-    show_frames,
-    show_pattern,
-    show_recording,
-)
+from validation.weiss.virtual import FAULTS, WTS_0614_34, Misbehaviour, PseudoTerminal, VirtualSensor, show_pattern
 
-START = encode_request(Command.START_PERIODIC_FRAMES, 0, 0)
+ZERO = show_pattern("zero")
 
 
 def _parse(*pieces):
-    parser = Parser(texels=84)
+    parser = protocol.Parser(texels=84)
     return [message for piece in pieces for message in parser.feed(piece)]
 
 
-@pytest.mark.parametrize(("rate", "frames"), [(271.0, 272), (1.0, 2), (1000.0, 1001)])
-def test_frames_come_at_their_rate(rate, frames):
-    """From 0 s to 1 s, both included."""
+def _ask(sensor, command, *values, now=0.0):
+    (message,) = _parse(sensor.receive(encode_request(command, *values), now))
+    return decode_answer(command, message.payload)[1]
+
+
+def _stream(sensor, seconds, interval_ms=0):
+    """Times of the frames from the start to this time, both included [ms]."""
+    _ask(sensor, Command.START_PERIODIC_FRAMES, 0, interval_ms)
+    return [decode_frame(message.payload).ticks for message in _parse(*sensor.take_due_frames(seconds + 1e-9))]
+
+
+@pytest.mark.parametrize(("rate", "interval_ms", "frames"), [(271, 0, 272), (1, 0, 2), (1000, 0, 1001), (271, 100, 11)])
+def test_frames_come_at_their_rate_or_interval(rate, interval_ms, frames):
     sensor = VirtualSensor(show_pattern("blob"), rate=rate)
-    sensor.receive(START, 0.0)
-    messages = _parse(*sensor.take_due_frames(1.0 + 1e-9))
-    assert len(messages) == sensor.frames_sent == frames
-    ticks = [decode_frame(message.payload).ticks for message in messages]
-    assert np.allclose(ticks, np.arange(frames) * 1000 / rate, rtol=0, atol=1.001)
-
-
-def test_an_interval_slows_the_frames_down():
-    sensor = VirtualSensor(show_pattern("blob"))
-    sensor.receive(encode_request(Command.START_PERIODIC_FRAMES, 0, 100), 0.0)
-    assert len(sensor.take_due_frames(0.95)) == 10
+    ticks = _stream(sensor, 1.0, interval_ms)
+    assert len(ticks) == sensor.frames_sent == frames
+    assert np.allclose(ticks, np.arange(frames) * (interval_ms or 1000 / rate), rtol=0, atol=1.001)
 
 
 def test_no_frames_come_in_a_pause():
-    sensor = VirtualSensor(show_pattern("ramp"), misbehaviour=Misbehaviour(pauses=((0.2, 0.7),)))
-    sensor.receive(START, 0.0)
-    ticks = [decode_frame(message.payload).ticks for message in _parse(*sensor.take_due_frames(1.0))]
+    ticks = _stream(VirtualSensor(ZERO, misbehaviour=Misbehaviour(pauses=((0.2, 0.7),))), 1.0)
     assert max(np.diff(ticks)) == pytest.approx(500, abs=5)
     assert not any(205 <= tick < 695 for tick in ticks)
 
 
-def test_the_pad_warms_up():
-    def read_temperature(now):
-        sensor = VirtualSensor(show_pattern("zero"))
-        (message,) = _parse(sensor.receive(encode_request(Command.TEMPERATURE), now))
-        return decode_answer(message)[1][0] / 10
-
-    assert [read_temperature(now) for now in (0, 1200 * np.log(2), 1e6)] == [25, 30, 35]
+@pytest.mark.parametrize(("now", "temperature"), [(0, 25), (1200 * np.log(2), 30), (1e6, 35)])
+def test_the_pad_warms_up(now, temperature):
+    assert _ask(VirtualSensor(ZERO), Command.TEMPERATURE, now=now) == (10 * temperature,)
 
 
 @given(st.integers(0, 255).filter(lambda identifier: identifier != 0xAA), st.binary(max_size=20))
@@ -84,62 +65,50 @@ def test_any_request_gets_one_answer_of_its_own_identifier(identifier, payload):
     assert [answer.identifier for answer in answers] == [found.identifier for found in requests]
 
 
-def test_bad_input_is_refused_with_what_is_known():
-    with pytest.raises(ValueError, match="known faults: flip-bit"):
-        Misbehaviour(rates={"sabotage": 1})
-    with pytest.raises(ValueError, match=r"0\.\.1"):
-        Misbehaviour(rates={"lose": 2})
-    with pytest.raises(ValueError, match="at least one"):
-        show_frames([])
-    with pytest.raises(ValueError, match="rate"):
-        VirtualSensor(show_pattern("zero"), rate=0)
-
-
-def _ask(sensor, command):
-    (message,) = _parse(sensor.receive(encode_request(command), 0.0))
-    return decode_answer(message)[1]
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda: Misbehaviour(rates={"sabotage": 1}), "known faults: flip-bit"),
+        (lambda: Misbehaviour(rates={"lose": 2}), r"0\.\.1"),
+        (lambda: virtual.show_frames([]), "at least one"),
+        (lambda: show_pattern("x"), "unknown pattern 'x'; known patterns: blob, ramp, corner, zero"),
+        (lambda: virtual.show_recording([], np.zeros((0, 2))), "as many times as frames and at least one"),
+        (lambda: virtual.show_recording([1.0], np.zeros((4, 2))), "as many times as frames and at least one"),
+        (lambda: VirtualSensor(ZERO, rate=0), "rate"),
+        (lambda: VirtualSensor(ZERO, active=[True] * 3), "84 texels, not 3"),
+        (lambda: VirtualSensor(ZERO, tag="t" * 65), "at most 64 ASCII"),
+        (lambda: VirtualSensor(ZERO, tag="größe"), "at most 64 ASCII"),
+    ],
+)
+def test_bad_input_is_refused_with_what_is_known(make, reason):
+    with pytest.raises(ValueError, match=reason):
+        make()
 
 
 @pytest.mark.parametrize(
-    ("columns", "rows", "width", "height", "name"),
+    ("shape", "pitch", "name"),
     [
-        (6, 14, 3.4e-3, 3.4e-3, b"WTS 0614-34"),
-        (6, 13, 3.4e-3, 3.4e-3, b"WTS 0613-34"),
-        (4, 8, 3.8e-3, 3.8e-3, b"WTS 0408-38"),
-        (16, 16, 0.9e-3, 2e-3, b"WTS 1616-09x20"),
+        ((6, 14), (3.4e-3, 3.4e-3), b"WTS 0614-34"),
+        ((4, 8), (3.8e-3, 3.8e-3), b"WTS 0408-38"),
+        ((16, 16), (0.9e-3, 2e-3), b"WTS 1616-09x20"),
     ],
 )
-def test_an_array_announces_itself(columns, rows, width, height, name):
-    matrix = MatrixInfo(columns=columns, rows=rows, cell_width=width, cell_height=height, full_scale=4095)
+def test_an_array_announces_itself(shape, pitch, name):
+    matrix = MatrixInfo(*shape, *pitch, full_scale=4095)
     sensor = VirtualSensor(show_pattern("zero", matrix), matrix=matrix)
     assert _ask(sensor, Command.SENSOR_TYPE) == (name,)
-    assert _ask(sensor, Command.MATRIX_INFO)[:2] == (columns, rows)
+    assert _ask(sensor, Command.MATRIX_INFO) == matrix.values
 
 
 def test_masked_texels_read_zero_and_the_mask_is_told():
     active = np.arange(84) % 5 != 2
     sensor = VirtualSensor(lambda _: np.full(84, 700), active=active)
-    (message,) = _parse(sensor.receive(encode_request(Command.READ_SINGLE_FRAME, 0), 0.0))
-    assert np.array_equal(decode_frame(message.payload[2:]).counts, np.where(active, 700, 0))
+    (frame,) = _ask(sensor, Command.READ_SINGLE_FRAME, 0)
+    assert np.array_equal(decode_frame(frame).counts, np.where(active, 700, 0))
     (data,) = _ask(sensor, Command.GET_MASK)
     assert data[0] == 0b01111011
     bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder="little")
     assert np.array_equal(bits, np.append(active, [0] * 4))
-    with pytest.raises(ValueError, match="84 texels, not 3"):
-        VirtualSensor(show_pattern("zero"), active=[True] * 3)
-
-
-def test_a_sensor_has_a_tag_that_clients_can_change():
-    assert _ask(VirtualSensor(show_pattern("zero")), Command.GET_TAG) == (b"softcover",)
-    sensor = VirtualSensor(show_pattern("zero"), tag="left hand")
-    assert _ask(sensor, Command.GET_TAG) == (b"left hand",)
-    sensor.receive(encode_request(Command.SET_TAG, b"thumb"), 0.0)
-    assert _ask(sensor, Command.GET_TAG) == (b"thumb",)
-    sensor.receive(encode_request(Command.SET_TAG, b"t" * 65), 0.0)
-    assert _ask(sensor, Command.GET_TAG) == (b"thumb",)
-    for tag in ("t" * 65, "größe"):
-        with pytest.raises(ValueError, match="at most 64 ASCII"):
-            VirtualSensor(show_pattern("zero"), tag=tag)
 
 
 def test_patterns_are_what_they_are_called():
@@ -152,26 +121,14 @@ def test_patterns_are_what_they_are_called():
         x, y = 1 + np.sin(2 * time), 1.5 * (1 + np.sin(time))
         blob = 3000 * np.exp(-((order % 3 - x) ** 2 + (order // 3 - y) ** 2) / 4)
         assert np.array_equal(show_pattern("blob", matrix)(time), np.rint(blob))
-    with pytest.raises(ValueError, match="unknown pattern 'x'; known patterns: blob, ramp, corner, zero"):
-        show_pattern("x")
 
 
 def test_a_playback_shows_each_frame_until_the_next_and_starts_again_after_the_last():
     times, counts = [10.0, 10.5, 11.5, 12.0], np.arange(8).reshape(4, 2)
-    shown = [0.0, 0.49, 0.5, 1.49, 1.5, 1.99, 2.0, 2.6]
-    frames = [0, 0, 1, 1, 2, 2, 3, 3]
-    loop, once = (show_recording(times, counts, loop=loop) for loop in (True, False))
-    for time, frame in zip(shown, frames, strict=True):
-        assert np.array_equal(loop(time), counts[frame])
-        assert np.array_equal(once(time), counts[frame])
-    duration = 2.0 * 4 / 3  # the last frame is shown for the mean time between frames
-    assert np.array_equal(loop(duration + 0.01), counts[0])
-    assert np.array_equal(loop(3 * duration + 0.6), counts[1])
-    assert np.array_equal(once(100.0), counts[3])
-    assert np.array_equal(show_recording([5.0], counts[:1])(3.0), counts[0])
-    for bad in (([], counts[:0]), ([1.0], counts)):
-        with pytest.raises(ValueError, match="as many times as frames and at least one"):
-            show_recording(*bad)
+    show, duration = virtual.show_recording(times, counts), 2.0 * 4 / 3  # the last one is shown for the mean step
+    shown = [0.0, 0.49, 0.5, 1.49, 1.5, 1.99, 2.0, 2.6, duration + 0.01, 3 * duration + 0.6]
+    assert np.array_equal([show(time) for time in shown], counts[[0, 0, 1, 1, 2, 2, 3, 3, 0, 1]])
+    assert np.array_equal(virtual.show_recording([5.0], counts[:1])(3.0), counts[0])
 
 
 @pytest.mark.parametrize("name", FAULTS)
@@ -187,7 +144,7 @@ def test_a_fault_changes_the_message_within_its_bounds(name, payload, random):
 
 
 def test_complete_frames_are_left_out_for_a_client_that_does_not_read(plug_in):
-    port = plug_in(backlog_bytes=BACKLOG_BYTES, rate=5000.0)
+    port = plug_in(backlog_bytes=virtual.BACKLOG_BYTES, rate=5000.0)
     with serial.Serial(port.name) as client:
         client.write(encode_request(Command.START_PERIODIC_FRAMES, 0, 0))
         wait_until(lambda: port.sensor.frames_sent > 1000)
@@ -195,52 +152,42 @@ def test_complete_frames_are_left_out_for_a_client_that_does_not_read(plug_in):
     assert port.left_out > 10
 
 
-class _TcpEnd:
-    """The device's end of a TCP connection, as a serial server in the network has it."""
-
-    def __init__(self):
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self._listener.settimeout(5)
-        self.url = f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
-        self._peer = None
-
-    def send(self, data):
-        return self._peer.send(data)
-
-    def receive(self, wait):
-        if self._peer is None:
-            self._peer, _ = self._listener.accept()
-        self._peer.settimeout(max(wait, 1e-4))
-        try:
-            return self._peer.recv(4096)
-        except TimeoutError:
-            return b""
-
-    def close(self):
-        for each in (self._peer, self._listener):
-            if each is not None:
-                each.close()
-
-
 def test_a_sensor_behind_a_network_port():
-    end, stop = _TcpEnd(), threading.Event()
-    thread = threading.Thread(target=serve, args=(VirtualSensor(show_pattern("ramp")), end), kwargs={"stop": stop})
-    thread.start()
-    try:
-        with Sensor(end.url) as sensor:
-            readings, gaps = take(sensor, 40)
-    finally:
-        stop.set()
-        thread.join()
-        end.close()
+    stop = threading.Event()
+
+    def run():
+        peer, _ = server.accept()
+        with peer:
+            end = SimpleNamespace(
+                send=peer.send, receive=lambda wait: peer.recv(4096) if select.select([peer], [], [], wait)[0] else b""
+            )
+            virtual.serve(VirtualSensor(show_pattern("ramp")), end, stop=stop)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=run)
+        thread.start()
+        try:
+            with Sensor(f"socket://127.0.0.1:{server.getsockname()[1]}") as sensor:
+                readings, gaps = take(sensor, 40)
+        finally:
+            stop.set()
+            thread.join()
     assert gaps == []
     assert all(is_ramp(reading.counts) for reading in readings)
+
+
+def test_a_sensor_on_an_existing_port():
+    with closing(PseudoTerminal()) as cable, closing(virtual.SerialEnd(cable.name)) as end:
+        cable.send(encode_request(Command.SENSOR_TYPE))
+        virtual.serve(VirtualSensor(ZERO), end, seconds=0.3)
+        (message,) = _parse(cable.receive(0))
+    assert decode_answer(Command.SENSOR_TYPE, message.payload) == (0, (b"WTS 0614-34",))
 
 
 def test_a_link_that_another_port_replaced_is_left_alone(tmp_path):
     link = tmp_path / "sensor"
     first = PseudoTerminal(link)
-    with PseudoTerminal(link) as second:
+    with closing(PseudoTerminal(link)) as second:
         first.close()
         assert str(link.readlink()) == second.port
     assert not link.is_symlink()

@@ -40,13 +40,9 @@ def mesh(sensor: SensorFile, *, thickness: Quantity = None, out: Path | None = N
     from validation.cover_meshes import describe_mesh, make_meshes, write_meshes
     from validation.scene.draw import lacks_picture
 
-    files: tuple[str, ...] = ()
-    with contextlib.ExitStack() as stack:
-        folder = stack.enter_context(new_folder(out)) if out else None
-        with Progress() as progress:
-            meshes = make_meshes(description, progress)
-        if folder:
-            files = write_meshes(description, meshes, folder)
+    with new_folder(out) if out else contextlib.nullcontext() as folder, Progress() as progress:
+        meshes = make_meshes(description, progress)
+        files = write_meshes(description, meshes, folder) if folder else ()
     if json:
         print_json({"sensor": description.name, "meshes": [describe_mesh(each) for each in meshes]})
     else:

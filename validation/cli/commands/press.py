@@ -138,13 +138,9 @@ def _compare(request: PressRequest, out: Path | None, *, json: bool) -> int:
     from validation.press_files import write_press
     from validation.scene.draw import lacks_picture
 
-    files: tuple[str, ...] = ()
-    with contextlib.ExitStack() as stack:
-        folder = stack.enter_context(new_folder(out)) if out else None
-        with Progress() as progress:
-            comparison = request.run(fields=folder is not None, as_far=True, progress=progress)
-        if folder:
-            files = write_press(comparison, folder)
+    with new_folder(out) if out else contextlib.nullcontext() as folder, Progress() as progress:
+        comparison = request.run(fields=folder is not None, as_far=True, progress=progress)
+        files = write_press(comparison, folder) if folder else ()
     if json:
         print_json(comparison.as_json())
     else:
@@ -166,9 +162,8 @@ def _trace(request: PressRequest, points: int, out: Path, *, json: bool) -> int:
     """Compute a curve of load over depth by finite elements, print it and write it to `out`."""
     from validation.output_folder import new_folder
 
-    with new_folder(out) as folder:
-        with Progress() as progress:
-            curve = request.trace(points, progress)
+    with new_folder(out) as folder, Progress() as progress:
+        curve = request.trace(points, progress)
         files = curve.write(folder)
     if json:
         print_json(curve.as_json())

@@ -48,10 +48,9 @@ def regress(
 
     _check_options(baseline, junit, out, seed, update=update)
     source = read_sensor(sensor, curved=True)
-    with new_folder(out) if out else nullcontext() as folder:
-        with Progress() as progress:
-            tell_unused(source, ", and this check computes its finite elements without")
-            found = api.regress(source, baseline=baseline, update=update, seed=seed, progress=progress)
+    with new_folder(out) if out else nullcontext() as folder, Progress() as progress:
+        tell_unused(source, ", and this check computes its finite elements without")
+        found = api.regress(source, baseline=baseline, update=update, seed=seed, progress=progress)
         if folder:
             (folder / "regress.csv").write_text(found.to_csv(), encoding="utf-8")
     if json:
