@@ -432,8 +432,8 @@ class Parser:
         #: Numbers of bytes received, and of bytes that belong to no message.
         self.bytes_seen = self.bytes_skipped = 0
         self._buffer = bytearray()
-        #: Number of bytes since the last message that belong to no message.
-        self._skipped = 0
+        #: Number of bytes before the last message that belong to no message.
+        self._skipped_before = 0
 
     @property
     def largest_payload(self) -> int:
@@ -441,18 +441,19 @@ class Parser:
         texels = _MOST_TEXELS if self.texels is None else self.texels
         return _STATUS.size + max(_FRAME_HEAD.size + 2 * texels, LONGEST_TEXT)
 
-    def feed(self, data: bytes) -> list[Message]:
-        """Add the next bytes of the stream and return the messages that they complete."""
-        self._buffer += data
-        self.bytes_seen += len(data)
-        return self._scan(final=False)
-
     def finish(self) -> list[Message]:
         """End the wait for the rest of a message, and return the messages in the stored bytes after its head."""
-        return self._scan(final=True)
+        return self.feed(b"", final=True)
 
-    def _scan(self, *, final: bool) -> list[Message]:
-        """Return the messages in the stored bytes; if `final`, an incomplete message counts as damaged."""
+    def feed(self, data: bytes, *, final: bool = False) -> list[Message]:
+        """Add the next bytes of the stream and return the messages that they complete.
+
+        Args:
+            data: The next bytes.
+            final: Whether an incomplete message counts as damaged, because no further bytes are awaited.
+        """
+        self._buffer += data
+        self.bytes_seen += len(data)
         messages: list[Message] = []
         buffer, end, place = self._buffer, 0, 0
         while found := _START.search(buffer, place):
@@ -461,14 +462,14 @@ class Parser:
             if size is None:
                 break
             if size:
-                self._skip(place - end)
+                self.bytes_skipped += place - end
                 payload = bytes(buffer[place + HEAD_SIZE : place + size - CHECKSUM_SIZE])
-                messages.append(Message(buffer[place + 3], payload, self._skipped))
-                self._skipped, end = 0, place + size
+                messages.append(Message(buffer[place + 3], payload, self.bytes_skipped - self._skipped_before))
+                self._skipped_before, end = self.bytes_skipped, place + size
             place += size or 1
         else:
             place = len(buffer)
-        self._skip(place - end)
+        self.bytes_skipped += place - end
         del buffer[:place]
         return messages
 
@@ -485,21 +486,13 @@ class Parser:
         message = bytes(self._buffer[start : start + size])
         if len(message) < size:
             return 0 if final else None
-        return size if not compute_checksum(message) and self._is_possible(head[3], message[HEAD_SIZE:-2]) else 0
-
-    def _is_possible(self, identifier: int, payload: bytes) -> bool:
-        """Return whether the payload of a message is valid: a frame if the identifier is that of a frame message."""
-        if identifier == Command.READ_SINGLE_FRAME and payload.startswith(_STATUS.pack(Status.SUCCESS)):
-            payload = payload[_STATUS.size :]
-        elif identifier != PERIODIC_FRAME:
-            return True
-        try:
-            decode_frame(payload, texels=self.texels)
-        except ValueError:
-            return False
-        return True
-
-    def _skip(self, count: int) -> None:
-        """Count bytes that belong to no message."""
-        self.bytes_skipped += count
-        self._skipped += count
+        if compute_checksum(message):
+            return 0
+        payload = message[HEAD_SIZE:-CHECKSUM_SIZE]
+        is_single = head[3] == Command.READ_SINGLE_FRAME and payload.startswith(_STATUS.pack(Status.SUCCESS))
+        if is_single or head[3] == PERIODIC_FRAME:
+            try:
+                decode_frame(payload[_STATUS.size * is_single :], texels=self.texels)
+            except ValueError:
+                return 0
+        return size

@@ -30,7 +30,7 @@ BUFFER_BYTES = 256 * 1024
 #: Longest wait for a byte, after which the reading thread checks whether it should stop [s].
 _READ_TIMEOUT = 0.05
 #: Longest wait until the port accepts bytes to send [s].
-WRITE_TIMEOUT = 1.0
+_WRITE_TIMEOUT = 1.0
 #: Number of bytes that are requested at a time from a socket [bytes].  A socket, unlike a serial port, does not report
 #: the number of bytes that can be read.
 _SOCKET_BYTES = 64
@@ -76,12 +76,12 @@ class Link:
     """
 
     def __init__(self, port: str, *, baud_rate: int = 115_200, buffer_bytes: int = BUFFER_BYTES) -> None:
-        self.port = port
+        self.name = port
         self._is_url = "://" in port
         # A serial port can be locked against a second client; a pyserial URL cannot.
         options = {"timeout": _SOCKET_TIMEOUT} if self._is_url else {"timeout": _READ_TIMEOUT, "exclusive": True}
         try:
-            self._serial = serial.serial_for_url(port, baudrate=baud_rate, write_timeout=WRITE_TIMEOUT, **options)
+            self._serial = serial.serial_for_url(port, baudrate=baud_rate, write_timeout=_WRITE_TIMEOUT, **options)
             self._serial.reset_input_buffer()
         except (OSError, ValueError) as error:
             raise PortError(_explain(port, error)) from error
@@ -104,7 +104,7 @@ class Link:
         try:
             self._serial.write(data)
         except OSError as error:
-            raise LinkLostError(f"{self.port}: the port went away or takes no bytes: {error}") from error
+            raise LinkLostError(f"{self.name}: the port went away or takes no bytes: {error}") from error
 
     def read(self, timeout: float) -> list[Chunk]:
         """Fetch the bytes received since the last call.
@@ -121,7 +121,7 @@ class Link:
             self._chunks.clear()
             self._buffered = 0
         if not chunks and self._failure is not None:
-            raise LinkLostError(f"{self.port}: the port went away (unplugged?)") from self._failure
+            raise LinkLostError(f"{self.name}: the port went away (unplugged?)") from self._failure
         return chunks
 
     def close(self) -> None:
@@ -262,7 +262,7 @@ class Sensor(AbstractContextManager["Sensor"]):
         return MatrixInfo.from_values(self.ask(Command.MATRIX_INFO))
 
     def read_mask(self) -> npt.NDArray[np.bool_]:
-        """Read which texels of the array exist, shape (n,), if the device states this as `unconfirmed` assumes."""
+        """Read which texels of the array exist, shape (n,), if the device states this as `inquiry` assumes."""
         (data,), texels = self.ask(Command.GET_MASK), self.read_matrix().texels
         bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder=protocol.MASK_BIT_ORDER).astype(bool)
         if len(data) != -(-texels // 8) or bits[texels:].any() or not bits.any():

@@ -176,6 +176,14 @@ def test_a_sensor_behind_a_network_port():
     assert all(is_ramp(reading.counts) for reading in readings)
 
 
+def test_a_sensor_on_an_existing_port():
+    with closing(PseudoTerminal()) as cable, closing(virtual.SerialEnd(cable.name)) as end:
+        cable.send(encode_request(Command.SENSOR_TYPE))
+        virtual.serve(VirtualSensor(ZERO), end, seconds=0.3)
+        (message,) = _parse(cable.receive(0))
+    assert decode_answer(Command.SENSOR_TYPE, message.payload) == (0, (b"WTS 0614-34",))
+
+
 def test_a_link_that_another_port_replaced_is_left_alone(tmp_path):
     link = tmp_path / "sensor"
     first = PseudoTerminal(link)
