@@ -1,15 +1,20 @@
 """Structure of the code: `python benchmarks/house.py`.
 
 `--lines` prints code lines (without docstrings, comments and blank lines) of each folder, of product, tests and
-benchmarks; templates, TOML, CSS and JavaScript of the packages count as well.  `--covers` lists the places that ask
-what kind of cover, solid, pose or press they have.  Without options it prints the lines and the number of these places.
+benchmarks; templates, TOML, CSS and JavaScript of the packages count as well.  `--constants` counts numeric constants
+of modules.  `--covers` lists the places that ask what kind of cover, solid, pose or press they have.  `--sample SEED`
+prints thirty docstrings and comments drawn at random, to be read without the code.  Without options it prints the first
+three, without the list.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import io
+import random
 import re
+import tokenize
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -72,6 +77,35 @@ def print_sizes() -> None:
     print(f"{sum(whole[name] for name in PACKAGES):6d}  product code")
 
 
+def find_constants(source: str) -> Iterator[str]:
+    """Names of numeric constants of a module: assignments of numbers, or of tuples of numbers, at its top level."""
+    for node in ast.parse(source).body:
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        for target in targets:
+            pairs = [(target, node.value)]
+            if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                pairs = list(zip(target.elts, node.value.elts, strict=False))
+            for name, value in pairs:
+                if isinstance(name, ast.Name) and is_numeric(value):
+                    yield name.id
+
+
+def is_numeric(value: ast.expr) -> bool:
+    """Whether an expression holds nothing but numbers, in tuples and dictionaries as well."""
+    allowed = (
+        ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.Tuple, ast.List, ast.Dict, ast.Attribute, ast.Name,
+        ast.Load, ast.Call, ast.Constant,
+    )  # fmt: skip
+    nodes = list(ast.walk(value))
+    numbers = [n for n in nodes if isinstance(n, ast.Constant) and type(n.value) in {int, float}]
+    called = {ast.unparse(n.func) for n in nodes if isinstance(n, ast.Call)}
+    names = {n.id for n in nodes if isinstance(n, ast.Name)}
+    known = called <= {"np.radians", "math.radians", "np.sqrt", "math.sqrt"} and names <= {"np", "math"}
+    return bool(numbers) and all(isinstance(n, allowed) for n in nodes) and known
+
+
 def find_cover_questions(source: str) -> Iterator[tuple[int, str]]:
     """Places of a source that ask for the kind of cover: tests of branches, `isinstance`, `hasattr`, twin functions."""
     tree = ast.parse(source)
@@ -104,15 +138,57 @@ def print_cover_questions(*, listed: bool) -> None:
     print(f"{len(found):6d}  places that ask for the kind of cover")
 
 
+def print_constants() -> None:
+    """Count numeric constants of modules by package."""
+    counts = {name: sum(len(list(find_constants(text))) for _, text in list_sources(name)) for name in PACKAGES}
+    for name, count in counts.items():
+        print(f"{count:6d}  numeric constants in {name}")
+    print(f"{sum(counts.values()):6d}  numeric constants")
+
+
+def find_texts(source: str) -> Iterator[str]:
+    """Docstrings and blocks of comments of a source."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and (
+            text := ast.get_docstring(node)
+        ):
+            yield f"{getattr(node, 'name', '(module)')}: {text}"
+    block: list[str] = []
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    for token in tokens:
+        if token.type == tokenize.COMMENT and not token.string.startswith(("# noqa", "# type:", "# pragma")):
+            block.append(f"{token.string}    <- {token.line.split('#')[0].strip()}".removesuffix("    <- "))
+        elif block and token.type not in {tokenize.NL, tokenize.COMMENT}:
+            yield "\n".join([*block, token.line.strip()])
+            block = []
+
+
+def print_sample(seed: int) -> None:
+    """Thirty docstrings and comments of the product, drawn at random."""
+    texts = [
+        f"{path.relative_to(ROOT)}\n{text}" for path, source in list_sources(*PACKAGES) for text in find_texts(source)
+    ]
+    for text in random.Random(seed).sample(texts, 30):  # noqa: S311 -- a sample for readers
+        print(text, end="\n\n")
+
+
 def main() -> None:
     """Parse the options and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--lines", action="store_true", help="print code lines by folder")
+    parser.add_argument("--constants", action="store_true", help="count numeric constants of modules")
     parser.add_argument("--covers", action="store_true", help="list places that ask for the kind of cover")
+    parser.add_argument("--sample", type=int, metavar="SEED", help="print thirty docstrings and comments")
     options = parser.parse_args()
-    if options.lines or not options.covers:
+    if options.sample is not None:
+        print_sample(options.sample)
+        return
+    everything = not (options.lines or options.constants or options.covers)
+    if options.lines or everything:
         print_sizes()
-    if not options.lines or options.covers:
+    if options.constants or everything:
+        print_constants()
+    if options.covers or everything:
         print_cover_questions(listed=options.covers)
 
 

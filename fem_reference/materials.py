@@ -26,7 +26,7 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class MaterialSettings:
-    """Numbers of the material laws."""
+    """Constants of the material laws."""
 
     #: Relative difference of two principal stretches below which divided differences of the stresses are replaced by
     #: their limit for equal stretches, to avoid cancellation [-].

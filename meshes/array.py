@@ -12,8 +12,8 @@ from meshes.array_types import is_positive
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-#: Largest distance of a texel's centre from the nearest point of a regular grid, over the pitch, for the array to count
-#: as regular: rounding of coordinates in a file [-].
+#: Largest distance of a texel's centre from the nearest point of a regular grid, over the pitch, for which an array
+#: counts as regular [-].  It covers the rounding of coordinates in a file.
 _REGULAR = 1e-6
 #: Largest number of texels of an array that is read from a file: with more, the kernels of the cover would need
 #: gigabytes of memory [-].
@@ -21,10 +21,10 @@ MOST_TEXELS = 10_000
 
 
 def check_texel_count(rows: object, columns: object) -> None:
-    """Check the numbers of rows and columns that a file states, before memory is claimed for its texels.
+    """Check the numbers of rows and columns that a file states, before memory is allocated for its texels.
 
     Raises:
-        ValueError: If they are not whole numbers from 1 on, or make more than `MOST_TEXELS` texels.
+        ValueError: If a number is not a positive integer, or there are more than `MOST_TEXELS` texels.
     """
     for name, value in (("rows", rows), ("columns", columns)):
         if not isinstance(value, int) or isinstance(value, bool) or value < 1:
@@ -137,7 +137,7 @@ class TexelArray:
         return bool(np.allclose(self.centres[:, 2], 0) and np.allclose(self.normals, [0, 0, 1]))
 
     def require_planar(self) -> None:
-        """Refuse an array that is not planar, for what is computed on planar layers.
+        """Refuse an array that is not planar, in functions that assume planar layers.
 
         Raises:
             ValueError: If the array is not planar.

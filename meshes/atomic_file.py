@@ -77,7 +77,7 @@ def _replace(path: Path, parts: Iterable[bytes]) -> None:
 
 
 def flush(path: Path) -> None:
-    """Make the operating system write a file, or a folder's list of names, to the disk; does nothing on Windows.
+    """Flush a file, or a folder's list of names, to the disk; does nothing on Windows.
 
     Raises:
         OSError: If the file or folder cannot be opened or written to the disk.

@@ -1,7 +1,7 @@
-"""Reading of files from strangers: regular files of limited size, texts, TOML, JSON, npz and npy, as data never run.
+"""Reading of untrusted files of limited size, as text, TOML, JSON, npz or npy, without executing content.
 
-The other readers of this project take their bytes, tables and arrays from here, so that the limits on size and depth
-hold everywhere.
+All other readers of this project take their bytes, tables and arrays from this module, so that the same limits on size
+and depth hold for them.
 """
 
 from __future__ import annotations
@@ -33,17 +33,18 @@ _KINDS = "biufcUS"
 class ContentLimits:
     """Limits on the content of a file."""
 
-    #: Largest depth of tables and lists in each other in a TOML or JSON text [-]; files of this project have 6.
+    #: Largest nesting depth of tables and lists in a TOML or JSON text [-].  Files of this project have a depth of 6.
     depth: int = 32
-    #: Largest size of a whole number in a TOML or JSON text [bits]; TOML itself asks for 64.
+    #: Largest size of an integer in a TOML or JSON text [bits].  The TOML standard requires 64 bits.
     bits: int = 64
-    #: Most dots in one line of TOML without those in numbers [-]; reading a key of n parts takes a time of order n^2.
+    #: Largest number of dots in one line of TOML, apart from decimal points [-].  Reading a key of n parts takes a time
+    #: of order n^2.
     dots: int = 100
     #: Most arrays in an npz file, unless a caller accepts more [-]; files of this project have 20.
     arrays: int = 64
-    #: Size that a number of a smaller type counts as [bytes]; callers may convert it to 64 bits.
+    #: Size that is counted for a number of a smaller type [bytes].  Callers may convert numbers to 64 bits.
     number_bytes: int = 8
-    #: Largest head of an array, which holds its type and shape [bytes]; the heads of plain arrays have 128.
+    #: Largest header of an array, which states its type and shape [bytes].  Headers of plain arrays have 128 bytes.
     head_bytes: int = 4096
 
 
@@ -51,11 +52,11 @@ LIMITS = ContentLimits()
 
 
 class FileLimitError(ValueError):
-    """A file is larger, deeper or of another type than is accepted; the message does not name the file."""
+    """A file is too large, nested too deeply or of a type that is not accepted; the message does not name the file."""
 
 
 def open_regular(path: Path) -> IO[bytes]:
-    """Open a regular file for reading; a pipe or a device is refused and never waited for.
+    """Open a regular file for reading.  A pipe or a device is refused without waiting for it.
 
     Raises:
         OSError: If the file does not exist or cannot be read; the error holds the path.
@@ -77,12 +78,12 @@ def read_bytes(path: Path, *, most: int) -> bytes:
     """Read a regular file.
 
     Args:
-        path: The file.
+        path: Path of the file.
         most: Largest number of bytes that is accepted.
 
     Raises:
         OSError: If the file does not exist or cannot be read.
-        FileLimitError: If it is no regular file, or larger.
+        FileLimitError: If the path names no regular file, or the file is larger than `most`.
     """
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
@@ -96,12 +97,12 @@ def read_text(path: Path, *, most: int) -> str:
     """Read a regular text file in UTF-8, with or without a byte order mark.
 
     Args:
-        path: The file.
+        path: Path of the file.
         most: Largest number of bytes that is accepted.
 
     Raises:
         OSError: If the file does not exist or cannot be read.
-        FileLimitError: If it is no regular file, larger, or no text in UTF-8.
+        FileLimitError: If the path names no regular file, or the file is larger than `most` or not encoded in UTF-8.
     """
     try:
         return read_bytes(path, most=most).decode("utf-8-sig")
@@ -113,7 +114,8 @@ def parse_toml(text: str) -> dict[str, Any]:
     """Parse a TOML text.
 
     Raises:
-        FileLimitError: If it is no TOML, or deeper than `LIMITS.depth`, or holds numbers that are too long.
+        FileLimitError: If the text is not TOML, is nested deeper than `LIMITS.depth`, or holds numbers that are too
+            long.
     """
     for number, line in enumerate(text.split("\n"), start=1):
         if line.count(".") > LIMITS.dots and line.count(".") - len(_DECIMAL.findall(line)) > LIMITS.dots:
@@ -130,7 +132,8 @@ def parse_json(text: str | bytes) -> Any:  # noqa: ANN401 -- JSON
     """Parse a JSON text.
 
     Raises:
-        FileLimitError: If it is no JSON, or deeper than `LIMITS.depth`, or holds numbers that are too long.
+        FileLimitError: If the text is not JSON, is nested deeper than `LIMITS.depth`, or holds numbers that are too
+            long.
     """
     try:
         values = json.loads(text)
@@ -141,10 +144,10 @@ def parse_json(text: str | bytes) -> Any:  # noqa: ANN401 -- JSON
 
 
 def check_values(values: Any) -> None:  # noqa: ANN401 -- TOML or JSON
-    """Check the depth of parsed values, and the length of whole numbers in them.
+    """Check the nesting depth of parsed values, and the length of integers in them.
 
     Raises:
-        FileLimitError: If tables and lists are deeper than `LIMITS.depth`, or a whole number has more than 64 bits.
+        FileLimitError: If tables and lists are nested deeper than `LIMITS.depth`, or an integer has more than 64 bits.
     """
     level = [values]
     for _ in range(LIMITS.depth):
@@ -172,7 +175,7 @@ def _reason(error: Exception) -> str:
 
 
 def pack_npz(arrays: Mapping[str, npt.ArrayLike]) -> bytes:
-    """Return the bytes of an npz file of arrays; they depend on names and values only, not on order or time of day.
+    """Return the bytes of an npz file of arrays.  They depend only on names and values, not on order or time.
 
     Args:
         arrays: Arrays by name, of any shape.
@@ -185,7 +188,7 @@ def pack_npz(arrays: Mapping[str, npt.ArrayLike]) -> bytes:
         for name, values in sorted(arrays.items()):
             content = io.BytesIO()
             np.lib.format.write_array(content, np.asarray(values, order="C"), allow_pickle=False)
-            # A ZipInfo made here has a fixed date; given a name, `ZipFile.writestr` would store the present time.
+            # A new ZipInfo has a fixed date.  With a name as argument, `ZipFile.writestr` would store the present time.
             archive.writestr(zipfile.ZipInfo(f"{name}.npy"), content.getbuffer(), zipfile.ZIP_DEFLATED)
     return packed.getvalue()
 
@@ -193,16 +196,16 @@ def pack_npz(arrays: Mapping[str, npt.ArrayLike]) -> bytes:
 def unpack_npz(content: bytes, *, most: int, most_arrays: int = LIMITS.arrays) -> dict[str, npt.NDArray[np.generic]]:
     """Return the arrays in the bytes of an npz file, by name.
 
-    Sizes, types and shapes are checked before any memory is claimed for an array.
+    Sizes, types and shapes are checked before memory is allocated for an array.
 
     Args:
-        content: The bytes.
+        content: Bytes of the npz file.
         most: Largest accepted size of all arrays together; numbers of less than 8 bytes count as 8 [bytes].
         most_arrays: Largest accepted number of arrays [-].
 
     Raises:
-        FileLimitError: If the bytes are no npz file, or are damaged, encrypted, packed by a method other than deflate,
-            or hold more bytes than accepted or Python objects.
+        FileLimitError: If the bytes are no npz file, are damaged or encrypted, are compressed by a method other than
+            deflate, hold more bytes than accepted, or hold Python objects.
     """
     arrays: dict[str, npt.NDArray[np.generic]] = {}
     try:
@@ -232,10 +235,10 @@ def _unpack_array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, most: int) -
 
 
 def unpack_npy(content: bytes, *, most: int) -> npt.NDArray[np.generic]:
-    """Return the array in the bytes of an npy file; its size, type and shape are checked before memory is claimed.
+    """Return the array in the bytes of an npy file.  Its size, type and shape are checked before memory is allocated.
 
     Args:
-        content: The bytes.
+        content: Bytes of the npy file.
         most: Largest accepted size of the array; numbers of less than 8 bytes count as 8 [bytes].
 
     Raises:

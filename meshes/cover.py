@@ -14,7 +14,7 @@ from meshes.material import Material
 if TYPE_CHECKING:
     from meshes.solids import SolidMesh
 
-#: How the bottom layer lies on the rigid base.
+#: Support of the bottom layer on the rigid base.
 Base = Literal["bonded", "sliding"]
 
 
@@ -53,7 +53,7 @@ class Cover:
         size: Edge lengths along x and y of a cover with free side edges; None for a cover so wide that its side edges
             have no effect [m].
         assumed: True if thickness and material were never measured; reports then say so.
-        source: What the shape is made from, in words; empty, as layers say it all.
+        source: Origin of the shape, in words; empty for planar layers, which describe themselves.
         notes: Sentences on what was repaired or assumed about the shape.
     """
 
@@ -87,7 +87,7 @@ class Cover:
         return sum(layer.thickness for layer in self.layers)
 
     def meshes(self, progress: Callable[[str], None] | None = None) -> tuple[SolidMesh, ...]:
-        """Refuse to make meshes: layers are solved on grids of the solver's own.
+        """Refuse to make meshes, because the solvers of planar layers make their own grids.
 
         Raises:
             ValueError: Always.
@@ -103,16 +103,16 @@ class Cover:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolidCover:
-    """A cover of any shape and one layer, bonded to its base, with free sides, that is solved on meshes of its solid.
+    """A cover of any shape and of one layer, bonded to its base, with free sides, solved on meshes of its solid.
 
     Attributes:
-        layers: The one layer; its thickness is that along the normals of the base, or the mean.
+        layers: The one layer.  Its thickness is the thickness along the normals of the base, or the mean thickness.
         source: Origin of the solid, in words.
-        make: Function that makes meshes of a thickness [m], coarsest first, and reports its progress.
+        make: Function that makes meshes for a thickness [m], coarsest first, and reports its progress.
         assumed: True if thickness and material were never measured; reports then say so.
         notes: Sentences on what was repaired or assumed about the shape.
         given_thickness: Thickness that follows from the given shape [m]; None if any thickness can be made.
-        refine: Function that makes a mesh of a thickness [m] that is finer than all of `make`; None if there is none.
+        refine: Function that makes, for a thickness [m], a mesh finer than all of `make`; None if there is none.
         base_triangles: Triangles of the base, facing into the cover, shape (b, 3, 3) [m]; None for the base of the
             finest mesh.
     """
@@ -134,7 +134,7 @@ class SolidCover:
         """Check the layer.
 
         Raises:
-            ValueError: If there is not one layer, or its thickness is not that of the given shape.
+            ValueError: If the number of layers is not one, or the thickness differs from that of the given shape.
         """
         if len(self.layers) != 1:
             raise ValueError(f"a solid cover has one layer, not {len(self.layers)}")
@@ -157,7 +157,7 @@ class SolidCover:
         return self.material.small_strain_only
 
     def meshes(self, progress: Callable[[str], None] | None = None) -> tuple[SolidMesh, ...]:
-        """Make the meshes, coarsest first; they are kept for the next call, and for the same shape of other materials.
+        """Make the meshes, coarsest first.  They are kept for later calls, also for other materials of the same shape.
 
         Raises:
             ValueError: If the solid cannot be meshed, with one line per fault.

@@ -6,9 +6,9 @@ the whole range of hardness, and the measured moduli of natural rubber.  Soft ca
 softer than either relation predicts; use a named material of `meshes.catalogue` for them.
 
 Shore 00 has no accepted relation.  The estimate is the modulus of a half space into which the rounded tip of the
-durometer of ASTM D2240 sinks as deep as the reading says.  It agrees with the relations of Shore A within 25 % at the
-hardnesses that makers' charts equate (70 Shore 00 and 20 Shore A).  The castable silicones of the catalogue are 2.5 to
-4 times softer; the band of +-80 % contains them.
+durometer of ASTM D2240 sinks to the depth that corresponds to the reading.  It agrees with the relations of Shore A
+within 25 % at the hardnesses that makers' charts equate (70 Shore 00 and 20 Shore A).  The castable silicones of the
+catalogue are 2.5 to 4 times softer; the band of +-80 % contains them.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ def modulus_by_qi(shore_a: float) -> float:
 
 #: Scales by the name that is written in a sensor file.  The relations of Shore A were fitted for 20..80; ASTM D2240
 #: counts readings of 20..90 as reliable.  The band of Shore A contains both relations and the measured moduli of
-#: natural rubber, that of Shore 00 the castable silicones of the catalogue.
+#: natural rubber.  The band of Shore 00 contains the castable silicones of the catalogue.
 SCALES = {
     "a": HardnessScale(
         name="Shore A",

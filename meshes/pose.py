@@ -11,25 +11,26 @@ import numpy.typing as npt
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 
-#: Largest deviation that counts as rounding [-]: of a yaw from a multiple of 90 degrees, over 90 degrees; of the
-#: entries of a rotation matrix; and of the product of a rotation matrix and its transpose from the identity.
+#: Largest deviation that counts as rounding [-].  It applies to the deviation of a yaw from a multiple of 90 degrees,
+#: over 90 degrees; of the entries of a rotation matrix; and of the product of a rotation matrix and its transpose from
+#: the identity.
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Where an indenter touches, the direction in which it moves, and how it is turned about and against it.
+    """Point of contact of an indenter, its direction of motion, and its rotation about and against this direction.
 
-    Without tilt the indenter looks along its direction: its z axis points against it, and at yaw 0 its y axis is
-    closest to the array's y axis.  The default is the pose on a flat cover above the middle of the array.
+    Without tilt the indenter's z axis points against the direction, and at yaw 0 its y axis is closest to the array's y
+    axis.  The default is the pose on a flat cover above the middle of the array.
 
     Attributes:
-        point: Position of the lowest point on the indenter's axis in the array's frame; on a flat cover z has no
-            meaning, because the motion along z begins at first touch [m].
+        point: Position of the lowest point on the indenter's axis in the array's frame [m].  On a flat cover z is
+            ignored, because the motion along z begins at first touch.
         direction: Unit direction of the motion; any length is accepted [-].
         yaw: Rotation of the indenter about the axis of the motion, counterclockwise as seen against it [rad].
-        tilt: Rotation vector of the indenter along the x and y axes of its own frame, before the yaw, about the
-            point [rad].
+        tilt: Rotation vector of the indenter along the x and y axes of its own frame, applied about the point before
+            the yaw [rad].
     """
 
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -73,11 +74,11 @@ class Pose:
 
     @classmethod
     def facing(cls, point: npt.ArrayLike, direction: npt.ArrayLike, *, spin: float = 0.0) -> Pose:
-        """Place an indenter so that its lower side looks along its direction of motion.
+        """Place an indenter whose lower side faces its direction of motion.
 
         Args:
             point: Position of the lowest point on its axis, shape (3,) [m].
-            direction: Direction of motion, any length, shape (3,).
+            direction: Direction of motion, of any length, shape (3,) [-].
             spin: Rotation about its axis [rad].
 
         Raises:
@@ -95,7 +96,7 @@ class Pose:
         Args:
             point: Position of the lowest point on its axis, shape (3,) [m].
             rotation: Matrix whose columns are the indenter's axes in the array's frame, shape (3, 3).
-            direction: Direction of motion, any length, shape (3,); against the indenter's z axis if None.
+            direction: Direction of motion, of any length, shape (3,) [-]; opposite to the indenter's z axis if None.
 
         Raises:
             ValueError: If the matrix is no right-handed rotation.
@@ -107,7 +108,7 @@ class Pose:
             raise ValueError("the rotation of a pose must be a right-handed orthogonal matrix")
         upright = cls.facing(point, -axes[:, 2] if direction is None else direction)
         turn = upright.rotation.T @ axes
-        # The rotation from the upright pose is one about z after the tilt, whose axis is across z.
+        # The rotation from the upright pose is a tilt about a horizontal axis, followed by a rotation about z.
         sine = float(np.hypot(turn[2, 0], turn[2, 1]))
         per_sine = float(np.arctan2(sine, turn[2, 2])) / sine if sine else 0.0
         tilt = (per_sine * float(turn[2, 1]), -per_sine * float(turn[2, 0])) if direction is not None else (0.0, 0.0)
@@ -139,12 +140,13 @@ class Pose:
         if angle == 0:
             return axes
         u, v = self.tilt[0] / angle, self.tilt[1] / angle
-        cross = np.array([[0, 0, v], [0, 0, -u], [-v, u, 0]])  # Rodrigues' formula
+        # Rodrigues' formula for a rotation about a horizontal axis
+        cross = np.array([[0, 0, v], [0, 0, -u], [-v, u, 0]])
         return np.asarray(axes @ (np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross))
 
     @cached_property
     def _axes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Axes of an indenter that looks along the direction, before yaw and tilt, shape (3,) each."""
+        """Axes of an indenter that faces its direction, before yaw and tilt, shape (3,) each."""
         z = -self.towards
         reference = np.array([0.0, 1.0, 0.0]) if abs(z[1]) < 1 - _ROUNDING else np.array([0.0, 0.0, -np.sign(z[1])])
         y = reference - (reference @ z) * z
@@ -193,7 +195,7 @@ class Pose:
         return np.asarray((points - self.position) @ self.rotation)
 
     def vectors_to_indenter(self, vectors: FloatArray) -> FloatArray:
-        """Turn vectors of the array's frame to the indenter's frame, shape (..., 3)."""
+        """Rotate vectors from the array's frame to the indenter's frame, shape (..., 3)."""
         return np.asarray(vectors @ self.rotation)
 
 

@@ -11,18 +11,19 @@ from meshes.array_types import BoolArray, FloatArray
 from meshes.indenters.shapes import Indenter, Primitive, Sphere, quantity_field
 from meshes.pose import Pose
 
-#: Largest tilt about either axis, 10 degrees.  At small strain the contact solvers neglect the horizontal part of the
-#: contact pressure, the sine of the tilt times the pressure, and always the contact of side walls [rad].
+#: Largest tilt about either axis, 10 degrees [rad].  At small strain the contact solvers neglect the horizontal part of
+#: the contact pressure, which is the sine of the tilt times the pressure.  All contact solvers neglect the contact of
+#: side walls.
 MOST_TILT = float(np.radians(10))
 
 
 @dataclass(frozen=True, kw_only=True)
 class TiltNumbers:
-    """Numbers of the iteration for the height of a rotated surface, of the search where it fails, and of samples."""
+    """Constants of the iteration for the height of a rotated surface, of its fallback search, and of sampling."""
 
-    #: Rounding that is allowed for a tilt at the limit [rad].
+    #: Tolerance of the limit on the tilt, for rounding [rad].
     rounding: float = 1e-9
-    #: Steps of the iteration, which converges where slope times tangent of the tilt is below 1 [-].
+    #: Largest number of steps of the iteration, which converges if slope times tangent of the tilt is below 1 [-].
     steps: int = 40
     #: Largest change of the height in the last step, over the size of the shape [-].
     converged: float = 1e-9
@@ -30,17 +31,17 @@ class TiltNumbers:
     least_height: float = 1e-4
     #: Number of sampled heights in the search for the lower surface [-].
     heights: int = 120
-    #: Number of halvings of the interval in which the search ends [-].
+    #: Number of bisections of the interval found by the sampled heights [-].
     halvings: int = 50
     #: Largest jump of the lower surface, over the height of the shape, that does not count as a wall [-].
     jump: float = 1e-6
-    #: Samples along each side of the shape for its height [-].
+    #: Number of samples along each side of the shape, for its largest height [-].
     shape_samples: int = 101
-    #: Samples along each side of a rectangle that is searched for the lowest point [-].
+    #: Number of samples along each side of a rectangle that is searched for the lowest point [-].
     samples: int = 61
     #: Number of successively smaller rectangles that are searched for the lowest point [-].
     searches: int = 8
-    #: Half the size of the next smaller rectangle over the distance of the samples in the present one [-].
+    #: Half the size of the next smaller rectangle, over the distance between samples in the present rectangle [-].
     zoom: float = 4.0
 
 
@@ -49,15 +50,15 @@ _NUMBERS = TiltNumbers()
 
 @dataclass(frozen=True, kw_only=True)
 class TiltedIndenter(Indenter):
-    """A rigid indenter, rotated about a horizontal axis through the lowest point of its axis.
+    """A rigid indenter, rotated about a horizontal axis through the lowest point of its own axis.
 
-    The shape is that of the rotated body's lower surface.  Its side walls do not touch the cover.  Use `tilt_indenter`,
-    which keeps shapes that a tilt does not change.
+    The shape is the lower surface of the rotated body.  Its side walls do not touch the cover.  Use `tilt_indenter` to
+    make one: it returns shapes unchanged that a tilt does not change.
 
     Attributes:
-        indenter: Upright indenter.
-        tilt: Rotation vector along x and y of the indenter's frame [rad]: a positive rotation about x raises the side
-            of positive y, a positive rotation about y lowers the side of positive x.
+        indenter: Indenter without tilt.
+        tilt: Rotation vector along x and y of the indenter's frame [rad].  A positive rotation about x raises the side
+            of positive y.  A positive rotation about y lowers the side of positive x.
     """
 
     indenter: Indenter
@@ -65,7 +66,10 @@ class TiltedIndenter(Indenter):
 
     @property
     def mirror_symmetry(self) -> tuple[bool, bool]:
-        """Symmetry about the planes x = 0 and y = 0: kept by a rotation about the axis normal to the plane only."""
+        """Whether the surface is symmetric about the planes x = 0 and y = 0.
+
+        Only a rotation about the normal of a plane keeps the symmetry about this plane.
+        """
         about_x, about_y = self.tilt
         along_x, along_y = self.indenter.mirror_symmetry
         return along_x and about_y == 0, along_y and about_x == 0
@@ -84,7 +88,7 @@ class TiltedIndenter(Indenter):
 
     @cached_property
     def lowest_point(self) -> tuple[float, float, float]:
-        """Position of the first point to touch, relative to the lowest point of the upright indenter's axis [m]."""
+        """Position of the point of first touch, relative to the lowest point of the upright indenter's axis [m]."""
         if self.indenter.is_flat:
             return self._find_lowest_corner()
         middle, half = np.zeros(2), np.array(self.footprint)
@@ -92,7 +96,7 @@ class TiltedIndenter(Indenter):
         for _ in range(_NUMBERS.searches):
             x, y = np.meshgrid(*(m + np.linspace(-h, h, _NUMBERS.samples) for m, h in zip(middle, half, strict=True)))
             z = self._height(x, y)
-            # Of equally low points, such as those of an edge, the one nearest to the axis.
+            # Of several points of equal height, such as those of an edge, take the nearest to the axis.
             low = np.flatnonzero(z.ravel() <= z.min() + 1e-12 * max(self.footprint))
             index = low[np.argmin(np.hypot(x.ravel()[low], y.ravel()[low]))]
             if z.ravel()[index] < best[2] or not np.isfinite(best[2]):
@@ -101,7 +105,7 @@ class TiltedIndenter(Indenter):
         return best
 
     def _find_lowest_corner(self) -> tuple[float, float, float]:
-        """Find the lowest point of a tilted face, or the middle of its lowest points, from corners of its solids."""
+        """Find the lowest point of a tilted face from corners of its solids; the middle of several lowest points."""
         down = -self._rotation[2, :2]
         points = []
         for solid in self.indenter.primitives():
@@ -165,8 +169,8 @@ class TiltedIndenter(Indenter):
         """Search upwards for the height of the rotated surface by sampling and bisection; inf where there is none [m].
 
         Args:
-            x: Positions of k points, shape (k,) [m].
-            y: The other coordinate, shape (k,) [m].
+            x: x coordinates of the points, shape (k,) [m].
+            y: y coordinates of the points, shape (k,) [m].
             plane: Height of the rotated plane w = 0 above each point, shape (k,) [m].
         """
         back = self._rotation.T
@@ -190,7 +194,7 @@ class TiltedIndenter(Indenter):
             middle = (low + high) / 2
             above = rise(middle, found) >= 0
             low, high = np.where(above, low, middle), np.where(above, middle, high)
-        # At a wall the height over the surface jumps; elsewhere it is continuous and zero at the surface.
+        # At a wall the height over the surface is discontinuous; elsewhere it is continuous and zero at the surface.
         surface = rise(high, found) < _NUMBERS.jump * self._upright_height
         z = np.full_like(x, np.inf)
         z[found] = np.where(surface, plane[found] + high, np.inf)
@@ -204,12 +208,12 @@ class TiltedIndenter(Indenter):
         return 1.05 * float(gap[np.isfinite(gap)].max())
 
     def measure_facets(self, height: float, turn: FloatArray | None = None) -> float:
-        """Estimate how far facets up to a height over the lowest point deviate from the surface they stand for [m]."""
+        """Estimate how far facets up to a height over the lowest point deviate from the smooth surface [m]."""
         return self.indenter.measure_facets(height, self._rotation if turn is None else turn @ self._rotation)
 
 
 def tilt_indenter(indenter: Indenter, tilt: tuple[float, float]) -> Indenter:
-    """Tilt an indenter about the x and y axes of its frame; a sphere stays the same sphere at the same place.
+    """Tilt an indenter about the x and y axes of its frame; a sphere is returned unchanged.
 
     Args:
         indenter: Upright indenter.

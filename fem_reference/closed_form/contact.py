@@ -32,7 +32,7 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class ContactSettings:
-    """Numbers of the integral equation of the contact."""
+    """Constants of the integral equation of the contact."""
 
     #: Smallest number of Gauss points of the integral equation [-].
     nodes: int = 96

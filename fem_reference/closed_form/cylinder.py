@@ -46,7 +46,7 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class SeriesSettings:
-    """Numbers of Fourier series and of their quadrature."""
+    """Constants of Fourier series and of their quadrature."""
 
     #: Gauss points in a panel [-].
     points: int = 16

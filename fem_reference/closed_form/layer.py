@@ -25,7 +25,7 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class LayerSettings:
-    """Numbers of the integrals over the wave number."""
+    """Constants of the integrals over the wave number."""
 
     #: Product of wave number k and cover thickness below which the response is interpolated by a parabola in k that
     #: ends at the exact limit for k = 0, because the linear systems are ill-conditioned at small k [-].
@@ -283,7 +283,7 @@ def _solve_tractions(cover: Cover, k: FloatArray) -> tuple[FloatArray, FloatArra
 
 @dataclass(frozen=True, kw_only=True)
 class InfluenceSettings:
-    """Numbers of the table of texel responses."""
+    """Constants of the table of texel responses."""
 
     #: Points per cover thickness of the table of texel responses [-].
     resolution: int = 12

@@ -51,7 +51,7 @@ from meshes.solids.solid_mesh import SolidMesh, measure_thickness
 
 @dataclass(frozen=True, kw_only=True)
 class SolidPressSettings:
-    """Numbers of presses into solids, and of their error estimates."""
+    """Constants of presses into solids, and of their error estimates."""
 
     #: Largest depth over the thickness that is solved [-].
     largest_depth: float = 0.8

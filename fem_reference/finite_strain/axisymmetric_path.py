@@ -24,7 +24,7 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class AxisymmetricPathSettings:
-    """Numbers of loading paths in the r-z plane."""
+    """Constants of loading paths in the r-z plane."""
 
     #: Part of the bulk modulus that acts on the displacements directly, under curved indenters at finite strain, in
     #: shear moduli.  Without it, balls on incompressible covers stop before 75 % of the thickness [-].

@@ -37,7 +37,7 @@ from meshes.pose import Pose
 
 @dataclass(frozen=True, kw_only=True)
 class BlockSettings:
-    """Numbers of loading paths on blocks in three dimensions."""
+    """Constants of loading paths on blocks in three dimensions."""
 
     #: Element size at the edge of a rectangular flat face, over the radius of the rounded edge [-].  The edges of such
     #: a face lie on mesh lines.

@@ -35,7 +35,7 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceContactSettings:
-    """Numbers of the penalty method and of friction."""
+    """Constants of the penalty method and of friction."""
 
     #: Contact pressure per reference area, in units of stress, above which the penalty grows in proportion.  A surface
     #: under high pressure wrinkles unless the penalty exceeds the pressure over the element size by far [-].

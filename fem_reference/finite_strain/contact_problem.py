@@ -38,7 +38,7 @@ from meshes.array_types import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class PathSettings:
-    """Numbers of loading paths."""
+    """Constants of loading paths."""
 
     #: Depth over cover thickness at which a loading path ends: the cover under the indenter cannot vanish [-].
     deepest: float = 0.98

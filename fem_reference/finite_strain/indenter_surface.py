@@ -28,7 +28,7 @@ from meshes.pose import Pose
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceSettings:
-    """Numbers of the smoothed lower surface of an indenter."""
+    """Constants of the smoothed lower surface of an indenter."""
 
     #: Height, over the cover thickness, at which smoothed surfaces are clipped; a pressed cover never reaches it [-].
     highest: float = 2.0

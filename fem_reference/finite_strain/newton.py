@@ -23,7 +23,7 @@ from meshes.array_types import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class NewtonSettings:
-    """Numbers of Newton's method and of the steps of a loading path."""
+    """Constants of Newton's method and of the steps of a loading path."""
 
     #: Largest number of times that Newton steps which invert an element are halved in one solution [-].
     halvings: int = 4

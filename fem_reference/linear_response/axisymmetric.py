@@ -36,7 +36,7 @@ from meshes.array_types import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class AxisymmetricSettings:
-    """Numbers of the meshes in the r-z plane."""
+    """Constants of the meshes in the r-z plane."""
 
     #: Radius, over the cover thickness, within which the mesh of a point load has elements of equal size [-].
     even: float = 4.0

@@ -38,7 +38,7 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class FiniteCoverSettings:
-    """Numbers of the meshes of a quarter of a cover, and of the evaluation of its response."""
+    """Constants of the meshes of a quarter of a cover, and of the evaluation of its response."""
 
     #: Distance of the boundary of a wide cover from the array, over the decay length of the cover's response [-].
     margin: float = 12.0

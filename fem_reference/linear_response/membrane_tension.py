@@ -27,7 +27,7 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class TensionSettings:
-    """Numbers of the integrals over the wave number."""
+    """Constants of the integrals over the wave number."""
 
     #: Product of wave number and cover thickness at which the integrals end [-].
     last_wave: float = 60.0

@@ -39,7 +39,7 @@ from meshes.pose import Pose
 
 @dataclass(frozen=True, kw_only=True)
 class PointSpreadSettings:
-    """Numbers of the point spread function, of its integrals over texels and of sums of many forces."""
+    """Constants of the point spread function, of its integrals over texels and of sums of many forces."""
 
     #: Gauss points along a side of a texel per cover thickness, for uniform pressure on the texel [-].
     texel_points: int = 6

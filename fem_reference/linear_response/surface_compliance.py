@@ -23,7 +23,7 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceSettings:
-    """Numbers of the compliance table, and of the outer boundaries of meshes."""
+    """Constants of the compliance table, and of the outer boundaries of meshes."""
 
     #: Product x of wave number and thickness of the top layer above which the layers below have no effect: exp(-2 x)
     #: is below 1e-11 [-].

@@ -29,7 +29,7 @@ from meshes.pose import Pose
 
 @dataclass(frozen=True, kw_only=True)
 class SideSettings:
-    """Numbers of the meshes that give the effect of free side edges."""
+    """Constants of the meshes that give the effect of free side edges."""
 
     #: Number of elements per cover thickness, and number of parts of each element of a coarse pattern along x and y
     #: [-].  With 2, the additional compliance is wrong by up to a third, with 3 by at most 2 %.

@@ -38,7 +38,7 @@ from meshes.array_types import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class RingSettings:
-    """Numbers of the rings, their approach and their active set."""
+    """Constants of the rings, their approach and their active set."""
 
     #: Radius of the outermost ring under a curved indenter, over that of the largest contact without friction [-].
     margin: float = 1.2

@@ -255,7 +255,7 @@ def _fit_edges(least: int, edges: FloatArray) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class FrictionlessSettings:
-    """Numbers of the contact of one indenter: refinement of its grid, first guesses, and area."""
+    """Constants of the contact of one indenter: refinement of its grid, first guesses, and area."""
 
     #: Samples of the height of an axisymmetric indenter along its radius [-].
     radii: int = 10_001

@@ -48,7 +48,7 @@ from meshes.pose import Place, Pose
 
 @dataclass(frozen=True, kw_only=True)
 class NoSlipSettings:
-    """Numbers of the meshes under a flat face without slip."""
+    """Constants of the meshes under a flat face without slip."""
 
     #: Element size at the edge of a punch of revolution over the smaller of its radius and the thickness of the top
     #: layer [-].

@@ -22,17 +22,18 @@ Polygon = Sequence[Corner]
 
 @dataclass(frozen=True, kw_only=True)
 class _Numbers:
-    """Numbers of the computations with outlines; lengths are over the longer edge of the bounding rectangle."""
+    """Constants of computations with outlines.  Lengths are relative to the longer edge of the bounding rectangle."""
 
-    #: Distance below which two points are equal [-]; well above rounding in double precision.
+    #: Distance below which two points are equal [-].  It is well above rounding in double precision.
     coincident: float = 1e-9
-    #: Difference of y below which two corners are equally high [-]; single precision, as in STL files, has 6e-8.
+    #: Difference of y below which two corners are equally high [-].  It is above the rounding of single precision in
+    #: STL files, 6e-8.
     level: float = 1e-6
-    #: Twice the area of three neighbouring corners below which they lie on a line, over the edge squared [-]; chosen
-    #: far below the corners of a circle of 10 000 sides.
+    #: Twice the area of the triangle of three neighbouring corners, over the edge squared, below which they lie on a
+    #: line [-].  The value is far below that of a regular polygon of 10 000 sides.
     straight: float = 1e-12
-    #: Number of directions in which cuts through a face are tried, to split it into few convex parts [-]; chosen.  The
-    #: directions are those of the longest sides.  More directions rarely give fewer parts.
+    #: Largest number of directions of cuts that are tried to split a face into few convex parts [-].  They are those of
+    #: the longest sides.  More directions rarely give fewer parts.
     directions: int = 8
     #: Straight segments of a full circle in the arcs of an inset outline [-]; they deviate by 0.12 % of the radius.
     arc_segments: int = 64
@@ -68,7 +69,7 @@ def compute_signed_distance(polygons: Sequence[Polygon], x: FloatArray, y: Float
         dx, dy = bx - ax, by - ay
         along = np.clip(((x - ax) * dx + (y - ay) * dy) / (dx**2 + dy**2), 0, 1)
         nearest = np.minimum(nearest, np.hypot(x - ax - along * dx, y - ay - along * dy))
-        # A ray from the point along +x passes between inside and outside wherever it crosses a side.
+        # A ray from the point along +x passes between inside and outside at each crossing of a side.
         if dy:
             inside ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) * dx / dy)
     return np.where(inside | (nearest == 0), nearest, -nearest)

@@ -32,16 +32,17 @@ Outline = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeNumbers:
-    """Numbers of the shapes; an outline is symmetric if its image deviates by less than the sum of both tolerances."""
+    """Constants of the shapes."""
 
-    #: Sides of the pyramid that replaces a cone in the fast model: the middles of its faces lie up to
-    #: 1 / cos(pi / 96) - 1 = 0.05 % above the cone, its edges on the cone [-].
+    #: Sides of the pyramid that replaces a cone in the fast model [-].  The edges of the pyramid lie on the cone; the
+    #: middles of its faces lie up to 1 / cos(pi / 96) - 1 = 0.05 % above it.
     pyramid_sides: int = 96
-    #: Tolerance over the larger half width of the shape [-]; rounding in STL files of single precision.
+    #: Relative part of the tolerance of symmetry, over the larger half width of the shape [-]; the rounding of single
+    #: precision in STL files.  An outline is symmetric if its mirror image deviates by less than the sum of both parts.
     relative_tolerance: float = 1e-6
-    #: Tolerance [m]; rounding in double precision.
+    #: Absolute part of the tolerance of symmetry [m]; the rounding of double precision.
     tolerance: float = 1e-9
-    #: Height of a nut over its width across flats [-]; as of ISO 4032.  Only the lower face touches the cover.
+    #: Height of a nut over its width across flats [-], as in ISO 4032.  Only the lower face touches the cover.
     nut_height: float = 0.8
 
 
@@ -106,11 +107,11 @@ class Indenter(ABC):
         """Return convex solids whose union has the indenter's lower surface."""
 
     def measure_facets(self, height: float, turn: FloatArray | None = None) -> float:  # noqa: ARG002 -- as subclasses
-        """Estimate how far facets deviate from the smooth surface that they stand for; 0 for shapes without facets [m].
+        """Estimate how far facets deviate from the smooth surface [m]; 0 for shapes without facets.
 
         Args:
             height: Height above the lowest point up to which facets are considered [m].
-            turn: Rotation matrix of the body, shape (3, 3); None if it stands upright.
+            turn: Rotation matrix of the body, shape (3, 3); None if the body is not rotated.
         """
         return 0.0
 

@@ -1,11 +1,10 @@
-"""Indenter bounded by a closed surface of triangles: its underside over points of a plane, and convex hulls of it.
+"""Indenter bounded by a closed surface of triangles: height of its lower surface, and convex hulls that replace it.
 
-MuJoCo only collides convex solids.  Only the underside of a body touches a cover, so the space above the underside, up
-to the body's top, counts as solid.  Vertical planes cut the underside into pieces; each piece is replaced by the convex
-hull of the piece and of the space above the piece.  Where a hull reaches below the body's underside, the hull fills
-empty space, and the distance by which it does so is the error.  The piece with the largest error is cut again, until
-the error is within a tolerance.  A cut does not move the rest of the surface: where the underside is convex, the hull
-is exact.
+MuJoCo only collides convex solids.  Only the underside of a body touches a cover.  The space above the underside, up to
+the body's top, therefore counts as solid.  Vertical planes cut the underside into pieces.  Each piece is replaced by
+the convex hull of the piece and of the space above it.  The error is the distance by which a hull reaches below the
+underside into empty space.  The piece with the largest error is cut again until the error is within a tolerance.  Where
+the underside is convex, the hull is exact.
 """
 
 from __future__ import annotations
@@ -26,8 +25,8 @@ from meshes.surfaces.triangles import enclosed_volume, normal_vectors
 class _Numbers:
     """Numbers of the measures of a body."""
 
-    #: Value below which a ratio counts as zero [-]; rounding.  The ratios are the volume over the cube of the body's
-    #: size, and the height over the size.
+    #: Value below which a ratio counts as zero [-]; above rounding.  The ratios are the volume over the cube of the
+    #: body's size, and the height over the size.
     zero: float = 1e-9
     #: Grid points along x and along y at which the gap is compared with its mirror image [-]; chosen.
     symmetry_points: int = 61
@@ -56,8 +55,8 @@ class TriangleMesh(Indenter):
         """Check the triangles and make them read-only; whether the surface is closed is not checked here.
 
         Raises:
-            ValueError: If the array has another shape or a number that is not finite; or the triangles face inwards or
-                enclose no volume; or the lowest point is not at z = 0; or the axis lies outside the bounding rectangle.
+            ValueError: If the shape is wrong, a number is not finite, the triangles face inwards or enclose no volume,
+                the lowest point is not at z = 0, or the axis lies outside the bounding rectangle.
         """
         corners = np.array(self.triangles, dtype=np.float64)
         if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not len(corners):  # noqa: PLR2004
@@ -111,14 +110,14 @@ class TriangleMesh(Indenter):
         return self._gap.evaluate(x.ravel(), y.ravel()).reshape(x.shape)
 
     def measure_facets(self, height: float, turn: FloatArray | None = None) -> float:
-        """Estimate how far the facets up to a height deviate from the smooth surface that they stand for.
+        """Estimate how far the facets up to a height deviate from the smooth surface that they approximate.
 
         Two facets that meet at a small angle are chords of an arc with the sagitta width times angle over 8.  The
         deviation of a facet is the sum over its sides.  Facets that meet at a larger angle form an edge of the body.
 
         Args:
             height: Height above the lowest point up to which facets are considered [m].
-            turn: Rotation matrix of the body, shape (3, 3); None if it stands upright.
+            turn: Rotation matrix of the body, shape (3, 3); None if the body is not rotated.
 
         Returns:
             Largest deviation, 0 if no facets meet at a small angle [m].
@@ -132,7 +131,7 @@ class TriangleMesh(Indenter):
         length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         owner = np.repeat(np.arange(len(facets)), 3)
         width = np.repeat(double_area[double_area > 0], 3) / length
-        # Facets that share an edge share its middle; sorting the middles brings them together.
+        # Facets that share an edge share its midpoint.  Sorting the midpoints places them next to each other.
         middle = np.round(ends.mean(axis=1) / (_NUMBERS.same_place * max(self.footprint))).astype(np.int64)
         order = np.lexsort(middle.T)
         one, other = order[:-1], order[1:]
@@ -171,22 +170,23 @@ class TriangleMesh(Indenter):
 
 @dataclass(frozen=True, kw_only=True)
 class _GapNumbers:
-    """Numbers of the search for the lowest triangle over a point."""
+    """Constants of the search for the lowest triangle over a point."""
 
     #: Length that counts as zero, over the larger edge of the bounding box [-]; rounding in double precision.
     zero: float = 1e-12
-    #: Most pairs of a point and a triangle that are computed at once [-]; they take about 200 MB.
+    #: Largest number of pairs of a point and a triangle that are computed at once [-]; they take about 200 MB.
     most_pairs: int = 2_000_000
-    #: Most cells along the longer side of the search grid [-]; more cells hardly save time, as measured.
+    #: Largest number of cells along the longer side of the search grid [-].  By measurement, more cells hardly save
+    #: time.
     most_cells: int = 256
-    #: Largest mean number of grid cells in whose lists a triangle stands [-]; chosen.  Where the triangles are long,
-    #: the grid is made coarser until the mean number is below this limit.
+    #: Largest mean number of grid cells that list the same triangle [-]; chosen.  For long triangles the grid is made
+    #: coarser until the mean number is below this limit.
     most_entries: int = 30
 
 
 @dataclass(frozen=True, kw_only=True)
 class HullNumbers:
-    """Numbers of the approximation by convex hulls."""
+    """Constants of the approximation by convex hulls."""
 
     #: Largest distance of a hull from the body, over half the longer edge of the bounding rectangle [-]; chosen.
     tolerance: float = 5e-3
@@ -194,12 +194,13 @@ class HullNumbers:
     most: int = 64
     #: Most corners of a hull [-]; MuJoCo's collision detection becomes slower with more.
     most_corners: int = 1000
-    #: Share of the directions that point down, among those in which the outermost corners are kept [-]; chosen.  Only
-    #: the lower surface touches the cover.
+    #: Fraction of the directions that point down, among the directions in which the outermost corners are kept [-];
+    #: chosen.  Only the lower surface touches the cover.
     downward: float = 0.8
     #: Grid points along the longer edge of the bounding rectangle, where hull and body are compared [-]; chosen.
     points: int = 97
-    #: Distance of the first grid point from the edge, in steps [-]; not round, to keep grid lines off the body's edges.
+    #: Distance of the first grid point from the edge, in grid steps [-].  The value is not round, so that grid lines do
+    #: not lie on edges of the body.
     offset: float = 0.517
     #: Number of heights for which the horizontal distance to the body is tabulated [-]; chosen.
     levels: int = 16
@@ -207,7 +208,7 @@ class HullNumbers:
     cut_angles: tuple[float, ...] = (0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4)
     #: Vertical component of a unit normal below which a triangle counts as vertical [-]; rounding of qhull.
     upright: float = 1e-6
-    #: Width below which a piece gets no hull, over the largest accepted distance [-]; chosen.
+    #: Width of a piece over the largest accepted distance, below which it gets no hull [-]; chosen.
     narrow: float = 1e-3
 
 
@@ -250,8 +251,9 @@ class TriangleGap:
         normal = normal_vectors(triangles)
         slope = -normal[:, :2] / normal[:, 2:]
         self._plane = np.column_stack([slope, triangles[:, 0, 2] - np.sum(slope * flat[:, 0], axis=1)])
-        # Those of the distance a x + b y + c of a point from each side, positive inside the triangle, shape (n, 3, 3).
-        # Seen from above, the corners of a triangle that faces down go clockwise: its inside is right of a side.
+        # Coefficients a, b, c of the distance a x + b y + c of a point from each side, positive inside the triangle,
+        # shape (n, 3, 3).  Seen from above, the corners of a triangle that faces down go clockwise: its inside is right
+        # of a side.
         along = np.roll(flat, -1, axis=1) - flat
         inward = np.stack([along[..., 1], -along[..., 0]], axis=-1) / np.hypot(*np.moveaxis(along, -1, 0))[..., None]
         self._sides = np.concatenate([inward, -np.sum(inward * flat, axis=-1, keepdims=True)], axis=-1)
@@ -305,7 +307,7 @@ class TriangleGap:
         """List for each cell of the search grid the triangles whose bounding rectangle touches the cell.
 
         Returns:
-            Indices of triangles, cell after cell; and for each cell the place in this list where its triangles start.
+            Indices of triangles, cell by cell, and the place in this list at which the triangles of each cell start.
         """
         first, last = self._find_cells(flat.min(axis=1)), self._find_cells(flat.max(axis=1))
         wide, high = (last - first + 1).T
@@ -327,8 +329,8 @@ class TriangleGap:
 
         Args:
             points: Positions, shape (k, 2) [m].
-            start: Place in the list of triangles at which the triangles of the point's cell start, shape (k,).
-            members: Number of triangles in the point's cell, shape (k,).
+            start: Place in the list of triangles at which the triangles of each point's cell start, shape (k,).
+            members: Number of triangles in each point's cell, shape (k,).
 
         Returns:
             Heights; inf where no triangle is over the point, shape (k,) [m].
@@ -350,9 +352,9 @@ class TriangleGap:
 def split_into_hulls(triangles: FloatArray) -> list[FloatArray]:
     """Find convex hulls whose union has the underside of a body, within a tolerance.
 
-    A warning is logged if the error of `HULLS.most` hulls exceeds the tolerance.  Of a hull of more than
-    `HULLS.most_corners` corners only the outermost corners are kept, most of them on the underside of the hull; the
-    hull of a sphere then lies up to about a thousandth of the radius inside the sphere.
+    A warning is logged if the error of `HULLS.most` hulls exceeds the tolerance.  A hull with more than
+    `HULLS.most_corners` corners keeps only the outermost corners, most of them on its underside.  The hull of a sphere
+    then lies up to about a thousandth of the radius inside the sphere.
 
     Args:
         triangles: Corners of the n triangles of a closed surface, each counterclockwise as seen from outside, shape
@@ -402,7 +404,7 @@ class _Underside:
         y: y coordinates of the grid points, shape (n,) [m].
         height: Height of the underside over each grid point; `top` beside the body, shape (n,) [m].
         levels: The k heights for which horizontal distances are tabulated, shape (k,) [m].
-        beside: Horizontal distance from each grid point to the nearest grid point over which the underside is no higher
+        beside: Horizontal distance from each grid point to the nearest grid point at which the underside is no higher
             than each of the k heights, less one grid step, shape (k, n) [m].
         top: Height up to which the space above the underside counts as solid [m].
         step: Distance between neighbouring grid points [m].
@@ -440,7 +442,7 @@ class _Underside:
         step = float((extent / count).max())
         across, along = ((axis[:, None] - axis) ** 2 for axis in axes)
         beside = []
-        for level in levels:  # the nearest marked point of each column of the grid first, then of all columns
+        for level in levels:  # nearest marked point within each column of the grid, then over all columns
             squared = np.where((grid <= level)[None], along[..., None], np.inf).min(axis=1)
             beside.append(np.sqrt((squared[:, None, :] + across[None]).min(axis=2)))
         return cls(
@@ -471,7 +473,7 @@ class _Underside:
         return np.where(exists, np.minimum(self.height - height, sideways), 0.0)
 
     def find_wall(self, point: int, height: float) -> FloatArray:
-        """Find the place beside a grid point where the underside has come down to a given height.
+        """Find the place next to a grid point at which the underside is as low as a given height.
 
         Args:
             point: Index of the grid point.
@@ -486,8 +488,7 @@ class _Underside:
             return np.array([self.x[point], self.y[point]])
         distance = np.hypot(self.x[low] - self.x[point], self.y[low] - self.y[point])
         nearest = low[distance.argmin()]
-        # One grid step before the wall: a cut at this place leaves the wall on the other side of the cut, away from the
-        # grid point.
+        # One grid step before the wall, so that a cut at this place leaves the wall on the far side of the cut.
         step = min(1.0, self.step / distance.min()) if distance.min() else 0.0
         return np.array([v[nearest] + step * (v[point] - v[nearest]) for v in (self.x, self.y)])
 
@@ -500,8 +501,8 @@ class _Piece:
         triangles: Corners of the n triangles of the piece, shape (n, 3, 3) [m].
         hull: The k corners of the hull, shape (k, 3) [m].
         error: Largest distance between the lower surface of the hull and the body over the grid points [m].
-        excess: Sum over the grid points of the part of this distance that exceeds the tolerance; the piece with the
-            largest sum is cut first [m].
+        excess: Sum over the grid points of the distance in excess of the tolerance [m].  The piece with the largest sum
+            is cut first.
         worst: Position (x, y) of the largest distance, shape (2,) [m].
         wall: Position (x, y) just before the nearest place where the underside of the body is as low as the hull is at
             `worst`, shape (2,) [m].
@@ -544,7 +545,7 @@ class _Piece:
     def cut(self, underside: _Underside) -> tuple[_Piece, _Piece] | None:
         """Cut the piece in two along a vertical plane, the best of several.
 
-        The planes tried go through the place of the largest error, at several angles, and through `wall`.
+        The planes go through the place of the largest error, at several angles, and through `wall`.
 
         Returns:
             The two halves with the least sum of `excess`; None if no cut leaves two halves with a volume.

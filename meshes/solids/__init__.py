@@ -1,8 +1,8 @@
 """Solid meshes of curved covers: hexahedra swept from a base surface, tetrahedra, their quality, and built-in covers.
 
-`SweptCover` (`flat_pad`, `phalanx`, `fingertip`) makes meshes of any element size; `sweep` does so for a surface of
-one's own, and `tetrahedra.fill_with_tetrahedra` for a closed surface of triangles.  `check_quality` must be passed
-before a mesh is solved.
+`SweptCover` (`flat_pad`, `phalanx`, `fingertip`) makes meshes of any element size. `sweep` does so for a base surface
+given by the user, and `tetrahedra.fill_with_tetrahedra` for a closed surface of triangles.  A mesh must pass
+`check_quality` before it is solved.
 """
 
 from __future__ import annotations

@@ -18,21 +18,21 @@ from meshes.surfaces.triangles import enclosed_volume
 
 #: Volume of a regular tetrahedron over the cube of its edge [-].
 _REGULAR = 1 / (6 * np.sqrt(2))
-#: Largest number of tetrahedra that a mesh may be expected to have [-].
+#: Largest expected number of tetrahedra of a mesh [-].
 _MOST_TETRAHEDRA = 150_000
 #: Factor by which the element size is reduced if a mesh has too few elements through the thickness [-].
 _SMALLER = 0.85
 #: Largest number of reductions of the element size [-].
 _TRIES = 3
-#: Element size of the mesh of `SolidCover.refine`, over the thickness [-].  This mesh is finer than all meshes that
-#: give a result, and verifies them.
+#: Element size of the mesh of `SolidCover.refine`, over the thickness [-].  This mesh is finer than the meshes of all
+#: results and verifies them.
 _FINER = 0.3
 #: Number of layers of elements of the mesh of `SolidCover.refine` [-].
 _FINER_LAYERS = 6
 
-#: Receives a line of text before each step.
+#: Function that receives a line of text before each step.
 Progress = Callable[[str], None]
-#: Returns the arrays that a function computes for some inputs, kept from an earlier call with the same inputs if any.
+#: Function that returns the arrays computed from some inputs, or those stored by an earlier call with the same inputs.
 Keep = Callable[[Mapping[str, Any], Callable[[], Mapping[str, Any]]], Mapping[str, Any]]
 
 
@@ -64,13 +64,14 @@ def make_shell_cover(shell: Shell, material: Material, source: str, sizes: tuple
         shell: The closed surface.
         material: Material of the cover.
         source: Origin of the cover, in words.
-        sizes: Sizes of the elements of each mesh [m].
-        keep: Keeps the meshes for later runs, because the mesher gives another mesh at every call.
+        sizes: Element size of each mesh [m].
+        keep: Function that stores the meshes for later runs, because the mesher gives a different mesh at every call.
     """
 
     def make(_: float, progress: Progress) -> tuple[SolidMesh, ...]:
         meshes = [_fill_finely(shell, source, size, keep, progress) for size in sizes]
-        # On strongly curved surfaces the envelope sets the size of the elements; then the numbers are not in order.
+        # On strongly curved surfaces the mesher's envelope limits the element size; the numbers of elements are then
+        # not in order.
         by_count = {len(mesh.cells): mesh for mesh in meshes}
         return tuple(by_count[count] for count in sorted(by_count))
 
@@ -103,7 +104,7 @@ def take_meshes(
 
 
 def _fill_finely(shell: Shell, source: str, size: float, keep: Keep, progress: Progress) -> SolidMesh:
-    """Fill a shell with tetrahedra of a size [m], or smaller ones if too few are through the thickness."""
+    """Fill a shell with tetrahedra of a size [m], or of a smaller size if too few elements fit in the thickness."""
     mesh = _fill(shell, source, size, keep, progress)
     for _ in range(_TRIES):
         if check_quality(mesh).through >= LIMITS.through:
@@ -117,7 +118,7 @@ def _fill(shell: Shell, source: str, size: float, keep: Keep, progress: Progress
     """Fill a shell with tetrahedra of one size [m], or take the mesh of an earlier call.
 
     Raises:
-        ValueError: If the mesher fails, or the elements would be too many.
+        ValueError: If the mesher fails, or the mesh would have too many elements.
         ModuleNotFoundError: If pytetwild is not installed.
     """
     from meshes.solids.tetrahedra import fill_with_tetrahedra

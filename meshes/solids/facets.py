@@ -65,7 +65,7 @@ def facet_slope(nodes: int, place: FloatArray) -> FloatArray:
 
 
 def node_places(nodes: int) -> FloatArray:
-    """Return the nodes of the reference facet, shape (nodes, 2)."""
+    """Return the nodes of the reference facet, shape (nodes, 2) [-]."""
     if nodes != QUADRILATERAL:
         corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
         return np.array(corners[:nodes])
@@ -81,8 +81,8 @@ def split_facet(nodes: int, parts: int) -> tuple[FloatArray, FloatArray]:
         parts: Number of parts along each side [-].
 
     Returns:
-        Middles of the k = parts^2 parts, shape (k, 2); and points of each part whose mean value is the mean of a
-        quadratic function over the part, shape (k, q, 2).
+        Middles of the k = parts^2 parts, shape (k, 2) [-], and q quadrature points of each part, shape (k, q, 2) [-].
+        The mean over the quadrature points is exact for quadratic functions.
     """
     step = np.arange(parts)
     v, u = np.meshgrid(step, step, indexing="ij")
@@ -99,7 +99,7 @@ def split_facet(nodes: int, parts: int) -> tuple[FloatArray, FloatArray]:
 
 
 def area_vectors(nodes: FloatArray, facets: IntArray, place: FloatArray) -> FloatArray:
-    """Compute the normal vectors of facets whose length is the area per reference area.
+    """Compute the normal vectors of facets; their length is the area per unit of reference area.
 
     Args:
         nodes: Positions of the nodes, shape (n, 3) [m].
@@ -114,7 +114,7 @@ def area_vectors(nodes: FloatArray, facets: IntArray, place: FloatArray) -> Floa
 
 
 def node_normals(nodes: FloatArray, facets: IntArray) -> tuple[IntArray, FloatArray]:
-    """Compute unit normals at the nodes of facets, averaged over the facets of a node by area.
+    """Compute unit normals at the nodes of facets, as area-weighted means over the facets of each node.
 
     Args:
         nodes: Positions of the nodes, shape (n, 3) [m].

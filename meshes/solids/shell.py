@@ -25,25 +25,26 @@ from meshes.surfaces.triangles import (
 
 @dataclass(frozen=True, kw_only=True)
 class _OffsetNumbers:
-    """Numbers of the offset of a surface; chosen so that offsets of the tested surfaces do not fold."""
+    """Constants of the offset of a surface; chosen so that offsets of the tested surfaces do not fold."""
 
-    #: Most rounds in which the offset is smoothed where it folds [-].
+    #: Largest number of rounds of smoothing of an offset where it folds [-].
     rounds: int = 40
-    #: Largest share of the area at which the offset may fold nevertheless [-]; the mesher smooths small folds.
+    #: Largest fraction of the area at which the smoothed offset may still fold [-].  The mesher smooths small folds.
     most_folded: float = 0.005
-    #: Smallest accepted distance of an offset over the wanted one [-].
+    #: Smallest accepted distance of an offset, over the requested distance [-].
     thinnest: float = 0.5
-    #: Distance of an offset over the wanted one below which folds are left to the mesher, not smoothed further [-].
+    #: Distance of an offset over the requested distance, below which folds are not smoothed further but left to the
+    #: mesher [-].
     wanted: float = 0.75
     #: Edges below this length are collapsed before the offset, over the thickness [-].
     short: float = 0.2
     #: Number of rounds after which one more ring of neighbours is smoothed [-].
     widen: int = 3
-    #: Most rings of neighbours that are smoothed [-].
+    #: Largest number of rings of neighbours that are smoothed [-].
     most_rings: int = 10
     #: Factor on the length of smoothed offsets [-]; shorter offsets fold less.
     kept: float = 0.995
-    #: Smallest cosine between a triangle and its offset [-]; below it the offset folds.
+    #: Smallest cosine between the normals of a triangle and of its offset [-]; below this value the offset folds.
     folded: float = 0.2
 
 
@@ -53,15 +54,15 @@ class _SideNumbers:
 
     #: Largest distance from the base of a triangle that belongs to the base, over the size of the surface [-].
     on_base: float = 0.01
-    #: Smallest cosine of the angle between a triangle that belongs to the base and the nearest base triangle [-].
+    #: Smallest cosine of the angle between the normals of a triangle of the base and of the nearest base triangle [-].
     aligned: float = 0.5
-    #: Sum of solid angles from which a point counts as inside, over that of a whole sphere [-].
+    #: Sum of solid angles, over that of a whole sphere, above which a point counts as inside [-].
     inside: float = 0.5
-    #: Mean of normal times position relative to the middle of a surface, weighted by area, over the size of the surface
-    #: [-].  Below this value the normals point inwards.
+    #: Area-weighted mean of the scalar product of normal and position relative to the middle of a surface, over the
+    #: size of the surface [-].  Below this value the normals point inwards.
     inwards: float = -0.02
-    #: Value of the same mean up to which a surface counts as flat [-].  The order of the corners then decides which
-    #: side is the outside.
+    #: Value of the mean of `inwards` up to which a surface counts as flat [-].  The order of the corners then decides
+    #: which side is the outside.
     outwards: float = 0.02
 
 
@@ -87,7 +88,7 @@ class Shell:
     Attributes:
         surface: Triangles of the whole surface, counterclockwise as seen from outside, shape (n, 3, 3) [m].
         base: Triangles of the bonded part, facing into the cover, shape (b, 3, 3) [m].
-        notes: Sentences on what was changed or assumed.
+        notes: Sentences on changes and assumptions.
         nominal: Thickness of an offset [m]; None if the shell has none.
         is_folded: Whether the surface crosses itself at small folds of an offset.
     """
@@ -100,7 +101,7 @@ class Shell:
 
     @property
     def thickness(self) -> float:
-        """Thickness of the offset, or volume over half of the whole area, which counts the sides too [m]."""
+        """Thickness of the offset [m]; without an offset, the volume over half of the whole surface area."""
         if self.nominal is not None:
             return self.nominal
         return 4 * enclosed_volume(self.surface) / float(np.linalg.norm(normal_vectors(self.surface), axis=1).sum())
@@ -109,12 +110,12 @@ class Shell:
 def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool) -> Shell:
     """Make a shell between a surface and its offset along the normals.
 
-    Where the surface bends more sharply than the thickness allows, the offset would fold; there its distance is
+    Where the curvature of the surface is too large for the thickness, the offset would fold.  There its distance is
     smoothed over the neighbours, and a note states the smallest distance.
 
     Args:
         triangles: The outer surface if `inward`, else the base, facing outwards, shape (n, 3, 3) [m].
-        thickness: Distance [m].
+        thickness: Distance between the surface and its offset [m].
         name: Name of the surface in messages.
         inward: Whether the offset lies below the surface.
 
@@ -172,16 +173,16 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
 
 
 def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) -> Shell:
-    """Make a shell from an outer surface and a base, or find the base on the closed surface of a body.
+    """Make a shell from an outer surface and a base, or locate the base on the closed surface of a body.
 
     Args:
-        outer: Outer surface, facing either way if it is open; or, if it is closed and the base lies on it, the surface
-            of the whole body, shape (n, 3, 3) [m].
+        outer: Outer surface in either orientation if it is open, shape (n, 3, 3) [m].  If it is closed and the base
+            lies on it, the surface of the whole body.
         base: Surface of the base, facing either way if it is open, shape (b, 3, 3) [m].
         distance: Largest distance of the bonded part of a body's surface from the base; 1 % of the size if None [m].
 
     Raises:
-        ValueError: If a surface is closed and the other one open, or the base is not found on the surface.
+        ValueError: If only one of the surfaces is closed, or the base does not lie on the surface.
     """
     outer_points, outer_faces = merge_corners(outer)
     base_points, base_faces = merge_corners(base)
@@ -210,7 +211,7 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
     strip = _zip(outer_points, border, base_points, list_border(base_faces[:, ::-1], "the base")[:, :2])
     _refuse_crossings((outer_points[outer_faces], into, strip), (_SHEETS, _OUTLINES))
     surface = np.concatenate([outer_points[outer_faces], into[:, ::-1], strip])
-    if enclosed_volume(surface) < 0:  # the outer surface faced its base
+    if enclosed_volume(surface) < 0:  # the normals of the outer surface pointed to the base
         surface, into = surface[:, ::-1], into[:, ::-1]
     return Shell(surface=surface, base=into)
 
@@ -223,7 +224,7 @@ def _refuse_crossings(groups: tuple[FloatArray, ...], words: tuple[str, str]) ->
         words: Error message if the first two groups cross, and if the third crosses one of them or itself.
 
     Raises:
-        ValueError: With the number of pairs that cross and the place of one.
+        ValueError: If groups cross, with the number of crossing pairs and the place of one of them.
     """
     triangles, group = np.concatenate(groups), np.repeat(np.arange(len(groups)), [len(each) for each in groups])
     pairs = np.array(sorted(find_crossings(triangles)), dtype=np.int64).reshape(-1, 2)
@@ -243,7 +244,7 @@ def select_base(
         surface: Triangles of the closed surface, facing outwards, shape (n, 3, 3) [m].
         base: Triangles of the base, shape (b, 3, 3) [m].
         distance: Largest distance from the base; 1 % of the size if None [m].
-        is_closed: Whether the base is the closed surface of a core, so that bonded triangles face it.
+        is_closed: Whether the base is the closed surface of a core; bonded triangles then face the core.
 
     Returns:
         Whether each triangle belongs to the base, shape (n,).
@@ -257,7 +258,7 @@ def select_base(
 
 
 def point_normals(points: FloatArray, faces: IntArray) -> FloatArray:
-    """Compute unit normals at points, averaged over their triangles by angle, shape (p, 3) [-]."""
+    """Compute unit normals at points, as angle-weighted means over their triangles, shape (p, 3) [-]."""
     corner = points[faces]
     normal = unit_vectors(normal_vectors(corner))
     out = np.zeros_like(points)
@@ -269,7 +270,7 @@ def point_normals(points: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def _check_outward(points: FloatArray, faces: IntArray, name: str) -> tuple[str, ...]:
-    """Refuse a surface that faces inwards; return a sentence on the side that is taken where it hardly bends."""
+    """Refuse a surface that faces inwards; return a note on the outside of a nearly flat surface."""
     area = normal_vectors(points[faces])
     away = points[faces].mean(axis=1) - points.mean(axis=0)
     mean = np.einsum("fc,fc->", area, away) / np.linalg.norm(area, axis=1).sum()
@@ -290,13 +291,13 @@ def _check_outward(points: FloatArray, faces: IntArray, name: str) -> tuple[str,
 
 
 def _find_folds(points: FloatArray, moved: FloatArray, faces: IntArray, border: IntArray, *, inward: bool) -> BoolArray:
-    """Return whether the offset of each triangle is turned over or crosses another triangle, shape (f,)."""
+    """Return whether the offset of each triangle is inverted or crosses another triangle, shape (f,)."""
     before, after = unit_vectors(normal_vectors(points[faces])), unit_vectors(normal_vectors(moved[faces]))
-    # A sliver's own normal may be far from that of the surface; its offset must only not be turned further.
+    # The normal of a sliver may differ much from that of the surface.  Its offset must only not be turned further.
     surface = unit_vectors(point_normals(points, faces)[faces].sum(axis=1))
     limit = np.minimum(_OFFSET.folded, np.einsum("fc,fc->f", before, surface) - _OFFSET.folded)
     out = np.einsum("fc,fc->f", surface, after) < limit
-    if not out.any():  # crossings take longer
+    if not out.any():  # the test for crossings takes longer
         outer, inner = (points, moved) if inward else (moved, points)
         count = len(faces)
         for pair in find_crossings(_close(outer, inner, faces, border)):
@@ -305,7 +306,7 @@ def _find_folds(points: FloatArray, moved: FloatArray, faces: IntArray, border: 
 
 
 def _close(outer: FloatArray, inner: FloatArray, faces: IntArray, border: IntArray) -> FloatArray:
-    """Join two surfaces with the same triangles by a strip along their border; outer first, then inner, then strip."""
+    """Join two surfaces with the same triangles by a strip along their border.  The order is outer, inner, strip."""
     first, second = border.T
     strip = np.concatenate(
         [
@@ -317,7 +318,7 @@ def _close(outer: FloatArray, inner: FloatArray, faces: IntArray, border: IntArr
 
 
 def _smooth(step: FloatArray, near: list[list[int]], spots: set[int], *, rings: int) -> FloatArray:
-    """Average the offsets around some points; the lengths stay near those of the neighbours."""
+    """Average the offsets around some points, with lengths near those of the neighbours."""
     for _ in range(rings):
         spots = spots | {other for spot in spots for other in near[spot]}
     out = step.copy()

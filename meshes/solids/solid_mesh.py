@@ -39,13 +39,15 @@ class MeshLimits:
 
     #: Largest mesh file [bytes]; far above a mesh that can be solved.
     file_bytes: int = 2**30
-    #: Smallest scaled Jacobian of a hexahedron [-]; below it an element is a sliver, by the error of test meshes.
+    #: Smallest accepted scaled Jacobian of a hexahedron [-].  Below it an element is a sliver, by the error of test
+    #: meshes.
     hexahedron_jacobian: float = 0.05
-    #: Smallest scaled Jacobian of a tetrahedron [-]; below it an element is a sliver, by the error of test meshes.
+    #: Smallest accepted scaled Jacobian of a tetrahedron [-].  Below it an element is a sliver, by the error of test
+    #: meshes.
     tetrahedron_jacobian: float = 0.01
     #: Smallest number of quadratic elements through the thickness [-]; with fewer the error estimates do not hold.
     through: float = 1.5
-    #: Smallest and largest accepted size of a cover, which is its largest edge [m]; other sizes mean a wrong unit.
+    #: Smallest and largest accepted length of a cover's largest edge [m].  Other lengths indicate a wrong unit.
     sizes: tuple[float, float] = (1e-3, 0.3)
     #: Largest distance of a texel's centre from the nearest point of the base, along the normal and across it, over the
     #: mean thickness [-]; chosen.
@@ -67,10 +69,10 @@ LIMITS = MeshLimits()
 class SolidMesh:
     """Solid mesh of a cover.
 
-    Elements are hexahedra of 27 nodes with quadratic geometry, in lexicographic order (node i + 3 j + 9 k at (i, j, k)
-    of 3 x 3 x 3, k from base to top in swept meshes), or tetrahedra of 4 nodes.  Facets are quadrilaterals of 9 nodes
-    or triangles of 3.  The normals of top and sides point out of the cover; those of the base point into it, as the
-    normals of the texels do.
+    Elements are hexahedra of 27 nodes with quadratic geometry, or tetrahedra of 4 nodes.  The nodes of a hexahedron are
+    in lexicographic order: node i + 3 j + 9 k at (i, j, k) of 3 x 3 x 3, with k from base to top in swept meshes.
+    Facets are quadrilaterals of 9 nodes or triangles of 3.  The normals of top and sides point out of the cover.  Those
+    of the base point into it, as the normals of the texels do.
 
     Attributes:
         nodes: Positions of the n nodes, shape (n, 3) [m].
@@ -79,7 +81,7 @@ class SolidMesh:
         top: Facets that an indenter can touch, shape (t, 9) or (t, 3).
         sides: All other facets of the surface, shape (s, 9) or (s, 3).
         source: Origin of the mesh, in words.
-        settings: Settings with which it was made.
+        settings: Settings of the mesh.
     """
 
     nodes: FloatArray
@@ -208,7 +210,7 @@ class Quality:
     faults: tuple[str, ...]
 
     def require(self) -> None:
-        """Raise a ValueError with one line per fault if the mesh cannot be used."""
+        """Raise a ValueError with one line per fault if the mesh exceeds a limit."""
         if self.faults:
             raise ValueError("\n".join(self.faults))
 
@@ -258,7 +260,7 @@ def check_quality(mesh: SolidMesh) -> Quality:
 
 
 def _list_faults(mesh: SolidMesh, inverted: int, slivers: int, through: float) -> list[str]:
-    """List why a mesh cannot be used, from its numbers of bad elements and of elements through the thickness."""
+    """List the faults of a mesh, from its numbers of bad elements and of elements through the thickness."""
     least = LIMITS.hexahedron_jacobian if mesh.is_hexahedral else LIMITS.tetrahedron_jacobian
     count, faults = len(mesh.cells), []
     low, high = LIMITS.sizes
@@ -289,7 +291,7 @@ def _list_faults(mesh: SolidMesh, inverted: int, slivers: int, through: float) -
 
 
 def check_texels(mesh: SolidMesh, texels: TexelArray) -> None:
-    """Check that every texel lies on the base of a mesh and looks out of it.
+    """Check that every texel lies on the base of a mesh and faces out of the base.
 
     Raises:
         ValueError: With one line per fault: texels beside or off the base, or normals that point elsewhere.
@@ -373,7 +375,7 @@ def scaled_jacobians(mesh: SolidMesh) -> FloatArray:
 
 
 def _count_loose(mesh: SolidMesh) -> int:
-    """Count the elements of bodies that the base does not hold: they could move freely."""
+    """Count the elements of bodies that have no facet on the base and could therefore move freely."""
     label = label_parts(len(mesh.nodes), mesh.cells)
     return int((~np.isin(label[mesh.cells[:, 0]], label[mesh.base])).sum())
 

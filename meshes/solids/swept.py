@@ -20,23 +20,25 @@ from meshes.solids.texels import cylinder_texels, fingertip_texels
 
 #: Number of layers of elements through a cover unless one is given [-].
 LAYERS = 4
-#: Half of the face of a cube in the angle that the cubed sphere divides evenly [rad].
+#: Half of the angle that a face of the cubed sphere spans, which is divided evenly [rad].
 _FACE = np.pi / 4
-#: What to do against too many elements.
+#: Advice for a mesh of too many elements.
 _COARSER = "take a thicker cover or a larger element size"
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Numbers:
-    """Numbers of the meshes of swept covers."""
+    """Constants of the meshes of swept covers."""
 
-    #: Size of the cells in which points are equal, over the size of the surface [-]; rounding of the grids' borders.
+    #: Size of the cells in which points are equal, over the size of the surface [-]; above the rounding at borders of
+    #: grids.
     same: float = 1e-7
-    #: Offset of these cells, in cells [-]; not round, so that round coordinates do not lie on the border of a cell.
+    #: Offset of the cells of `same`, in cells [-].  The value is not round, so that round coordinates do not lie on the
+    #: border of a cell.
     offset: float = 0.3127
-    #: Most quadrilaterals of a surface [-]; more cannot be solved in the memory of a workstation.
+    #: Largest number of quadrilaterals of a surface [-].  The memory of a workstation does not suffice for more.
     most_quads: int = 20_000
-    #: Most quadrilaterals along an edge [-]; refused before memory is claimed.
+    #: Largest number of quadrilaterals along an edge [-].  Checked before memory is allocated.
     most_along: int = 1000
     #: Smallest accepted number of layers of elements [-]; one layer locks.
     least_layers: int = 2
@@ -44,8 +46,8 @@ class _Numbers:
     grading: float = 0.5
     #: Element size along the base over the thickness, unless one is given [-]; chosen.
     element_size: float = 0.5
-    #: Element sizes over the thickness, and layers, of three meshes for an estimate of the error [-]; chosen by the
-    #: coverage of the estimates.
+    #: Element size over the thickness, and number of layers, of each of three meshes for an error estimate [-]; chosen
+    #: by the coverage of the estimates.
     meshes: tuple[tuple[float, int], ...] = ((0.48, 3), (0.38, 3), (0.3, 4))
 
 
@@ -62,7 +64,7 @@ class BaseSurface:
         quads: Indices of the points of each quadrilateral in lexicographic order, counterclockwise as seen from
             outside, shape (q, 9).
         source: Origin of the surface, in words.
-        settings: Numbers that describe it.
+        settings: Settings of the surface.
     """
 
     points: FloatArray
@@ -104,8 +106,8 @@ def cylinder_surface(radius: float, angle: float, length: float, element_size: f
 def fingertip_surface(radius: float, length: float, element_size: float) -> BaseSurface:
     """Make the front half of a finger: half a cylinder from y = -length to 0 with a quarter sphere at its end y > 0.
 
-    The sphere is meshed by the faces of a cube that are projected onto it with even angles (cubed sphere; Ronchi,
-    Iacono and Paolucci 1996).  All points have z >= 0; the pole of the sphere is at (0, radius, 0).
+    The sphere is meshed by the faces of a cube, projected onto it with even angles (cubed sphere; Ronchi, Iacono and
+    Paolucci 1996).  All points have z >= 0.  The pole of the sphere is at (0, radius, 0).
 
     Args:
         radius: Radius of cylinder and sphere [m].
@@ -139,10 +141,11 @@ def join_grids(
     """Join grids of points, which share the points on their common borders, to one surface.
 
     Args:
-        grids: For each grid its points, shape (r, c, 3) with odd r and c [m], and unit normals out of the base, shape
-            (r, c, 3); None to compute normals from the points, with the second direction counterclockwise of the first.
+        grids: Points of each grid, shape (r, c, 3) with odd r and c [m], and unit normals out of the base, shape (r, c,
+            3) [-].  Without normals (None) they are computed from the points; the second direction of the grid is then
+            counterclockwise of the first.
         source: Origin of the surface, in words.
-        settings: Numbers that describe it.
+        settings: Settings of the surface.
 
     Raises:
         ValueError: If a grid has an even number of rows or columns, or there are too many quadrilaterals.
@@ -197,10 +200,10 @@ def _roll(turn: FloatArray, y: FloatArray, radius: float) -> tuple[FloatArray, F
 
 
 def _count(length: float, element_size: float) -> int:
-    """Return the number of elements of at most a size that fill a length.
+    """Return the number of elements, of at most a given size, that fill a length.
 
     Raises:
-        ValueError: If it is too large for a mesh.
+        ValueError: If the number is too large for a mesh.
     """
     count = length / element_size
     if not count <= _NUMBERS.most_along:
@@ -220,7 +223,7 @@ def sweep(surface: BaseSurface, thickness: npt.ArrayLike, *, layers: int = LAYER
         surface: Base of the cover; its outer surface if `inward`.
         thickness: Thickness of the cover, one number or one per point of the surface, shape (p,) [m].
         layers: Number of layers of elements, which are thinner towards base and top [-].
-        inward: Whether the surface is the outer one, so that the base lies below it.
+        inward: Whether the surface is the outer surface; the base then lies below it.
 
     Raises:
         ValueError: If a thickness is not positive or there are too few layers.

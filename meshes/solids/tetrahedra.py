@@ -32,22 +32,23 @@ from meshes.surfaces.triangles import (
 
 @dataclass(frozen=True, kw_only=True)
 class _Numbers:
-    """Numbers of meshes of tetrahedra."""
+    """Constants of meshes of tetrahedra."""
 
-    #: Largest distance of the mesh's surface from the given one, over the cover's thickness [-]; chosen.
+    #: Largest distance between the surfaces of the mesh and of the cover, over the cover's thickness [-]; chosen.
     envelope: float = 1 / 50
-    #: Distance of a facet from the base up to which it can belong to the base, in envelopes [-]; chosen.
+    #: Largest distance of a facet of the base from the given base, in units of `envelope` [-]; chosen.
     near_base: float = 3.0
     #: Smallest cosine between the normals of the base and of a facet of the base [-]; 45 degrees, chosen.
     on_base: float = 0.7
-    #: Smallest cosine between the base's nearest normal and that of a facet of the top [-]; 60 degrees, else a side.
+    #: Smallest cosine between the normals of a facet of the top and of the nearest point of the base [-]; 60 degrees,
+    #: chosen.  Facets below this value belong to the sides.
     on_top: float = 0.5
-    #: Longest time for a mesh [s]; chosen.
+    #: Time limit for a mesh [s]; chosen.
     seconds: int = 900
 
 
 _NUMBERS = _Numbers()
-#: Program of the mesher's process: reads the surface and writes the mesh in the current folder.
+#: Program of the mesher's process.  It reads the surface and writes the mesh in the current folder.
 _PROGRAM = """
 import numpy, pytetwild
 given = numpy.load("surface.npz")
@@ -70,7 +71,7 @@ def fill_with_tetrahedra(
     Args:
         surface: Corners of the n triangles of the whole surface of the cover, counterclockwise as seen from outside,
             shape (n, 3, 3) [m].
-        base: Corners of the triangles of the part of it that is bonded, facing either way, shape (b, 3, 3) [m].
+        base: Corners of the triangles of the bonded part, in either orientation, shape (b, 3, 3) [m].
         element_size: Wanted edge length of the tetrahedra [m].
         name: Name of the surface in messages.
         crossings: Whether a surface that intersects itself is refused; the mesher smooths small folds.
@@ -120,7 +121,7 @@ def classify_boundary(
     Args:
         nodes: Positions of the nodes, shape (n, 3) [m].
         cells: Indices of the nodes of each tetrahedron, in either orientation, shape (e, 4).
-        base: Corners of the triangles of the base, facing either way, shape (b, 3, 3) [m].
+        base: Corners of the triangles of the base, in either orientation, shape (b, 3, 3) [m].
         tolerance: Largest distance of a node of the base from these triangles [m].
         settings: Settings of the mesh.
         source: Source of the mesh.

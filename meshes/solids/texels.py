@@ -1,8 +1,8 @@
 """Texels on curved bases: their tangent axes, the part of the base that each covers, and two layouts.
 
-A texel covers the points of the base whose projection along the texel's normal lies in the rectangle of its size around
-its centre, along the two tangent axes, on the side that its normal points to.  Where texels overlap, which they do if
-they touch on a convex base, they share the overlap equally.
+A texel covers a region of the base on the side to which the texel's normal points.  The region is the set of points
+whose projection along the normal lies in the texel's rectangle, whose edges are along the two tangent axes.
+Overlapping texels share their overlap equally.  Texels that touch each other overlap on a convex base.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ _POLE = 1e-6
 
 
 def tangent_axes(normals: FloatArray) -> FloatArray:
-    """Return the tangent axes of texels: the second is the projection of the array's y axis, the first y cross normal.
+    """Return the tangent axes of texels.
 
-    Where the normal points along y, the second axis is -z.  On a planar array the axes are x and y.
+    The second axis is the projection of the array's y axis, the first is y cross normal.  Where the normal points
+    along y, the second axis is -z.  On a planar array the axes are x and y.
 
     Args:
         normals: Unit normals, shape (n, 3) [-].
@@ -38,10 +39,10 @@ def tangent_axes(normals: FloatArray) -> FloatArray:
 
 
 def covered_share(texels: TexelArray, points: FloatArray, normals: FloatArray, spread: FloatArray) -> FloatArray:
-    """Compute which share of small parts of the base each texel covers.
+    """Compute which fraction of small parts of the base each texel covers.
 
     Args:
-        texels: n texels.
+        texels: Array of n texels.
         points: Middles of p parts of the base, shape (p, 3) [m].
         normals: Unit normals of the base at these points, shape (p, 3) [-].
         spread: Edge vectors of the parts, which count as parallelograms, shape (p, 2, 3) [m].

@@ -1,8 +1,8 @@
-"""Reading of surfaces, of tetrahedra and of indenters from files of other programs.
+"""Reading of surfaces, tetrahedra and indenters from files of other programs.
 
-Surfaces: STL, OBJ and PLY files; `.npy` files of points on a grid, shape (rows, columns, 3), where points that are no
-numbers, or at the origin, are missing; and `.tet` files, of which the boundary is taken.  Indenters: STL files.  None
-of them states its unit.
+Surfaces come from STL, OBJ and PLY files, from `.npy` files of points on a grid, and from the boundary of `.tet` files.
+The grid has the shape (rows, columns, 3); points that are not finite or lie at the origin are missing.  Indenters come
+from STL files.  None of these formats states a unit.
 """
 
 from __future__ import annotations
@@ -32,28 +32,31 @@ TETRAHEDRA = (".tet",)
 class FileLimits:
     """Limits on what files hold; a file beyond them is refused."""
 
-    #: Most triangles of a surface [-]; covers and indenters need far fewer.
+    #: Largest number of triangles of a surface [-].  Covers and indenters need far fewer.
     triangles: int = 200_000
-    #: Most tetrahedra of a `.tet` file [-]; a solvable mesh has fewer.
+    #: Largest number of tetrahedra of a `.tet` file [-].  A solvable mesh has fewer.
     tetrahedra: int = 1_000_000
-    #: Most nodes of a `.tet` file [-]; a mesh has about a fifth as many nodes as tetrahedra.
+    #: Largest number of nodes of a `.tet` file [-].  A mesh has about a fifth as many nodes as tetrahedra.
     nodes: int = 250_000
-    #: Largest file of a surface or of tetrahedra [bytes]; chosen from the two limits above.
+    #: Largest file of a surface or of tetrahedra [bytes]; chosen from the limits on triangles and tetrahedra.
     surface_bytes: int = 2**27
-    #: Largest STL file of an indenter [bytes]: 400 bytes for each triangle that is accepted.  A triangle takes about
-    #: 250 bytes in an ASCII file.
+    #: Largest STL file of an indenter [bytes]: 400 bytes per accepted triangle.  A triangle takes about 250 bytes in an
+    #: ASCII file.
     stl_bytes: int = 80_000_000
-    #: Largest coordinate of a surface, in the unit of the file; a larger one means damage.
+    #: Largest coordinate of a surface, in the unit of the file.  A larger one indicates a damaged file.
     surface_coordinate: float = 1e9
-    #: Largest coordinate of an indenter, in the unit of the file; a larger one means damage.
+    #: Largest coordinate of an indenter, in the unit of the file.  A larger one indicates a damaged file.
     stl_coordinate: float = 1e12
-    #: Most points along an edge of a grid; a larger grid is thinned out [-]; chosen for the time to mesh.
+    #: Largest number of points along an edge of a grid [-]; a larger grid is thinned out.  Chosen for the time of
+    #: meshing.
     grid_points: int = 61
-    #: Distance of a point at the origin from its neighbours up to which it is present, over the grid's spacing [-].
+    #: Distance of a point at the origin from its neighbours, over the grid's spacing, up to which the point counts as
+    #: present [-].
     near: float = 2.0
-    #: Smallest and largest accepted size of an indenter, which is its largest edge [m]; other sizes mean a wrong unit.
+    #: Smallest and largest accepted length of an indenter's largest edge [m].  Other lengths indicate a wrong unit.
     sizes: tuple[float, float] = (2e-5, 1.0)
-    #: Height above an indenter's flat face from which its underside never touches [m]; half of a thick cover of 10 mm.
+    #: Height above an indenter's flat face from which its underside cannot touch the cover [m]; half of a thick cover
+    #: of 10 mm.
     out_of_reach: float = 5e-3
     #: Length that counts as zero, over the largest edge of an indenter [-]; STL files store seven digits.
     zero: float = 1e-6
@@ -66,14 +69,14 @@ def read_triangles(path: Path, unit: float) -> FloatArray:
     """Read a surface.
 
     Args:
-        path: A file with one of the endings `SURFACES`.
+        path: Path of a file with one of the endings `SURFACES`.
         unit: Length of one unit of the file's coordinates [m].
 
     Returns:
         Corners of the triangles without collapsed ones, shape (n, 3, 3) [m].
 
     Raises:
-        ValueError: If the file cannot be read, has another format, holds no triangles or too many.
+        ValueError: If the file cannot be read, has another format, or holds no triangles or too many.
         ModuleNotFoundError: If trimesh is not installed.
     """
     kind = path.suffix.lower()
@@ -96,7 +99,7 @@ def _drop_collapsed(name: str, corners: FloatArray) -> FloatArray:
     """Leave out triangles with two corners in one place, shape (n, 3, 3).
 
     Raises:
-        ValueError: If none is left.
+        ValueError: If no triangle is left.
     """
     edges = np.linalg.norm(np.roll(corners, 1, axis=1) - corners, axis=2)
     corners = corners[edges.min(axis=1) > 0]
@@ -109,7 +112,7 @@ def read_tetrahedra(path: Path, unit: float) -> tuple[FloatArray, IntArray]:
     """Read a `.tet` file: lines `v x y z ...` of nodes and `t a b c d` of tetrahedra, which count nodes from 0.
 
     Args:
-        path: The file.
+        path: Path of the file.
         unit: Length of one unit of the file's coordinates [m].
 
     Returns:
@@ -152,7 +155,7 @@ def _read(path: Path, *, most: int = LIMITS.surface_bytes, what: str = "a surfac
 
 
 def _read_mesh(name: str, content: bytes, kind: str, largest: float) -> tuple[FloatArray, IntArray]:
-    """Read points and triangles by trimesh; a coordinate above the largest means damage."""
+    """Read points and triangles by trimesh; refuse coordinates above the limit."""
     import trimesh
 
     log = logging.getLogger("trimesh.util")
@@ -177,7 +180,7 @@ def _read_mesh(name: str, content: bytes, kind: str, largest: float) -> tuple[Fl
 
 
 def _check_points(name: str, points: FloatArray, count: int, largest: float) -> None:
-    """Refuse coordinates that are no numbers or above the largest, and too many triangles."""
+    """Refuse coordinates that are not finite or above the limit, and too many triangles."""
     if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > largest:
         raise ValueError(f"{name} is damaged: a corner is not a number; export it again")
     if count > LIMITS.triangles:
@@ -208,7 +211,8 @@ def _read_grid(name: str, content: bytes) -> tuple[FloatArray, IntArray]:
 def _find_present(points: FloatArray) -> BoolArray:
     """Return which points of a grid are present, shape (rows, columns).
 
-    Missing are those that are no numbers; without any, those at the origin, but for a single one near its neighbours.
+    Points that are not finite are missing.  If all are finite, points at the origin are missing, except a single one
+    near its neighbours.
     """
     finite, zero = (np.asarray(each.all(axis=2)) for each in (np.isfinite(points), points == 0))
     if not finite.all() or zero.sum() != 1:
@@ -232,9 +236,9 @@ def read_stl(path: str | Path, *, unit: float = 1e-3, axis: tuple[float, float] 
             None [m].
 
     Raises:
-        ValueError: With one line that says what is wrong: the file cannot be read, is no STL file, or has too many
-            triangles or an unlikely size; or its surface is open, has triangles with opposite orientations, or
-            encloses no volume.
+        ValueError: With one line that names the fault: the file cannot be read, is no STL file, or has too many
+            triangles or an unlikely size; or its surface is open, has triangles of opposite orientations, or encloses
+            no volume.
         ModuleNotFoundError: If trimesh is not installed.
     """
     source = Path(path)
@@ -274,7 +278,7 @@ def _convert_to_prism(body: TriangleMesh, size: float) -> Prism | TriangleMesh:
     """Convert a body that stands on a flat face to a prism, if no other part of its underside can touch the cover.
 
     Args:
-        body: The body.
+        body: Body of triangles.
         size: Largest edge of the body's bounding box [m].
 
     Returns:

@@ -1,4 +1,4 @@
-"""Surfaces of triangles: closed or not, cracks, seams and loose parts, nearest points, and collapse of short edges."""
+"""Surfaces of triangles: closedness, cracks, seams, separate parts, nearest points, and collapse of short edges."""
 
 from __future__ import annotations
 
@@ -13,45 +13,47 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class _SurfaceNumbers:
-    """Numbers of the checks of surfaces and of the search for nearest points."""
+    """Constants of the checks of surfaces and of the search for nearest points."""
 
-    #: Distance between corners that are the same, over the size of the surface [-]; single precision has 6e-8.
+    #: Distance below which corners are the same, over the size of the surface [-].  Single precision has a rounding of
+    #: 6e-8.
     same: float = 1e-7
-    #: Volume below which a surface encloses nothing, over the cube of its size [-]; rounding.
+    #: Enclosed volume below which a surface counts as flat, over the cube of its size [-]; above rounding.
     flat: float = 1e-9
-    #: Height of a triangle below which it is a line, over its longest side [-]; rounding.
+    #: Height of a triangle over its longest side, below which it counts as a line [-]; above rounding.
     thinnest: float = 1e-10
-    #: Most pairs of points or triangles that are compared at once [-]; limits the memory to some 100 MB.
+    #: Largest number of pairs of points or triangles that are compared at once [-]; limits the memory to some 100 MB.
     pairs: int = 2_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class _CrackNumbers:
-    """Numbers of the search for cracks and seams; chosen on surfaces that CAD programs exported face by face."""
+    """Constants of the search for cracks and seams; chosen on surfaces that CAD programs exported face by face."""
 
-    #: Width of a crack along the border that is closed, over the size of the surface [-].
+    #: Largest width of a crack along the border that is closed, over the size of the surface [-].
     width: float = 1e-4
-    #: Distance of two edges of the border that makes them a seam, over the size of the surface [-].
+    #: Distance between two edges of the border, over the size of the surface, below which they form a seam [-].
     seam: float = 1e-3
-    #: Distance of two edges of the border that makes them a seam, over the shorter of both [-].
+    #: Distance between two edges of the border, over the length of the shorter one, below which they form a seam [-].
     beside: float = 0.1
-    #: Largest cosine between the directions of two edges of a seam, which run against each other [-].
+    #: Largest cosine between the directions of two edges of a seam, which run in opposite directions [-].
     against: float = -0.7
-    #: Extent of corners that are merged, over the width of a crack [-]; corners that are denser along a border stay.
+    #: Largest extent of a group of corners that are merged, over the width of a crack [-].  Larger groups belong to a
+    #: finely divided border and stay.
     chain: float = 4.0
-    #: Number of edges of seams after which the search ends [-]; the surface is refused anyway.
+    #: Number of edges of seams after which the search ends [-]; the surface is then refused in any case.
     enough: int = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
 class _CollapseNumbers:
-    """Numbers of the collapse of short edges; chosen so that offsets of the tested surfaces do not fold."""
+    """Constants of the collapse of short edges; chosen so that offsets of the tested surfaces do not fold."""
 
     #: Most passes over all edges [-].
     passes: int = 30
-    #: Smallest cosine by which a collapse may turn a triangle [-].
+    #: Smallest cosine of the angle by which a collapse may rotate the normal of a triangle [-].
     turned: float = 0.3
-    #: Height of a triangle below which a collapse must not bring it, over its longest side [-].
+    #: Height of a triangle over its longest side, below which a collapse must not reduce it [-].
     sliver: float = 0.1
 
 
@@ -66,10 +68,10 @@ def check_closed(triangles: FloatArray, name: str, *, crossings: bool = True) ->
     Args:
         triangles: Corners of each triangle, counterclockwise as seen from outside, shape (n, 3, 3) [m].
         name: Name of the surface in messages.
-        crossings: Whether intersections are looked for.
+        crossings: Whether to search for intersections.
 
     Raises:
-        ValueError: With one line that says what is wrong.
+        ValueError: With one line that names the fault.
     """
     if triangles.ndim != 3 or triangles.shape[1:] != (3, 3) or not len(triangles):  # noqa: PLR2004
         raise ValueError(f"{name} needs triangles of shape (n, 3, 3)")
@@ -90,9 +92,9 @@ def list_edges(faces: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """List the edges of n triangles, given as indices of their points, shape (n, 3).
 
     Returns:
-        Indices of the first and last point of the three edges of each triangle, and of its third point, shape (3 n, 3);
-        for each of these directed edges, the index of the undirected edge, shape (3 n,); and the number of triangles
-        that share each of the m undirected edges, shape (m,).
+        Directed edges as indices of the first and last point and of the triangle's third point, shape (3 n, 3).  Index
+        of the undirected edge of each directed edge, shape (3 n,).  Number of triangles that share each of the m
+        undirected edges, shape (m,).
     """
     edges = np.concatenate([np.roll(faces, -k, axis=1) for k in range(3)])
     _, place, count = np.unique(np.sort(edges[:, :2], axis=1), axis=0, return_inverse=True, return_counts=True)
@@ -105,11 +107,11 @@ def list_border(faces: IntArray, name: str, *, closed: bool = False) -> IntArray
     Args:
         faces: Points of each triangle, shape (f, 3).
         name: Name of the surface in messages.
-        closed: Whether such edges are refused.
+        closed: Whether to refuse a surface that has such edges.
 
     Raises:
-        ValueError: If more than two triangles share an edge, two share it and face different ways, or the surface is
-            open and must be closed.
+        ValueError: If more than two triangles share an edge, two triangles at an edge have opposite orientations, or a
+            surface that must be closed is open.
     """
     edges, place, count = list_edges(faces)
     alone, crowded = int((count == 1).sum()), int((count > 2).sum())  # noqa: PLR2004 -- two triangles meet in an edge
@@ -141,9 +143,10 @@ def merge_corners(triangles: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def cluster(points: FloatArray, distance: float) -> IntArray:
-    """Number the clusters of points in which each coordinate has no gap wider than a distance [m], shape (p,).
+    """Number the clusters of points, shape (p,).
 
-    The distance is far below that of other points, so that clusters are single places.
+    Within a cluster, the sorted values of each coordinate have no gap wider than `distance` [m].  The distance should
+    be far below that between different places, so that each cluster is one place.
     """
     label, count = np.zeros(len(points), dtype=np.int64), 0
     while True:  # a cut along one axis may open gaps along another
@@ -168,12 +171,12 @@ def normal_vectors(triangles: FloatArray) -> FloatArray:
 
 
 def unit_vectors(vectors: FloatArray) -> FloatArray:
-    """Return vectors of length 1, shape (n, 3); those of no length stay zero."""
+    """Scale vectors to length 1, shape (n, 3); zero vectors stay zero."""
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))
 
 
 def find_crossings(triangles: FloatArray) -> set[tuple[int, int]]:
-    """Find the pairs of triangles without a common corner of which an edge of one crosses the other."""
+    """Find the pairs of triangles without a common corner in which an edge of one crosses the other."""
     faces = merge_corners(triangles)[1]
     low, high = triangles.min(axis=1), triangles.max(axis=1)
     crossing: set[tuple[int, int]] = set()
@@ -186,7 +189,9 @@ def find_crossings(triangles: FloatArray) -> set[tuple[int, int]]:
 
 
 def list_near_pairs(low: FloatArray, high: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
-    """List the pairs of n boxes that overlap, in blocks: those that overlap along the axis where the fewest do.
+    """List the pairs of overlapping boxes among n boxes, in blocks.
+
+    Candidates are the pairs that overlap along the axis with the fewest overlaps.
 
     Args:
         low: Lower ends of the boxes, shape (n, 3) [m].
@@ -210,10 +215,10 @@ def list_near_pairs(low: FloatArray, high: FloatArray) -> Iterator[tuple[IntArra
 
 
 def nearest_points(points: FloatArray, triangles: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Find the nearest points of triangles.
+    """Find the point of a surface of triangles that is nearest to each given point.
 
     Args:
-        points: k points, shape (k, 3) [m].
+        points: Positions of k points, shape (k, 3) [m].
         triangles: Corners of n triangles, shape (n, 3, 3) [m].
 
     Returns:
@@ -225,7 +230,8 @@ def nearest_points(points: FloatArray, triangles: FloatArray) -> tuple[FloatArra
     block = max(1, _SURFACE.pairs // (2 * len(triangles)))
     for start in range(0, len(points), block):
         part = points[start : start + block]
-        # The distance to the nearest middle is an upper bound; triangles that are farther away cannot be nearest.
+        # The distance to the nearest triangle's middle is an upper bound.  Triangles that are farther away cannot be
+        # nearest.
         away = np.linalg.norm(part[:, None] - middle, axis=2)
         point, triangle = np.nonzero(away - radius <= away.min(axis=1)[:, None])
         candidate = _nearest_of_each(part[point], triangles[triangle])
@@ -237,7 +243,7 @@ def nearest_points(points: FloatArray, triangles: FloatArray) -> tuple[FloatArra
 
 
 def _nearest_of_each(points: FloatArray, triangles: FloatArray) -> FloatArray:
-    """Return the nearest point of one triangle to one point, for k pairs of both, shape (k, 3)."""
+    """Return the nearest point of a triangle to a point, for k pairs of point and triangle, shape (k, 3) [m]."""
     along = np.roll(triangles, -1, axis=1) - triangles
     square = np.maximum((along**2).sum(axis=-1), 1e-300)
     away = points[:, None] - triangles
@@ -250,12 +256,13 @@ def _nearest_of_each(points: FloatArray, triangles: FloatArray) -> FloatArray:
     normal = normal / np.maximum(double_area, 1e-300)[:, None]
     plane = points - (away[:, 0] * normal).sum(axis=-1)[:, None] * normal
     inside = ((np.cross(along, plane[:, None] - triangles) * normal[:, None]).sum(axis=-1) >= 0).all(axis=-1)
-    inside &= double_area > _SURFACE.thinnest * square.max(axis=1)  # a line has no normal
+    # a triangle that is degenerate to a line has no normal
+    inside &= double_area > _SURFACE.thinnest * square.max(axis=1)
     return np.asarray(np.where(inside[:, None], plane, side))
 
 
 def _edges_cross(one: FloatArray, other: FloatArray) -> BoolArray:
-    """Return whether an edge of the first of each pair of triangles crosses the inside of the second, shape (k,)."""
+    """Return for k pairs of triangles whether an edge of the first triangle crosses the second, shape (k,)."""
     origin, first, second = other[:, 0], other[:, 1] - other[:, 0], other[:, 2] - other[:, 0]
     normal = np.cross(first, second)
     out = np.zeros(len(one), dtype=bool)
@@ -274,9 +281,9 @@ def _edges_cross(one: FloatArray, other: FloatArray) -> BoolArray:
 
 
 def close_cracks(triangles: FloatArray) -> FloatArray:
-    """Merge corners on the border of a surface that are nearer than a ten thousandth of its size.
+    """Merge corners on the border of a surface whose distance is below 1e-4 of its size.
 
-    Faces that were exported one by one differ there by the rounding of their coordinates.
+    Faces that were exported one by one differ at their common border by the rounding of coordinates.
 
     Args:
         triangles: Corners of each triangle, shape (n, 3, 3) [m].
@@ -300,7 +307,7 @@ def close_cracks(triangles: FloatArray) -> FloatArray:
 
 
 def refuse_seams(points: FloatArray, border: IntArray, name: str) -> None:
-    """Refuse a surface of which two parts of the border lie along each other: they were meant to be one edge.
+    """Refuse a surface with two parts of the border that lie along each other and should be one edge.
 
     Args:
         points: Positions of the points, shape (p, 3) [m].
@@ -328,7 +335,7 @@ def refuse_seams(points: FloatArray, border: IntArray, name: str) -> None:
         away = start[one] + along[one] / 2 - start[other]
         away -= np.clip(_dot(away, along[other]) / square[other], 0.0, 1.0)[:, None] * along[other]
         distance = np.linalg.norm(away, axis=1)
-        # The surface lies between the borders of a narrow strip: the other one is beyond the triangle at this edge.
+        # Ignore the opposite border of a narrow strip of surface: it lies beyond the triangle at this edge.
         across = -_dot(away, inward[one]) > _dot(inward[one], inward[one]) / 2
         beside = ~across & (distance <= _CRACKS.beside * np.minimum(length[one], length[other]))
         near = beside | (distance <= close)
@@ -368,7 +375,7 @@ def refuse_parts(points: FloatArray, faces: IntArray, name: str) -> None:
 
 
 def describe_borders(points: FloatArray, border: IntArray, name: str) -> tuple[str, ...]:
-    """State in a sentence that a surface has several borders, and where the smallest is; nothing if it has one.
+    """State in a sentence that a surface has several borders, and the place of the smallest; empty for one border.
 
     Args:
         points: Positions of the points, shape (p, 3) [m].
@@ -388,7 +395,9 @@ def describe_borders(points: FloatArray, border: IntArray, name: str) -> tuple[s
 
 
 def label_parts(count: int, faces: IntArray) -> IntArray:
-    """Number the parts of which points are connected by triangles, edges or other elements, shape (count,).
+    """Number the connected parts of a set of points, shape (count,).
+
+    Points are connected by triangles, edges or other elements.
 
     Args:
         count: Number of points [-].
@@ -398,7 +407,8 @@ def label_parts(count: int, faces: IntArray) -> IntArray:
     while True:
         before = label.copy()
         lowest = label[faces].min(axis=1, keepdims=True)
-        np.minimum.at(label, before[faces], lowest)  # whole parts at once, so that long rows of points take few rounds
+        # relabel whole parts at once, so that long rows of points take few rounds
+        np.minimum.at(label, before[faces], lowest)
         np.minimum.at(label, faces, lowest)
         label = label[label]
         if (label == before).all():
@@ -406,7 +416,7 @@ def label_parts(count: int, faces: IntArray) -> IntArray:
 
 
 def describe(place: FloatArray | tuple[float, ...]) -> str:
-    """Write a position in millimetres."""
+    """Format a position in millimetres."""
     return ", ".join(f"{round(1e3 * each, 2) + 0.0:g}" for each in place)
 
 
@@ -416,9 +426,9 @@ def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def collapse_short_edges(points: FloatArray, faces: IntArray, length: float) -> tuple[FloatArray, IntArray]:
-    """Collapse edges below a length to one of their ends, while the surface stays a surface.
+    """Collapse edges below a length to one of their ends, as long as the surface stays manifold.
 
-    A point on the border stays; the border keeps its points.
+    Points on the border are not moved or removed.
 
     Args:
         points: Positions of the points, shape (p, 3) [m].
@@ -455,7 +465,7 @@ def collapse_short_edges(points: FloatArray, faces: IntArray, length: float) -> 
 def _collapse(
     points: FloatArray, faces: IntArray, around: dict[int, list[int]], edge: list[int], kept: tuple[set[int], set[int]]
 ) -> set[int]:
-    """Collapse one edge if possible; returns the triangles that vanish, and changes `faces` in place."""
+    """Collapse one edge if possible; return the triangles that vanish, and change `faces` in place."""
     border, locked = kept
     gone, stays = edge if edge[1] in border else edge[::-1]
     if gone in border or gone in locked or stays in locked:
@@ -471,7 +481,7 @@ def _collapse(
     one, other = (normal_vectors(points[each]) for each in (before, after))
     size = np.linalg.norm(one, axis=1)
     turned = _dot(one, other) < _COLLAPSE.turned * size * np.linalg.norm(other, axis=1)
-    # Slivers say nothing about the direction of the surface; only larger triangles must not turn.
+    # The normals of slivers are unreliable.  Only larger triangles must not turn.
     if turned[size > 0.1 * size.max(initial=0.0)].any():
         return set()
     shape = [_shapes(points[each]).min(initial=1.0) for each in (before, after)]
@@ -483,7 +493,7 @@ def _collapse(
 
 
 def _shapes(triangles: FloatArray) -> FloatArray:
-    """Return the height over the longest side of triangles, shape (n,) [-]."""
+    """Return the ratio of height to longest side of triangles, shape (n,) [-]."""
     sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
     area = np.linalg.norm(normal_vectors(triangles), axis=1)
     return np.asarray(area / np.maximum(sides**2, np.finfo(float).tiny))

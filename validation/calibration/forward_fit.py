@@ -27,7 +27,7 @@ IntArray = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class FitNumbers:
-    """Numbers of the fit.  Spreads are standard deviations of Gaussian priors, chosen wide.
+    """Constants of the fit.  Spreads are standard deviations of Gaussian priors, chosen wide.
 
     Attributes:
         gain_spread: Spread of ln(gain) of a texel [-].

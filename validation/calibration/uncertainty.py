@@ -25,7 +25,7 @@ FEWEST_RECORDINGS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class UncertaintyNumbers:
-    """Numbers of the estimate of the uncertainty.
+    """Constants of the estimate of the uncertainty.
 
     Attributes:
         rounding: Standard deviation of rounding to whole counts [counts].

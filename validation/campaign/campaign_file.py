@@ -15,9 +15,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from meshes import Pose
 from validation.campaign.case import Case
-from validation.errors import InputError
+from validation.errors import Faults, InputError
 from validation.places import Places
 from validation.schema import parse, read_raw
 from validation.schema.campaign import CampaignTables, CaseTable
@@ -187,19 +186,13 @@ def _read_cases(listed: Sequence[Any], places: Places) -> tuple[list[Case], list
 def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], bool]:
     """Read one table `[[case]]`; return a case for each of its loads, and whether a quick run has them."""
     given = data if isinstance(data, Mapping) else {}
-    faults: list[str] = []
-    pose = Pose()
-    try:
-        table = parse(data, CaseTable, place=("case", number))
-    except InputError as error:
-        faults += error.faults
     texts = {key: given[key] for key in ("at", "direction", "yaw", "tilt") if isinstance(given.get(key), str)}
-    try:
-        pose = places.find(places.parse({"at": "centre", **texts}, f"case[{number}]."))
-    except InputError as error:
-        faults += error.faults
-    if faults:
-        raise InputError(*dict.fromkeys(faults))
+    faults = Faults()
+    table = faults.read(parse, data, CaseTable, place=("case", number))
+    pose = faults.read(lambda: places.find(places.parse({"at": "centre", **texts}, f"case[{number}].")))
+    # The schema and the places may name the same fault.
+    faults[:] = dict.fromkeys(faults)
+    faults.refuse()
     loads = table.all_loads
     names = [table.name] if table.load is not None else [f"{table.name}, {load:.3g} N" for load in loads]
     common: dict[str, Any] = {

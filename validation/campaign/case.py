@@ -63,6 +63,10 @@ class Case:
         upright = dataclasses.replace(self.pose, tilt=(0.0, 0.0))
         return dataclasses.replace(self, indenter=tilt_indenter(self.indenter, self.pose.tilt), pose=upright)
 
+    def compares(self, metric: str) -> bool:
+        """Whether a metric of this case is pooled over cases."""
+        return not self.compared or metric in self.compared
+
     def has_shape_of(self, other: Case) -> bool:
         """Whether two cases have the same indenter, however its text is written."""
         from fem_reference.result_store import describe

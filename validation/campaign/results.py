@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -500,7 +500,7 @@ def judge(campaign: Campaign, result: CampaignResult) -> Verdict:
         campaign: The campaign with its criterion.
         result: The scores.
     """
-    findings = [*_judge_means(campaign, result), *_judge_cases(campaign, result.cases)]
+    findings = tuple(_judge(campaign, result.cases))
     doubts = _list_doubts(campaign, result)
     total = len(result.cases) + len(result.skipped) + len(campaign.left_out)
     missed = [each.text for each in findings if each.status == "missed"]
@@ -511,47 +511,27 @@ def judge(campaign: Campaign, result: CampaignResult) -> Verdict:
         word, reasons = NOT_DECIDED, [*undecided, *doubts]
     else:
         word, reasons = ACCEPTED, [each.text for each in findings if each.over == _MEAN] or [findings[0].text]
-    return Verdict(word=word, reasons=tuple(reasons), findings=tuple(findings), scored=len(result.cases), cases=total)
+    return Verdict(word=word, reasons=tuple(reasons), findings=findings, scored=len(result.cases), cases=total)
 
 
-def _judge_means(campaign: Campaign, result: CampaignResult) -> list[Finding]:
-    out = []
+def _judge(campaign: Campaign, results: Sequence[CaseResult]) -> Iterator[Finding]:
+    """Compare the means with their limits, then every case with its own."""
+
+    def find(metric: str, over: str, value: float, *, low: float, high: float, limit: float) -> Finding:
+        status: Status = "met" if high <= limit else "missed" if value > limit else "open"
+        return Finding(metric=metric, over=over, value=value, low=low, high=high, limit=limit, status=status)
+
+    def measure(result: CaseResult, metric: str) -> float:
+        return float(getattr(result.predictions["fast"].score, metric))
+
     for metric, limit in campaign.criterion.mean.items():
-        pooled = pool(
-            [
-                float(getattr(each.predictions["fast"].score, metric))
-                for each in result.cases
-                if not each.case.compared or metric in each.case.compared
-            ]
-        )
-        status: Status = "met" if pooled.high <= limit else "missed" if pooled.mean > limit else "open"
-        out.append(
-            Finding(
-                metric=metric,
-                over=_MEAN,
-                value=pooled.mean,
-                low=pooled.low,
-                high=pooled.high,
-                limit=limit,
-                status=status,
-            )
-        )
-    return out
-
-
-def _judge_cases(campaign: Campaign, results: Sequence[CaseResult]) -> list[Finding]:
-    out = []
+        pooled = pool([measure(each, metric) for each in results if each.case.compares(metric)])
+        yield find(metric, _MEAN, pooled.mean, low=pooled.low, high=pooled.high, limit=limit)
     for result in results:
-        case = result.case
-        for metric, limit in {**campaign.criterion.each, **case.required}.items():
-            if case.compared and metric not in case.compared:
-                continue
-            value = float(getattr(result.predictions["fast"].score, metric))
-            status: Status = "open" if math.isnan(value) else "met" if value <= limit else "missed"
-            out.append(
-                Finding(metric=metric, over=case.name, value=value, low=value, high=value, limit=limit, status=status)
-            )
-    return out
+        for metric, limit in {**campaign.criterion.each, **result.case.required}.items():
+            if result.case.compares(metric):
+                value = measure(result, metric)
+                yield find(metric, result.case.name, value, low=value, high=value, limit=limit)
 
 
 def _list_doubts(campaign: Campaign, result: CampaignResult) -> list[str]:

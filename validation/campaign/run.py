@@ -109,7 +109,7 @@ def summarise(
     def collect(predictions: Sequence[Prediction], metric: str) -> list[float]:
         """Collect a metric over the cases that compare it; NaN in the others."""
         return [
-            float(getattr(each.score, metric)) if not case.compared or metric in case.compared else np.nan
+            float(getattr(each.score, metric)) if case.compares(metric) else np.nan
             for case, each in zip(cases, predictions, strict=True)
         ]
 

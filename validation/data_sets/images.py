@@ -110,7 +110,7 @@ def find_creep(age: FloatArray, counts: FloatArray, threshold: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class ImageNumbers:
-    """Numbers of the reduction of recordings to images.
+    """Constants of the reduction of recordings to images.
 
     Attributes:
         fewest_frames: Smallest number of frames from which the noise about a straight trend can be estimated [-].

@@ -18,7 +18,6 @@ force on the texel over the applied force, from zero to the load at which the co
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -136,9 +135,7 @@ def press_ball_on_array(cover: Cover, array: TexelArray, progress: Progress | No
 
 def _choose_points(array: TexelArray) -> FloatArray:
     """Return the centre of the active texel nearest to the middle one, and a point off the grid, shape (2, 2) [m]."""
-    centres = array.centres[:, :2]
-    distance = np.linalg.norm(centres - centres[array.middle], axis=1)
-    centre = centres[np.argmin(np.where(array.active, distance, math.inf))]
+    centre = array.centres[find_middle(array), :2]
     return np.array([centre, centre + np.multiply(_BESIDE, array.texel_size)])
 
 

@@ -77,7 +77,6 @@ class Row:
 
     Attributes:
         model: The model.
-        variant: `AS_SHIPPED` or `AS_FITTED`.
         parameters: Values of all parameters by name, in SI units.
         fitted: Names of the fitted parameters; empty as shipped.
         cases: Calibration presses that they were fitted to.
@@ -85,11 +84,15 @@ class Row:
     """
 
     model: Model
-    variant: str
     parameters: Values
     fitted: tuple[str, ...] = ()
     cases: tuple[Case, ...] = ()
     error: float = math.nan
+
+    @property
+    def variant(self) -> str:
+        """`AS_SHIPPED` or `AS_FITTED`."""
+        return AS_FITTED if self.fitted else AS_SHIPPED
 
     @property
     def name(self) -> str:
@@ -161,7 +164,6 @@ def prepare_models(
     cases: Sequence[Case],
     *,
     friction: float = 0.0,
-    progress: Callable[[str], None] | None = None,
 ) -> ComparisonModels | None:
     """Fit the published models on calibration presses, and return all rows as shipped and as fitted.
 
@@ -170,7 +172,6 @@ def prepare_models(
         parameters: Parameters of the fast model.
         cases: The cases that will be scored; no calibration press has an indenter of theirs.
         friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
-        progress: Called with a line of text before each step.
 
     Returns:
         The rows; None for an array that is not a regular grid or a cover with side edges, which the models do not take.
@@ -180,17 +181,14 @@ def prepare_models(
         return None
     from fem_reference.closed_form.layer import tabulate_texel_response
 
-    tell = progress or (lambda _: None)
     response = tabulate_texel_response(cover, parameters.array.texel_size)
     presses = []
     for case in choose_calibration(parameters.array, cases):
-        tell(case.name)
         press = _press(cover, parameters, case, response, friction=friction)
         if press is not None:
             presses.append(press)
     rows = []
     for model in PUBLISHED.values():
-        tell(f"fit of {model.title}")
         rows += make_rows(model, cover, presses)
     return ComparisonModels(rows=tuple(rows), response=response)
 
@@ -235,19 +233,17 @@ def make_rows(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -
     shipped, rows = model.find_shipped(cover), []
     if shipped is not None:
         error = measure_error(model, shipped, presses) if presses else math.nan
-        rows.append(Row(model=model, variant=AS_SHIPPED, parameters=shipped, error=error))
+        rows.append(Row(model=model, parameters=shipped, error=error))
     if model.fitted and len(presses) >= _FEWEST:
         parameters, error = fit_model(model, cover, presses)
         cases = tuple(press.scene.case for press in presses)
-        rows.append(
-            Row(model=model, variant=AS_FITTED, parameters=parameters, fitted=model.fitted, cases=cases, error=error)
-        )
+        rows.append(Row(model=model, parameters=parameters, fitted=model.fitted, cases=cases, error=error))
     return rows
 
 
 def measure_error(model: Model, parameters: Values, presses: Sequence[CalibrationPress]) -> float:
     """Compute the mean misplaced force of a model over presses [-]."""
-    row = Row(model=model, variant="", parameters=parameters)
+    row = Row(model=model, parameters=parameters)
     errors = []
     for press in presses:
         forces = row.predict(press.scene)

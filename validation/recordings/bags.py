@@ -23,22 +23,8 @@ import numpy as np
 from meshes.array import MOST_TEXELS
 from meshes.bounded_file import LIMITS, format_size
 from validation.extras import MissingExtraError
-from validation.recordings.recording import (
-    MOST_ARRAYS,
-    MOST_FULL_SCALE,
-    NANOSECOND,
-    Budget,
-    CountArray,
-    FloatArray,
-    Recording,
-    RecordingError,
-    Setup,
-    convert_to_utc,
-    count_seconds,
-    hash_contents,
-    make_array,
-    open_recorded,
-)
+from validation.recordings import recording
+from validation.recordings.recording import NANOSECOND, Budget, CountArray, FloatArray, Recording, RecordingError, Setup
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -115,8 +101,8 @@ def read(
                         f"{path}: {frame.array}: the array changes from {first[0]} x {first[1]} to "
                         f"{frame.shape[0]} x {frame.shape[1]} texels; expected the same size in all frames"
                     )
-            if len(frames) > MOST_ARRAYS:
-                raise RecordingError(f"{path}: holds frames of more than {MOST_ARRAYS} arrays")
+            if len(frames) > recording.MOST_ARRAYS:
+                raise RecordingError(f"{path}: holds frames of more than {recording.MOST_ARRAYS} arrays")
     if not frames:
         raise RecordingError(
             f"{path}: no tactile frames{f' on {topic}' if topic else ''}; known are images and grids of at most "
@@ -127,19 +113,19 @@ def read(
         raise RecordingError(f"{path}: frames on several topics; name one of {', '.join(sorted(frames))}")
     series = {name: sorted(each, key=lambda frame: frame[0]) for name, each in frames.items()}
     times = [time for time, _ in next(iter(series.values()))]
-    digest = hash_contents(path)
+    digest = recording.hash_contents(path)
     return Recording(
         path=path,
         sha256=digest,
-        started=convert_to_utc(times[0]),
-        times=count_seconds(times, times[0]),
+        started=recording.convert_to_utc(times[0]),
+        times=recording.count_seconds(times, times[0]),
         arrays=tuple(
-            make_array(*each[0][1].shape, np.array([frame.counts for _, frame in each]), name=name)
+            recording.make_array(*each[0][1].shape, np.array([frame.counts for _, frame in each]), name=name)
             for name, each in series.items()
         ),
         setup=Setup(source=path.name, source_sha256=digest, note=f"from {', '.join(series)}"),
         forces=np.array([force for _, force in forces]),
-        force_times=count_seconds([time for time, _ in forces], times[0]),
+        force_times=recording.count_seconds([time for time, _ in forces], times[0]),
     )
 
 
@@ -230,8 +216,9 @@ def _find_frames(
         yield from _read_image(path, name, message) if encoding in _PIXEL_TYPES else ()
         return
     if parts is not None:
-        if len(parts) > MOST_ARRAYS:
-            raise RecordingError(f"{path}: {name}: holds {len(parts)} arrays; at most {MOST_ARRAYS} are accepted")
+        if len(parts) > recording.MOST_ARRAYS:
+            most = recording.MOST_ARRAYS
+            raise RecordingError(f"{path}: {name}: holds {len(parts)} arrays; at most {most} are accepted")
         for number, part in enumerate(parts):
             yield from _find_frames(path, f"{name}/{getattr(part, 'matrix_id', number)}", part, rows, columns)
         return
@@ -241,8 +228,9 @@ def _find_frames(
         return
     if not np.isfinite(values).all() or (values < 0).any() or (values != np.round(values)).any():
         raise RecordingError(f"{path}: {name}: values are no counts; expected whole numbers of 0 or more")
-    if values.max() > MOST_FULL_SCALE:
-        raise RecordingError(f"{path}: {name}: a count of {values.max()}; at most {MOST_FULL_SCALE} are accepted")
+    if values.max() > recording.MOST_FULL_SCALE:
+        most = recording.MOST_FULL_SCALE
+        raise RecordingError(f"{path}: {name}: a count of {values.max()}; at most {most} are accepted")
     yield _ArrayFrame(name, shape, values.astype(np.int32))
 
 
@@ -287,7 +275,7 @@ def _measure_bag(path: Path) -> int:
     sizes = {}
     for file in found:
         if file == path or not file.is_dir():
-            with open_recorded(file) as opened:
+            with recording.open_recorded(file) as opened:
                 sizes[file.name] = os.fstat(opened.fileno()).st_size
     metadata = path / "metadata.yaml"
     too_slow = sizes.get(metadata.name, 0) > _LIMITS.metadata

@@ -28,15 +28,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshes import TexelArray
-from validation.recordings.recording import (
-    RecordedArray,
-    Recording,
-    RecordingError,
-    Setup,
-    convert_to_utc,
-    hash_contents,
-    open_recorded,
-)
+from validation.recordings import recording
+from validation.recordings.recording import RecordedArray, Recording, RecordingError, Setup
 
 FrameArray = npt.NDArray[np.int16]
 
@@ -176,13 +169,13 @@ class _Reader:
             self._fail("no frames; expected at least one")
         first = self._stamps["frame"][0]
         try:
-            started = convert_to_utc(first * 1_000_000)
+            started = recording.convert_to_utc(first * 1_000_000)
         except OverflowError:
             self._fail(f"time stamp {first} ms; expected milliseconds since 1970")
         frames, temperatures = ((np.array(stamps, dtype=float) - first) for stamps in self._stamps.values())
         ends = np.cumsum([array.texels.count for array in self._arrays])
         counts = np.split(np.stack(self._frames).astype(np.int32), ends[:-1], axis=1)
-        digest = hash_contents(self._path)
+        digest = recording.hash_contents(self._path)
         return Recording(
             path=self._path,
             sha256=digest,
@@ -206,7 +199,7 @@ class _Reader:
                 bytes follow the bzip2 stream.
         """
         decompressor, total = bz2.BZ2Decompressor(), 0
-        with open_recorded(self._path) as file:
+        with recording.open_recorded(self._path) as file:
             while not decompressor.eof:
                 packed = file.read(LIMITS.piece_bytes) if decompressor.needs_input else b""
                 if decompressor.needs_input and not packed:

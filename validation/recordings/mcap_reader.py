@@ -21,29 +21,8 @@ import numpy as np
 from meshes import atomic_file
 from meshes.bounded_file import format_size
 from validation.extras import MissingExtraError
-from validation.recordings.mcap_writer import (
-    FORCE_TOPIC,
-    GAP_TOPIC,
-    RAW_TOPIC,
-    SETUP_TOPIC,
-    TANGENTIAL_LABEL,
-    TEMPERATURE_TOPIC,
-    decode_labels,
-    find_kind,
-    load_types,
-    name_topics,
-)
-from validation.recordings.recording import (
-    Budget,
-    FloatArray,
-    Recording,
-    RecordingError,
-    SimulatedForces,
-    convert_to_utc,
-    count_seconds,
-    hash_contents,
-    open_recorded,
-)
+from validation.recordings import mcap_writer, recording
+from validation.recordings.recording import Budget, FloatArray, Recording, RecordingError, SimulatedForces
 
 if TYPE_CHECKING:
     from mcap.records import Chunk, McapRecord, Message
@@ -91,15 +70,15 @@ def read(path: str | Path) -> Recording:
     budget, messages = Budget(path, path.stat().st_size), defaultdict[str, list[_Received]](list)
     for topic, message in _read_messages(path):
         budget.spend_message(topic, len(message.data), (message.log_time, message.publish_time))
-        kind, before = find_kind(topic), messages[topic]
-        if kind is None or topic == RAW_TOPIC or topic.endswith("/image"):
+        kind, before = mcap_writer.find_kind(topic), messages[topic]
+        if kind is None or topic == mcap_writer.RAW_TOPIC or topic.endswith("/image"):
             continue
         if topic.endswith("/frame") and message.sequence != len(before):
             raise RecordingError(
                 f"{path}: damaged: frame {message.sequence} of {topic} follows frame {len(before) - 1}"
             )
         try:
-            content = load_types().deserialize_cdr(message.data, kind)
+            content = mcap_writer.load_types().deserialize_cdr(message.data, kind)
         except Exception as error:  # the libraries raise many kinds of exceptions on damaged messages
             raise RecordingError(f"{path}: damaged: a message of {topic} cannot be read") from error
         before.append(_Received(content, message.sequence, message.log_time, message.publish_time))
@@ -116,7 +95,7 @@ def is_own_recording(path: str | Path) -> bool:
 
     channels = (record for record in _read_records(Path(path)) if isinstance(record, Channel))
     first = next(channels, None)
-    return first is not None and first.topic == SETUP_TOPIC and first.message_encoding == "cdr"
+    return first is not None and first.topic == mcap_writer.SETUP_TOPIC and first.message_encoding == "cdr"
 
 
 def is_complete(path: str | Path) -> bool:
@@ -170,10 +149,10 @@ def recover(path: str | Path) -> bool:
 
 def _make_recording(path: Path, messages: _Messages, *, complete: bool) -> Recording:
     """Make a recording from the messages of a file."""
-    if not messages[SETUP_TOPIC]:
+    if not messages[mcap_writer.SETUP_TOPIC]:
         raise RecordingError(f"{path}: an MCAP file without the labels of a softcover recording")
-    labels, arrays = decode_labels(str(messages[SETUP_TOPIC][-1].content.data), path)
-    names = name_topics(len(arrays))
+    labels, arrays = mcap_writer.decode_labels(str(messages[mcap_writer.SETUP_TOPIC][-1].content.data), path)
+    names = mcap_writer.name_topics(len(arrays))
     series = [messages[f"/{name}/frame"] for name in names]
     # A recorder that was killed between the frames of two arrays leaves one frame more of the first arrays than of the
     # others; the additional frames are left out.
@@ -189,25 +168,26 @@ def _make_recording(path: Path, messages: _Messages, *, complete: bool) -> Recor
         stacked = np.array(counts, dtype=np.int32).reshape(count, array.texels.count) - np.int32(array.offset)
         forces = _collect_forces(path, messages, name, count, array.texels.count)
         recorded.append(replace(array, counts=stacked, simulated=forces))
-    temperatures = [np.array(each.content.data, dtype=np.float64) for each in messages[TEMPERATURE_TOPIC]]
+    warm, pushed = messages[mcap_writer.TEMPERATURE_TOPIC], messages[mcap_writer.FORCE_TOPIC]
+    temperatures = [np.array(each.content.data, dtype=np.float64) for each in warm]
     if len({degrees.size for degrees in temperatures}) > 1:
         raise RecordingError(f"{path}: damaged: the number of temperatures changes")
     return Recording(
         path=path,
-        sha256=hash_contents(path),
+        sha256=recording.hash_contents(path),
         serial=labels.serial,
-        started=convert_to_utc(start),
-        times=count_seconds([each.published for each in clocks], start),
+        started=recording.convert_to_utc(start),
+        times=recording.count_seconds([each.published for each in clocks], start),
         arrays=tuple(recorded),
         temperatures=np.array(temperatures or np.empty((0, 0))),
-        temperature_times=count_seconds([each.logged for each in messages[TEMPERATURE_TOPIC]], start),
+        temperature_times=recording.count_seconds([each.logged for each in warm], start),
         setup=labels.setup,
-        gaps=tuple(status.message for gap in messages[GAP_TOPIC] for status in gap.content.status),
+        gaps=tuple(status.message for gap in messages[mcap_writer.GAP_TOPIC] for status in gap.content.status),
         complete=complete,
         host_monotonic=np.array([each.content.host_monotonic for each in clocks], dtype=np.int64),
         ticks=np.array([each.content.device_ticks for each in clocks], dtype=np.int64),
-        forces=np.array([each.content.wrench.force.z for each in messages[FORCE_TOPIC]], dtype=np.float64),
-        force_times=count_seconds([each.logged for each in messages[FORCE_TOPIC]], start),
+        forces=np.array([each.content.wrench.force.z for each in pushed], dtype=np.float64),
+        force_times=recording.count_seconds([each.logged for each in pushed], start),
     )
 
 
@@ -247,7 +227,7 @@ def _collect_forces(path: Path, messages: _Messages, name: str, frames: int, tex
         net_force=stack("wrench", 3, lambda message: [getattr(message.wrench.force, axis) for axis in "xyz"]),
         net_torque=stack("wrench", 3, lambda message: [getattr(message.wrench.torque, axis) for axis in "xyz"]),
         tangential=stack("tangential", 2 * texels, lambda message: message.data).reshape(-1, texels, 2),
-        tangential_source=label.removeprefix(TANGENTIAL_LABEL),
+        tangential_source=label.removeprefix(mcap_writer.TANGENTIAL_LABEL),
     )
 
 
@@ -279,7 +259,7 @@ def _read_records(path: Path) -> Iterator[McapRecord]:
         raise MissingExtraError("mcap") from error
     size, complete = _measure(path)
     budget = Budget(path, size)
-    with open_recorded(path) as file, mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ) as part:
+    with recording.open_recorded(path) as file, mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ) as part:
         # `StreamReader` is declared to need a complete file object, but it only reads from it.
         limits: dict[str, Any] = {"validate_crcs": True, "record_size_limit": _LARGEST_RECORD, "emit_chunks": True}
         reader = StreamReader(cast("IO[bytes]", part), **limits)
@@ -303,7 +283,7 @@ def _read_records(path: Path) -> Iterator[McapRecord]:
 
 def _measure(path: Path) -> tuple[int, bool]:
     """Return the number of bytes of an MCAP file that form complete records, and whether the file ends properly."""
-    with open_recorded(path) as file:
+    with recording.open_recorded(path) as file:
         end = path.stat().st_size
         if file.read(len(MAGIC)) != MAGIC:
             raise RecordingError(f"{path}: not an MCAP file; expected one that `softcover record` or ROS 2 wrote")

@@ -14,7 +14,7 @@ from meshes.solids.solid_mesh import SolidMesh
 
 @dataclass(frozen=True, kw_only=True)
 class _Numbers:
-    """Numbers of the scenes; all chosen for the eye."""
+    """Constants of the scenes; all chosen for the eye."""
 
     #: Number of steps in which half a turn of an axisymmetric solution is drawn [-].
     turn: int = 48

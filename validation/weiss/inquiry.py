@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 
 from validation.weiss.protocol import TICK, Command, Reading, compress
-from validation.weiss.sensor import Sensor, SensorError
+from validation.weiss.sensor import NoAnswerError, Sensor, SensorError
 
 #: Description of each assumption by topic, so that a user can check it on a real sensor.
 UNCONFIRMED: Mapping[str, str] = MappingProxyType(
@@ -34,7 +34,7 @@ _CLOCK_FRAMES = 300
 
 
 def inquire(sensor: Sensor) -> Mapping[str, str]:
-    """Send the commands whose format is assumed, and describe each answer in one line.
+    """Send the commands whose format is assumed, and describe each answer, or that none came, in one line.
 
     No setting of the device is changed.
 
@@ -45,7 +45,7 @@ def inquire(sensor: Sensor) -> Mapping[str, str]:
         The descriptions by topic of the assumption.
 
     Raises:
-        PortError: If the sensor stops answering.
+        LinkLostError: If the port is lost.
     """
     questions: dict[str, Callable[[], str]] = {
         "system info (0x50)": lambda: str(sensor.read_info()),
@@ -64,7 +64,7 @@ def inquire(sensor: Sensor) -> Mapping[str, str]:
     for topic, question in questions.items():
         try:
             answers[topic] = question()
-        except (SensorError, ValueError) as error:
+        except (SensorError, NoAnswerError, ValueError) as error:
             answers[topic] = f"not as assumed: {error}"
     return answers
 

@@ -26,8 +26,8 @@ import numpy.typing as npt
 
 CountArray = npt.NDArray[np.uint16]
 
-# Assumptions that no source confirms, see `inquiry.UNCONFIRMED`.  A change of one of these constants changes both the
-# driver and the virtual sensor.
+# Assumptions that no source confirms, see `inquiry.UNCONFIRMED`; others are in the layouts of `Command`.  A change here
+# changes both the driver and the virtual sensor.
 
 #: Assumed length of one tick of the device's clock [s].
 TICK = 1e-3
@@ -38,12 +38,6 @@ RUN_LENGTH_FLAG = 0x01
 RUN_LENGTH_VALUE_BITS = 12
 #: Order of the bits in the bytes of the answer to `get mask`, as numpy names it.
 MASK_BIT_ORDER: Literal["little", "big"] = "little"
-#: `struct` format of the byte of the command `tare`: 1 to subtract the present frame from later frames, 0 to end this.
-_TARE = "<B"
-#: `struct` format of the threshold in the payloads of requests and answers.
-_THRESHOLD = "<H"
-#: `struct` format of the front-end gain in the payloads of requests and answers.
-_GAIN = "<B"
 
 #: First bytes of every message.
 PREAMBLE = b"\xaa\xaa\xaa"
@@ -121,7 +115,8 @@ Values = tuple[Any, ...]
 class Command(IntEnum):
     """The documented commands: identifier, layout of the request, and layout of the answer after its status.
 
-    A layout is a `struct` format of the values; it is None for raw bytes, and empty where there are no values.
+    A layout is a `struct` format of the values; it is None for raw bytes, and empty where there are no values.  The
+    layouts of tare, threshold and gain are assumptions.
     """
 
     request: str | None
@@ -144,15 +139,15 @@ class Command(IntEnum):
     READ_SINGLE_FRAME = 0x20, "<B", None
     START_PERIODIC_FRAMES = 0x21, "<BH"
     STOP_PERIODIC_FRAMES = 0x22
-    TARE = 0x23, _TARE
+    TARE = 0x23, "<B"  # 1 to subtract the present frame from later frames, 0 to end this
     MATRIX_INFO = 0x30, "", "<5H"
     SET_MASK_WINDOW = 0x31, None
     SET_ADVANCED_MASK = 0x32, None
     GET_MASK = 0x33, "", None
-    SET_THRESHOLD = 0x34, _THRESHOLD
-    GET_THRESHOLD = 0x35, "", _THRESHOLD
-    SET_GAIN = 0x36, _GAIN
-    GET_GAIN = 0x37, "", _GAIN
+    SET_THRESHOLD = 0x34, "<H"
+    GET_THRESHOLD = 0x35, "", "<H"
+    SET_GAIN = 0x36, "<B"
+    GET_GAIN = 0x37, "", "<B"
     SENSOR_TYPE = 0x38, "", None
     TEMPERATURE = 0x46, "", "<h"
     SYSTEM_INFO = 0x50, "", "<BBHI"
@@ -437,8 +432,8 @@ class Parser:
         #: Numbers of bytes received, and of bytes that belong to no message.
         self.bytes_seen = self.bytes_skipped = 0
         self._buffer = bytearray()
-        #: Number of bytes since the last message that belong to no message.
-        self._skipped = 0
+        #: Number of bytes before the last message that belong to no message.
+        self._skipped_before = 0
 
     @property
     def largest_payload(self) -> int:
@@ -466,14 +461,14 @@ class Parser:
             if size is None:
                 break
             if size:
-                self._skip(place - end)
+                self.bytes_skipped += place - end
                 payload = bytes(buffer[place + HEAD_SIZE : place + size - CHECKSUM_SIZE])
-                messages.append(Message(buffer[place + 3], payload, self._skipped))
-                self._skipped, end = 0, place + size
+                messages.append(Message(buffer[place + 3], payload, self.bytes_skipped - self._skipped_before))
+                self._skipped_before, end = self.bytes_skipped, place + size
             place += size or 1
         else:
             place = len(buffer)
-        self._skip(place - end)
+        self.bytes_skipped += place - end
         del buffer[:place]
         return messages
 
@@ -485,26 +480,18 @@ class Parser:
         """
         head = self._buffer[start : start + HEAD_SIZE]
         size = HEAD_SIZE + int.from_bytes(head[4:], "little") + CHECKSUM_SIZE
-        message = bytes(self._buffer[start : start + size])
         if head[3:4] == PREAMBLE[:1] or size > HEAD_SIZE + self.largest_payload + CHECKSUM_SIZE:
             return 0
+        message = bytes(self._buffer[start : start + size])
         if len(message) < size:
             return 0 if final else None
-        return size if not compute_checksum(message) and self._is_possible(head[3], message[HEAD_SIZE:-2]) else 0
-
-    def _is_possible(self, identifier: int, payload: bytes) -> bool:
-        """Return whether the payload of a message is valid: a frame if the identifier is that of a frame message."""
-        if identifier == Command.READ_SINGLE_FRAME and payload.startswith(_STATUS.pack(Status.SUCCESS)):
-            payload = payload[_STATUS.size :]
-        elif identifier != PERIODIC_FRAME:
-            return True
-        try:
-            decode_frame(payload, texels=self.texels)
-        except ValueError:
-            return False
-        return True
-
-    def _skip(self, count: int) -> None:
-        """Count bytes that belong to no message."""
-        self.bytes_skipped += count
-        self._skipped += count
+        if compute_checksum(message):
+            return 0
+        payload = message[HEAD_SIZE:-CHECKSUM_SIZE]
+        is_single = head[3] == Command.READ_SINGLE_FRAME and payload.startswith(_STATUS.pack(Status.SUCCESS))
+        if is_single or head[3] == PERIODIC_FRAME:
+            try:
+                decode_frame(payload[_STATUS.size * is_single :], texels=self.texels)
+            except ValueError:
+                return 0
+        return size

@@ -30,7 +30,7 @@ BUFFER_BYTES = 256 * 1024
 #: Longest wait for a byte, after which the reading thread checks whether it should stop [s].
 _READ_TIMEOUT = 0.05
 #: Longest wait until the port accepts bytes to send [s].
-WRITE_TIMEOUT = 1.0
+_WRITE_TIMEOUT = 1.0
 #: Number of bytes that are requested at a time from a socket [bytes].  A socket, unlike a serial port, does not report
 #: the number of bytes that can be read.
 _SOCKET_BYTES = 64
@@ -76,12 +76,12 @@ class Link:
     """
 
     def __init__(self, port: str, *, baud_rate: int = 115_200, buffer_bytes: int = BUFFER_BYTES) -> None:
-        self.port = port
+        self.name = port
         self._is_url = "://" in port
         # A serial port can be locked against a second client; a pyserial URL cannot.
         options = {"timeout": _SOCKET_TIMEOUT} if self._is_url else {"timeout": _READ_TIMEOUT, "exclusive": True}
         try:
-            self._serial = serial.serial_for_url(port, baudrate=baud_rate, write_timeout=WRITE_TIMEOUT, **options)
+            self._serial = serial.serial_for_url(port, baudrate=baud_rate, write_timeout=_WRITE_TIMEOUT, **options)
             self._serial.reset_input_buffer()
         except (OSError, ValueError) as error:
             raise PortError(_explain(port, error)) from error
@@ -104,7 +104,7 @@ class Link:
         try:
             self._serial.write(data)
         except OSError as error:
-            raise LinkLostError(f"{self.port}: the port went away or takes no bytes: {error}") from error
+            raise LinkLostError(f"{self.name}: the port went away or takes no bytes: {error}") from error
 
     def read(self, timeout: float) -> list[Chunk]:
         """Fetch the bytes received since the last call.
@@ -121,7 +121,7 @@ class Link:
             self._chunks.clear()
             self._buffered = 0
         if not chunks and self._failure is not None:
-            raise LinkLostError(f"{self.port}: the port went away (unplugged?)") from self._failure
+            raise LinkLostError(f"{self.name}: the port went away (unplugged?)") from self._failure
         return chunks
 
     def close(self) -> None:
@@ -135,22 +135,21 @@ class Link:
 
         Bytes for which the buffer has no room are discarded and counted.
         """
-        port = self._serial
-        try:
-            while not self._stopping:
-                data = bytes(port.read(_SOCKET_BYTES if self._is_url else max(1, port.in_waiting)))
-                with self._changed:
-                    if self._buffered + len(data) > self._limit:
-                        self._lost += len(data)
-                    elif data:
-                        self._chunks.append(Chunk(time.monotonic_ns(), data, self._lost))
-                        self._buffered += len(data)
-                        self._lost = 0
-                        self._changed.notify_all()
-        except (OSError, TypeError) as error:
-            # pyserial raises TypeError if the file descriptor of the port is closed during a read
+        while not self._stopping and self._failure is None:
+            data, failure = b"", None
+            try:
+                data = self._serial.read(_SOCKET_BYTES if self._is_url else max(1, self._serial.in_waiting))
+            except (OSError, TypeError) as error:
+                # pyserial raises TypeError if the file descriptor of the port is closed during a read
+                failure = error
             with self._changed:
-                self._failure = error
+                self._failure = failure
+                if self._buffered + len(data) > self._limit:
+                    self._lost += len(data)
+                elif data:
+                    self._chunks.append(Chunk(time.monotonic_ns(), data, self._lost))
+                    self._buffered += len(data)
+                    self._lost = 0
                 self._changed.notify_all()
 
 
@@ -263,7 +262,7 @@ class Sensor(AbstractContextManager["Sensor"]):
         return MatrixInfo.from_values(self.ask(Command.MATRIX_INFO))
 
     def read_mask(self) -> npt.NDArray[np.bool_]:
-        """Read which texels of the array exist, shape (n,), if the device states this as `unconfirmed` assumes."""
+        """Read which texels of the array exist, shape (n,), if the device states this as `inquiry` assumes."""
         (data,), texels = self.ask(Command.GET_MASK), self.read_matrix().texels
         bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder=protocol.MASK_BIT_ORDER).astype(bool)
         if len(data) != -(-texels // 8) or bits[texels:].any() or not bits.any():
@@ -406,12 +405,9 @@ class Sensor(AbstractContextManager["Sensor"]):
                 self.ask(Command.STOP_PERIODIC_FRAMES)
             self.read_info()
         except NoAnswerError as error:
-            seen = self.parser.bytes_seen
-            reason = (
-                f"{seen} bytes came and none of them is an answer (another device, or a wrong baud rate)"
-                if seen
-                else "nothing came back (is it the sensor's port, and is the sensor powered?)"
-            )
+            reason = "nothing came back (is it the sensor's port, and is the sensor powered?)"
+            if seen := self.parser.bytes_seen:
+                reason = f"{seen} bytes came and none of them is an answer (another device, or a wrong baud rate)"
             raise NoAnswerError(f"{self.port}: no Weiss WTS sensor answers here: {reason}") from error
         self.parser.texels = None
         with suppress(SensorError):
@@ -497,19 +493,17 @@ class Sensor(AbstractContextManager["Sensor"]):
             LinkLostError: The given `error`, if the port cannot be opened in time.
         """
         lost, last_ticks = time.monotonic_ns(), self._last_ticks
-        self._link.close()
-        while time.monotonic_ns() - lost < 1e9 * patience:
+        while True:
+            self._link.close()
+            if time.monotonic_ns() - lost >= 1e9 * patience:
+                raise error
             time.sleep(_PATIENCE.reopen_pause)
-            try:
+            with suppress(PortError):
                 self._link = self._open_link()
                 self.parser = Parser(texels=self.parser.texels)
                 self._check_sensor()
                 for command, value in self._settings.items():
                     self.ask(command, value)
                 self._start_stream(requested)
-            except PortError:
-                self._link.close()
-                continue
-            now = time.monotonic_ns()
-            return Gap(kind="link lost", host_time=now, after=last_ticks, seconds=1e-9 * (now - lost))
-        raise error
+                now = time.monotonic_ns()
+                return Gap(kind="link lost", host_time=now, after=last_ticks, seconds=1e-9 * (now - lost))

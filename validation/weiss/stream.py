@@ -255,10 +255,9 @@ class DeviceClock:
     """
 
     def __init__(self) -> None:
-        self._restarts = self._unfitted = self._outliers = 0
+        self._restarts = self._unfitted = self._outliers = self._last_stamp = 0
         #: Time from the stamp of each frame to its arrival [ns]: 8 MB in an hour at 271 frames/s.
         self._delays = array("q")
-        self._last_stamp = 0
         self._tick = TICK
         self._start()
 
@@ -270,17 +269,17 @@ class DeviceClock:
             arrival: Time at which the frame arrived, on the monotonic clock of the host [ns].
         """
         fitted = self._fit(ticks, arrival)
-        if fitted is None:
-            self._outliers += 1
-            if self._outliers < _FIT.most_outliers:
-                self._unfitted += 1
-                return self._increase(arrival)
-            self._restarts += 1
+        self._outliers = 0 if fitted is not None else self._outliers + 1
+        if self._outliers == _FIT.most_outliers:
+            self._restarts, self._outliers = self._restarts + 1, 0
             self._start()
             fitted = self._fit(ticks, arrival)
-        self._outliers = 0
-        stamp = self._increase(arrival if fitted is None else fitted)
-        self._delays.append(max(0, arrival - stamp))
+        # A stamp that would not be later than the last one follows the last one by a microsecond.
+        stamp = self._last_stamp = max(arrival if fitted is None else fitted, self._last_stamp + 1000)
+        if fitted is None:
+            self._unfitted += 1
+        else:
+            self._delays.append(max(0, arrival - stamp))
         return stamp
 
     @property
@@ -315,7 +314,8 @@ class DeviceClock:
         block = int(elapsed / _FIT.block)
         if block != self._block:
             self._block = block
-            self._fit_line()
+            if self._earliest:
+                self._fit_line()
             self._earliest.append((device, difference))
         elif self._level(device, difference) < self._level(*self._earliest[-1]):
             self._earliest[-1] = (device, difference)
@@ -328,8 +328,6 @@ class DeviceClock:
 
     def _fit_line(self) -> None:
         """Fit slope and offset to the earliest frames of the complete blocks."""
-        if not self._earliest:
-            return
         device, difference = np.array(self._earliest).T
         first, second = np.triu_indices(len(device), 1)
         step = device[second] - device[first]
@@ -340,8 +338,3 @@ class DeviceClock:
             self._tick = TICK * (1 + slope)
             self._slope = min(max(slope, -_FIT.largest_drift), _FIT.largest_drift)
         self._offset = float(np.min(difference - self._slope * device))
-
-    def _increase(self, stamp: int) -> int:
-        """Return the stamp, or the last one and a microsecond if it would not be later."""
-        self._last_stamp = max(stamp, self._last_stamp + 1000)
-        return self._last_stamp

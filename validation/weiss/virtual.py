@@ -21,11 +21,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import serial
 
 from validation.weiss import protocol
 from validation.weiss.protocol import LARGEST_COUNT, PREAMBLE, Command, MatrixInfo, Status, Values
-from validation.weiss.sensor import WRITE_TIMEOUT, PortError
+from validation.weiss.sensor import Link, PortError
 
 #: Function from a message, the index of a random byte of it, and a random number generator to the bytes that the
 #: receiver gets.
@@ -60,9 +59,6 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
     }
 )
 
-#: Device tag of the virtual sensor if none is given.  It is not empty, because some public clients wait for a tag;
-#: whether a new device has one is unknown.
-DEFAULT_TAG = "softcover"
 #: Function from the time since the start [s] to the counts of the n texels, shape (n,) [-].
 Source = Callable[[float], npt.ArrayLike]
 
@@ -107,7 +103,8 @@ class VirtualSensor:
         matrix: Description of the array that the sensor reports.
         rate: Frames per second if a client requests frames without an interval [Hz].
         active: Whether each texel exists, shape (n,); the others always read 0.  All exist if not given.
-        tag: Device tag that the sensor reports until a client sets another one, at most 64 ASCII characters.
+        tag: Device tag that the sensor reports until a client sets another one, at most 64 ASCII characters.  It is not
+            empty by default, because some public clients wait for a tag; whether a new device has one is unknown.
         misbehaviour: Faults that the sensor makes; none if not given.
 
     Raises:
@@ -122,7 +119,7 @@ class VirtualSensor:
         matrix: MatrixInfo = WTS_0614_34,
         rate: float = 271.0,
         active: npt.ArrayLike | None = None,
-        tag: str = DEFAULT_TAG,
+        tag: str = "softcover",
         misbehaviour: Misbehaviour | None = None,
     ) -> None:
         if not 0 < rate < math.inf:
@@ -408,36 +405,17 @@ class PseudoTerminal:
             link.unlink()
 
 
-class SerialEnd:
-    """The device's end of a serial cable, or of a connection that a pyserial URL names.
-
-    Args:
-        port: Name of a port, or a pyserial URL.
-        baud_rate: Baud rate of a UART [1/s].
-
-    Raises:
-        PortError: If the port cannot be opened.
-    """
-
-    def __init__(self, port: str, *, baud_rate: int = 115_200) -> None:
-        self.name = port
-        try:
-            self._serial = serial.serial_for_url(port, baudrate=baud_rate, write_timeout=WRITE_TIMEOUT)
-        except (OSError, ValueError) as error:
-            raise PortError(f"{port}: cannot be opened: {error}") from error
+class SerialEnd(Link):
+    """The device's end of a serial cable, or of a connection that a pyserial URL names."""
 
     def send(self, data: bytes) -> int:
         """Send all bytes to the client and return their number."""
-        return int(self._serial.write(data) or 0)
+        self.write(data)
+        return len(data)
 
     def receive(self, wait: float) -> bytes:
         """Return the bytes that a client sent; wait for the first one at most for `wait` [s]."""
-        self._serial.timeout = wait
-        return bytes(self._serial.read(max(1, self._serial.in_waiting)))
-
-    def close(self) -> None:
-        """Close the port."""
-        self._serial.close()
+        return b"".join(chunk.data for chunk in self.read(wait))
 
 
 def serve(

@@ -155,11 +155,8 @@ def test_an_interval_longer_than_the_recording_is_refused(softcover):
     assert "--interval-ms: no frame would come within --seconds 3; give a shorter interval" in err
 
 
-@pytest.mark.parametrize(
-    ("words", "line"),
-    [(("record", "/dev/ttyNONE9"), "no such port"), (("emulate", "/dev/ttyNONE9"), "cannot be opened")],
-)
-def test_a_port_that_fails_ends_in_one_line(softcover, words, line):
-    status, out, errors = softcover(*words)
+@pytest.mark.parametrize("command", ["record", "emulate"])
+def test_a_port_that_fails_ends_in_one_line(softcover, command):
+    status, out, errors = softcover(command, "/dev/ttyNONE9")
     assert (status, out, len(errors.splitlines())) == (3, "", 1)
-    assert line in errors
+    assert "no such port" in errors

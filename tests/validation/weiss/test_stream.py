@@ -27,10 +27,6 @@ def test_many_frames_lost_from_the_start_are_not_taken_for_a_slow_stream(lost):
     assert (unmarked, false) == (0, 0)
 
 
-def test_a_slow_stream_with_jitter_has_no_gaps():
-    assert _follow([n * 100 + n % 3 for n in range(40)]) == []
-
-
 def _follow(clock, skipped=None):
     """Gaps of a stream of frames with these clocks, and bytes skipped before each."""
     continuity = Continuity()
@@ -56,15 +52,17 @@ def test_all_skipped_bytes_are_reported_for_any_clock(frames):
     assert sum(gap.skipped for gap in _follow(clock, skipped)) == sum(skipped)
 
 
-def test_repeated_frames_and_a_restarted_clock_are_named():
-    clock = [1000 + 4 * number for number in range(20)]
-    assert [gap.kind for gap in _follow([*clock, clock[-1]])] == ["frame repeated"]
-    assert [gap.kind for gap in _follow([*clock, 3])] == ["clock set back"]
-
-
-def test_a_gap_is_described_in_one_line():
-    (gap,) = _follow([*range(0, 60, 4), 100], [0] * 15 + [7])
-    assert str(gap) == "frames missing, after tick 56, 10 frames, 7 bytes"
+@pytest.mark.parametrize(
+    ("clock", "skipped", "told"),
+    [
+        ([n * 100 + n % 3 for n in range(40)], None, []),  # a slow stream with jitter
+        ([*range(1000, 1080, 4), 1076], None, ["frame repeated, after tick 1076"]),
+        ([*range(1000, 1080, 4), 3], None, ["clock set back, after tick 1076"]),
+        ([*range(0, 60, 4), 100], [0] * 15 + [7], ["frames missing, after tick 56, 10 frames, 7 bytes"]),
+    ],
+)
+def test_a_gap_is_described_in_one_line(clock, skipped, told):
+    assert [str(gap) for gap in _follow(clock, skipped)] == told
 
 
 @pytest.mark.parametrize("rate", [271.0, 30.0, 271.3, 500.0])
@@ -135,27 +133,26 @@ def test_stamps_follow_the_device_within_two_milliseconds(drift):
     assert "which follow the device's clock" in str(residual)
 
 
-def test_a_wrong_device_time_changes_one_stamp_only():
-    rng = np.random.default_rng(2)
-    taken, ticks, arrival = _arrive(rng, 10, drift=0)
-    ticks[[900, 1800, 1801]] = [7, 2**31, 4_000_000]
-    clock = DeviceClock()
-    errors = _find_errors(clock, taken, ticks, arrival)
-    assert np.quantile(np.abs(errors), 0.95) < 2e-3
-    assert (clock.residual.unfitted, clock.residual.restarts) == (3, 0)
-    assert "3 frames did not fit" in str(clock.residual)
-
-
-def test_a_device_that_starts_again_is_followed_again():
-    rng = np.random.default_rng(3)
-    taken, ticks, arrival = _arrive(rng, 20, drift=1e-4)
+def _start_again(ticks):
     half = len(ticks) // 2
     ticks[half:] -= ticks[half]
+
+
+@pytest.mark.parametrize(
+    ("damage", "counted", "text"),
+    [
+        (lambda ticks: np.put(ticks, [900, 1800, 1801], [7, 2**31, 4_000_000]), (3, 0), "3 frames did not fit"),
+        (_start_again, (2, 1), "set anew 1 times"),
+    ],
+)
+def test_wrong_times_of_the_device_change_few_stamps(damage, counted, text):
+    taken, ticks, arrival = _arrive(np.random.default_rng(3), 20, drift=1e-4)
+    damage(ticks)
     clock = DeviceClock()
     errors = _find_errors(clock, taken, ticks, arrival)
     assert np.quantile(np.abs(errors), 0.95) < 2e-3
-    assert clock.residual.restarts == 1
-    assert "set anew 1 times" in str(clock.residual)
+    assert (clock.residual.unfitted, clock.residual.restarts) == counted
+    assert text in str(clock.residual)
 
 
 def test_a_clock_with_another_tick_is_told():

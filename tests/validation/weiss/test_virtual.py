@@ -14,55 +14,47 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.virtual_port import hit, is_ramp, take, wait_until
-from validation.weiss import virtual
-from validation.weiss.protocol import (
-    Command,
-    MatrixInfo,
-    Parser,
-    decode_answer,
-    decode_frame,
-    encode_message,
-    encode_request,
-)
+from validation.weiss import protocol, virtual
+from validation.weiss.protocol import Command, MatrixInfo, decode_answer, decode_frame, encode_message, encode_request
 from validation.weiss.sensor import PortError, Sensor
 from validation.weiss.virtual import FAULTS, WTS_0614_34, Misbehaviour, PseudoTerminal, VirtualSensor, show_pattern
 
-START = encode_request(Command.START_PERIODIC_FRAMES, 0, 0)
+ZERO = show_pattern("zero")
 
 
 def _parse(*pieces):
-    parser = Parser(texels=84)
+    parser = protocol.Parser(texels=84)
     return [message for piece in pieces for message in parser.feed(piece)]
 
 
-@pytest.mark.parametrize(("rate", "frames"), [(271.0, 272), (1.0, 2), (1000.0, 1001)])
-def test_frames_come_at_their_rate(rate, frames):
-    """From 0 s to 1 s, both included."""
+def _ask(sensor, command, *values, now=0.0):
+    (message,) = _parse(sensor.receive(encode_request(command, *values), now))
+    return decode_answer(command, message.payload)[1]
+
+
+def _stream(sensor, seconds, interval_ms=0):
+    """Times of the frames from the start to this time, both included [ms]."""
+    _ask(sensor, Command.START_PERIODIC_FRAMES, 0, interval_ms)
+    return [decode_frame(message.payload).ticks for message in _parse(*sensor.take_due_frames(seconds + 1e-9))]
+
+
+@pytest.mark.parametrize(("rate", "interval_ms", "frames"), [(271, 0, 272), (1, 0, 2), (1000, 0, 1001), (271, 100, 11)])
+def test_frames_come_at_their_rate_or_interval(rate, interval_ms, frames):
     sensor = VirtualSensor(show_pattern("blob"), rate=rate)
-    sensor.receive(START, 0.0)
-    messages = _parse(*sensor.take_due_frames(1.0 + 1e-9))
-    assert len(messages) == sensor.frames_sent == frames
-    ticks = [decode_frame(message.payload).ticks for message in messages]
-    assert np.allclose(ticks, np.arange(frames) * 1000 / rate, rtol=0, atol=1.001)
-
-
-def test_an_interval_slows_the_frames_down():
-    sensor = VirtualSensor(show_pattern("blob"))
-    sensor.receive(encode_request(Command.START_PERIODIC_FRAMES, 0, 100), 0.0)
-    assert len(sensor.take_due_frames(0.95)) == 10
+    ticks = _stream(sensor, 1.0, interval_ms)
+    assert len(ticks) == sensor.frames_sent == frames
+    assert np.allclose(ticks, np.arange(frames) * (interval_ms or 1000 / rate), rtol=0, atol=1.001)
 
 
 def test_no_frames_come_in_a_pause():
-    sensor = VirtualSensor(show_pattern("ramp"), misbehaviour=Misbehaviour(pauses=((0.2, 0.7),)))
-    sensor.receive(START, 0.0)
-    ticks = [decode_frame(message.payload).ticks for message in _parse(*sensor.take_due_frames(1.0))]
+    ticks = _stream(VirtualSensor(ZERO, misbehaviour=Misbehaviour(pauses=((0.2, 0.7),))), 1.0)
     assert max(np.diff(ticks)) == pytest.approx(500, abs=5)
     assert not any(205 <= tick < 695 for tick in ticks)
 
 
 @pytest.mark.parametrize(("now", "temperature"), [(0, 25), (1200 * np.log(2), 30), (1e6, 35)])
 def test_the_pad_warms_up(now, temperature):
-    assert _ask(VirtualSensor(show_pattern("zero")), Command.TEMPERATURE, now=now) == (10 * temperature,)
+    assert _ask(VirtualSensor(ZERO), Command.TEMPERATURE, now=now) == (10 * temperature,)
 
 
 @given(st.integers(0, 255).filter(lambda identifier: identifier != 0xAA), st.binary(max_size=20))
@@ -71,9 +63,6 @@ def test_any_request_gets_one_answer_of_its_own_identifier(identifier, payload):
     request = encode_message(identifier, payload)
     requests, answers = _parse(request), _parse(sensor.receive(request, 0.0))
     assert [answer.identifier for answer in answers] == [found.identifier for found in requests]
-
-
-ZERO = show_pattern("zero")
 
 
 @pytest.mark.parametrize(
@@ -96,25 +85,19 @@ def test_bad_input_is_refused_with_what_is_known(make, reason):
         make()
 
 
-def _ask(sensor, command, *values, now=0.0):
-    (message,) = _parse(sensor.receive(encode_request(command, *values), now))
-    return decode_answer(command, message.payload)[1]
-
-
 @pytest.mark.parametrize(
-    ("columns", "rows", "width", "height", "name"),
+    ("shape", "pitch", "name"),
     [
-        (6, 14, 3.4e-3, 3.4e-3, b"WTS 0614-34"),
-        (6, 13, 3.4e-3, 3.4e-3, b"WTS 0613-34"),
-        (4, 8, 3.8e-3, 3.8e-3, b"WTS 0408-38"),
-        (16, 16, 0.9e-3, 2e-3, b"WTS 1616-09x20"),
+        ((6, 14), (3.4e-3, 3.4e-3), b"WTS 0614-34"),
+        ((4, 8), (3.8e-3, 3.8e-3), b"WTS 0408-38"),
+        ((16, 16), (0.9e-3, 2e-3), b"WTS 1616-09x20"),
     ],
 )
-def test_an_array_announces_itself(columns, rows, width, height, name):
-    matrix = MatrixInfo(columns=columns, rows=rows, cell_width=width, cell_height=height, full_scale=4095)
+def test_an_array_announces_itself(shape, pitch, name):
+    matrix = MatrixInfo(*shape, *pitch, full_scale=4095)
     sensor = VirtualSensor(show_pattern("zero", matrix), matrix=matrix)
     assert _ask(sensor, Command.SENSOR_TYPE) == (name,)
-    assert _ask(sensor, Command.MATRIX_INFO)[:2] == (columns, rows)
+    assert _ask(sensor, Command.MATRIX_INFO) == matrix.values
 
 
 def test_masked_texels_read_zero_and_the_mask_is_told():
@@ -126,15 +109,6 @@ def test_masked_texels_read_zero_and_the_mask_is_told():
     assert data[0] == 0b01111011
     bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder="little")
     assert np.array_equal(bits, np.append(active, [0] * 4))
-
-
-def test_a_sensor_has_a_tag_that_clients_can_change():
-    assert _ask(VirtualSensor(ZERO), Command.GET_TAG) == (b"softcover",)
-    sensor = VirtualSensor(ZERO, tag="left hand")
-    assert _ask(sensor, Command.GET_TAG) == (b"left hand",)
-    for tag in (b"thumb", b"t" * 65):  # the second one is too long
-        _ask(sensor, Command.SET_TAG, tag)
-        assert _ask(sensor, Command.GET_TAG) == (b"thumb",)
 
 
 def test_patterns_are_what_they_are_called():
@@ -152,19 +126,8 @@ def test_patterns_are_what_they_are_called():
 def test_a_playback_shows_each_frame_until_the_next_and_starts_again_after_the_last():
     times, counts = [10.0, 10.5, 11.5, 12.0], np.arange(8).reshape(4, 2)
     show, duration = virtual.show_recording(times, counts), 2.0 * 4 / 3  # the last one is shown for the mean step
-    shown = {
-        0.0: 0,
-        0.49: 0,
-        0.5: 1,
-        1.49: 1,
-        1.5: 2,
-        1.99: 2,
-        2.0: 3,
-        2.6: 3,
-        duration + 0.01: 0,
-        3 * duration + 0.6: 1,
-    }
-    assert all(np.array_equal(show(time), counts[frame]) for time, frame in shown.items())
+    shown = [0.0, 0.49, 0.5, 1.49, 1.5, 1.99, 2.0, 2.6, duration + 0.01, 3 * duration + 0.6]
+    assert np.array_equal([show(time) for time in shown], counts[[0, 0, 1, 1, 2, 2, 3, 3, 0, 1]])
     assert np.array_equal(virtual.show_recording([5.0], counts[:1])(3.0), counts[0])
 
 
@@ -211,6 +174,14 @@ def test_a_sensor_behind_a_network_port():
             thread.join()
     assert gaps == []
     assert all(is_ramp(reading.counts) for reading in readings)
+
+
+def test_a_sensor_on_an_existing_port():
+    with closing(PseudoTerminal()) as cable, closing(virtual.SerialEnd(cable.name)) as end:
+        cable.send(encode_request(Command.SENSOR_TYPE))
+        virtual.serve(VirtualSensor(ZERO), end, seconds=0.3)
+        (message,) = _parse(cable.receive(0))
+    assert decode_answer(Command.SENSOR_TYPE, message.payload) == (0, (b"WTS 0614-34",))
 
 
 def test_a_link_that_another_port_replaced_is_left_alone(tmp_path):

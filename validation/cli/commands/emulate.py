@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import functools
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from validation.cli.options import Json, PressedArrayIndex, Quantity, check_range, choose_array, read_time_span
 from validation.cli.output import Progress, print_json, say
 from validation.errors import InputError, at, nearest
 
 if TYPE_CHECKING:
-    from meshes import TexelArray
-    from validation.weiss.protocol import MatrixInfo
-    from validation.weiss.virtual import Misbehaviour, VirtualSensor
+    from validation.weiss.virtual import Misbehaviour
 
 #: Names of the tactile images that the emulated sensor can show without a recording or a model.
 _PATTERNS = ("blob", "ramp", "corner", "zero")
@@ -64,13 +60,11 @@ def emulate(
 
     check_range("--seconds", seconds)
     misbehaviour = _read_misbehaviour(fault or [], pause or [], seed)
-    make = functools.partial(VirtualSensor, rate=rate, tag=tag, misbehaviour=misbehaviour)
     with at(""):
-        sensor = _make_sensor(show, array, indenter, load, make)
-    with contextlib.ExitStack() as stack:
-        is_device = port and ("://" in port or port.startswith(("/dev/", "COM")))
-        end = SerialEnd(port) if port and is_device else PseudoTerminal(port)
-        stack.callback(end.close)
+        shown = _find_shown(show, array, indenter, load)
+        sensor = VirtualSensor(**shown, rate=rate, tag=tag, misbehaviour=misbehaviour)
+    is_device = port and ("://" in port or port.startswith(("/dev/", "COM")))
+    with contextlib.closing(SerialEnd(port) if port and is_device else PseudoTerminal(port)) as end:
         if json:
             print_json({"port": end.name, "rate_hz": rate, "show": show, "type": sensor.type, "tag": tag})
         else:
@@ -98,10 +92,8 @@ def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbe
         return Misbehaviour(rates=rates, pauses=spans, seed=seed)
 
 
-def _make_sensor(
-    show: str, array: int | None, indenter: str | None, load: str | None, make: Callable[..., VirtualSensor]
-) -> VirtualSensor:
-    """Make the sensor with the frames that it shows and the properties of its array.
+def _find_shown(show: str, array: int | None, indenter: str | None, load: str | None) -> dict[str, Any]:
+    """Find the frames that the sensor shows and the properties of its array, as options of `VirtualSensor`.
 
     Args:
         show: Name of a pattern or of a built-in sensor, or path of a recording, a sensor file or a folder that
@@ -109,13 +101,13 @@ def _make_sensor(
         array: Index of the array in a recording; None for the one that is pressed most.
         indenter: Shape of the indenter that presses on the fast model.
         load: Largest load of this indenter, with its unit.
-        make: Makes the sensor from its frames and its array.
 
     Raises:
         InputError: If nothing of this name exists, a recording holds no frames, or counts do not fit the protocol.
     """
     from validation.sensor_file import BUILT_IN, CURVED
-    from validation.weiss.virtual import WTS_0614_34, show_frames, show_pattern, show_recording
+    from validation.weiss.protocol import LARGEST_COUNT, MatrixInfo
+    from validation.weiss.virtual import show_frames, show_pattern, show_recording
 
     path = Path(show)
     is_pressed = show in BUILT_IN or show.endswith(".toml") or (path / "parameters.toml").exists()
@@ -124,7 +116,7 @@ def _make_sensor(
     if not is_pressed and (indenter or load):
         raise InputError(f"--indenter, --load: press on the fast model of a sensor; leave them out with --show {show}")
     if show in _PATTERNS:
-        return make(show_pattern(show), matrix=WTS_0614_34)
+        return {"source": show_pattern(show)}
     if show in CURVED:
         raise InputError(
             f"--show: {show} has a curved cover; run softcover derive {show} --out FOLDER and name the folder"
@@ -143,26 +135,19 @@ def _make_sensor(
         tell_unused(found)
         with Progress() as progress:
             parameters = find_parameters(found, progress)
-        matrix = _make_matrix(show, parameters.array, parameters.electronics.output_max)
+        texels, full_scale, active = parameters.array, parameters.electronics.output_max, parameters.array.active
         frames = simulate_frames(parameters, shape, load=weight)
-        return make(show_frames(each.counts for each in frames), matrix=matrix, active=parameters.array.active)
-    from validation.recordings.importing import open_recording
+        source = show_frames(frame.counts for frame in frames)
+    else:
+        from validation.recordings.importing import open_recording
 
-    recording = open_recording(path)
-    if not len(recording.times):
-        raise InputError(f"--show: {path} holds no frames to show")
-    recorded = recording.arrays[choose_array(recording, array)]
-    matrix = _make_matrix(show, recorded.texels, recorded.full_scale)
-    source = show_recording(recording.times, recorded.counts)
-    return make(source, matrix=matrix, active=recorded.texels.active & recorded.enabled)
-
-
-def _make_matrix(show: str, texels: TexelArray, full_scale: int) -> MatrixInfo:
-    from validation.weiss.protocol import LARGEST_COUNT, MatrixInfo
-
+        recording = open_recording(path)
+        if not len(recording.times):
+            raise InputError(f"--show: {path} holds no frames to show")
+        recorded = recording.arrays[choose_array(recording, array)]
+        texels, full_scale, active = recorded.texels, recorded.full_scale, recorded.texels.active & recorded.enabled
+        source = show_recording(recording.times, recorded.counts)
     if full_scale > LARGEST_COUNT:
         raise InputError(f"--show: {show} has counts up to {full_scale}; the protocol has 12 bits, 0..{LARGEST_COUNT}")
-    width, height = texels.pitch
-    return MatrixInfo(
-        columns=texels.columns, rows=texels.rows, cell_width=width, cell_height=height, full_scale=full_scale
-    )
+    matrix = MatrixInfo(texels.columns, texels.rows, *texels.pitch, full_scale=full_scale)
+    return {"source": source, "matrix": matrix, "active": active}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,11 +15,6 @@ from validation.errors import InputError
 if TYPE_CHECKING:
     from validation.weiss.protocol import Reading
     from validation.weiss.stream import Gap
-
-#: Largest value of the settings that the sensor stores in 16 bits: interval [ms] and threshold [counts].
-_MOST_16_BIT = 0xFFFF
-#: Largest value of the setting that the sensor stores in 8 bits: gain [-].
-_MOST_8_BIT = 0xFF
 
 
 def record(
@@ -61,11 +57,11 @@ def record(
     """
     from validation import api
 
-    settings = {"threshold": (threshold, _MOST_16_BIT), "gain": (gain, _MOST_8_BIT)}
-    for name, (value, most) in {"interval-ms": (interval_ms, _MOST_16_BIT), **settings}.items():
-        check_range(f"--{name}", value, most)
-    for name, duration in {"seconds": seconds, "reconnect": reconnect}.items():
-        check_range(f"--{name}", duration)
+    check_range("--interval-ms", interval_ms, 0xFFFF)  # interval and threshold have 16 bits in the protocol, gain has 8
+    check_range("--threshold", threshold, 0xFFFF)
+    check_range("--gain", gain, 0xFF)
+    check_range("--seconds", seconds)
+    check_range("--reconnect", reconnect)
     if seconds is not None and interval_ms * 1e-3 > seconds:
         raise InputError(f"--interval-ms: no frame would come within --seconds {seconds:g}; give a shorter interval")
     path = out if out.suffix == ".mcap" else out / time.strftime("touch-%Y%m%d-%H%M%S.mcap")
@@ -73,7 +69,7 @@ def record(
         done = api.record(
             port, path, seconds=seconds, indenter=indenter, load=load, note=note, threshold=threshold, gain=gain,
             tare=tare, run_length=run_length, interval_ms=interval_ms, reconnect=reconnect, baud_rate=baud_rate,
-            on_start=lambda matrix: live.set_up(matrix.columns, matrix.full_scale), on_event=_EventDisplay(live),
+            on_start=lambda matrix: live.set_up(matrix.columns, matrix.full_scale), on_event=_make_display(live),
         )  # fmt: skip
     if json:
         residual = {
@@ -85,29 +81,22 @@ def record(
         say(str(done.residual))
 
 
-class _EventDisplay:
-    """Counts the frames and gaps of a recording, and shows the latest frame whenever the live image is due.
+def _make_display(live: LiveImage) -> Callable[[Reading | Gap], None]:
+    """Make a function that counts frames and gaps, and shows the latest frame whenever the live image is due."""
+    frames = gaps = shown = 0
+    start = then = time.monotonic()
 
-    Args:
-        live: The live image.
-    """
-
-    def __init__(self, live: LiveImage) -> None:
-        self._live = live
-        self._frames = self._gaps = 0
-        self._start = time.monotonic()
-        #: Number of frames and time since the start [s] when the latest live image was shown.
-        self._shown = (0, 0.0)
-
-    def __call__(self, event: Reading | Gap) -> None:
-        """Count one frame or gap; show the frame if the live image is due."""
+    def show(event: Reading | Gap) -> None:
+        nonlocal frames, gaps, shown, then
         counts = getattr(event, "counts", None)
         if counts is None:
-            self._gaps += 1
+            gaps += 1
             return
-        self._frames += 1
-        if self._live.is_due:
-            seconds = time.monotonic() - self._start
-            (frames, then), self._shown = self._shown, (self._frames, seconds)
-            rate = f"{(self._frames - frames) / (seconds - then):.1f} frames/s  " if frames else ""
-            self._live.show(counts, f"{seconds:6.1f} s  {self._frames} frames  {rate}{self._gaps} gaps")
+        frames += 1
+        if live.is_due:
+            now = time.monotonic()
+            rate = f"{(frames - shown) / (now - then):.1f} frames/s  " if shown else ""
+            shown, then = frames, now
+            live.show(counts, f"{now - start:6.1f} s  {frames} frames  {rate}{gaps} gaps")
+
+    return show

@@ -2,13 +2,9 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import fastmodel
 from fem_reference.finite_strain.contact_problem import PathSettings
-from validation.errors import InputError
-from validation.text.friction import read_friction
 
 
 def test_both_models_carry_the_load_and_are_scored(softcover):
@@ -62,15 +58,3 @@ def test_a_loading_path_that_stops_is_status_4_in_one_line(softcover, monkeypatc
     last = err.splitlines()[-1]
     assert last.startswith("softcover: reached no load of the 1 N asked for: no convergence even at a depth of")
     assert last.endswith("press less, or with a wider or rounder indenter")
-
-
-@given(value=st.floats(0, 1e6))
-def test_a_coefficient_of_friction_reads_back_as_written(value):
-    assert read_friction(repr(value)) == value
-    assert read_friction("no-slip") == np.inf
-
-
-@pytest.mark.parametrize("text", ["inf", "nan", "-0.1", "1e999", "slip", ""])
-def test_what_is_no_coefficient_of_friction_is_refused(text):
-    with pytest.raises(InputError, match="is not zero, a positive number or no-slip"):
-        read_friction(text)
