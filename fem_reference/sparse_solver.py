@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -68,7 +68,7 @@ class SymmetricFactors:
     def __init__(self, *, backend: str | None = None) -> None:
         self._wanted = backend
         self._upper = sp.csr_matrix((0, 0))
-        self._engine: _Engine
+        self._engine: _Pardiso | _SuperLU
 
     def factorise(self, upper: sp.csr_matrix) -> SymmetricFactors:
         """Factorise a matrix; ordering and symbolic analysis are reused if its sparsity pattern has not changed.
@@ -85,7 +85,8 @@ class SymmetricFactors:
             ImportError: If the backend is not installed.
             numpy.linalg.LinAlgError: If the matrix is singular.
         """
-        if not _have_same_pattern(self._upper, upper):
+        known = self._upper
+        if not (np.array_equal(known.indptr, upper.indptr) and np.array_equal(known.indices, upper.indices)):
             self.backend = _choose_backend(self._wanted, upper.nnz)
             self._engine = _Pardiso(upper) if self.backend == "pardiso" else _SuperLU(upper, self.backend)
         self._upper, self._diagonal = upper, upper.diagonal()
@@ -173,16 +174,6 @@ class ConstrainedSystem:
         return out
 
 
-class _Engine(Protocol):
-    """Interface of a solver backend, which factorises symmetric matrices of one sparsity pattern."""
-
-    def factorise(self, upper: sp.csr_matrix) -> None:
-        """Factorise the symmetric matrix with this upper triangle, shape (n, n)."""
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        """Solve for the m right-hand sides in the columns of `right`, shape (n, m)."""
-
-
 class _Pardiso:
     """LDL^T factorisation of symmetric indefinite matrices by MKL's pardiso (matrix type -2).
 
@@ -212,10 +203,12 @@ class _Pardiso:
         self._run(11, np.zeros((upper.shape[0], 1)))
 
     def factorise(self, upper: sp.csr_matrix) -> None:
+        """Factorise the symmetric matrix with this upper triangle, shape (n, n)."""
         self._upper = upper
         self._run(22, np.zeros((upper.shape[0], 1)))
 
     def solve(self, right: FloatArray) -> FloatArray:
+        """Solve for the m right-hand sides in the columns of `right`, shape (n, m)."""
         return self._run(33, right)
 
     def _run(self, phase: int, right: FloatArray) -> FloatArray:
@@ -290,11 +283,6 @@ def _select_upper(matrix: sp.csr_matrix) -> sp.csr_matrix:
     row, column = np.r_[entries.row[keep], every], np.r_[entries.col[keep], every]
     data = np.r_[entries.data[keep], np.zeros(len(every))]
     return sp.coo_matrix((data, (row, column)), shape=matrix.shape).tocsr()
-
-
-def _have_same_pattern(one: sp.csr_matrix, other: sp.csr_matrix) -> bool:
-    """Return whether two sparse matrices have their stored entries at the same places."""
-    return np.array_equal(one.indptr, other.indptr) and np.array_equal(one.indices, other.indices)
 
 
 def _order_nodes(matrix: sp.csr_matrix) -> IntArray:

@@ -5,22 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from importlib.util import find_spec
 
-#: Extra of the package (`pip install -e '.[EXTRA]'` in a clone) that installs each optional module.
-EXTRAS = {
-    "skfem": "fem",
-    "pymetis": "fem",
-    "trimesh": "fem",
-    "manifold3d": "fem",
-    "pytetwild": "curved",
-    "jinja2": "report",
-    "matplotlib": "report",
-    "serial": "device",
-    "mcap": "device",
-    "mcap_ros2": "device",
-    "rosbags": "device",
-    "gymnasium": "gym",
-    "pyvista": "view",
+#: Optional modules that each extra of the package installs.
+_MODULES = {
+    "fem": ("skfem", "pymetis", "trimesh", "manifold3d"),
+    "curved": ("pytetwild",),
+    "report": ("jinja2", "matplotlib"),
+    "device": ("serial", "mcap", "mcap_ros2", "rosbags"),
+    "gym": ("gymnasium",),
+    "view": ("pyvista",),
 }
+#: Extra of the package (`pip install -e '.[EXTRA]'` in a clone) that installs each optional module.
+EXTRAS = {module: extra for extra, modules in _MODULES.items() for module in modules}
 #: Optional modules that a report needs.
 REPORT_MODULES = ("jinja2", "matplotlib")
 

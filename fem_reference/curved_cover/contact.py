@@ -312,7 +312,11 @@ class MeshPress:
             least: Lower bound of the depth [m].
         """
         low, high = least, np.inf
-        depth, before = self._first_depth() if start is None else start, None
+        depth, before = self._deepest / 128 if start is None else start, None
+        while start is None and depth < self._deepest:
+            if (self.at_depth(depth).forces > 0).sum() >= _SETTINGS.first_nodes:
+                break
+            depth = min(2 * depth, self._deepest)
         for number in range(1, _SETTINGS.steps + 1):
             contact = self.at_depth(min(depth, self._deepest))
             excess = contact.load - load
@@ -333,13 +337,6 @@ class MeshPress:
             if not low < depth < high or (number % _SETTINGS.bisect == 0 and np.isfinite(high)):
                 depth = (low + high) / 2 if np.isfinite(high) else self._deepest
         raise ConvergenceError(f"the depth under {load:.4g} N was not found in {_SETTINGS.steps} steps")
-
-    def _first_depth(self) -> float:
-        """Return a depth at which a few hats are in contact [m]."""
-        depth = self._deepest / 128
-        while depth < self._deepest and (self.at_depth(depth).forces > 0).sum() < _SETTINGS.first_nodes:
-            depth *= 2
-        return min(depth, self._deepest)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

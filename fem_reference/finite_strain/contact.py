@@ -359,7 +359,6 @@ class SurfaceContact:
 
 #: Number of points on each ring of an axisymmetric contact [-].
 RING_POINTS = 32
-#: Lower bound of a denominator that may be zero [N].
 
 
 def collect_points(contact: ContactState) -> FloatArray:

@@ -103,7 +103,7 @@ class LoadingPath:
     @property
     def at_model_strain(self) -> LoadingPath:
         """This loading path, at small strain if all layers have small-strain materials, else at finite strain."""
-        return replace(self, load_scale=choose_load_scale(self.cover))
+        return replace(self, load_scale=_SMALL_STRAIN_SCALE if self.cover.small_strain_only else 1.0)
 
     @property
     def baseline(self) -> LoadingPath:
@@ -120,11 +120,6 @@ class LoadingPath:
         """Whether grids refine edge radius and element size alternately: flat faces with friction, in 3-D."""
         in_plane = self.cover.size is None and self.indenter.axisymmetric
         return self.indenter.is_flat and self.has_friction_effect and not in_plane
-
-
-def choose_load_scale(cover: Cover) -> float:
-    """Return the load scale with which a cover is solved: small if all layers have small-strain materials, else 1."""
-    return _SMALL_STRAIN_SCALE if cover.small_strain_only else 1.0
 
 
 def name_part(progress: Progress, part: str) -> Progress:

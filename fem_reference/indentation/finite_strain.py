@@ -255,7 +255,9 @@ def correct_path(
         For each target one corrected solution per coarse grid.
     """
     if _needs_no_correction(path, accurate):
-        return [_keep_accurate(path, grids) for grids in accurate]
+        return [
+            [replace(_find_limit(path, grids), size=grid.size, area=grid.area) for grid in grids] for grids in accurate
+        ]
     flat = path.indenter.is_flat
     solved_targets = list(path.targets)
     if flat and not path.has_friction_effect:
@@ -309,11 +311,6 @@ def _needs_no_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolu
 def _find_limit(path: LoadingPath, grids: Sequence[GridSolution]) -> GridSolution:
     """Return the accurate solution of one target, extrapolated from its grids."""
     return extrapolate_solutions(grids) if path.indenter.is_flat and not path.baseline_friction else grids[-1]
-
-
-def _keep_accurate(path: LoadingPath, grids: Sequence[GridSolution]) -> list[GridSolution]:
-    """Return the accurate solution of one target, uncorrected, in place of the corrected one on each grid."""
-    return [replace(_find_limit(path, grids), size=grid.size, area=grid.area) for grid in grids]
 
 
 def solve_block_pair(

@@ -168,7 +168,9 @@ class LayerPress:
             first = failure = error
         if isinstance(first, TooShallowError) or _is_linear(path):
             raise IncompletePathError(_explain(path, first, []), []) from first
-        if _is_nearly_solved(path, first) and refinement < self.count_refinements(path):
+        near = not path.friction and isinstance(first, PathConvergenceError)
+        near = near and getattr(first, path.control) > _NEARLY[path.control] * path.targets[-1]
+        if near and refinement < self.count_refinements(path):
             try:
                 return self.solve(path, refinement + 1)
             except (ConvergenceError, np.linalg.LinAlgError):
@@ -251,13 +253,6 @@ def _shorten(path: LoadingPath, error: Exception, within: float) -> LoadingPath:
         return replace(path, targets=(_PART * path.targets[0],))
     kept = tuple(target for target in path.targets if target < _LEAST_SPACING * value)
     return replace(path, targets=(*kept, value))
-
-
-def _is_nearly_solved(path: LoadingPath, error: Exception) -> bool:
-    """Return whether a failed solution without friction came near its last target."""
-    if path.friction or not isinstance(error, PathConvergenceError):
-        return False
-    return bool(getattr(error, path.control) > _NEARLY[path.control] * path.targets[-1])
 
 
 def _is_linear(path: LoadingPath) -> bool:

@@ -68,7 +68,10 @@ def solve_linear_fields(path: LoadingPath, contact: FloatArray, place: Place, de
     if missing:
         raise ValueError(missing)
     if path.cover.size is not None:
-        return _solve_finite_cover(path, contact, place.pose, depth)
+        size = min(path.cover.thickness, *np.ptp(contact[:, :2], axis=0)) / _SOLID_COUNT
+        block = lay_out_cover(path, place.pose, contact[:, :2], elements_per_thickness=_SOLID_COUNT, fillet=size)
+        placed = np.column_stack([*place.pose.to_array(*contact[:, :2].T), contact[:, 2]])
+        return _solve_block(path, placed, block, depth)
     if path.indenter.axisymmetric:
         return _solve_axisymmetric(path, contact, depth).to_array(place.pose)
     return _solve_wide_block(path, contact, depth).to_array(place.pose)
@@ -120,13 +123,6 @@ def _solve_wide_block(path: LoadingPath, contact: FloatArray, depth: float) -> C
     surface = IndenterSurface(indenter=path.indenter, fillet=size, unit=unit)
     block = Block(sides=sides, symmetric=symmetric, size=size, surface=surface)
     return _solve_block(path, contact, block, depth)
-
-
-def _solve_finite_cover(path: LoadingPath, contact: FloatArray, pose: Pose, depth: float) -> CoverFields:
-    """Solve for the fields in a whole cover of limited size, in the frame of the array."""
-    size = min(path.cover.thickness, *np.ptp(contact[:, :2], axis=0)) / _SOLID_COUNT
-    block = lay_out_cover(path, pose, contact[:, :2], elements_per_thickness=_SOLID_COUNT, fillet=size)
-    return _solve_block(path, np.column_stack([*pose.to_array(*contact[:, :2].T), contact[:, 2]]), block, depth)
 
 
 def _solve_block(path: LoadingPath, contact: FloatArray, block: Block, depth: float) -> CoverFields:

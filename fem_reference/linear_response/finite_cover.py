@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -231,15 +232,13 @@ def _grade_side(cover: Cover, array: TexelArray, axis: int, across: float) -> Fl
             marks.append(float(mark))
     sharp = [texel_edges[0] == 0.0, *[True] * (len(marks) - 1), True]
     marks.append(end)
-    parts = [_grade_between(marks[i], marks[i + 1], across, (sharp[i], sharp[i + 1])) for i in range(len(marks) - 1)]
-    return np.concatenate([[0.0], *parts])
-
-
-def _grade_between(low: float, high: float, across: float, sharp: tuple[bool, bool]) -> FloatArray:
-    """Place element edges in (low, high], with size 1 / across near ends marked `sharp` and growing away from these."""
-    x = np.linspace(low, high, _SETTINGS.samples)
-    distance = np.minimum(x - low if sharp[0] else np.inf, high - x if sharp[1] else np.inf)
-    return fill_by_spacing(x, (1 + _SETTINGS.growth * np.maximum(distance - _SETTINGS.near, 0)) / across)[1:]
+    edges = [np.zeros(1)]
+    for low, high in pairwise(zip(marks, sharp, strict=True)):
+        x = np.linspace(low[0], high[0], _SETTINGS.samples)
+        distance = np.minimum(x - low[0] if low[1] else np.inf, high[0] - x)  # all but the middle are sharp
+        spacing = (1 + _SETTINGS.growth * np.maximum(distance - _SETTINGS.near, 0)) / across
+        edges.append(fill_by_spacing(x, spacing)[1:])
+    return np.concatenate(edges)
 
 
 #: Element sizes of the three grids; the result is that of the finest grid.
@@ -533,7 +532,8 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
         for start in range(0, len(displaced[0]), _SETTINGS.columns):
             load = -solid.compute_base_forces(*(part[start : start + _SETTINGS.columns] for part in displaced))
             load[constrained] = 0.0
-            tops.append(_select_top(solid, factors.solve(load)))
+            normal = factors.solve(load)[solid.offsets[2] : solid.offsets[3]].reshape(*solid.field_shape(2), -1)
+            tops.append(normal[:, :, -1].transpose(2, 0, 1))  # at the top
         top = np.concatenate(tops)
         if parity == (0, 0):
             whole = top[-1]
@@ -560,9 +560,3 @@ def _project_indicators(line: Line, spans: FloatArray, odd: int) -> FloatArray:
     out = np.zeros_like(load)
     out[:, odd:] = np.linalg.solve(mass[odd:, odd:], load[:, odd:].T).T
     return out
-
-
-def _select_top(solid: TensorSolid, solution: FloatArray) -> FloatArray:
-    """Select the displacements along z of the top nodes from k solutions, shape (k, nodes along x, nodes along y)."""
-    normal = solution[solid.offsets[2] : solid.offsets[3]].reshape(*solid.field_shape(2), -1)
-    return np.ascontiguousarray(normal[:, :, -1].transpose(2, 0, 1))

@@ -252,7 +252,9 @@ class PointSpread:
         """Force on the triangle of the axis, (x, 0) and (x, y): x times the integral of Q / r^2 from 0 to y."""
         edges = _cut_panels(self.thickness, _SETTINGS.farthest * float(self.radius[-1]))
         points, share = gauss_points(edges, 6)
-        density = self._enclosed(np.hypot(edges[:, None], points)) * share
+        distance = np.hypot(edges[:, None], points)
+        r = np.minimum(distance, self.radius[-1])
+        density = self._half_mean(r) * (r / np.maximum(distance, r)) ** 2 * share  # Q(r) / r^2
         cells = density.reshape(len(edges), -1, 6).sum(axis=2)
         line = np.zeros((len(edges), len(edges)))
         line[:, 1:] = cells.cumsum(axis=1)
@@ -265,14 +267,9 @@ class PointSpread:
         parts = (share * points * self.pressure(points)).reshape(-1, 4).sum(axis=1)
         return np.append(0.0, parts.cumsum())
 
-    def _enclosed(self, distance: FloatArray) -> FloatArray:
-        """Evaluate Q(r) / r^2, half the mean pressure within a circle of radius r."""
-        r = np.minimum(distance, self.radius[-1])
-        return np.asarray(self._half_mean(r) * (r / np.maximum(distance, r)) ** 2) if distance.size else distance
-
     @cached_property
     def _half_mean(self) -> CubicSpline:
-        """Spline of Q(r) / r^2 from the axis to the reach of the pressure."""
+        """Spline of Q(r) / r^2, half the mean pressure within a circle of radius r, up to the reach of the pressure."""
         with np.errstate(invalid="ignore"):
             value = self._within / self.radius**2
         value[0] = float(self.pressure(np.zeros(1))[0]) / 2

@@ -234,15 +234,13 @@ class SurfaceCompliance:
         out = np.zeros(np.shape(x))
         for move, share in zip(*rules[0], strict=True):
             for rise, part in zip(*rules[1], strict=True):
-                out += share * part * self._evaluate_regular(np.hypot(x + move, y + rise))
+                distance = np.hypot(x + move, y + rise)
+                value = self.regular(np.minimum(distance, self.reach))
+                if self.decayed:  # beyond the reach the regular part cancels the displacement of the half space
+                    beyond = -self.half_space / np.maximum(distance, self.reach)
+                    value = np.where(distance < self.reach, value, beyond)
+                out += share * part * value
         return out
-
-    def _evaluate_regular(self, distance: FloatArray) -> FloatArray:
-        """Evaluate the regular part; beyond the reach it cancels the displacement of the half space, if decayed."""
-        value = self.regular(np.minimum(distance, self.reach))
-        if not self.decayed:
-            return np.asarray(value)
-        return np.where(distance < self.reach, value, -self.half_space / np.maximum(distance, self.reach))
 
 
 def surface_compliance(

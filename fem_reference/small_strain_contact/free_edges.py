@@ -198,7 +198,9 @@ class SideEdges:
         ]
         far = _SETTINGS.far_sliding if self.cover.base == "sliding" else _SETTINGS.far
         far *= decay_length(self.cover) / unit
-        outer = [np.concatenate([edges, _grade_surroundings(edges[-1], far, size)]) for edges in inner]
+        beyond = np.linspace(0, far, _SETTINGS.samples)
+        beyond = fill_by_spacing(beyond, size + _SETTINGS.outward * beyond, parts=_SETTINGS.parts)[1:]
+        outer = [np.append(edges, edges[-1] + beyond) for edges in inner]
         lines = [Line(edges=edges, order=2) for edges in inner]
         chosen = [
             np.unique(line.index[(line.edges[:-1] <= high) & (line.edges[1:] >= low)])
@@ -254,12 +256,6 @@ def _grade_cover(low: float, high: float, end: float, size: float, *, sharp: boo
             fill_by_spacing(x, np.minimum(size + _SETTINGS.growth * (end - x), largest), parts=_SETTINGS.parts)[1:]
         )
     return np.concatenate(edges)
-
-
-def _grade_surroundings(end: float, length: float, size: float) -> FloatArray:
-    """Place growing element edges outside the side of a cover, from `end` to `end + length`; see `_grade_cover`."""
-    x = np.linspace(0, length, _SETTINGS.samples)
-    return np.asarray(end + fill_by_spacing(x, size + _SETTINGS.outward * x, parts=_SETTINGS.parts)[1:])
 
 
 def _solve_flexibility(

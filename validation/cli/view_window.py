@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import subprocess
 import sys
 import threading
 import time
@@ -14,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from validation.render.image import Scale
+from validation.scene.rendering import try_program
 
 if TYPE_CHECKING:
     from validation.cli.view_scene import Scene
@@ -54,14 +54,8 @@ def find_window_fault() -> str | None:
     """
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return "there is no display: neither DISPLAY nor WAYLAND_DISPLAY is set"
-    command = [sys.executable, "-c", _PROBE]
-    try:
-        tried = subprocess.run(command, capture_output=True, text=True, check=False, timeout=TIMEOUT)  # noqa: S603 -- ours
-    except subprocess.TimeoutExpired:
-        return f"the display did not answer within {TIMEOUT:g} s"
-    if tried.returncode == 0:
-        return None
-    return (tried.stderr.strip().splitlines() or ["no reason given"])[-1]
+    slow = f"the display did not answer within {TIMEOUT:g} s"
+    return try_program(_PROBE, TIMEOUT, slow=slow, silent="no reason given")
 
 
 class Window(contextlib.ExitStack):

@@ -13,7 +13,7 @@ import importlib
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
 
@@ -113,15 +113,32 @@ def _is_library(name: str) -> bool:
 def _try_to_draw(window: str) -> str | None:
     """Draw a small picture in a process of its own; return why that failed, None if it did not."""
     environment = os.environ | ({_CHOICE: window} if window else {})
+    slow = f"no picture within {_TIMEOUT:g} s"
+    return try_program(_PROBE, _TIMEOUT, slow=slow, silent="the picture is empty", environment=environment)
+
+
+def try_program(
+    program: str, timeout: float, *, slow: str, silent: str, environment: Mapping[str, str] | None = None
+) -> str | None:
+    """Run a Python program in a process of its own.
+
+    Args:
+        program: Text of the program.
+        timeout: Longest time to wait for its end [s].
+        slow: Reason of a program that does not end in time.
+        silent: Reason of a program that fails without a word.
+        environment: Its environment; that of this process if None.
+
+    Returns:
+        Why it failed: the last line that it wrote to standard error; None if it did not fail.
+    """
+    command = [sys.executable, "-c", program]
     try:
         tried = subprocess.run(  # noqa: S603 -- ours
-            [sys.executable, "-c", _PROBE],
-            capture_output=True, text=True, check=False, timeout=_TIMEOUT, env=environment,
-        )  # fmt: skip
+            command, capture_output=True, text=True, check=False, timeout=timeout, env=environment
+        )
     except subprocess.TimeoutExpired:
-        return f"no picture within {_TIMEOUT:g} s"
-    if tried.returncode == 0:
-        return None
+        return slow
     if tried.returncode < 0:
         return f"the process was ended by signal {-tried.returncode}"
-    return (tried.stderr.strip().splitlines() or ["the picture is empty"])[-1][:200]
+    return (tried.stderr.strip().splitlines() or [silent])[-1][:200] if tried.returncode else None

@@ -441,18 +441,19 @@ class Parser:
         texels = _MOST_TEXELS if self.texels is None else self.texels
         return _STATUS.size + max(_FRAME_HEAD.size + 2 * texels, LONGEST_TEXT)
 
-    def feed(self, data: bytes) -> list[Message]:
-        """Add the next bytes of the stream and return the messages that they complete."""
-        self._buffer += data
-        self.bytes_seen += len(data)
-        return self._scan(final=False)
-
     def finish(self) -> list[Message]:
         """End the wait for the rest of a message, and return the messages in the stored bytes after its head."""
-        return self._scan(final=True)
+        return self.feed(b"", final=True)
 
-    def _scan(self, *, final: bool) -> list[Message]:
-        """Return the messages in the stored bytes; if `final`, an incomplete message counts as damaged."""
+    def feed(self, data: bytes, *, final: bool = False) -> list[Message]:
+        """Add the next bytes of the stream and return the messages that they complete.
+
+        Args:
+            data: The next bytes.
+            final: Whether an incomplete message counts as damaged, because no further bytes are awaited.
+        """
+        self._buffer += data
+        self.bytes_seen += len(data)
         messages: list[Message] = []
         buffer, end, place = self._buffer, 0, 0
         while found := _START.search(buffer, place):

@@ -1,6 +1,6 @@
 """The driver against a virtual sensor on a pseudo-terminal."""
 
-import os
+import errno
 from itertools import islice, pairwise
 
 import numpy as np
@@ -140,12 +140,11 @@ def test_a_port_that_stays_away_ends_the_stream(plug_in):
             list(stream)
 
 
-def test_errors_distinguish_another_device_on_the_port_from_none():
+@pytest.mark.parametrize(("sent", "fault"), [(bytes(range(64)), "bytes came and none"), (b"", "nothing came back")])
+def test_errors_distinguish_another_device_on_the_port_from_none(sent, fault):
     pytest.importorskip("pty", reason="pseudo-terminals need Linux or macOS")
-    with answer_always(os.urandom(64)) as port, pytest.raises(NoAnswerError, match=r"bytes came and none"):
-        Sensor(port, timeout=0.3)
-    with answer_always(b"") as port, pytest.raises(NoAnswerError, match="nothing came back"):
-        Sensor(port, timeout=0.05)
+    with answer_always(sent) as port, pytest.raises(NoAnswerError, match=fault):
+        Sensor(port, timeout=0.1)
 
 
 def test_a_refused_command_is_named_with_its_status(plug_in):
@@ -219,18 +218,13 @@ def test_a_name_that_is_no_port_is_refused_in_one_line(name, fault):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="changes the user, which needs root")
-def test_permission_denied_names_the_group(plug_in):
-    grp = pytest.importorskip("grp")
-    port = plug_in().name
-    os.chmod(port, 0o600)  # noqa: PTH101 -- a device
-    group = grp.getgrgid(os.stat(port).st_gid).gr_name  # noqa: PTH116 -- a device
-    os.seteuid(65534)
-    try:
-        with pytest.raises(PortError, match=f"no permission to open it.*usermod -aG {group}"):
-            Sensor(port)
-    finally:
-        os.seteuid(0)
+def test_permission_denied_names_the_group(tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise serial.SerialException(errno.EACCES, "could not open port")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    with pytest.raises(PortError, match=f"no permission to open it.*usermod -aG {tmp_path.group()}"):
+        Sensor(str(tmp_path))
 
 
 def test_open_questions_are_answered_and_one_without_an_answer_does_not_end_the_others(plug_in, monkeypatch):
