@@ -41,6 +41,7 @@ CHANGED: tuple[tuple[str, str], ...] = (
     ("* files.*.svg", "pictures come in one format, PNG; the report keeps SVG inside its page"),
     ("* files.*plotly.min.js", "the figures of a report are SVG in its page"),
     ("doctor *plotly*", "the figures of a report are drawn by matplotlib"),
+    ("* *.comparison_models*.parameters.*", "of a range of parameters with the same score the smallest counts"),
     ("* contents.*/contact.csv.*", "contact.csv has points in space and force vectors for covers of every kind"),
 )
 #: Keys that differ from run to run or from machine to machine: times, versions, paths, digests.

@@ -33,6 +33,7 @@ from validation.calibration.model import (
 )
 from validation.calibration.point_load import PointLoadCalibration, calibrate_point_load
 from validation.calibration.uncertainty import (
+    CONFIDENCE,
     FEWEST_RECORDINGS,
     Estimate,
     Uncertainty,
@@ -203,7 +204,6 @@ def calibrate(
     noise: Sequence[float] = (),
     full_scale: float | None = None,
     heights: bool = False,
-    confidence: float = 0.95,
 ) -> Calibration:
     """Estimate poses, characteristic, gains, noise and creep of a sensor from images under known loads.
 
@@ -214,7 +214,6 @@ def calibrate(
         full_scale: Largest count of the converter, for the score on left-out recordings; the largest recorded count
             when not given [-].
         heights: Whether a seating height is fitted for each texel.
-        confidence: Confidence level of the intervals, 0..1 [-].
 
     Raises:
         ValueError: If there are too few recordings or loads, or several thresholds.
@@ -229,7 +228,7 @@ def calibrate(
     if len(thresholds) > 1:
         raise ValueError(f"the recordings have several thresholds: {thresholds}; calibrate each on its own")
     fit = fit_characteristic(method, observations, Options(heights=heights))
-    uncertainty = estimate_uncertainty(fit, confidence=confidence)
+    uncertainty = estimate_uncertainty(fit)
     # The gains of the pressed texels get the mean 1, and the sensitivity takes up their mean.
     texels = _find_pressed(fit)
     places = fit.layout.gains[np.isin(fit.layout.gain_texels, texels)]
@@ -247,12 +246,12 @@ def calibrate(
         f"{method.gain_error:.0%} of a single gain; on wide covers --method reference has no such error"
     )
     return Calibration(
-        confidence=confidence,
+        confidence=CONFIDENCE,
         method=method.name,
         threshold=thresholds[0],
         estimates={
             **_list_estimates(fit, mean, of_mean, uncertainty),
-            **measure_scatter(fit, noise, confidence),
+            **measure_scatter(fit, noise),
         },
         gains=gains,
         gain_half_widths=widths,

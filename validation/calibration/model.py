@@ -108,19 +108,6 @@ class Observations:
     thresholds: FloatArray
     creep: FloatArray = field(default_factory=lambda: np.empty(0))
 
-    def __post_init__(self) -> None:
-        """Check shapes and values.
-
-        Raises:
-            ValueError: If shapes disagree, or a load is negative or not finite.
-        """
-        m = len(self.loads)
-        lengths = {len(each) for each in (self.placements, self.groups, self.temperatures, self.ages, self.thresholds)}
-        if self.counts.ndim != 2 or self.counts.shape != self.measured.shape or {len(self.counts), *lengths} != {m}:  # noqa: PLR2004
-            raise ValueError(f"{m} loads need counts of shape ({m}, n) and {m} entries of everything else")
-        if not (np.isfinite(self.loads).all() and (self.loads >= 0).all()):
-            raise ValueError("loads must be numbers of 0 or more")
-
     @property
     def distinct_placements(self) -> tuple[Placement, ...]:
         """Each placement once, in the order of the images."""
@@ -221,13 +208,12 @@ class ContactMethod:
         return self._known[key]
 
 
-def make_fast_method(parameters: Parameters, method: str = DEFAULT, *, name: str = "") -> ContactMethod:
+def make_fast_method(parameters: Parameters, method: str = DEFAULT) -> ContactMethod:
     """Make the contact method of a fast model.
 
     Args:
         parameters: Array and cover of the fast model.
         method: Name of its contact method (`fastmodel.METHODS`), or `default`.
-        name: Name of the method in tables; that of the contact method when not given.
     """
 
     def solve(indenter: Indenter, load: float, pose: Pose) -> FloatArray:
@@ -240,7 +226,7 @@ def make_fast_method(parameters: Parameters, method: str = DEFAULT, *, name: str
 
     chosen = choose_method(method, parameters)[0]
     return ContactMethod(
-        name=name or f"fast model, {chosen}",
+        name=f"fast model, {chosen}",
         about=_ABOUT.get(chosen, chosen),
         array=parameters.array,
         solve=solve,

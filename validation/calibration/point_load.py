@@ -80,7 +80,6 @@ def calibrate_point_load(
     *,
     radius: float,
     texel: int,
-    confidence: float = 0.95,
 ) -> PointLoadCalibration:
     """Fit a line from applied force to counts of one texel to each trial.
 
@@ -90,7 +89,6 @@ def calibrate_point_load(
         sensor: The sensor: its array and cover.
         radius: Radius of the hemispherical end of the tip [m].
         texel: Index of the texel under the tip.
-        confidence: Confidence level of the intervals over trials, 0..1 [-].
 
     Raises:
         ValueError: If the texel does not measure, or a trial has fewer than two loads below saturation.
@@ -124,9 +122,9 @@ def calibrate_point_load(
     slopes = np.array([line.slope for line in lines])
     forces = [line.saturation_force for line in lines if line.saturation_force is not None]
     found = {
-        "sensitivity_applied": estimate_mean(slopes, "counts/N applied", confidence),
-        "sensitivity": estimate_mean(slopes / share.share, "counts/N on the texel", confidence),
-        "saturation_force": estimate_mean(forces, "N applied", confidence),
+        "sensitivity_applied": estimate_mean(slopes, "counts/N applied"),
+        "sensitivity": estimate_mean(slopes / share.share, "counts/N on the texel"),
+        "saturation_force": estimate_mean(forces, "N applied"),
     }
     return PointLoadCalibration(
         texel=texel,

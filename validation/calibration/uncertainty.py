@@ -19,6 +19,8 @@ from meshes.array_types import FloatArray
 from validation.calibration.forward_fit import ForwardFit, describe_confounding
 from validation.results import Result, result_model
 
+#: Confidence level of all intervals, 0..1 [-].
+CONFIDENCE = 0.95
 #: Smallest number of recordings from which an interval is computed; the scatter of two is too uncertain [-].
 FEWEST_RECORDINGS = 3
 
@@ -78,22 +80,21 @@ class Estimate(Result):
         return f"{self.value:.5g} [{self.low:.5g}, {self.high:.5g}] {self.unit}"
 
 
-def estimate_mean(values: Sequence[float] | FloatArray, unit: str, confidence: float) -> Estimate | None:
+def estimate_mean(values: Sequence[float] | FloatArray, unit: str) -> Estimate | None:
     """Estimate a mean with Student's interval from independent values, NaN left out; None for fewer than three."""
     known = np.array([value for value in values if np.isfinite(value)])
     if len(known) < FEWEST_RECORDINGS:
         return None
-    half = student.ppf(0.5 + confidence / 2, len(known) - 1) * known.std(ddof=1) / np.sqrt(len(known))
+    half = student.ppf(0.5 + CONFIDENCE / 2, len(known) - 1) * known.std(ddof=1) / np.sqrt(len(known))
     return Estimate.symmetric(float(known.mean()), float(half), unit, f"{len(known)} recordings")
 
 
-def measure_scatter(fit: ForwardFit, noise: Sequence[float], confidence: float) -> dict[str, Estimate]:
+def measure_scatter(fit: ForwardFit, noise: Sequence[float]) -> dict[str, Estimate]:
     """Estimate noise, creep and scatter between recordings of one load, each only if enough recordings allow it.
 
     Args:
         fit: The fitted forward model.
         noise: Standard deviation of a texel's counts in each image [counts].
-        confidence: Confidence level of the intervals, 0..1 [-].
 
     Returns:
         Up to three estimates by name: `noise` is the standard deviation of a texel's counts from frame to frame
@@ -101,14 +102,14 @@ def measure_scatter(fit: ForwardFit, noise: Sequence[float], confidence: float) 
         deviation between recordings of one load in one placement, with temperature allowed for [-].
     """
     found = {
-        "noise": estimate_mean(noise, "counts", confidence),
-        "creep": estimate_mean(fit.observations.creep, "per ln(time)", confidence),
-        "hysteresis": _measure_repeatability(fit, confidence),
+        "noise": estimate_mean(noise, "counts"),
+        "creep": estimate_mean(fit.observations.creep, "per ln(time)"),
+        "hysteresis": _measure_repeatability(fit),
     }
     return {name: estimate for name, estimate in found.items() if estimate is not None}
 
 
-def _measure_repeatability(fit: ForwardFit, confidence: float) -> Estimate | None:
+def _measure_repeatability(fit: ForwardFit) -> Estimate | None:
     """Estimate the relative standard deviation of the sum of counts between recordings of one load and placement.
 
     Sums are divided by the predicted sum, so that temperature and age do not count.  None without repeats.
@@ -127,7 +128,7 @@ def _measure_repeatability(fit: ForwardFit, confidence: float) -> Estimate | Non
     if not freedom:
         return None
     square = sum(float(np.sum((values / values.mean() - 1) ** 2)) for values in repeats)
-    low, high = (np.sqrt(square / chi2.ppf(0.5 + side * confidence / 2, freedom)) for side in (1, -1))
+    low, high = (np.sqrt(square / chi2.ppf(0.5 + side * CONFIDENCE / 2, freedom)) for side in (1, -1))
     fitted_on = f"{len(repeats)} loads with {freedom + len(repeats)} recordings"
     value = float(np.sqrt(square / freedom))
     return Estimate(value=value, low=float(low), high=float(high), unit="share", fitted_on=fitted_on)
@@ -158,12 +159,11 @@ class Uncertainty:
         return quantile * float(np.sqrt(max(variance, 0.0)))
 
 
-def estimate_uncertainty(fit: ForwardFit, *, confidence: float = 0.95) -> Uncertainty:
+def estimate_uncertainty(fit: ForwardFit) -> Uncertainty:
     """Estimate the covariance of the parameters of a fit, clustered by recording.
 
     Args:
         fit: The fit.
-        confidence: Confidence level of the intervals, 0..1 [-].
 
     Raises:
         ValueError: If there are fewer than three recordings.
@@ -179,7 +179,7 @@ def estimate_uncertainty(fit: ForwardFit, *, confidence: float = 0.95) -> Uncert
     total = np.maximum(sum(variances), 1e-300)
     of_parts = sum(each**2 / freedom for each, (*_, freedom) in zip(variances, errors, strict=True))
     freedom = total**2 / np.maximum(of_parts, 1e-300)
-    quantiles = np.asarray(student.ppf(0.5 + confidence / 2, np.maximum(freedom, 1.0)), dtype=np.float64)
+    quantiles = np.asarray(student.ppf(0.5 + CONFIDENCE / 2, np.maximum(freedom, 1.0)), dtype=np.float64)
     return Uncertainty(covariance=sum(parts) + bread @ prior @ bread, quantiles=quantiles)
 
 

@@ -67,6 +67,6 @@ def test_the_fast_model_is_asked_at_the_pose_and_reads_nothing_beside_the_array(
     alone = fastmodel.indent(parameters, FACE, load=2.0, at=(1e-3, -2e-3), yaw=0.3, method="boxes")
     np.testing.assert_allclose(found, alone.texel_forces)
     assert not boxes.solve(FACE, 2.0, Pose(0.1, 0.0)).any()
-    cover = make_fast_method(fastmodel.load("wts-0614-34"), name="mine")
-    assert (cover.name, cover.gain_error) == ("mine", 0.033)
+    cover = make_fast_method(fastmodel.load("wts-0614-34"))
+    assert (cover.name, cover.gain_error) == ("fast model, cover", 0.033)
     assert make_fast_method(fastmodel.load("wts-0614-34"), "area").gain_error == 0.34
