@@ -19,7 +19,6 @@ from fastmodel.attachment import DEFAULT, choose_method, recommend_options
 from fastmodel.compiled import report_slow_compilation
 from fastmodel.contact.bodies import add_geoms
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact, compile_kernels
-from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.points import press_points
 from fastmodel.errors import FastModelError, MissedArrayError, check_type
 from fastmodel.parameters import Parameters
@@ -142,13 +141,14 @@ def indent(
     check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
     check_type("pose", pose, (Pose, type(None)), "a meshes.Pose")
     name, chosen = choose_method(method, parameters)
-    if pose is None or not isinstance(chosen, MeshContact) or chosen.surface is None:
+    surface = chosen.pressed_points
+    if pose is None or surface is None:
         if pose is not None:
             if pose.direction != Pose().direction:
                 raise FastModelError(f"the contact method {name!r} presses along the normal, not {pose.direction}")
             at, yaw, indenter = pose.at, pose.yaw, tilt_indenter(indenter, pose.tilt) if any(pose.tilt) else indenter
         return indent_together(parameters, [Placement(indenter=indenter, load=load, at=at, yaw=yaw)], method=method)
-    started, array, surface = time.perf_counter(), parameters.array, chosen.surface
+    started, array = time.perf_counter(), parameters.array
     found = press_points(surface, indenter, pose, load=load)
     contact_forces = np.bincount(surface.find_texels(array), found.forces, array.count).astype(np.float64)
     reading = Reading(contact_forces, found.texel_forces, load, np.array([found.depth]), fewest_cells=found.points)

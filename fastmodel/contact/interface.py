@@ -13,7 +13,7 @@ import numpy as np
 
 from fastmodel.contact.bodies import sample_boxes
 from fastmodel.state import State
-from fastmodel.surface import Surface
+from fastmodel.surface import CoverPoints, Surface
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
@@ -68,6 +68,11 @@ class TexelContact(Protocol):
             FastModelError: If the method needs another cover.
         """
         return self
+
+    @property
+    def pressed_points(self) -> CoverPoints | None:
+        """Points of a cover on which `fastmodel.indent` presses without a simulation; None if there are none."""
+        return None
 
     def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
         """Add the geoms of the contact method to a spec.

@@ -82,6 +82,11 @@ class MeshContact(TexelContact):
             )
         return replace(self, surface=surface)
 
+    @property
+    def pressed_points(self) -> CoverPoints | None:
+        """The points of the cover; see `TexelContact.pressed_points`."""
+        return self.surface
+
     def find_start(self, array: TexelArray, at: tuple[float, float], reach: float) -> float:
         """Return the height of the highest point; see `TexelContact.find_start`."""
         return super().find_start(array, at, reach) if self.surface is None else float(self.surface.points[:, 2].max())

@@ -4,28 +4,22 @@ The parameters are the unweighted least-squares fit of the *kernel itself* (samp
 sum) to the response of the texels to uniform pressure on one texel.  Uniform pressure is used because the contact force
 on a rigid texel acts on the cover as a pressure over the area of the texel.  A sigma has no meaning without its
 estimator: for a thin, nearly incompressible cover, whose response has a narrow core and a long weak tail, sigmas of
-different estimators differ by up to a factor of two.  The results therefore list other estimators by name.  Their
-values are not used.
+different estimators differ by up to a factor of two.  The results therefore list other estimators by name, for
+comparison with published widths, which are often given without their definition.  Their values are not used.
 
-Estimators of the width of a point spread function other than the fit in `gaussian`.
-
-Their values are reported for comparison with published widths, which are often given without their definition.  They do
-not influence the parameters of the fast model.
-
-A Gaussian point spread in surface coordinates, fitted to the responses of the texels of a curved cover.
-
-It describes a cover in two numbers for a report; the contact method `curved` does not use it.
+`fit_surface_gaussian` fits a Gaussian in surface coordinates to the responses of the texels of a curved cover.  It
+describes a cover in two numbers for a report; the contact method `curved` does not use it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize_scalar
 from scipy.special import ndtr
 
 from fastmodel.errors import FastModelError
@@ -34,10 +28,14 @@ from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray
 from meshes.solids.texels import tangent_axes
 
+#: Widths along x and y, (sigma_x, sigma_y).
+Pair = tuple[float, float]
 #: Name of the estimator of `Fit.gaussian`: the unweighted least-squares fit to the response to uniform pressure.
 ESTIMATOR = "least-squares-uniform"
 #: Smallest and largest sigma in the search [pitches].
 SIGMA_RANGE = (0.05, 100.0)
+#: The same on curved covers [pitches].
+_RANGE = (0.05, 20.0)
 #: Factors on a fitted sigma; the kernel sizes of these sigmas are tried too, in case ksize changes near the sigma [-].
 _NEARBY = (0.99, 1.0, 1.01)
 #: Range to which the response at the loaded texel is clipped before the start value of sigma is computed from it [-].
@@ -179,40 +177,34 @@ def _fit_sigmas(
         mask: Texels that measure, shape (rows, columns) [-].
         ksizes: Widths of the kernel along x and y [texels]; None for a kernel without a cut.
     """
-    from scipy.optimize import least_squares
-
-    i = np.arange(image.shape[1]) - loaded[1]
-    j = np.arange(image.shape[0]) - loaded[0]
 
     def difference(logs: FloatArray) -> FloatArray:
-        sx, sy = (float(each) for each in np.exp(logs))
-        kx, ky = ksizes or (_find_uncut_size(sx), _find_uncut_size(sy))
-        return np.asarray((np.outer(sample_gaussian(j, sy, ky), sample_gaussian(i, sx, kx)) - image)[mask])
+        sigmas = np.exp(logs).tolist()
+        uncut = [2 * int(np.ceil(_UNCUT_REACH * sigma)) + 1 for sigma in sigmas]
+        return np.asarray((_sample_kernel(sigmas, ksizes or uncut, image.shape, loaded) - image)[mask])
 
+    # The search starts at the width of a Gaussian with the peak of the image, 1 / sqrt(2 pi peak).
+    peak = np.clip(image[loaded], *_START_PEAK)
+    start = np.full(2, np.log(np.clip(1 / np.sqrt(2 * np.pi * peak), *_START_SIGMA)))
     low, high = np.log(SIGMA_RANGE)
-    start = np.log(_guess_sigma(image, loaded))
     solution = least_squares(difference, start, bounds=(low, high), xtol=_TOLERANCE, ftol=_TOLERANCE, gtol=_TOLERANCE)
     sx, sy = np.exp(solution.x)
     return (float(sx), float(sy))
 
 
-def _guess_sigma(image: FloatArray, loaded: tuple[int, int]) -> Pair:
-    """Estimate sigma, for both axes, as that of a Gaussian with the image's peak, 1 / sqrt(2 pi peak) [pitches]."""
-    peak = float(np.clip(image[loaded], *_START_PEAK))
-    sigma = float(np.clip(1 / np.sqrt(2 * np.pi * peak), *_START_SIGMA))
-    return (sigma, sigma)
-
-
-def _find_uncut_size(sigma: float) -> int:
-    """Find the odd width of a kernel that contains the whole Gaussian up to rounding [texels]."""
-    return 2 * int(np.ceil(_UNCUT_REACH * sigma)) + 1
-
-
 def _place_kernel(gaussian: Gaussian, shape: tuple[int, ...], loaded: tuple[int, int]) -> FloatArray:
-    """Sample the kernel around the loaded texel, cut at the edges of the image, shape (rows, columns) [-]."""
-    gx = sample_gaussian(np.arange(shape[1]) - loaded[1], gaussian.sigma_x, gaussian.ksize_x)
-    gy = sample_gaussian(np.arange(shape[0]) - loaded[0], gaussian.sigma_y, gaussian.ksize_y)
-    return np.outer(gy, gx)
+    """Sample a point spread function around the loaded texel, shape (rows, columns) [-]."""
+    sigmas, ksizes = (gaussian.sigma_x, gaussian.sigma_y), (gaussian.ksize_x, gaussian.ksize_y)
+    return _sample_kernel(sigmas, ksizes, shape, loaded)
+
+
+def _sample_kernel(
+    sigmas: Sequence[float], ksizes: Sequence[int], shape: tuple[int, ...], loaded: tuple[int, int]
+) -> FloatArray:
+    """Sample the kernel of two sigmas and widths around the loaded texel, cut at the edges of the image [-]."""
+    (sx, sy), (kx, ky), (row, column) = sigmas, ksizes, loaded
+    along_y, along_x = np.arange(shape[0]) - row, np.arange(shape[1]) - column
+    return np.outer(sample_gaussian(along_y, sy, ky), sample_gaussian(along_x, sx, kx))
 
 
 def _estimate_radially(
@@ -227,10 +219,6 @@ def _estimate_radially(
     if not (np.isfinite(p).all() and p[0] > 0):
         raise FastModelError("pressure_per_force must be finite and positive at the first radius")
     return {name: (sigma / pitch[0], sigma / pitch[1]) for name, sigma in estimate_from_profile(r, p).items()}
-
-
-#: Widths along x and y, (sigma_x, sigma_y).
-Pair = tuple[float, float]
 
 
 def estimate_from_image(image: FloatArray, loaded: tuple[int, int], load_name: str) -> dict[str, Pair]:
@@ -290,7 +278,6 @@ def estimate_from_profile(radius: FloatArray, pressure: FloatArray) -> dict[str,
 
 def _fit_profile(radius: FloatArray, pressure: FloatArray, weight: FloatArray) -> float:
     """Fit the standard deviation s of a Gaussian to a radial profile of pressure with given weights [m]."""
-    from scipy.optimize import minimize_scalar
 
     def misfit(log_sigma: float) -> float:
         s = np.exp(log_sigma)
@@ -343,10 +330,6 @@ def _take_root(value: float | np.floating) -> float:
     return float(np.sqrt(value)) if value >= 0 else float("nan")
 
 
-#: Smallest and largest sigma in the search, over the texel pitch [-].
-_RANGE = (0.05, 20.0)
-
-
 @dataclass(frozen=True, kw_only=True)
 class SurfaceGaussian:
     """Gaussian along the two tangent axes of the loaded texel, by unweighted least squares over all pairs of texels.
@@ -386,7 +369,7 @@ def fit_surface_gaussian(array: TexelArray, response: FloatArray) -> SurfaceGaus
     """
     if response.shape != (array.count, array.count):
         raise FastModelError(f"a response of {array.count} texels has shape {(array.count,) * 2}, not {response.shape}")
-    place = unroll(array)
+    place = unroll_from(array, array.centres, array.normals)
     pairs = np.ix_(array.active, array.active)
     place, wanted = place[pairs], response[pairs]
 
@@ -398,15 +381,6 @@ def fit_surface_gaussian(array: TexelArray, response: FloatArray) -> SurfaceGaus
     sigma = np.exp(found.x)
     rest = np.abs(found.fun.reshape(wanted.shape)).sum(axis=1) / 2
     return SurfaceGaussian(sigma=(float(sigma[0]), float(sigma[1])), residual=float(rest.mean()))
-
-
-def unroll(array: TexelArray) -> FloatArray:
-    """Compute the places of all texels in the surface coordinates of each; see `unroll_from`.
-
-    Returns:
-        Places, shape (n from, n to, 2) [m].
-    """
-    return unroll_from(array, array.centres, array.normals)
 
 
 def unroll_from(array: TexelArray, points: FloatArray, normals: FloatArray) -> FloatArray:

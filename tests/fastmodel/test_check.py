@@ -277,25 +277,6 @@ def test_options_that_cost_accuracy_are_told(options, sentence):
     assert any(re.search(sentence, str(each.message)) for each in given)
 
 
-@pytest.mark.parametrize(
-    ("options", "creep"),
-    [({}, 0.23e-3), ({"impratio": 1}, 1.4e-3), ({"impratio": 1, "cone": mujoco.mjtCone.mjCONE_PYRAMIDAL}, 3.3e-3)],
-)
-def test_the_recommended_options_keep_objects_at_rest(options, creep):
-    """How far a box slips in a second under a lateral pull of half its weight; friction would bear all its weight."""
-    spec, _ = scene(finger="world", array=parameters(), ball=False, contact="cover")
-    box = spec.worldbody.add_body(name="box", pos=[0, 0, 5e-3])
-    box.add_freejoint()
-    box.add_geom(type=KINDS.mjGEOM_BOX, size=[5e-3, 5e-3, 5e-3], mass=0.1)
-    spec.option.gravity = [5, 0, -9.81]
-    for name, value in options.items():
-        setattr(spec.option, name, value)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_step(model, data, nstep=1000)
-    assert data.body("box").xpos[0] == pytest.approx(creep, rel=0.1)
-
-
 @pytest.mark.parametrize("flag", [DISABLE.mjDSBL_MULTICCD, DISABLE.mjDSBL_NATIVECCD])
 def test_collision_flags_are_told_only_where_meshes_can_touch(flag):
     spec, sensor = scene()

@@ -177,15 +177,6 @@ def test_seeds_determine_the_noise_and_episodes_without_a_seed_continue_it():
     np.testing.assert_array_equal(noise_of(one, model), runs["six"])
 
 
-def test_noise_continues_when_a_reset_follows_a_changed_option():
-    model, _, (sensor,) = scene("boxes")
-    first = noise_of(sensor, model)
-    model.opt.timestep = 2e-3
-    sensor.reset()
-    again = noise_of(sensor, model)
-    assert (first[: len(again)] != again[: len(first)]).any()
-
-
 def test_bad_seeds_and_states_are_refused():
     _, _, (sensor,) = scene("cover")
     with pytest.raises(FastModelError, match="must not be negative"):

@@ -1,5 +1,4 @@
 import dataclasses
-import warnings
 
 import mujoco
 import numpy as np
@@ -129,15 +128,6 @@ def test_impossible_numbers_and_foreign_models_are_refused():
         Batch(model, sensors, 2, seed=-1)
     with pytest.raises(LifeCycleError):
         Batch(mujoco.MjSpec().compile(), sensors, 2, processes=2)
-
-
-def test_the_options_of_a_model_are_warned_of_once():
-    model, sensors = world("boxes")
-    model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        Batch(model, sensors, 4)
-    assert len(caught) == len(sensors)
 
 
 def test_wrong_arguments_and_a_closed_batch_are_refused_in_words():

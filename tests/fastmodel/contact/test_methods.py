@@ -89,15 +89,6 @@ def test_a_free_body_presses_where_its_weight_stands(method):
     np.testing.assert_allclose(pressed, np.add(at, [2e-3, -1e-3]), atol=0.6e-3)
 
 
-def test_each_of_two_bodies_presses_with_its_own_load():
-    square = Box(size=(6e-3, 6e-3, 5e-3))
-    both = [Placement(indenter=square, load=load, at=(0, y)) for load, y in ((3.0, -8e-3), (1.0, 8e-3))]
-    found = indent_together(PARAMETERS, both, method="cover")
-    image = WTS.image(found.contact_forces)
-    assert image[:7].sum() == pytest.approx(3, rel=1e-3)
-    assert image[7:].sum() == pytest.approx(1, rel=1e-3)
-
-
 def scene(turn, method="cover", speed=0.0, **settings):
     """A 200 g block on a tilted array, held on a slide along its normal and one along it."""
     spec = make_spec(gravity=rotate(turn, np.array([[0, 0, -9.80665]]))[0])
@@ -122,12 +113,6 @@ def test_sliding_is_smooth_and_carries_the_weight(method):
     assert total.std() < 0.005 * 0.2 * 9.80665
     peak = np.array([frame.texel_forces.max() for frame in frames[len(frames) // 2 :]])
     assert np.abs(np.diff(peak)).max() < 0.05 * peak.max()
-
-
-def test_resting_does_not_chatter():
-    frames = run(*scene(np.array([1.0, 0, 0, 0])), 1500)
-    late = np.array([frame.texel_forces for frame in frames[-100:]])
-    assert np.ptp(late, axis=0).max() < 1e-3 * late.max()
 
 
 def test_a_reset_under_load_starts_in_the_steady_state():

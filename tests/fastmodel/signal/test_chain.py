@@ -107,17 +107,6 @@ def test_a_frame_is_the_filtered_sample_spread_by_the_operator(every):
     np.testing.assert_allclose(spread.frame(before)[1].texel_forces, output.texel_forces, atol=1e-12)  # they commute
 
 
-def test_without_filter_and_spread_the_latest_sample_passes_and_masked_texels_count_nothing():
-    functions = ChainFunctions(parameters(WTS_0614_34, filter=None), RATE, spreads=False)
-    forces = np.random.default_rng(0).uniform(0.5, 1.5, (2, ARRAY.count))
-    state = functions.take(functions.settle(forces[0]), forces[1], np.float64(forces[1].sum() + 0.25))
-    _, output = functions.frame(state)
-    np.testing.assert_array_equal(output.texel_forces, forces[1])
-    assert output.outside == pytest.approx(0.25)
-    np.testing.assert_array_equal(output.counts > 0, ARRAY.active)
-    np.testing.assert_array_equal(output.image, WTS_0614_34.image(output.counts).reshape(5, 4))
-
-
 def test_an_unknown_share_of_the_calibration_tip_is_said_once(caplog):
     array = dataclasses.replace(ARRAY, name="never built before")
     for _ in range(2):

@@ -31,15 +31,6 @@ def test_ksize_is_the_smallest_odd_width_that_contains_the_mass(sigma):
     assert ksize == 1 or narrower < 0.999 + 1e-12
 
 
-def test_operator_column_is_the_kernel_about_the_loaded_texel():
-    gaussian = Gaussian.from_sigma(0.7, 0.5)
-    column = WTS.image(gaussian.operator(WTS)[:, WTS.middle])
-    reach_y, reach_x = gaussian.ksize_y // 2, gaussian.ksize_x // 2
-    window = column[7 - reach_y : 8 + reach_y, 3 - reach_x : 4 + reach_x]
-    assert np.allclose(window, gaussian.kernel()[:, : window.shape[1]], atol=1e-15)
-    assert column.sum() == pytest.approx(window.sum())
-
-
 def test_force_that_leaves_the_array_is_counted_once_at_edges_and_corners():
     gaussian = Gaussian.from_sigma(0.7)
     lost = WTS.image(1 - gaussian.operator(WTS).sum(axis=0))
@@ -74,20 +65,6 @@ def test_rotating_the_array_leaves_the_operator_unchanged():
             active=WTS.active.copy(),
         )
         assert np.allclose(gaussian.operator(turned), gaussian.operator(WTS), atol=1e-12)
-
-
-def test_no_column_of_crowded_texels_exceeds_the_load():
-    array = TexelArray.grid(6, 6, 1e-3)
-    crowded = TexelArray(
-        centres=array.centres * 0.4,
-        normals=array.normals.copy(),
-        texel_size=(1e-3, 1e-3),
-        pitch=(1e-3, 1e-3),
-        rows=6,
-        columns=6,
-        active=array.active.copy(),
-    )
-    assert np.all(Gaussian.from_sigma(0.8).operator(crowded).sum(axis=0) <= 1 + 1e-14)
 
 
 def test_a_table_is_its_own_operator():
