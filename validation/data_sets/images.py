@@ -193,16 +193,12 @@ def read_images(data_set: DataSet, array: TexelArray) -> tuple[list[Image], list
 
 def observe(images: Sequence[Image]) -> Observations:
     """Collect images as observations that the forward model is fitted to, or predicts."""
+    columns = {"loads": "load", "temperatures": "temperature", "ages": "age", "thresholds": "threshold"}
+    columns |= {name: name for name in ("counts", "measured", "creep")}
     return Observations(
-        loads=np.array([image.load for image in images]),
-        counts=np.array([image.counts for image in images]),
-        measured=np.array([image.measured for image in images]),
+        **{name: np.array([getattr(image, one) for image in images]) for name, one in columns.items()},
         placements=tuple(image.file.placement for image in images),
         groups=tuple(image.file.name for image in images),
-        temperatures=np.array([image.temperature for image in images]),
-        ages=np.array([image.age for image in images]),
-        thresholds=np.array([image.threshold for image in images]),
-        creep=np.array([image.creep for image in images]),
     )
 
 
