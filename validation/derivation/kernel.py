@@ -256,7 +256,7 @@ def _scaled_array(array: TexelArray, factor: float) -> TexelArray:
 def _with_poisson_ratio(cover: Cover, layer: int, poisson_ratio: float) -> Cover:
     """Return a copy of the cover with another Poisson ratio in one layer."""
     layers = list(cover.layers)
-    material = dataclasses.replace(layers[layer].material, poisson_ratio=poisson_ratio)
+    material = layers[layer].material.with_poisson_ratio(poisson_ratio)
     layers[layer] = dataclasses.replace(layers[layer], material=material)
     return dataclasses.replace(cover, layers=tuple(layers))
 
