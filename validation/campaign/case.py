@@ -20,7 +20,7 @@ class Case:
         indenter: Rigid body that presses on the cover.
         shape: The indenter as text, for example `sphere:radius=5mm`.
         load: Applied force along the direction of the motion [N].
-        pose: Where it touches, the direction in which it moves, and how it is turned.
+        pose: Position of first touch, direction of motion, and rotation of the indenter.
         path: Ascending loads of the loading path to which the load belongs [N]; empty if the load is applied at once.
         compared: Names of the metrics that are pooled over cases, fields of `Score`; empty for all metrics.
         required: Largest accepted value of metrics in this case, by name, in SI units or as a fraction.
