@@ -39,9 +39,10 @@ class PathConvergenceError(ConvergenceError):
 
     Attributes:
         cause: Reason why the last step did not converge, in words.
-        load: Load of the last equilibrium, in the units of `walk_to`; 0 if no step converged.  Solvers of indentations
-            convert it to newtons.
-        depth: Depth of the last equilibrium, in metres likewise; 0 if no step converged.
+        load: Load of the last equilibrium [unit of force of `walk_to`]; 0 if no step converged.  Solvers of
+            indentations convert it to newtons.
+        depth: Depth of the last equilibrium [unit of length of `walk_to`]; 0 if no step converged.  Solvers of
+            indentations convert it to metres.
     """
 
     def __init__(self, message: str, *, cause: str, load: float = 0.0, depth: float = 0.0) -> None:
@@ -50,15 +51,15 @@ class PathConvergenceError(ConvergenceError):
 
 
 class TooShallowError(ConvergenceError):
-    """Nothing touches on the grid of the contact, because the load or depth is too small for it."""
+    """No cell or node is in contact, because the load or depth is too small for the grid."""
 
 
 class IncompletePathError(ConvergenceError):
     """A loading path stopped before its last target load or depth.
 
     Attributes:
-        reached: Results (`Indentation`) of the targets that were reached on all grids, then that of the largest load or
-            depth that was reached on all grids; empty if there is none.
+        reached: Results (`Indentation`) of the targets that were reached on all grids, followed by that of the largest
+            load or depth that was reached on all grids; empty if nothing was reached.
     """
 
     def __init__(self, message: str, reached: Sequence[Any]) -> None:

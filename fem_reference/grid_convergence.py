@@ -23,9 +23,9 @@ def grid_convergence(
     """Estimate the discretisation error of the result on the finest of three grids.
 
     The observed order of convergence is limited to the range from `least` to `most`.  The safety factor is 1.25 if the
-    values converge monotonically with an order in this range, and 3 otherwise.  If the difference between the two
-    finest grids is smaller than order `most` can explain, it is replaced by the difference that the two coarsest grids
-    and order `most` predict.
+    values converge monotonically with an order in this range, and 3 otherwise.  The difference between the two finest
+    grids may be smaller than order `most` can explain.  It is then replaced by the difference predicted from the two
+    coarsest grids and order `most`.
 
     Args:
         values: The same quantity computed on each grid, coarsest grid first, shape (3,).
@@ -61,10 +61,10 @@ def grid_convergence(
 def field_convergence(values: npt.ArrayLike, sizes: Sequence[float], *, least: float = 1.0, most: float = 4.0) -> float:
     """Estimate the largest discretisation error of many values of one kind on the finest of two or three grids.
 
-    The differences between grids are the largest of all values.  These do not vanish by chance, as those of one value
-    do where it does not converge monotonically, so one order and the safety factor 1.25 do for all.  On two grids the
-    order is `least`.  The difference between the two finest of three counts as at least what the coarser pair and order
-    `most` predict.
+    The difference between two grids is the largest difference over all values.  It does not vanish by chance, unlike
+    the difference of a single value that does not converge monotonically.  One order and the safety factor 1.25
+    therefore apply to all values.  On two grids the order is `least`.  On three grids, the difference between the two
+    finest ones is at least the value predicted from the coarser pair and order `most`.
 
     Args:
         values: The values on each grid, coarsest first, shape (2, ...) or (3, ...).
@@ -90,7 +90,7 @@ def field_convergence(values: npt.ArrayLike, sizes: Sequence[float], *, least: f
 
 
 def _predict_ratio(order: float, sizes: Sequence[float]) -> float:
-    """Predict the coarse over the fine difference of values that converge with `order`, for any element sizes."""
+    """Predict the ratio of the coarse to the fine difference of values that converge with `order`."""
     h = np.array(sizes) ** order
     return float((h[0] - h[1]) / (h[1] - h[2]))
 

@@ -1,9 +1,9 @@
 """Net force and torque on an array, and the tangential force on every texel, from MuJoCo's contacts.
 
-The net force is the sum over all contacts of all boxes or plates of the array, at sides and back too.  With one box per
-texel, the tangential force on a texel is that of its own contacts.  With plates, MuJoCo's contact points say nothing
-about single texels: the net shear on the front is shared among texels in proportion to their pressure, and the part of
-the pressure that acts on the margin takes its share with it.
+The net force is the sum over all contacts of all boxes or plates of the array, including sides and backs.  With one box
+per texel, the tangential force on a texel is that of its own contacts.  With plates, MuJoCo's contact points do not
+resolve single texels.  The net shear on the front is then shared among texels in proportion to their pressure, and
+pressure on the margin takes a corresponding share.
 
 Compiled kernels that sum MuJoCo's contact forces along the normals of boxes and of plates.
 
@@ -14,8 +14,8 @@ is mu_i (e_2i - e_2i+1), with friction coefficient mu_i.  Components from the fo
 rolling friction about the axes of the contact.
 Source: MuJoCo documentation, Computation, section "Contact".
 
-All kernels stand in one file, because numba's cache checks only the file of the called kernel for changes, not the
-files of the functions that this kernel calls.
+All kernels are in one file, because numba's cache checks only the file of the called kernel for changes, not the files
+of the functions that this kernel calls.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class NetForceReader:
             neighbours: For one box per texel, see `Parts`, shape (n, 4); None for plates.
         """
         self._model, self._array, self._by_geom = model, array, neighbours is not None
-        # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes, so that it belongs to no part.
+        # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes.  It belongs to no part.
         part_of = np.full(model.ngeom + 1, -1)
         part_of[geoms] = np.arange(len(geoms))
         sides = np.zeros((len(geoms), 4), dtype=bool) if neighbours is None else neighbours
@@ -105,8 +105,8 @@ class NetForceReader:
         return reading._replace(wrench=wrench, tangential=tangential, tangential_source=source)
 
 
-#: Smallest cosine of the angle between a contact's normal, away from the array, and the array's normal with which the
-#: contact counts as one with the array's front; other contacts are with sides or the back of a plate or box [-].
+#: Smallest cosine of the angle between a contact's normal, away from the array, and the array's normal for which the
+#: contact is on the array's front [-].  Other contacts are on the sides or the back of a plate or box.
 FRONT = 0.1
 
 #: The option `cone` of a model with pyramidal friction cones, as a number: comparing with the name takes longer.
@@ -152,7 +152,7 @@ def _decode_force(contacts: Contacts, k: int, force: FloatArray) -> None:
 #: shape (geoms + 1,); whether each box has a neighbour at its sides -x, +x, -y, +y, shape (m, 4); id of the first box
 #: or plate; its axes in the frame of the array, as columns, shape (3, 3) [-]; and its centre there, shape (3,) [m].
 Parts = tuple[IntArray, BoolArray, int, FloatArray, FloatArray]
-#: What `sum_contacts` returns.
+#: Return value of `sum_contacts`.
 Sums = tuple[FloatArray, FloatArray, FloatArray, float]
 
 
@@ -160,8 +160,8 @@ Sums = tuple[FloatArray, FloatArray, FloatArray, float]
 def sum_contacts(contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts) -> Sums:
     """Kernel: sum the forces and torques that all contacts exert on an array of m boxes or plates.
 
-    A contact with a side of a box that has a neighbour there counts as one with its front: MuJoCo finds such contacts
-    where a body stands on both boxes.
+    A contact with a side of a box that has a neighbour there counts as a contact with its front, because MuJoCo reports
+    such contacts for a body that stands on both boxes.
 
     Args:
         contacts: The k contacts.
@@ -178,7 +178,8 @@ def sum_contacts(contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArra
     geom, address, dim, frame, _, pos, _, _, _ = contacts
     part_of, neighbours, first, turn, middle = parts
     pressed, fronts, beside = np.zeros((len(geom), 2)), np.zeros((len(neighbours), 3)), 0.0
-    # force and torque in the frame of a contact; force in the world, torque about the centre of the first box or plate
+    # Working arrays: force and torque in the frame of a contact; net force in the world; and its torque about the centre
+    # of the first box or plate.
     local, net, moment = np.zeros(6), np.zeros(3), np.zeros(3)
     for k in range(len(geom)):
         if address[k] < 0 or (part_of[geom[k, 0]] < 0 and part_of[geom[k, 1]] < 0):
@@ -232,9 +233,9 @@ def _is_front(x: float, y: float, z: float, neighbours: BoolArray, part: int) ->
     """Return whether a contact is with the front of a box, or with a side at which the box has a neighbour.
 
     Args:
-        x: Component along the x axis of the box of the contact's normal away from the box [-].
-        y: Component along the y axis [-].
-        z: Component along the outward normal [-].
+        x: Component of the contact normal, away from the box, along the box's x axis [-].
+        y: Component along the box's y axis [-].
+        z: Component along the box's outward normal [-].
         neighbours: Whether every box has a neighbour at its sides -x, +x, -y, +y, shape (m, 4).
         part: Index of the box.
     """

@@ -1,6 +1,6 @@
 """Exact solutions of linear elastic layers, contacts on layers, bonded disks, and layers on a rigid cylinder.
 
-They verify the finite elements.  No module of this package uses code of the finite elements.
+These solutions verify the finite elements.  No module of this package uses code of the finite elements.
 """
 
 from fem_reference.closed_form.contact import LayerContact, hertz, indent, punch, sphere

@@ -1,16 +1,17 @@
 """Solve the contact of a rigid frictionless indenter of revolution with a layered cover, almost to machine precision.
 
 The mixed boundary-value problem reduces to a Fredholm equation of the second kind (Lebedev and Ufliand 1958 for the
-punch; Hayes, Keer, Herrmann and Mockros 1972 for punch and sphere).  With the compliance c L(k) / k of the cover's top,
-where c = (1 - nu) / mu of the top layer, and a contact pressure whose Hankel transform is int_0^a phi(t) cos(k t) dt,
+punch; Hayes, Keer, Herrmann and Mockros 1972 for punch and sphere).  The compliance of the cover's top is c L(k) / k,
+where c = (1 - nu) / mu of the top layer.  The Hankel transform of the contact pressure is int_0^a phi(t) cos(k t) dt.
+The equation is
 
     phi(x) + (2 / pi) int_0^a phi(t) M(x, t) dt = (2 / (pi c)) g(x),
     M(x, t) = (m(x - t) + m(x + t)) / 2,   m(s) = int_0^inf (L(k) - 1) cos(k s) dk,
 
 where a is the radius of the contact and g(x) = depth - x int_0^x f'(r) / sqrt(x^2 - r^2) dr for a surface of height
-f(r): depth for the punch, depth - x artanh(x / R) for a sphere of radius R, depth - x^2 / R for a paraboloid of that
-radius, and depth - (pi / 2) x cot(angle / 2) for a cone.  The force is 2 pi int_0^a phi(t) dt.  For all but the punch
-the condition phi(a) = 0 determines the depth.
+f(r).  For the punch g is depth, for a sphere of radius R depth - x artanh(x / R), for a paraboloid of that radius depth
+- x^2 / R, and for a cone depth - (pi / 2) x cot(angle / 2).  The force is 2 pi int_0^a phi(t) dt.  For all shapes but
+the punch the condition phi(a) = 0 determines the depth.
 """
 
 from __future__ import annotations
@@ -43,14 +44,15 @@ class ContactSettings:
     #: Largest contact radius over the thickness of the top layer [-].  Up to this radius `most_nodes` gives a relative
     #: error below 3e-6.  At twice this radius the force is in error by 4 %; at larger radii its sign can be wrong.
     most_thicknesses: float = 400.0
-    #: Largest contact radius over the radius of the indenter, short of the sphere's vertical wall [-].
+    #: Largest contact radius over the radius of the indenter [-].  The value keeps the contact away from the vertical
+    #: wall of a sphere.
     widest: float = 0.95
     #: Product of wave number and thickness of the top layer at which the integral for m(s) ends: exp(-2 x 25) = 2e-22
     #: [-].
     deep: float = 25.0
-    #: Rings in which the sign of the contact pressure is checked [-].
+    #: Number of rings in which the sign of the contact pressure is checked [-].
     rings: int = 48
-    #: Force on a ring over the total force below which the sign is rounding [-].
+    #: Force on a ring, over the total force, below which its sign is due to rounding [-].
     pull: float = 1e-7
     #: Gauss points along a panel in the integral of a texel's force [-].
     points: int = 8
@@ -208,9 +210,9 @@ def indent(
         nodes: Number of Gauss points of the integral equation; None to choose it from the thickness [-].
 
     Raises:
-        TypeError: If the indenter is of another shape.
+        TypeError: If the indenter has another shape.
         ValueError: If not exactly one of load and depth is given, the contact reaches the rim of the indenter or is
-            wider than 400 thicknesses of the top layer, or a part of the contact would have to pull.
+            wider than 400 thicknesses of the top layer, or the contact pressure would be negative somewhere.
     """
     if (load is None) == (depth is None):
         raise ValueError("give either a load or a depth")
@@ -227,7 +229,7 @@ def indent(
         return np.asarray(t * np.arctanh(t / shape.radius))
 
     def miss(logarithm: float) -> float:
-        """Compute the logarithm of the load or depth at a contact radius over the one that is wanted [-]."""
+        """Compute the logarithm of load or depth at a contact radius, over the wanted load or depth [-]."""
         a = float(np.exp(logarithm))
         found = _Equation(cover, a, nodes).solve(a, profile)
         ratio = found.force / load if load is not None else found.depth / (depth or 0.0)
@@ -238,7 +240,8 @@ def indent(
     top = cover.layers[-1].thickness
     rim, resolved = _SETTINGS.widest * shape.radius, _SETTINGS.most_thicknesses * top
     widest = rim if nodes is not None else min(rim, resolved)
-    # From a contact as wide as the top layer is thick, because far wider ones are not resolved.
+    # The search starts from a contact as wide as the thickness of the top layer, because much wider contacts are not
+    # resolved.
     bracket = _bracket_root(miss, float(np.log(min(top, widest))), float(np.log(widest)))
     if bracket is None:
         reason = f"the contact reaches the rim of the {type(shape).__name__}"
@@ -260,10 +263,10 @@ def _bracket_root(function: Callable[[float], float], start: float, largest: flo
 
 
 def _require_push(contact: LayerContact) -> LayerContact:
-    """Return a contact whose pressure is nowhere negative.
+    """Return a contact whose pressure is nowhere negative, or raise an error.
 
     Raises:
-        ValueError: If cover and indenter would have to pull on one another, as under a wide punch on a stiff foil.
+        ValueError: If the pressure would be negative somewhere, as under a wide punch on a stiff foil.
     """
     rings = contact.force_within(contact.contact_radius * np.linspace(0.0, 1.0, _SETTINGS.rings + 1))
     if (np.diff(rings) < -_SETTINGS.pull * contact.force).any():
@@ -350,8 +353,8 @@ def _describe_unresolved(cover: Cover) -> str:
 def _tabulate_kernel(cover: Cover) -> CubicSpline:
     """Tabulate m(s) of the module's integral equation over the logarithm of s [1/m].
 
-    The cosine transform is a Hankel transform of order -1/2.  The integrand is -1 at k = 0; the transform
-    -b / (b^2 + s^2) of -exp(-b k) is separated to make it vanish there.
+    The cosine transform is a Hankel transform of order -1/2.  The integrand is -1 at k = 0.  The transform -b / (b^2 +
+    s^2) of -exp(-b k) is separated, so that the remaining integrand vanishes at k = 0.
     """
     top, b = cover.layers[-1], cover.thickness
     step = 2 * LOGARITHMIC_HALF_WIDTH / LOGARITHMIC_POINTS

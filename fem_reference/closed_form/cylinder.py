@@ -3,29 +3,29 @@
 The traction is a Fourier series.  Angles theta count from the x axis toward the y axis [rad].  Forces are per length of
 the cylinder [N/m].  Components of vectors are (outward, tangential), the tangential one toward larger theta.
 
-A texel of a curved base measures the resultant of the traction on its patch along the texel's own normal, shear
-included: over the patch the normal of the base turns, so the shear has a component along the normal of the texel.
-The integral of the normal stress alone is smaller: by 5 to 9 % for a texel of 3.4 mm on a core of 6 mm, under a load
-above its middle and covers of 1 to 3 mm.  Neither sums to the load, because the normals of the texels differ.  What
-balances is the vector: force and moment of the traction on the whole core equal those of the load.
+The force on a texel of a curved base is the resultant of the traction on its patch along the texel's own normal, shear
+included.  The normal of the base rotates over the patch, so that the shear has a component along the normal of the
+texel.  The integral of the normal stress alone is smaller: by 5 to 9 % for a texel of 3.4 mm on a core of 6 mm, under a
+load above its middle and covers of 1 to 3 mm.  The sum of the texel forces is not the load, because the normals of the
+texels differ.  Force and moment vectors balance: those of the traction on the whole core equal those of the load.
 
-Each harmonic of the traction is solved on its own.  On a cylinder the harmonics are exp(i m theta), on a sphere
-Legendre polynomials P_n(cos theta).  The state y of one harmonic holds the displacements u_r and u_t and the stresses
-r sigma_rr and r sigma_rt.  With the logarithm of the radius, s = ln(r / core radius), the field equations become
-dy/ds = A y, where A does not depend on s (Euler's equation).  So y at the top is expm(A S) times y at the core, with
-S = ln(outer radius / core radius).  A holds (1 - 2 nu) / (1 - nu) and nu / (1 - nu), but never 1 / (1 - 2 nu): an
-incompressible layer is an ordinary case.  Shifted by its mean, A has the eigenvalues +-(k + 1) and +-(k - 1), where
-k = m on a cylinder and n + 1/2 on a sphere.  For large k S the exponential is written with the projectors P on the
-growing and on the decaying solutions, on which (A -+ k)^2 = 1:
+Each harmonic of the traction is solved separately.  On a cylinder the harmonics are exp(i m theta), on a sphere
+Legendre polynomials P_n(cos theta).  The state y of one harmonic holds the displacements u_r and u_t and the stresses r
+sigma_rr and r sigma_rt.  With s = ln(r / core radius), the field equations become dy/ds = A y, where A does not depend
+on s (Euler's equation).  So y at the top is expm(A S) times y at the core, with S = ln(outer radius / core radius).  A
+holds (1 - 2 nu) / (1 - nu) and nu / (1 - nu), but never 1 / (1 - 2 nu).  An incompressible layer therefore needs no
+special case.  After subtraction of its mean, A has the eigenvalues +-(k + 1) and +-(k - 1), where k = m on a cylinder
+and n + 1/2 on a sphere.  For large k S the exponential is written with the projectors P on the growing and on the
+decaying solutions, on which (A -+ k)^2 = 1:
 
     exp(-k S) expm(A S) = P (cosh S + (A - k) sinh S) + exp(-2 k S) (1 - P) (cosh S + (A + k) sinh S)
 
-so that nothing overflows, and thin layers lose no digits.
+This form does not overflow, and thin layers lose no digits.
 
-Gauss points stand under a traction on an interval of angles, finely enough for a given harmonic.  The number of terms
-follows from a tolerance.  The traction on the base converges exponentially.  The displacement of the top converges like
-a power of the number of terms, because its terms fall like those of the load over their order; a smooth taper of the
-last half of the terms makes the error small except where the load itself has a jump or a kink.
+Tractions on an interval of angles are integrated by Gauss points, whose number suits the highest harmonic.  The number
+of terms follows from a tolerance.  The traction on the base converges exponentially.  The displacement of the top
+converges like a power of the number of terms, because its terms decrease like those of the load divided by their order.
+A smooth taper of the last half of the terms makes the error small, except where the load has a jump or a kink.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class SeriesSettings:
     first_top: int = 2**8
     #: Largest number of terms of the displacement of the top [-].
     most_top: int = 2**13
-    #: Part of a sum that rounding leaves [-].
+    #: Relative rounding error of a sum [-].
     rounding: float = 1e-14
     #: Order times span at which the transfer to the base is negligible: exp(-60) = 1e-26 [-].
     deep: float = 60.0
@@ -73,17 +73,17 @@ class SeriesSettings:
 _SERIES = SeriesSettings()
 
 
-#: A traction: constant, or a function of angles, shape (n,) [rad], that returns values, shape (n,) [Pa].
+#: Traction: a constant [Pa], or a function from angles, shape (n,) [rad], to values, shape (n,) [Pa].
 Traction = float | Callable[[FloatArray], FloatArray]
 
 
 def place_points(start: float, end: float, highest: int, refinement: int = 1) -> tuple[FloatArray, FloatArray]:
-    """Place Gauss points on an interval, so that a traction that ends like a square root at either end is integrated.
+    """Place Gauss points on an interval for tractions that end like a square root at either end.
 
-    The substitution angle = middle + half width sin(t), with panels of equal length in t, turns such an end, as that of
-    a Hertzian pressure, into an analytic function.
+    The substitution is angle = middle + half width sin(t), with panels of equal length in t.  It makes a traction with
+    such ends, for example a Hertzian pressure, an analytic function of t.
 
-    The middle is an end of two panels, so that either half of the points integrates its half of the interval.
+    The middle of the interval is an end of two panels, so that each half of the points integrates its own half.
 
     Args:
         start: Lower end of the interval [rad].
@@ -126,7 +126,7 @@ def check_resolved(coarse: npt.NDArray[Any], fine: npt.NDArray[Any], size: float
         size: Sum of the moduli of the forces, in the unit of the harmonics.
 
     Raises:
-        ValueError: If they differ by more than 1e-9 of `size`.
+        ValueError: If coarse and fine harmonics differ by more than 1e-9 of `size`.
     """
     if np.abs(fine - coarse).max(initial=0.0) > _SERIES.settled * size:
         raise ValueError("the traction is not smooth inside its interval; split it into several loads where it jumps")
@@ -135,14 +135,14 @@ def check_resolved(coarse: npt.NDArray[Any], fine: npt.NDArray[Any], size: float
 def count_base_terms(transfer: Callable[[FloatArray], FloatArray], span: float, tolerance: float) -> int:
     """Count the terms that the traction on the base needs.
 
-    The transfer to the base decays exponentially, and no harmonic of a load is larger than that of the same load
-    concentrated in one place, which grows no faster than the order.  So the sum of the norms of the transfer, times
-    order + 1, over the terms that are left out bounds the truncation error of any load.
+    The transfer to the base decays exponentially.  No harmonic of a load is larger than that of the same load
+    concentrated in one place, which grows at most in proportion to the order.  The sum of the norms of the transfer
+    times order + 1, over the omitted terms, is therefore a bound of the truncation error of any load.
 
     Args:
         transfer: Function that computes the transfer to the base for orders, shape (n,), with shape (n, 2, 2) [-].
         span: Logarithm of the outer radius over that of the core [-].
-        tolerance: Largest sum of the norms that are left out, over the sum of all norms [-].
+        tolerance: Largest sum of the norms of the omitted terms, over the sum of all norms [-].
 
     Raises:
         ValueError: If more than 131072 terms are needed, as in a layer thinner than about 0.0005 radii.
@@ -243,7 +243,7 @@ def cross_layer(
 
     Args:
         matrix: Matrices A, shape (n, 4, 4).
-        k: Half the distance between the means of the growing and of the decaying exponents, shape (n,) [-].
+        k: Half the difference between the means of the growing and of the decaying exponents, shape (n,) [-].
         mean: Mean of the eigenvalues of A [-].
         radii: Radius of the core and of the top [m].
         stiffness: Unit of r sigma / u, shape (n,) [Pa].
@@ -251,7 +251,7 @@ def cross_layer(
     core, outer = radii
     span = np.log(outer / core)
     crossing, exponent = _exponentiate(matrix - mean * np.eye(4), k, span)
-    # Rows u and r sigma of the columns that belong to tractions on the core; displacements vanish there.
+    # Rows u and r sigma of the columns that belong to tractions on the core, where displacements vanish.
     moved, stressed = crossing[:, :2, 2:], crossing[:, 2:, 2:]
     inverse = np.linalg.inv(stressed)
     decay = np.exp(-exponent - mean * span) * outer / core
@@ -262,12 +262,12 @@ def cross_layer(
 
 
 def _exponentiate(matrix: FloatArray, k: FloatArray, span: float) -> tuple[FloatArray, FloatArray]:
-    """Compute expm(A S), as a matrix and the exponent of a factor of it that would overflow.
+    """Compute expm(A S) as a matrix and the exponent of a scalar factor, to avoid overflow.
 
     Args:
         matrix: Matrices A with eigenvalues +-(k + 1) and +-(k - 1), shape (n, 4, 4).
-        k: Numbers k, shape (n,) [-].
-        span: S [-].
+        k: Constants k of the eigenvalues, shape (n,) [-].
+        span: Logarithm S of the ratio of the radii [-].
 
     Returns:
         Matrices, shape (n, 4, 4), and exponents, shape (n,): expm(A S) = exp(exponent) matrix.
@@ -286,7 +286,7 @@ def _exponentiate(matrix: FloatArray, k: FloatArray, span: float) -> tuple[Float
 
 ComplexArray = npt.NDArray[np.complex128]
 
-#: Harmonics whose exponentials are computed directly; the others are products of them [-].
+#: Number of harmonics whose exponentials are computed directly [-]; those of the others are products of them.
 _BLOCK = 64
 #: Number of angles whose exponentials are held at once, to limit the memory [-].
 _ANGLES = 4096
@@ -318,7 +318,7 @@ class ArcLoad:
     Attributes:
         pressure: Pressure, a number or a function of the angle from the middle of the arc, shape (n,) [Pa].  It must be
             smooth inside the arc; at the ends it may jump, or go like a square root.
-        shear: Shear traction toward larger theta, likewise [Pa].
+        shear: Shear traction toward larger theta, a number or a function as for `pressure` [Pa].
         angle: Middle of the arc [rad].
         half_width: Half of the angle of the arc, at most pi [rad].
     """
@@ -338,7 +338,7 @@ class ArcLoad:
             raise ValueError(f"half_width must lie in 0..pi, not {self.half_width} rad")
 
     def place(self, radius: float, highest: int, refinement: int = 1) -> tuple[FloatArray, FloatArray]:
-        """Replace the load by forces at points, with which harmonics are integrated.
+        """Replace the load by forces at points, for the integration of harmonics.
 
         Args:
             radius: Radius of the top [m].
@@ -393,9 +393,9 @@ class CylinderLayer:
         """Solve the layer under the sum of some loads.
 
         Args:
-            loads: The loads.
-            tolerance: Largest truncation error of the traction on the base, over the largest traction on the base that
-                the loads' forces would cause if each were concentrated on a line [-].
+            loads: Loads on the top.
+            tolerance: Largest truncation error of the traction on the base, relative to its largest value if each load
+                were concentrated on a line [-].
 
         Raises:
             ValueError: If a traction is not smooth inside its arc, or the tolerance needs too many terms.
@@ -414,8 +414,8 @@ class CylinderResponse:
     """Solved layer on a cylinder.
 
     Attributes:
-        layer: The layer.
-        loads: The loads on its top.
+        layer: Layer on the cylinder.
+        loads: Loads on the top of the layer.
         terms: Number of terms of the series of the traction on the base [-].
     """
 
@@ -426,7 +426,7 @@ class CylinderResponse:
     def base_traction(self, angles: npt.ArrayLike) -> FloatArray:
         """Compute the traction (outward, tangential) that the layer exerts on the core.
 
-        Under a pressed place the outward component is negative: minus the pressure on the base.
+        Under a pressed place the outward component is negative and equals minus the pressure on the base.
 
         Args:
             angles: Angles, shape (n,) [rad].
@@ -439,7 +439,8 @@ class CylinderResponse:
     def top_displacement(self, angles: npt.ArrayLike, tolerance: float = 1e-4) -> FloatArray:
         """Compute the displacement (outward, tangential) of the top.
 
-        The series is slow where a traction jumps: the tolerance is often out of reach at the end of a uniform pressure.
+        The series converges slowly where a traction jumps.  At the end of a uniform pressure the tolerance is often not
+        reached.
 
         Args:
             angles: Angles, shape (n,) [rad].
@@ -486,7 +487,7 @@ class CylinderResponse:
 
         Args:
             patches: First and last angle of each patch, shape (n, 2) [rad].
-            normals: Angle of each texel's outward normal, shape (n,) [rad]; that of the patch's middle if None.
+            normals: Angle of each texel's outward normal, shape (n,) [rad]; the angle of the patch's middle if None.
 
         Returns:
             Force of each texel, positive under pressure, shape (n,) [N/m].
@@ -550,7 +551,7 @@ def _read_patches(patches: npt.ArrayLike) -> FloatArray:
     """Read patches, shape (n, 2) [rad].
 
     Raises:
-        ValueError: If the shape is another, or a patch ends before it starts or is longer than the circle.
+        ValueError: If the shape is wrong, or a patch ends before it starts or is longer than the circumference.
     """
     out = np.asarray(patches, dtype=float)
     if out.ndim != 2 or out.shape[1] != 2:  # noqa: PLR2004 -- first and last angle

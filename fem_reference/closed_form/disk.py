@@ -65,7 +65,7 @@ class _Edge:
     t_z: FloatArray
 
     def work(self, other: _Edge, weight: FloatArray) -> FloatArray:
-        """Compute the work of these tractions on the displacements of `other`, shape (fields, fields of `other`).
+        """Compute the work of these tractions on other displacements, shape (fields, fields of `other`).
 
         `weight` holds the weights of the integral over the edge, shape (points,).
         """

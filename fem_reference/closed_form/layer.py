@@ -1,10 +1,10 @@
 """Compute the exact response of bonded elastic layers on a rigid base to pressure, for waves, points and texels.
 
-For a surface pressure cos(k x) each layer has Papkovich-Neuber potentials Phi and Psi proportional to exp(+-k z);
-boundary and interface conditions give one small linear system per wave number.  Every exponential is written so that it
-decays from one face of the layer, to avoid overflow.  The response to axisymmetric loads follows by a Hankel transform,
-because the response of an isotropic layer does not depend on the horizontal direction; the force on a rectangular
-texel by a two-dimensional Fourier transform.
+For a surface pressure cos(k x) each layer has Papkovich-Neuber potentials Phi and Psi proportional to exp(+-k z).
+Boundary and interface conditions give one small linear system per wave number.  Every exponential is written so that it
+decays from one face of the layer, to avoid overflow.  The response of an isotropic layer does not depend on the
+horizontal direction.  The response to axisymmetric loads therefore follows by a Hankel transform, and the force on a
+rectangular texel by a two-dimensional Fourier transform.
 
 The displacement u follows from 2 mu u = 4 (1 - nu) Psi e_z - grad(Phi + z Psi), where Phi and Psi are harmonic (Barber,
 Elasticity, chapter 15, with zero x and y components of the vector potential).
@@ -27,17 +27,18 @@ from meshes.array_types import FloatArray
 class LayerSettings:
     """Constants of the integrals over the wave number."""
 
-    #: Product of wave number k and cover thickness below which the response is interpolated by a parabola in k that
-    #: ends at the exact limit for k = 0, because the linear systems are ill-conditioned at small k [-].
+    #: Product of wave number k and cover thickness below which the response is interpolated [-].  The interpolation is
+    #: a parabola in k that ends at the exact limit for k = 0, because the linear systems are ill-conditioned at small
+    #: k.
     small: float = 2e-3
-    #: Product of wave number and cover thickness at which the integrals end, because the base pressure is negligible
-    #: beyond: exp(-60) = 1e-26 [-].
+    #: Product of wave number and cover thickness at which the integrals end [-].  The base pressure is negligible
+    #: beyond: exp(-60) = 1e-26.
     large: float = 60.0
     #: Smallest number of panels of a Hankel transform [-].
     panels: float = 64.0
     #: Gauss points in each panel [-].
     panel_points: int = 10
-    #: Distances for which Bessel functions are computed at once, to limit the memory [-].
+    #: Number of distances for which Bessel functions are computed at once, to limit the memory [-].
     block: int = 512
 
 
@@ -94,7 +95,7 @@ def traction_compliance(cover: Cover, wave_number: npt.ArrayLike) -> FloatArray:
         +x on the top.  For axisymmetric loads cos(k x) becomes J0(k r), and sin(k x) becomes J1(k r).
     """
     k = np.atleast_1d(np.asarray(wave_number, dtype=float))
-    # At small k the linear systems are ill-conditioned; there the compliances are constant on the diagonal and
+    # At small k the linear systems are ill-conditioned.  There the compliances are constant on the diagonal and
     # proportional to k off the diagonal.
     solvable = np.maximum(k, _SETTINGS.small / cover.thickness)
     ratio = k / solvable
@@ -226,7 +227,8 @@ def _evaluate_face(layer: Layer, k: FloatArray, z: float, scale: float) -> Float
     nu, h = layer.material.poisson_ratio, layer.thickness
     compliance = scale / (2 * layer.material.shear_modulus)
     rows = np.empty((k.size, 4, 4))
-    for column, sign, s in ((0, -1.0, z), (2, 1.0, z - h)):  # decay from bottom, from top
+    # columns of the potentials that decay from the bottom, and from the top
+    for column, sign, s in ((0, -1.0, z), (2, 1.0, z - h)):
         e = np.exp(sign * k * s)
         ks = k * s
         one = np.ones_like(k)
@@ -289,7 +291,7 @@ class InfluenceSettings:
     resolution: int = 12
     #: Largest number of points along a side of the table [-].
     most_points: int = 3072
-    #: Base pressure, over its largest value, below which it is taken for zero beyond some distance [-].
+    #: Base pressure, over its largest value, below which it counts as zero beyond some distance [-].
     negligible: float = 1e-7
 
 
@@ -321,7 +323,7 @@ class TexelResponse:
     table: RectBivariateSpline
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Evaluate the share for loads at (x, y) from the texel's centre, arrays of one shape [-]."""
+        """Evaluate the share [-] for loads at (x, y) from the texel's centre, arrays of the same shape [m]."""
         x, y = np.abs(x), np.abs(y)
         near = (x <= self.half[0]) & (y <= self.half[1])
         out = np.zeros(near.shape)
@@ -353,7 +355,7 @@ def tabulate_texel_response(cover: Cover, size: tuple[float, float]) -> TexelRes
         size[0] * np.sinc(kx * size[0] / (2 * np.pi)), size[1] * np.sinc(ky * size[1] / (2 * np.pi))
     )
     share = np.fft.irfft2(spectrum, s=count) / (spacing[0] * spacing[1])
-    # Keep some points on the other side of each axis of symmetry, where the spline then has no end.
+    # Keep some points beyond each axis of symmetry, so that the spline has no end on the axis.
     axes = [d * np.arange(-4, n // 2 + 1) for n, d in zip(count, spacing, strict=True)]
     index = [np.arange(-4, n // 2 + 1) % n for n in count]
     table = RectBivariateSpline(axes[0], axes[1], share[np.ix_(*index)], kx=5, ky=5)

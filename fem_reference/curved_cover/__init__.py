@@ -1,4 +1,4 @@
-"""Solids: responses of all texels, and rigid indenters from any direction."""
+"""Solid covers: responses of all texels, and contact of rigid indenters from any direction."""
 
 from __future__ import annotations
 

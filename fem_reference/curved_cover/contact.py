@@ -1,17 +1,17 @@
 """Solve the contact of a rigid indenter with a curved top at small strain, frictionless or without slip.
 
-The unknowns are the forces of the shapes of the contact pressure (hats; `pressure_shapes`), one for each node of the
-top.  The gap is the distance to the indenter along the undeformed normals.  Hats in contact have no mean gap and a
-positive force; all others have a mean gap and no force.  The set of hats in contact is found by block principal
-pivoting (Judice and Pires 1994).  The compliance of a node is one solution of the factorised solid for each direction
-of the force, so it is computed when the node first bears a force, and kept.
+The unknowns are the forces of the shape functions of the contact pressure (hats; `pressure_shapes`), one for each node
+of the top.  The gap is the distance to the indenter along the undeformed normals.  Hats in contact have a mean gap of
+zero and a positive force.  All other hats have a positive mean gap and no force.  The set of hats in contact is found
+by block principal pivoting (Judice and Pires 1994).  The compliance of a node needs one solution of the factorised
+solid for each direction of the force.  It is computed when the node first bears a force, and stored.
 
-Without slip a point of the top that the indenter has touched moves with it.  The traction therefore depends on how far
-each point had moved when it was touched, and the indenter is followed in steps of about equal growth of the contact.
-The forces of hats then act along and across the normal, and across it the mean displacement of a hat in contact is that
-of the indenter since the hat was touched.  When a hat is touched between two steps follows from how fast its gap closed
-in the step before.  A hat whose stick would pull it off the indenter again, as at the border of the contact, slides in
-that step and sticks from there.
+Without slip a point of the top moves with the indenter after contact.  The traction depends on the displacement of each
+point at its first contact, so the indenter is followed in steps of about equal growth of the contact.  The forces of
+hats then act along and across the normal. Across the normal the mean displacement of a hat in contact is the
+displacement of the indenter since first contact of the hat.  The time of first contact within a step is estimated from
+the rate at which the gap closed in the previous step.  A hat that would be under tension if it stuck, as at the border
+of the contact, slides in this step and sticks afterwards.
 """
 
 from __future__ import annotations
@@ -34,28 +34,27 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 class SolidContactSettings:
     """Limits and tolerances of the contact with a curved top, and of the search for a load."""
 
-    #: Number of unit forces on the top that are solved for at a time, to limit the memory [-].
+    #: Number of unit forces on the top that are solved for at once, to limit the memory [-].
     block: int = 64
     #: Largest number of changes of the set of hats in contact [-].
     exchanges: int = 200
     #: Largest number of successive changes in which all wrong hats enter or leave the contact without a new minimum of
     #: the number of wrong hats [-].  After that only one hat changes at a time.
     patience: int = 8
-    #: Overlap under a hat without contact, over the deepest overlap of the undeformed top, that is accepted [-].
+    #: Largest accepted overlap under a hat without contact, over the deepest overlap of the undeformed top [-].
     negligible: float = 1e-9
-    #: Compliance that is added to that of each hat, over the sum of the compliances of all hats in contact [-].
-    #: Without it the equations are singular below an indenter smaller than a facet, where the hats are linearly
-    #: dependent.
+    #: Additional compliance of each hat, over the sum of the compliances of all hats in contact [-].  Without it the
+    #: equations are singular under an indenter smaller than a facet, where the hats are linearly dependent.
     soft: float = 1e-8
-    #: Gap over the deepest overlap below which a hat counts to the area of contact [-].  Near a sharp edge the pressure
-    #: oscillates, and hats beside large forces are lifted a little.
+    #: Gap over the deepest overlap below which a hat counts towards the area of contact [-].  Near a sharp edge the
+    #: pressure oscillates, and hats next to large forces have small gaps.
     closed: float = 0.02
     #: Largest difference between the load and its target, over the target [-].
     load_error: float = 1e-7
     #: Largest number of steps to a load [-].
     steps: int = 60
-    #: Number of steps in the search for a load after which the interval of depths is halved instead of a secant step
-    #: [-].  The interval then also shrinks where secant steps do not shrink it.
+    #: Number of steps in the search for a load after which the interval of depths is bisected instead of a secant step
+    #: [-].  Bisection also shrinks the interval where secant steps do not.
     bisect: int = 5
     #: Number of hats in contact at the depth at which the search for a load starts [-].
     first_nodes: int = 4
@@ -63,12 +62,13 @@ class SolidContactSettings:
 
 _SETTINGS = SolidContactSettings()
 
-#: Number of steps to the target without slip: under a ball twice as many change the force by less than 0.2 % [-].
+#: Number of steps to the target without slip [-].  Under a ball, twice as many steps change the force by less than 0.2
+#: %.
 STEPS = 16
 
 
 class TopCompliance:
-    """Displacements of the m nodes of a top per force on one of them, along d directions at each node.
+    """Displacements of the m nodes of a top per force on one node, along d directions at each node.
 
     A place is one direction at one node; place d * node + i is the i-th direction of the node.
 
@@ -91,7 +91,7 @@ class TopCompliance:
         """Return the displacements of all places per force on each of k places, shape (k, m * d) [m/N]."""
         missing = np.array([place for place in loaded.tolist() if place not in self._rows], dtype=np.int64)
         count = self.directions.shape[1]
-        for start in range(0, len(missing), _SETTINGS.block):  # loads on all nodes of the cover take much memory
+        for start in range(0, len(missing), _SETTINGS.block):  # Loads on all nodes of the cover take much memory.
             part = missing[start : start + _SETTINGS.block]
             forces = np.zeros((len(part), len(self.solid.nodes), 3))
             forces[np.arange(len(part)), self.top.index[part // count]] = self.directions[part // count, part % count]
@@ -110,12 +110,13 @@ class ContactForces:
     """Contact of an indenter in one position with the m nodes of a top.
 
     Attributes:
-        forces: Force of the pressure of each hat, against the normals, never negative, shape (m,) [N].
-        nodal: Nodal forces that are equivalent to the pressures of the hats and to the shear of hats that stick, by the
-            shape functions of the displacement, shape (m, 3) [N].
-        area: Area of the hats in contact, and of those that are lifted by less than 2 % of the depth [m2].
+        forces: Force of the pressure of each hat, opposite to the normal, never negative, shape (m,) [N].
+        nodal: Nodal forces, by the shape functions of the displacement, equivalent to the pressures of the hats and to
+            the shear of sticking hats, shape (m, 3) [N].
+        area: Area of the hats in contact and of those whose gap is below 2 % of the depth [m2].
         spacing: Mean distance of the nodes in contact [m].
-        half_width: Half the smaller width of the contact, by the second moments of its area; a disk's radius [m].
+        half_width: Half the smaller width of the contact, from the second moments of its area; the radius of a disk
+            [m].
         has_edge: Whether an edge of the indenter ends the pressure.
         travel: Distance by which the indenter moved from its pose, along its direction [m].
         load: Force of the indenter on the cover along its direction [N].
@@ -141,8 +142,9 @@ class _Found:
 
     Attributes:
         forces: Forces of the h hats along d directions, the first against the normal, shape (h, d) [N].
-        change: Increase of `forces` per travel of the indenter, shape (h, d) [N/m].
-        moved: Displacement of each place of the `TopCompliance`, shape (places,) [m].
+        change: Derivative of `forces` with respect to the travel of the indenter, shape (h, d) [N/m].
+        moved: Displacement of each place of the `TopCompliance`, that is of each node along each direction, shape
+            (places,) [m].
         remaining: Mean gap under each hat in the deformed state, shape (h,) [m].
         touching: Whether each hat is in contact, shape (h,).
         sliding: Whether each hat is in contact and slides in this step, shape (h,).
@@ -165,8 +167,8 @@ class _Equations:
         gaps: Mean gaps of the undeformed top.
         loads: Force on each place of the compliance (row) per unit force of a hat along one of its directions (column
             d * hat + i for direction i), shape (places, h * d) [-].
-        goals: Mean displacement that each hat has along each direction if it is in contact, shape (h, d) [m].
-        rates: Change of `goals` per travel of the indenter, shape (h, d) [-].
+        goals: Mean displacement of each hat along each direction if the hat is in contact, shape (h, d) [m].
+        rates: Derivative of `goals` with respect to the travel of the indenter, shape (h, d) [-].
     """
 
     compliance: TopCompliance
@@ -182,7 +184,7 @@ class _Equations:
             touching: First guess of the hats in contact, shape (h,).
 
         Raises:
-            ConvergenceError: If the hats in contact are not found.
+            ConvergenceError: If the active set does not converge.
         """
         released, sliding = np.zeros((2, len(touching)), dtype=bool)
         least = _SETTINGS.negligible * float(self.gaps.gap.min(initial=0.0))
@@ -193,7 +195,8 @@ class _Equations:
             if not wrong.any():
                 return found
             wrong = exchange.choose(wrong)
-            if exchange.is_single:  # with stick such exchanges can cycle: a hat that sticks again has another force
+            # Under stick such exchanges can cycle, because a hat that sticks again has another force.
+            if exchange.is_single:
                 sliding |= wrong & ~touching & released
                 released |= wrong & touching
             touching = touching ^ wrong
@@ -242,12 +245,12 @@ class MeshPress:
         self.touch, self._deepest = touch, deepest
 
     def to(self, target: float, control: Control, steps: int = STEPS) -> ContactForces:  # noqa: ARG002 -- no path
-        """Solve the contact under a load [N] or at a depth [m].
+        """Solve for the contact under a load [N] or at a depth [m].
 
         Raises:
-            TooShallowError: If the indenter touches less than the shapes of the pressure resolve.
+            TooShallowError: If the contact is too small for the shape functions of the pressure.
             PiercedError: If the indenter would go through most of the cover.
-            ConvergenceError: If the contact or the load is not found.
+            ConvergenceError: If the contact or the depth at a load does not converge.
         """
         found = self.at_depth(target) if control == "depth" else self.under_load(target)
         if not found.load > 0:
@@ -285,7 +288,7 @@ class MeshPress:
         nodal, more = (compliance.add_up(equations.loads @ each.ravel()) for each in (found.forces, found.change))
         closed = found.remaining < -_SETTINGS.closed * gaps.gap.min(initial=0.0)
         spacing = float(np.sqrt(gaps.whole[closed].mean())) if closed.any() else 0.0
-        places = (gaps.spread.T @ compliance.top.nodes)[closed]  # where the force of each hat acts
+        places = (gaps.spread.T @ compliance.top.nodes)[closed]  # position of the force of each hat
         return ContactForces(
             forces=found.forces[:, 0],
             nodal=nodal,
@@ -299,10 +302,9 @@ class MeshPress:
         )
 
     def under_load(self, load: float, *, start: float | None = None, least: float = 0.0) -> ContactForces:
-        """Find the depth at which the load is reached, by the secant method between bounds.
+        """Find the depth at a load, by the secant method between bounds.
 
-        The first step uses the stiffness of the contact.  This stiffness neglects that the part of a hat that touches
-        grows as the indenter moves.
+        The first step uses the stiffness of the contact, which neglects the growth of the contact within a hat.
 
         Args:
             load: The load [N].
@@ -345,9 +347,9 @@ class _State:
         travel: Distance by which the indenter moved from its pose [m].
         moved: Displacements of the m nodes of the top, shape (m, 3) [m].
         touching: Whether each of the m hats is in contact, shape (m,).
-        record: Mean displacement of each hat minus that of the indenter; it stays constant while the hat sticks, shape
-            (m, 3) [m].
-        before: The state one step earlier.
+        record: Mean displacement of each hat minus that of the indenter, shape (m, 3) [m].  It is constant while the
+            hat sticks.
+        before: State of the previous step.
     """
 
     travel: float
@@ -370,7 +372,8 @@ class StickingPress(MeshPress):
             touching=np.zeros(count, dtype=bool),
             record=np.zeros((count, 3)),
         )
-        # In one step from first touch, points that are touched late stick where they were without load.
+        # Solved in one step from first touch, points with late contact would stick at their position in the unloaded
+        # state.
         whole = super().to(target, control)
         for number in range(1, steps):
             # The width of the contact of a round body grows with the root of the depth.
@@ -408,8 +411,8 @@ class StickingPress(MeshPress):
     def _record_touch(self, gaps: MeanGaps, travel: float) -> FloatArray:
         """Return `_State.record` of every hat at the end of a step, shape (m, 3) [m].
 
-        It is unchanged for hats that are in contact.  For the others it is predicted: the time of touch follows from
-        the gap and from the speed at which the gap closes.
+        The record is unchanged for hats in contact.  For the others it is predicted: the time of first contact follows
+        from the gap and from the rate at which the gap closes.
         """
         last, before, normals = self._state, self._state.before, self._compliance.top.normals
         step = travel - last.travel
@@ -464,5 +467,5 @@ def measure_half_width(nodes: FloatArray, area: FloatArray, spacing: float) -> f
     if not area.sum() > 0:
         return 0.0
     moments = np.cov(nodes.T, aweights=area, ddof=0)
-    across = float(np.linalg.eigvalsh(moments)[1])  # the smallest is that along the normal
+    across = float(np.linalg.eigvalsh(moments)[1])  # The smallest eigenvalue is the moment along the normal.
     return 2 * float(np.sqrt(max(across, 0.0) + spacing**2 / 12))

@@ -18,7 +18,7 @@ _ORDER = 6
 #: Number of parts along each side of a facet in the search for the nearest point [-].  The middles of the parts are
 #: possible starts of the search.
 _PARTS = 4
-#: Number of starts, the nearest ones, from which the nearest point is searched [-].
+#: Number of nearest starts from which the nearest point is searched [-].
 _CANDIDATES = 6
 #: Number of Gauss-Newton steps from each start [-].
 _STEPS = 12
@@ -40,7 +40,7 @@ class FacetSurface:
 
     @classmethod
     def part_of(cls, nodes: FloatArray, facets: IntArray) -> FacetSurface:
-        """Take the facets and their nodes out of the n displacement nodes of a solid, shape (n, 3) [m]."""
+        """Select the facets and their nodes from the n displacement nodes of a solid, shape (n, 3) [m]."""
         index, place = np.unique(facets, return_inverse=True)
         return cls(nodes=nodes[index], facets=place.reshape(facets.shape), index=index)
 
@@ -51,7 +51,7 @@ class FacetSurface:
 
     @cached_property
     def areas(self) -> FloatArray:
-        """Integrals of the shape functions, which are the shares of the nodes in the area, shape (m,) [m2].
+        """Integrals of the shape functions, which are the areas that belong to the nodes, shape (m,) [m2].
 
         They are zero at the corners of flat triangles.
         """
@@ -66,7 +66,7 @@ class FacetSurface:
         return self._scatter(np.einsum("fq,qa,qb->fab", weight, shape, shape, optimize=True))
 
     def integrate_pressure(self, pressure: FloatArray) -> FloatArray:
-        """Compute the nodal forces of a pressure on the surface, which acts against the normals.
+        """Compute the nodal forces of a pressure on the surface, which acts opposite to the normals.
 
         Args:
             pressure: Pressures at the nodes, between which the shape functions interpolate, shape (k, m) [Pa].
@@ -138,7 +138,7 @@ class FacetSurface:
 
     @cached_property
     def _search(self) -> tuple[KDTree, FloatArray]:
-        """Tree of points on the facets, and their reference coordinates, the same for every facet."""
+        """Search tree of points on the facets, and their reference coordinates, which are the same for every facet."""
         return KDTree(self.split(_PARTS)[0].reshape(-1, 3)), split_facet(self.facets.shape[1], _PARTS)[0]
 
     @cached_property

@@ -1,12 +1,12 @@
 """Press a rigid indenter into a solid cover from any direction: the solver of `SolidCover`.
 
-At small strain the contact is frictionless or without slip (`contact`), and is solved on every mesh.
+At small strain the contact is frictionless or without slip (`contact`).  It is solved on every mesh.
 
-At finite strain it is frictionless.  The mesh is turned into the frame of the indenter, whose lowest point first
-touches at the origin, so that elements, contact at quadrature points, and loading path are those of flat covers
-(`fem_reference.finite_strain`).  The element size limits what is feasible, so the result is a correction: on each mesh
-but the finest the solution at finite strain is computed, and the error of its mesh is removed by the small-strain
-solutions on that mesh and on the finest.
+At finite strain it is frictionless.  The mesh is rotated into the frame of the indenter, with the point of first touch
+at the origin, so that elements, contact at quadrature points and loading path are those of flat covers
+(`fem_reference.finite_strain`).  The feasible element size is limited, so that the result is a correction.  On every
+mesh except the finest the solution at finite strain is computed.  Its discretisation error is removed by the
+small-strain solutions on the same mesh and on the finest mesh.
 """
 
 from __future__ import annotations
@@ -57,11 +57,11 @@ class SolidPressSettings:
     largest_depth: float = 0.8
     #: Depth over the thickness from which a warning states that strains are not small [-].
     warn_depth: float = 0.15
-    #: Smallest order of convergence that error estimates of depth, load and area assume: that of a sharp edge [-].
+    #: Smallest order of convergence in error estimates of depth, load and area [-]; the order at a sharp edge.
     order: float = 1.0
-    #: Smallest estimated relative error of depth and load without friction where a sharp edge ends the pressure, over
-    #: the relative node distance [-].  This is the distance of the nodes in contact over half the smaller width of the
-    #: contact.  The pressure is singular at a sharp edge.
+    #: Smallest estimated relative error of depth and load without friction where the pressure ends at a sharp edge,
+    #: over the relative node distance [-].  The relative node distance is the distance of the nodes in contact over
+    #: half the smaller width of the contact.  The pressure is singular at a sharp edge.
     edge: float = 0.25
     #: Smallest estimated relative error of depth and load without slip where a sharp edge ends the pressure, over the
     #: relative node distance [-].
@@ -69,26 +69,26 @@ class SolidPressSettings:
     #: Smallest estimated relative error of depth and load where no sharp edge ends the pressure, over the square of the
     #: relative node distance [-].
     round: float = 0.13
-    #: Relative node distance above which depth, load and area are not resolved [-].  On flat pads the depth was then up
-    #: to eight times too large.
+    #: Relative node distance above which depth, load and area are not resolved [-].  On flat pads the depth was up to
+    #: eight times too large there.
     unresolved: float = 1.2
     #: Smallest order of convergence of the changes of texel forces between meshes where no sharp edge ends the pressure
-    #: [-].  At a sharp edge the error depends on the place of the edge on the mesh more than on the element size, and
-    #: no convergence is assumed.
+    #: [-].  At a sharp edge no convergence is assumed, because the error depends more on the position of the edge in
+    #: the mesh than on the element size.
     smooth: float = 2.0
-    #: Safety factor on the largest change of one texel force between successive meshes [-].  With it 36 of 36 estimates
-    #: covered the errors of presses on flat pads.
+    #: Safety factor on the largest change of one texel force between successive meshes [-].  It covered the errors in
+    #: 36 of 36 presses on flat pads.
     one_texel: float = 2.5
-    #: Safety factor on half the sum of the changes of all texel forces between successive meshes [-].  With it 34 of 36
-    #: estimates covered the errors of presses on flat pads.
+    #: Safety factor on half the sum of the changes of all texel forces between successive meshes [-].  It covered the
+    #: errors in 34 of 36 presses on flat pads.
     sum: float = 1.5
     #: Safety factor in place of `one_texel` and `sum` if there are only two meshes [-].
     two_meshes: float = 3.0
     #: Smallest cosine between the normal of the top and the axis of the indenter at points that can touch, at finite
     #: strain [-].
     least_cosine: float = 0.05
-    #: First step of the loading path at finite strain, measured from the depth at which the first contact point
-    #: touches, over the distance from that depth to the depth at small strain [-].
+    #: First step of the loading path at finite strain, over the difference between two depths [-]: the depth at which
+    #: the first contact point touches, and the depth at small strain.
     first_step: float = 0.5
     #: Mean penetration of indenter and cover, over the depth, below which augmentation stops [-].
     overlap: float = 0.002
@@ -115,11 +115,12 @@ _ASSUMPTIONS = {
 def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
     """Press an indenter into a solid at every target of a problem, or read the results from the store.
 
-    The indenter moves from its pose along the direction until it touches, and on until load or depth are reached.
+    The indenter moves from its pose along the direction to first touch, and further to the load or depth.
 
     Raises:
         ValueError: If the cover cannot be meshed, or the indenter never touches.
-        UnsupportedError: If there is slip, or finite strain is asked for with friction or tilt, or finer meshes.
+        UnsupportedError: If friction is neither zero nor no slip, finite strain is requested with friction or tilt, or
+            an accuracy is requested.
         PiercedError: If the indenter would go through most of the cover.
         ConvergenceError: If the contact or the load is not found.
     """
@@ -159,7 +160,7 @@ def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
 
 
 def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float) -> Indentation:
-    """Press to one target at small strain, on every mesh; the result is that of the finest.
+    """Press to one target at small strain on every mesh; return the result of the finest mesh.
 
     Args:
         meshes: One mesh, or two or three from coarse to fine for an error estimate.
@@ -197,7 +198,7 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
 
 
 def _begin(mesh: SolidMesh, material: Material, problem: PressProblem) -> MeshPress:
-    """Prepare the contact on one mesh, with or without slip."""
+    """Create the contact problem on one mesh, with or without slip."""
     top, indenter, pose = find_top(mesh), problem.indenter, problem.pose
     touch = find_touch(top, indenter, pose)
     if not np.isfinite(touch):
@@ -213,7 +214,7 @@ def _begin(mesh: SolidMesh, material: Material, problem: PressProblem) -> MeshPr
 def build_compliance(mesh: SolidMesh, material: Material, *, vectors: bool = False) -> TopCompliance:
     """Build the compliance of the top of a mesh.
 
-    The latest six are kept in memory, with the rows that were computed for nodes in contact.
+    The six most recent compliances are kept in memory, with the rows computed for nodes in contact.
     """
     return TopCompliance(build_solid(mesh, material), vectors=vectors)
 
@@ -232,7 +233,7 @@ def _estimate(
         texel_forces: Forces on the n texels on each mesh, shape (m, n) [N].
         contacts: Contact on each mesh.
         depths: Depth on each mesh [m].
-        control: Whether the load or the depth is prescribed; its error is zero.
+        control: Whether the load or the depth is prescribed; the error of the prescribed one is zero.
 
     Returns:
         Estimated relative errors by name of the result [-]; NaN where the mesh does not resolve the contact.
@@ -254,7 +255,7 @@ def _estimate(
         errors[name] = estimate_error(values, meshes, least=_SETTINGS.order) / abs(float(values[-1]))
     last = contacts[-1]
     if len(meshes) > 1 and last.area > 0:
-        # Half a node distance at the border of a round area, relative to the area.
+        # Half a node distance at the border of a circular area, relative to the area.
         resolved = (1 + edge) * last.spacing / float(np.sqrt(last.area / np.pi))
         errors["contact_area"] = max(errors["contact_area"], resolved)
         narrow = last.spacing / last.half_width
@@ -273,12 +274,12 @@ def _add_step_error(
     contacts: tuple[ContactForces, ContactForces],
     touch: float,
 ) -> None:
-    """Add the error of the steps of the path to estimated errors: the change from half the number of steps.
+    """Add the error of the steps of the path to estimated errors, from a solution with half the number of steps.
 
-    The error of the steps is proportional to one over their number.
+    The error of the steps is proportional to the reciprocal of their number.
 
     Args:
-        errors: Estimated relative errors by name, which are changed [-].
+        errors: Estimated relative errors by name [-]; changed in place.
         changed: Texel forces with half the number of steps minus those with all steps, shape (n,) [N].
         texel_forces: Texel forces with all steps, shape (n,) [N].
         contacts: Contact with half the number of steps, and with all steps.
@@ -295,7 +296,7 @@ def _add_step_error(
 
 
 def warn_of_all(errors: Mapping[str, float]) -> tuple[str, ...]:
-    """State in words which estimated errors are large, and what is not resolved."""
+    """Describe which estimated errors are large, and which results are not resolved."""
     if not np.isnan(errors["contact_area"]) or np.isnan(errors["peak_texel"]):
         return warn_of_errors(errors)
     other = "load" if errors["depth"] == 0 else "depth"
@@ -378,8 +379,8 @@ def press_finite(
 ) -> Indentation:
     """Press to one target at finite strain, along the axis of the indenter and without friction; see `press_small`.
 
-    The arrays of the result are those of the finest mesh on which finite strain was solved: the last but one of
-    several.  Texel forces, and depth or load, are corrected for its discretisation error.
+    The arrays of the result are those of the finest mesh solved at finite strain, the second finest of several meshes.
+    Texel forces, and depth or load, are corrected for its discretisation error.
     """
     accurate = press_small(meshes, material, problem, target)
     small, full = [], []
@@ -405,7 +406,7 @@ class _Small:
         texel_forces: Force on each of n texels, shape (n,) [N].
         load: Force along the motion [N].
         depth: Depth [m].
-        first: Depth at which the nearest contact point touches [m].
+        first: Depth at which the first contact point touches [m].
     """
 
     texel_forces: FloatArray
@@ -445,7 +446,7 @@ class _Full(_Small):
 
 
 def _press_mesh(mesh: SolidMesh, material: Material, problem: PressProblem, target: float, small: _Small) -> _Full:
-    """Follow the loading path at finite strain on one mesh, from a part of the depth at small strain."""
+    """Follow the loading path at finite strain on one mesh, starting at a fraction of the depth at small strain."""
     indenter, pose = problem.indenter, problem.pose
     units = Units(length=measure_thickness(mesh), stress=material.shear_modulus)
     surface, turn = find_top(mesh), pose.rotation.T
@@ -507,7 +508,7 @@ def _press_mesh(mesh: SolidMesh, material: Material, problem: PressProblem, targ
 
 
 def _place_points(layout: DisplacementNodes) -> tuple[TopPoints, FloatArray]:
-    """Place quadrature points on the f facets of the top that look towards the indenter, along z.
+    """Place quadrature points on the f facets of the top that face the indenter, along z.
 
     Returns:
         The points, in the frame and unit of the elements, and their areas, shape (f, q) [units of area].
@@ -534,7 +535,7 @@ def _combine(
     problem: PressProblem,
     assumptions: Mapping[str, str],
 ) -> Indentation:
-    """Correct the solution at finite strain for the error of its mesh, and estimate what remains."""
+    """Correct the solution at finite strain for its discretisation error, and estimate the remaining error."""
     shares = np.array([f.texel_forces / f.load - s.texel_forces / s.load for f, s in zip(full, small, strict=True)])
     stiffer = np.array([(f.load / f.depth) / (s.load / s.depth) for f, s in zip(full, small, strict=True)])
     texels, by_load, last = problem.array, problem.control == "load", full[-1]

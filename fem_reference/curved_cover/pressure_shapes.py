@@ -1,11 +1,11 @@
-"""Shapes of the contact pressure on the top of a curved cover, and the mean gap under each of them.
+"""Shape functions of the contact pressure on the top of a curved cover, and the mean gap under each of them.
 
-The contact pressure is interpolated linearly between the nodes of the top: each quadratic facet is split into four
-parts, on which the shape functions of the pressure (hats) are linear.  Gap and displacement count as their means over a
-hat (mortar method; Puso and Laursen 2004), so that an edge of the indenter moves across a facet without steps in the
-result.  Where a line along the normal does not meet the indenter there is no pressure: hats end at sharp edges.  Nor is
-there pressure where the gap is far larger than the overlap elsewhere, as below a steep side beside an edge: such a gap
-would lift the mean gap of a hat whose other part touches.
+The contact pressure is interpolated linearly between the nodes of the top.  Each quadratic facet is split into four
+parts, on which the shape functions of the pressure (hats) are linear.  Gap and displacement are averaged over each hat
+(mortar method; Puso and Laursen 2004), so that the result is continuous when an edge of the indenter moves across a
+facet.  The pressure is zero where a line along the normal does not meet the indenter; hats therefore end at sharp
+edges.  It is also zero where the gap is far larger than the overlap elsewhere, as below a steep side next to an edge.
+Such a gap would increase the mean gap of a hat that is partly in contact.
 """
 
 from __future__ import annotations
@@ -32,8 +32,9 @@ _LEAST_SHARE = 1e-3
 #: Part of the area of a hat that lies below the indenter, over its whole area, below which the hat counts as cut by an
 #: edge of the indenter [-].
 _WHOLE = 0.999
-#: Gap up to which a point has its full weight in the mean gap of a hat [-].  It is divided by the deepest overlap, or
-#: by the distance of the points if that is larger.  Beside a contact the surface rises by less than the overlap.
+#: Gap up to which a point has full weight in the mean gap of a hat [-].  The gap is relative to the deepest overlap or
+#: to the distance between the points, whichever is larger.  Next to a contact the surface rises by less than the
+#: overlap.
 _NEAR = 1.0
 #: Gap from which a point has no weight in the mean gap of a hat, over the same length as `_NEAR` [-].
 _FAR = 2.0
@@ -41,18 +42,18 @@ _FAR = 2.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeanGaps:
-    """Mean gaps under hats, or gaps at points, of a top with m nodes; one hat belongs to each node.
+    """Mean gaps under hats, or gaps at points, of a top with m nodes.  One hat belongs to each node.
 
     For gaps at points (`PointSampler`), m is the number of points except for the rows of `spread`.
 
     Attributes:
-        gap: Mean distance to the indenter along the normals; inf where there is no pressure, shape (m,) [m].
+        gap: Mean distance to the indenter along the normals, shape (m,) [m]; inf where the pressure is zero.
         rate: Mean decrease of the gap per travel of the indenter, shape (m,) [-].
         area: Area of the part of each hat that can touch, shape (m,) [m2].
         whole: Area of each whole hat, shape (m,) [m2].
-        is_cut: Whether a part of a hat lies beside the indenter, shape (m,).
-        spread: Force on each node (row) per unit force of the pressure of each hat (column); the columns of hats with
-            pressure sum to 1, shape (m, m) [-].
+        is_cut: Whether a part of each hat lies outside the outline of the indenter, shape (m,).
+        spread: Force on each node (row) per unit force of the pressure of each hat (column), shape (m, m) [-].  The
+            columns of hats with pressure sum to 1.
         softness: Compliance of a spring between the indenter and each hat, shape (m,) [m/N]; 0 for rigid contact.
     """
 
@@ -66,14 +67,14 @@ class MeanGaps:
 
 
 class GapSampler:
-    """Points of the part of a top that an indenter can touch on its way.
+    """Points of the part of a top that can come into contact with an indenter on its path.
 
     Args:
         top: Top of the cover.
-        indenter: The indenter.
-        pose: Pose from which it moves without turning.
+        indenter: Rigid indenter.
+        pose: Initial pose; the indenter moves without rotation.
         farthest: Largest travel from the pose [m].
-        deepest: Largest depth: an indenter less high than this passes points, which then still bear on it [m].
+        deepest: Largest depth [m].  Points that an indenter of smaller height has passed still count as in contact.
     """
 
     def __init__(
@@ -108,7 +109,7 @@ class GapSampler:
         return _assemble_spread(self._cells, self._shape, self._hat, self._weight, each)
 
     def _measure(self, travel: float) -> FloatArray:
-        """Measure the gaps of all points along their normals; inf where these look away, shape (f, q) [m]."""
+        """Measure the gaps of all points along their normals, shape (f, q) [m]; inf where normals point away."""
         points, normals = self._points.reshape(-1, 3), self._normals.reshape(-1, 3)
         places = self._pose.points_to_indenter(points - travel * self._pose.towards)
         turned = self._pose.vectors_to_indenter(normals)
@@ -142,7 +143,7 @@ class GapSampler:
 
 
 class PointSampler(GapSampler):
-    """Gauss points of the part of a top that an indenter can touch, each with a force of its own; see `GapSampler`.
+    """Gauss points of the part of a top that an indenter can touch, each with its own force; see `GapSampler`.
 
     Attributes:
         penalty: Pressure per penetration [Pa/m].
@@ -178,7 +179,7 @@ def _assemble_spread(
     Args:
         cells: Nodes of f facets, shape (f, a).
         shape: Shape functions of the displacement at q points of a facet, shape (q, a) [-].
-        hat: Hats there, shape (q, a) [-].
+        hat: Hats at the quadrature points, shape (q, a) [-].
         weight: Area of each point, shape (f, q) [m2].
         area: Area of each hat, shape (m,) [m2].
     """

@@ -1,4 +1,4 @@
-"""Distance along lines to a rigid indenter, from its convex solids, and its way to the first touch of a top."""
+"""Distance along lines to a rigid indenter, from its convex solids, and its travel to the first touch of a top."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _PARALLEL = 1e-14
 #: Number of parts along each side of a facet in the first stage of the search for the first touch [-].  The distance to
 #: the indenter is measured at the middles of the parts.
 _PARTS = 6
-#: Number of facets with the smallest distances on which the search goes on [-].
+#: Number of facets with the smallest distances on which the search continues [-].
 _FACETS = 4
 #: Number of points along each side of a square of reference coordinates in the search on a facet [-].
 _POINTS = 9
 #: Number of successively smaller squares in the search on a facet [-].
 _SEARCHES = 6
-#: Half the side of the next smaller square, over the distance of the points in the present square [-].
+#: Half the side of the next smaller square, over the distance between the points in the present square [-].
 _ZOOM = 1.5
 
 
@@ -30,14 +30,15 @@ def measure_gaps(indenter: Indenter, points: FloatArray, directions: FloatArray,
     """Compute the distances from points to an indenter along lines.
 
     Args:
-        indenter: The indenter.
-        points: k points in the indenter's frame, shape (k, 3) [m].
+        indenter: Rigid indenter.
+        points: Positions of k points in the indenter's frame, shape (k, 3) [m].
         directions: Unit directions, shape (k, 3) [-].
-        behind: Distance behind a point up to which an indenter that has passed it counts [m].
+        behind: Distance behind a point within which an indenter that has passed the point is detected [m].
 
     Returns:
-        Distances at which the lines enter the indenter; negative at points inside it or passed by it; inf where it is
-        not hit or lies farther behind the point, shape (k,) [m].
+        Distances at which the lines enter the indenter, shape (k,) [m].  They are negative at points that are inside
+        the indenter or that it has passed, and inf where the line misses the indenter or the indenter is more than
+        `behind` behind the point.
     """
     gap = np.full(len(points), np.inf)
     for primitive in indenter.primitives():
@@ -48,7 +49,7 @@ def measure_gaps(indenter: Indenter, points: FloatArray, directions: FloatArray,
 
 
 def _cross(primitive: Primitive, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return where lines enter and leave a convex solid, in its frame; the first is larger if they miss it [m]."""
+    """Return where lines enter and leave a convex solid, in its frame [m]; entry exceeds exit if they miss it."""
     if primitive.kind == "sphere":
         return _cross_round(points, directions, primitive.size[0])
     if primitive.kind == "box":
@@ -74,7 +75,7 @@ def _cross(primitive: Primitive, points: FloatArray, directions: FloatArray) -> 
 
 
 def _cross_round(points: FloatArray, directions: FloatArray, radius: float) -> tuple[FloatArray, FloatArray]:
-    """Intersect lines with |x| <= radius; components that do not count are zero."""
+    """Intersect lines with |x| <= radius; components of x outside the cross-section are zero."""
     square = (directions**2).sum(axis=1)
     along = (points * directions).sum(axis=1)
     rest = along**2 - square * ((points**2).sum(axis=1) - radius**2)
@@ -115,9 +116,9 @@ def _rotation(quaternion: tuple[float, float, float, float]) -> FloatArray:
 
 
 def find_touch(top: FacetSurface, indenter: Indenter, pose: Pose) -> float:
-    """Find how far an indenter moves from its pose until it touches the undeformed top.
+    """Compute the travel of an indenter from its pose to first touch of the undeformed top.
 
-    Only the part of the top that looks against the direction can be touched.
+    Only the part of the top whose normal is against the direction can be touched.
 
     Returns:
         Distance; negative if the indenter overlaps the top in its pose, inf if it never touches [m].
@@ -137,7 +138,7 @@ def find_touch(top: FacetSurface, indenter: Indenter, pose: Pose) -> float:
 
 
 def explain_miss(top: FacetSurface, pose: Pose) -> str:
-    """Say why an indenter does not touch: it passes between the points of the top that are searched, or beside it."""
+    """State why an indenter does not touch: it passes beside the top, or between the points that are searched."""
     facing = np.flatnonzero(top.normals @ pose.towards < 0)
     beside = np.linalg.norm(np.cross(top.nodes[facing] - pose.position, pose.towards), axis=1)
     spacing = float(np.sqrt(np.linalg.norm(top.split(1)[1], axis=2).mean()))
@@ -150,7 +151,7 @@ def explain_miss(top: FacetSurface, pose: Pose) -> str:
 
 
 def _search_facet(top: FacetSurface, facet: int, start: FloatArray, indenter: Indenter, pose: Pose) -> float:
-    """Find the smallest travel on one facet by searches in smaller and smaller squares of reference coordinates."""
+    """Find the smallest travel on one facet by searches in successively smaller squares of reference coordinates."""
     count = top.facets.shape[1]
     square = count == QUADRILATERAL
     low, high = (-1.0, 1.0) if square else (0.0, 1.0)
@@ -169,7 +170,7 @@ def _search_facet(top: FacetSurface, facet: int, start: FloatArray, indenter: In
 
 
 def _measure_travel(points: FloatArray, normals: FloatArray, indenter: Indenter, pose: Pose) -> FloatArray:
-    """Measure how far the indenter moves until it meets each of k points; inf where normals look away."""
+    """Measure the travel of the indenter to each of k points, shape (k,) [m]; inf where normals point away."""
     back = np.broadcast_to(pose.vectors_to_indenter(-pose.towards), points.shape)
     # Start far behind the points, so that an indenter that has passed a point is found too.
     far = float(np.ptp(points, axis=0).max()) * 2 + float(np.linalg.norm(pose.position - points.mean(axis=0)))

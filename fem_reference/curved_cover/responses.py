@@ -1,15 +1,15 @@
 """Compute the response of every texel of a curved cover to a force anywhere on its top, by adjoint solutions.
 
-The force on a texel is the resultant, along the texel's own normal and positive under pressure, of the traction on its
-part of the base, shear included.  On a curved base it differs from the integral of the normal stress over this part by
-5 to 8 % (core of 6 mm), because the normal of the base turns over the texel, and the sum over the texels is no load:
-forces along different normals do not add up.  Balance is stated as a vector (`press_curved`).
+The force on a texel is the resultant of the traction on its part of the base along the texel's own normal, positive
+under pressure, shear included.  On a curved base the normal rotates over the texel, so that this force differs from the
+integral of the normal stress by 5 to 8 % (core of 6 mm).  Forces along different normals do not add up to the load; the
+balance is stated as a vector (`press_curved`).
 
-The base under a texel is displaced by a unit along the texel's normal; the rest of the base is fixed and the top is
-free.  By reciprocity (Betti) minus the displacement of a point of the top is the force on the texel per unit force on
-this point, one vector per point.  The prescribed displacement is the L2 projection of the part of the base that the
-texel covers (`meshes.solids.texels`) onto the shape functions of the base, so the result is the integral of the
-continuous traction that is recovered from the reactions.
+The base under a texel is displaced by a unit along the texel's normal, while the rest of the base is fixed and the top
+is free.  By reciprocity (Betti) minus the displacement of a point of the top is the force on the texel per unit force
+on this point, one vector per point.  The prescribed displacement is the L2 projection of the texel's part of the base
+(`meshes.solids.texels`) onto the shape functions of the base.  The result is therefore the integral of the continuous
+traction that is recovered from the reactions.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ from meshes.solids.texels import covered_share
 
 #: Parts of a facet's side in which the border of a texel is located [-].
 _PARTS = 12
-#: Number of steps to the point of the top above a texel [-].
+#: Number of steps of the iteration for the point of the top above a texel [-].
 _STEPS = 8
 #: Largest distance of the point above a texel from the texel's normal, over the thickness [-].
 _BESIDE = 0.25
-#: Height of the top above a texel, over the thickness, from which the top belongs to another side of the body [-].
+#: Height of the top above a texel, over the thickness, above which the top belongs to another side of the body [-].
 _HIGH = 3.0
-#: Smallest order of convergence that is assumed: quadratic elements have the order 3 [-].
+#: Smallest order of convergence in error estimates [-]; quadratic elements have the order 3.
 _ORDER = 2.0
-#: Smallest ratio of the element sizes of two meshes from which an error is estimated [-].
+#: Smallest ratio of the element sizes of two meshes in an error estimate [-].
 _SAME_SIZE = 1.2
 #: Largest distance of a point from the top for `at`, over the size of the cover [-].
 _OFF_TOP = 1e-2
@@ -82,8 +82,8 @@ class GridResponse:
         """Compute the force on each texel per unit point force at points of the top.
 
         Args:
-            points: k points; the nearest points of the top are taken, shape (k, 3) [m].
-            directions: Unit directions of the forces, shape (k, 3) [-]; against the normals of the top if None.
+            points: Positions of k points, shape (k, 3) [m]; the nearest points of the top are used.
+            directions: Unit directions of the forces, shape (k, 3) [-]; opposite to the normals of the top if None.
 
         Returns:
             Forces, shape (k, n) [-].
@@ -107,7 +107,7 @@ class TexelResponses:
     """Responses of n texels of a curved cover, with an estimate of the discretisation error.
 
     Attributes:
-        texels: The texels.
+        texels: Array of n texels.
         material: Material of the cover.
         grids: Responses on one to three meshes, coarsest first; results are those of the finest.
     """
@@ -146,28 +146,28 @@ class TexelResponses:
 
     @cached_property
     def above(self) -> FloatArray:
-        """Points of the top above the centres of the texels, along their normals, shape (n, 3) [m]."""
+        """Points of the top above the centres of the texels along the texels' normals, shape (n, 3) [m]."""
         return find_above(self.finest.top, self.texels)
 
     @cached_property
     def uncovered(self) -> BoolArray:
-        """Which texels have no top above them along their normals, so that `above` lies beside them, shape (n,)."""
+        """Whether each texel has no top above it along its normal, so that `above` lies beside it, shape (n,)."""
         return find_uncovered(self.finest.top, self.texels, measure_thickness(self.finest.mesh))
 
     @cached_property
     def matrix(self) -> FloatArray:
         """Force on each texel (column) per unit point force on the top above each texel (row), shape (n, n) [-].
 
-        The point forces act against the texels' normals.
+        The point forces act opposite to the texels' normals.
         """
         return self._evaluate(self.finest)
 
     @cached_property
     def error_estimate(self) -> dict[str, float]:
-        """Estimated errors over the largest force on a texel per unit force; nan with one mesh [-].
+        """Estimated errors over the largest force on a texel per unit force [-]; nan with one mesh.
 
-        `peak_texel`: largest error of the force on a texel under a point force above its centre; `any_texel`: largest
-        error of the force on any texel under such a force.
+        `peak_texel` is the largest error of the force on a texel under a point force above its centre. `any_texel` is
+        the largest error of the force on any texel under such a force.
         """
         values = np.array([self._evaluate(grid) for grid in self.grids])
         own = np.array([np.diag(each) for each in values])
@@ -255,7 +255,7 @@ def find_above(top: FacetSurface, texels: TexelArray) -> FloatArray:
 
 
 def find_uncovered(top: FacetSurface, texels: TexelArray, thickness: float) -> BoolArray:
-    """Return which texels have no top above them along their normals, shape (n,).
+    """Return whether each texel has no top above it along its normal, shape (n,).
 
     Args:
         top: Top of the cover.
@@ -277,8 +277,8 @@ def estimate_error(values: npt.ArrayLike, meshes: Sequence[SolidMesh], *, least:
         least: Smallest order of convergence that is assumed [-].
 
     Returns:
-        Error of the values on the finest mesh, in their unit (`field_convergence`); nan with one mesh.  Two meshes of
-        about equal size, as from re-meshing, count as different by a ratio of 1.2.
+        Error of the values on the finest mesh, in the unit of the values (`field_convergence`); nan with one mesh.  Two
+        meshes of about equal size, as from re-meshing, count as different by a ratio of 1.2.
     """
     if len(meshes) == 1:
         return float("nan")
@@ -312,7 +312,7 @@ def build_solid(mesh: SolidMesh, material: Material) -> CoverSolid:
 @lru_cache(maxsize=3)
 def find_top(mesh: SolidMesh) -> FacetSurface:
     """Return the top of a mesh with its displacement nodes; the last three are kept."""
-    if mesh.is_hexahedral:  # whose displacement nodes are its own; preparing its elements takes a second
+    if mesh.is_hexahedral:  # Its displacement nodes are the nodes of the mesh. Preparing its elements takes a second.
         return FacetSurface.part_of(mesh.nodes, mesh.top)
     layout = lay_out(mesh)
     return FacetSurface.part_of(layout.elements.nodes, layout.top)

@@ -1,8 +1,9 @@
 """Linear elastic solid of a curved cover, with one factorisation for many loads and prescribed motions of the base.
 
 Displacements are quadratic and the mean stress is linear and continuous (Taylor-Hood), on hexahedra with quadratic
-geometry or on tetrahedra, so that Poisson ratios up to 0.5 are possible.  The matrix is assembled with lengths over the
-thickness and stresses over the shear modulus: with SI units the pivots of the mean stress would be lost in rounding.
+geometry or on tetrahedra.  Poisson ratios up to 0.5 are therefore possible.  The matrix is assembled with lengths
+divided by the thickness and stresses divided by the shear modulus.  With SI units the pivots of the mean stress would
+be lost in rounding.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class DisplacementNodes:
 
     @classmethod
     def on(cls, mesh: SolidMesh) -> DisplacementNodes:
-        """Place the nodes: those of the mesh on hexahedra; corners and middles of edges on tetrahedra."""
+        """Place the displacement nodes: nodes of the mesh on hexahedra; corners and edge midpoints on tetrahedra."""
         if mesh.is_hexahedral:
             return cls(elements=_prepare_hexahedra(mesh), base=mesh.base, top=mesh.top)
         elements = prepare_elements(skfem.MeshTet1(mesh.nodes.T.copy(), mesh.cells.T.copy()))
@@ -122,7 +123,7 @@ class CoverSolid:
 
 
 def scale_elements(elements: MixedElements, factor: float) -> MixedElements:
-    """Scale the size of three-dimensional elements; their basis keeps its size."""
+    """Scale the size of three-dimensional elements; their basis is not scaled."""
     return replace(
         elements,
         nodes=elements.nodes * factor,
@@ -148,7 +149,7 @@ def _prepare_hexahedra(mesh: SolidMesh) -> MixedElements:
 
 
 def _add_middles(elements: MixedElements, facets: IntArray) -> IntArray:
-    """Add the nodes in the middles of the sides to triangles of 3 corners; returns indices of shape (f, 6)."""
+    """Add the midpoints of the sides to triangles of 3 corners; return indices of shape (f, 6)."""
     pairs = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))  # order of scikit-fem's edge functions
     count = len(elements.nodes)
     ends = np.sort(np.stack([elements.cells[:, list(pair)] for pair in pairs], axis=1), axis=2)

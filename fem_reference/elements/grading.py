@@ -2,8 +2,8 @@
 
 The meshes are tensor products, so the element edges along x, y and z (or r and z) are independent.  Element sizes
 follow from steps that grow from a small first step (`growing_steps` and the functions that use it), or from an element
-size prescribed at every position (`fill_by_spacing`).  `layer_heights` divides the layers of a cover into elements.
-Lengths may have any unit, the same for all arguments of a call.
+size prescribed at every position (`fill_by_spacing`). `layer_heights` divides the layers of a cover into elements.
+Lengths may have any unit, but all arguments of a call must have the same unit.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def growing_steps(first: float, length: float, grow: Callable[[float], float], *
         first: Size of the first step [length].
         length: Length to fill; steps are added while the unfilled rest exceeds `spare` times the next step [length].
         grow: Function that computes the next step from the previous step.
-        spare: Fraction of a step that may be left unfilled; with 0 the steps reach or exceed `length` [-].
+        spare: Fraction of a step that may remain unfilled [-].  With 0 the steps reach or exceed `length`.
 
     Returns:
         Sizes of the n steps, shape (n,) [length].
@@ -106,8 +106,9 @@ def fill_by_spacing(places: FloatArray, spacing: FloatArray, *, least: int = 1, 
         places: n positions from the first to the last node, ascending, shape (n,) [length].
         spacing: Prescribed element size at these positions, shape (n,) [length].
         least: Smallest number of elements [-].
-        parts: If given, the number of elements is rounded up, so that none is larger than prescribed, and then each is
-            divided into this number of parts.  Meshes with other numbers of parts share the undivided elements [-].
+        parts: Number of parts into which each element is divided [-].  If given, the number of elements is rounded up
+            before the division, so that none is larger than prescribed.  Meshes with other numbers of parts share the
+            undivided elements.
 
     Returns:
         Positions of the nodes, first and last of `places` included [length].
@@ -133,11 +134,11 @@ def layer_heights(
     Args:
         thicknesses: Thickness of each layer, bottom layer first [length].
         counts: Number of elements in each layer.
-        surface_size: Element height at the surface.  If it is smaller than the equal height, the elements of the top
-            layer shrink to it towards the surface, and their number follows from their heights [length].
+        surface_size: Element height at the surface [length].  If it is smaller than the equal height, the elements of
+            the top layer shrink to it towards the surface, and their number follows from their heights.
         crowd_base: Exponent p of the element edges (i / n)^p in the bottom layer of n elements; with p > 1 the elements
             are smaller at the base [-].
-        crowd_surface: Exponent of the depths below the surface in the top layer, in the same way [-].
+        crowd_surface: Exponent p of the depths (i / n)^p of the element edges below the surface in the top layer [-].
 
     Returns:
         Element edges from 0 upwards, shape (e + 1,) [length], and index of the layer of each of the e elements, shape

@@ -24,7 +24,7 @@ class Line:
     Attributes:
         edges: Element edges, ascending, shape (e + 1,) [m].
         order: Polynomial order of the shape functions [-].
-        jumps: Indices of elements at whose lower edge functions may jump; the node at this edge is doubled.
+        jumps: Indices of elements at whose lower edge functions may be discontinuous; the node at this edge is doubled.
     """
 
     edges: FloatArray
@@ -136,7 +136,7 @@ def line_matrix(
         axisymmetric: Whether the line is a radius, so that the integrand is multiplied by 2 pi r.
 
     Returns:
-        Matrix of the integrals; zeros between functions of one element are stored, shape (test nodes, trial nodes).
+        Matrix of the integrals, shape (test nodes, trial nodes).  Zeros between functions of one element are stored.
     """
     points, weights = np.polynomial.legendre.leggauss(max(test.order, trial.order) + 1)
     left, right = test.shape(points, derivatives[0]), trial.shape(points, derivatives[1])

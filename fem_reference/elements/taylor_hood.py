@@ -2,8 +2,8 @@
 
 scikit-fem provides meshes, shape functions, mappings and quadrature.  This module assembles element matrices by array
 operations on all elements at once, which is much faster than scikit-fem's assembly of vector-valued forms.  A region is
-the part of the mesh with one material.  The pressure unknown is the mean stress; it is continuous inside a region and
-may jump between regions, because the mean stress jumps where two materials meet.
+the part of the mesh with one material. The pressure unknown is the mean stress.  It is continuous inside a region and
+may be discontinuous between regions, because the mean stress is discontinuous where two materials meet.
 
 The displacement gradient at a point is stored as a vector of components: (rr, rz, zr, zz, tt) for axisymmetric meshes
 with coordinates (r, z), and the nine entries of the 3 x 3 matrix, row by row, in three dimensions.
@@ -52,8 +52,7 @@ class MixedElements:
         slope: Derivatives of the displacement shape functions, shape (e, q, a, dimension) [1/m].
         hoop: Displacement shape functions over the radius in axisymmetric meshes, shape (e, q, a) [1/m]; else None.
         pressure_shape: Values of the pressure shape functions, shape (e, q, b) [-].
-        weight: Volume that belongs to each quadrature point, with the factor 2 pi r in axisymmetric meshes, shape
-            (e, q) [m3].
+        weight: Volume of each quadrature point, with the factor 2 pi r in axisymmetric meshes, shape (e, q) [m3].
         basis: scikit-fem basis of one displacement component.
         places: Row and column of each stored component in the 3 x 3 displacement gradient.
     """
@@ -207,7 +206,8 @@ def prepare_elements(
     pressure = skfem.Basis(mesh, linear(), intorder=order)
     material = np.zeros(mesh.nelements, dtype=np.int64) if region is None else np.asarray(region, np.int64)
     shape = evaluate_shapes(basis)
-    slope = np.stack([np.asarray(basis.basis[a][0].grad) for a in range(basis.Nbfun)], axis=-1)  # (d, e, q, a)
+    # axes: dimension, element, quadrature point, node
+    slope = np.stack([np.asarray(basis.basis[a][0].grad) for a in range(basis.Nbfun)], axis=-1)
     position = np.asarray(basis.global_coordinates())
     return MixedElements(
         dimension=mesh.dim(),
@@ -264,8 +264,8 @@ class Pattern:
     def __init__(self, elements: MixedElements) -> None:
         d, nodes, size = elements.dimension, len(elements.nodes), elements.displacements + elements.pressures
         self._split, self._shape = elements.unknowns.shape[1], (size, size)
-        # Points are displacement nodes with d unknowns each, then pressure unknowns.  Pairs of points are far fewer
-        # than pairs of unknowns.
+        # Points are displacement nodes with d unknowns each, followed by pressure unknowns.  Pairs of points are far
+        # fewer than pairs of unknowns.
         points = np.concatenate([elements.cells, elements.pressure_cells + nodes], axis=1)
         count = nodes + elements.pressures
         width = np.where(np.arange(count) < nodes, d, 1)
@@ -275,7 +275,8 @@ class Pattern:
         keys, _, slot = np.unique(pairs, return_index=True, return_inverse=True)
         row, column = np.divmod(keys, count)
         before = np.cumsum(width[column]) - width[column]
-        along = before - before[np.searchsorted(row, np.arange(count))][row]  # entries of the row before the pair
+        # number of entries of the row before the pair
+        along = before - before[np.searchsorted(row, np.arange(count))][row]
         length = np.bincount(row, width[column], minlength=count).astype(np.int64)
         pointer = np.concatenate([[0], np.cumsum(np.repeat(length, width))])
         local = np.repeat(np.arange(points.shape[1]), width[points[0]])  # point of each unknown of an element

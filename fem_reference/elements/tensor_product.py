@@ -147,7 +147,7 @@ class TensorSolid:
         ]
 
     def _select(self, usual: str, special: dict[int, str] | None = None) -> tuple[Any, Any, Any]:
-        """Select line matrices along x, y and z by name: `special` names those of some axes, `usual` all others."""
+        """Select line matrices along x, y and z by name: `special` for some axes, `usual` for all others."""
         x, y, z = (self._matrices[axis][(special or {}).get(axis, usual)] for axis in range(3))
         return x, y, z
 

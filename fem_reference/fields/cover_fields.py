@@ -1,8 +1,8 @@
 """Displacement and stress in a cover at the corners of its elements.
 
-The stress is known at the quadrature points of the elements.  Its nodal values are those of the piecewise linear field,
-continuous within each layer, that is closest to these values in the least-squares sense (an L2 projection per layer).
-The stress may jump between layers, so the nodes on an interface occur once for each layer.
+The stress is known at the quadrature points of the elements.  Its nodal values define the field that is piecewise
+linear and continuous within each layer and closest to the known stress in the least-squares sense (an L2 projection per
+layer).  The stress may be discontinuous between layers, so that the nodes on an interface occur once for each layer.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from meshes.pose import Pose
 _QUADRILATERAL = ((0, 0), (1, 0), (1, 1), (0, 1))
 #: Corners of a hexahedron in the order of VTK; for each corner 1 if it is the upper one along a direction, else 0.
 _HEXAHEDRON = tuple((*corner, height) for height in (0, 1) for corner in _QUADRILATERAL)
-#: Index of the axis of an axisymmetric mesh that becomes each of the axes x, y and z.  The axes of the mesh are r, z
-#: and hoop, with the indices 0, 1 and 2; r becomes x, the hoop direction becomes y, and z stays z.
+#: Index of the axis of an axisymmetric mesh for each of the axes x, y and z.  The axes of the mesh are r, z and hoop,
+#: with the indices 0, 1 and 2.  Thus x is r, y is the hoop direction and z is z.
 _RADIAL = (0, 2, 1)
 
 
@@ -34,8 +34,8 @@ _RADIAL = (0, 2, 1)
 class CoverFields:
     """Displacement and stress in a cover under an indenter, in the frame of the array, with z from the base up.
 
-    An axisymmetric solution is given in the half plane y = const, x >= x of the indenter's axis, and is the same in
-    every half plane through this axis; the direction y is then the hoop direction.
+    An axisymmetric solution is given in one half plane through the axis of the indenter, with constant y, on the side
+    of larger x.  It is the same in every half plane through this axis.  The direction y is then the hoop direction.
 
     Attributes:
         position: Positions of n nodes in the undeformed cover, shape (n, 3) [m].
@@ -60,7 +60,7 @@ class CoverFields:
         return np.asarray(np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2))))
 
     def scale(self, displacement: float, stress: float) -> CoverFields:
-        """Multiply the displacements by one factor and the stresses by another."""
+        """Multiply the displacements by one factor and the stresses by another one."""
         return replace(self, displacement=self.displacement * displacement, stress=self.stress * stress)
 
     def unfold(self, symmetric: tuple[bool, bool]) -> CoverFields:
@@ -168,9 +168,9 @@ def _project(elements: MixedElements, values: FloatArray) -> FloatArray:
 def _order_corners(elements: MixedElements) -> IntArray:
     """Return the corners of every element in the order of VTK, as indices of pressure unknowns."""
     mesh = elements.basis.mesh
-    corner = mesh.p[:, mesh.t]  # (d, corners, e)
+    corner = mesh.p[:, mesh.t]  # axes: dimension, corner, element
     upper = corner > corner.mean(axis=1, keepdims=True)
     wanted = np.array(_HEXAHEDRON if elements.dimension == 3 else _QUADRILATERAL)  # noqa: PLR2004
     code = 2 ** np.arange(elements.dimension)
-    found = np.argsort(np.tensordot(code, upper.astype(int), 1), axis=0)  # corners by code, (corners, e)
+    found = np.argsort(np.tensordot(code, upper.astype(int), 1), axis=0)  # corners by code; axes: corner, element
     return np.take_along_axis(elements.pressure_cells, found[wanted @ code].T, axis=1)

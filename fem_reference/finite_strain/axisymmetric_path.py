@@ -27,7 +27,7 @@ class AxisymmetricPathSettings:
     """Constants of loading paths in the r-z plane."""
 
     #: Part of the bulk modulus that acts on the displacements directly, under curved indenters at finite strain, in
-    #: shear moduli.  Without it, balls on incompressible covers stop before 75 % of the thickness [-].
+    #: shear moduli [-].  Without it, balls on incompressible covers stop before 75 % of the thickness.
     direct_bulk: float = 50.0
     #: Element size at the rounded edge of a flat punch over the radius of the edge [-].
     edge_element: float = 0.46
@@ -36,26 +36,27 @@ class AxisymmetricPathSettings:
     #: Size ratio of neighbouring elements away from the contact, minus one, times the number of elements through the
     #: cover [-].
     growth: float = 1.2
-    #: Gap between indenter and cover, over the depth, above which a surface node is out of contact.  In the outermost
-    #: element in contact the surface deviates from the indenter by less than this value [-].
+    #: Gap between indenter and cover, over the depth, above which a surface node is out of contact [-].  In the
+    #: outermost element in contact the surface deviates from the indenter by less than this value.
     open: float = 1e-2
-    #: Nodes out of contact from which the edge of the contact is extrapolated [-].
+    #: Number of nodes out of contact from which the edge of the contact is extrapolated [-].
     open_nodes: int = 4
-    #: Nodes inside the contact to which the extrapolated edge is limited [-].
+    #: Largest number of nodes inside the contact by which the extrapolated edge may lie inwards [-].
     closed_nodes: int = 3
 
 
 _SETTINGS = AxisymmetricPathSettings()
 
 
-#: Contact penalty: contact pressure per penetration, in shear moduli per element size.  A high contact pressure reduces
-#: the stiffness of the surface elements, and the penalty must exceed the reduction by far; below about 30, surfaces
-#: under high pressure wrinkle [-].
+#: Contact penalty: contact pressure per penetration, in shear moduli per element size [-].  A high contact pressure
+#: reduces the stiffness of the surface elements, and the penalty must exceed this reduction by far.  Below about 30,
+#: surfaces under high pressure wrinkle.
 PENALTY = 300.0
 #: Depth of the first step of a loading path over the cover thickness, small enough for a linear response [-].
 FIRST_DEPTH = 0.02
-#: Smallest number of steps of a loading path with friction, over the number of elements through the cover, in the r-z
-#: plane.  The error of the steps then decreases with the elements, and the differences between grids show both [-].
+#: Smallest number of steps of a loading path with friction in the r-z plane, over the number of elements through the
+#: cover [-].  The error of the steps then decreases with the element size, and the differences between grids include
+#: both errors.
 FRICTION_STEPS = 1.25
 
 
@@ -77,8 +78,8 @@ def press_axisymmetric(
         contact_radius: Estimated radius of the largest contact, within which elements are small [m].
         fillet: Radius of rounded edges of the indenter [m].
         reach: Radius of the outer boundary, where all displacements are zero [m].
-        coarse: The same loading path solved on a coarser mesh, as initial guesses for Newton's method.  Not used with
-            friction, because slip depends on the loading history.
+        coarse: Solution of the same loading path on a coarser mesh, for initial guesses of Newton's method.  Not used
+            with friction, because slip depends on the loading history.
         progress: Called with a line of text after each step.
 
     Returns:
@@ -132,7 +133,7 @@ def _describe_state(
     """Convert the converged state at one target to SI units, without the load scale."""
     elements, units, scale = solid.elements, path.units, path.load_scale
     moved = elements.nodes + reached.state[: elements.displacements].reshape(-1, 2)
-    # Scaled strains are so small that the stored energy of finite strain is lost in rounding.
+    # At the scaled, very small strains the stored energy of finite strain is lost in rounding.
     stored = solid if scale == 1 else solid.linearise_at_rest()
     fields = None
     if path.fields:

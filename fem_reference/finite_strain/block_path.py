@@ -1,11 +1,10 @@
 """Solve a loading path on a block of hexahedra, together with its baseline at small strain without friction.
 
-A block is the part of a cover that is meshed in three dimensions.  A wide cover has the same properties everywhere, so
-the block is fixed in the frame of the indenter and one solution is valid for all poses of the indenter.  A cover of
-limited size is meshed whole, in the frame of the array, and solved for every pose.  If the problem is symmetric about
-x = 0 or y = 0, only the half or quarter at positive coordinates is meshed.  Both solutions have nearly the same
-discretisation error, which cancels in their difference (a control variate).  The difference is the effect of finite
-strain and friction.
+A block is the part of a cover that is meshed in three dimensions.  On a wide cover the block is fixed in the frame of
+the indenter, and one solution is valid for all poses of the indenter.  A cover of limited size is meshed whole, in the
+frame of the array, and solved for every pose.  If the problem is symmetric about x = 0 or y = 0, only the half or
+quarter at positive coordinates is meshed.  Loading path and baseline have nearly the same discretisation error, which
+cancels in their difference (a control variate).  The difference is the effect of finite strain and friction.
 """
 
 from __future__ import annotations
@@ -56,9 +55,9 @@ class BlockSettings:
     #: size [-].
     growth: float = 0.4
     #: Distance between the edge of the contact and a side of the cover, over half the width of the cover, below which
-    #: the edge of the contact counts as on the side [-].
+    #: the edge of the contact lies on the side [-].
     on_side: float = 1e-9
-    #: Samples of the element size between two fixed element edges [-].
+    #: Number of samples of the element size between two fixed element edges [-].
     samples: int = 801
     #: Largest number of equal elements along half a footprint, per element through the cover, to limit the memory [-].
     most_elements: int = 6
@@ -67,15 +66,15 @@ class BlockSettings:
     #: Distance from the outline of a flat punch, over its smaller half width, below which a point counts as on the
     #: outline [-].
     on_outline: float = 1e-6
-    #: Mean penetration over depth below which augmentation stops, without friction.  Most of the effect of the
-    #: penetration cancels in the difference from the baseline [-].
+    #: Mean penetration over depth below which augmentation stops, without friction [-].  Most of the effect of the
+    #: penetration cancels in the difference from the baseline.
     overlap: float = 2e-3
     #: Mean penetration over depth below which augmentation stops, with friction [-].  The baseline has no friction, so
     #: that less of the effect of the penetration cancels.
     friction_overlap: float = 5e-4
     #: Gap between indenter and cover, over the depth, below which a node counts as in contact [-].
     closed: float = 0.01
-    #: Gauss points along each side of a texel, for the integral of the base pressure [-].
+    #: Number of Gauss points along each side of a texel, for the integral of the base pressure [-].
     texel_points: int = 16
 
 
@@ -165,8 +164,8 @@ class BlockReactions:
         """Return the solution for the whole cover.
 
         Args:
-            rubs: Whether the solution has shear forces.
-            numbers: The other attributes of `GridSolution`.
+            rubs: Whether the solution includes shear forces.
+            numbers: Further attributes of `GridSolution` by name.
         """
         x, y, normal, *shear = unfold_points(self.contact, self.symmetric).T
         turn = replace(self.pose, point=(0.0, 0.0, 0.0))
@@ -185,7 +184,7 @@ class BlockReactions:
             places = [gauss_points(line.edges, 2)[0] for line in lines]
             values = lines[0].at(places[0]) @ values @ lines[1].at(places[1]).T
         for axis, mirror in enumerate(self.symmetric):
-            if mirror:  # points on the plane of symmetry are not repeated
+            if mirror:  # Points on the plane of symmetry are not repeated.
                 first = int(places[axis][0] == 0)
                 image = np.flip(np.delete(values, slice(first), axis), axis)
                 places[axis] = np.concatenate([-places[axis][first:][::-1], places[axis]])
@@ -346,9 +345,9 @@ def mesh_block(block: Block, cover: Cover, elements_per_thickness: int) -> Mixed
 def find_constrained(block: Block, elements: MixedElements, *, bonded: bool) -> IntArray:
     """Return the indices of the displacements of a meshed block that are zero.
 
-    These are all components on a bonded base, the normal component on a sliding base, and the normal component on
-    planes of symmetry.  On the outer boundary, unless it is free, they are all components above a bonded base and the
-    component normal to the boundary above a sliding base: all would press on the base.
+    On a bonded base all components are zero, on a sliding base the normal component, and on planes of symmetry the
+    normal component.  On an outer boundary that is not free, all components are zero above a bonded base.  Above a
+    sliding base only the component normal to the boundary is zero, because fixing the others would load the base.
     """
     x, y, z = elements.nodes.T
     base = z < _ON_BOUNDARY
@@ -405,8 +404,8 @@ def is_rectangular(shape: FlatPunch) -> bool:
     return filled and bool((np.abs(shape.signed_distance(*corners.T)) < _SETTINGS.on_outline * half.min()).all())
 
 
-#: Smallest number of steps of a loading path with friction, over the number of elements through the cover.  The error
-#: of the steps then decreases with the elements, and the differences between grids show both [-].
+#: Smallest number of steps of a loading path with friction, over the number of elements through the cover [-].  The
+#: error of the steps then decreases with the element size, and the differences between grids include both errors.
 FRICTION_STEPS = 3
 #: Distance from the top of the cover, over its thickness, below which a node counts as on the top [-].
 _ON_TOP = 1e-9
@@ -418,7 +417,7 @@ class PairedPath:
 
     Attributes:
         elements: Elements of the grid.
-        baseline: Equilibrium at every target at small strain without friction.
+        baseline: Equilibrium at every target, at small strain without friction.
         full: Equilibrium at every target with the strain and friction of the loading path.
         ratio: Load scale of `full` over that of `baseline` [-].
     """

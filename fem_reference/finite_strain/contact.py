@@ -5,14 +5,15 @@ Force and tangent are the exact derivatives of this energy, so Newton's method c
 acts along the normal of the indenter.  The penalty is moderate, so that steps may be long.  Augmentation (Simo and
 Laursen 1992) reduces the penetration further; the error estimates include the effect of what is left.
 
-Friction: a tangential spring connects each point in contact to the position on the indenter where it first touched.  A
+Friction: a tangential spring connects each point in contact to the position of its first contact on the indenter.  A
 return mapping limits the traction of the spring to Coulomb's cone (Simo and Laursen 1992, section 3; Wriggers 2006,
 section 5.2).  Within one Newton solution the friction limit is computed from fixed contact pressures.  The tangent is
-then symmetric, and exact except for the rotation of the tangent plane on curved indenters.  The cone is then updated
-from the new pressures until it no longer changes.  Slip is measured from the last recorded state.  A point that comes
-into contact during a step has moved freely before; the position where it touches is extrapolated from its last motion.
+then symmetric, and exact except for the rotation of the tangent plane on curved indenters.  The cone is updated from
+the new pressures until it no longer changes.  Slip is measured from the last recorded state.  A point that comes into
+contact during a step has moved freely before.  Its position of first contact is extrapolated from its last motion.
 
-Convert the tractions at the quadrature points of a solved contact to forces at points in the frame of the indenter.
+The module also converts the tractions at the quadrature points of a solved contact to forces at points in the frame of
+the indenter.
 
 A contact point has five columns: position x, y [m], the force along z with which the indenter presses on the cover [N],
 and the in-plane components x, y of the frictional force that the indenter exerts on the cover [N].  Positions are those
@@ -37,12 +38,12 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 class SurfaceContactSettings:
     """Constants of the penalty method and of friction."""
 
-    #: Contact pressure per reference area, in units of stress, above which the penalty grows in proportion.  A surface
-    #: under high pressure wrinkles unless the penalty exceeds the pressure over the element size by far [-].
+    #: Contact pressure per reference area, in units of stress, above which the penalty grows in proportion [-].  A
+    #: surface under high pressure wrinkles unless the penalty exceeds the pressure over the element size by far.
     stiffen: float = 10.0
     #: Polynomial order of the quadrature on the top facets [-].
     order: int = 5
-    #: Largest distance over which the motion of a point that will touch is extrapolated, over the last step [-].
+    #: Largest factor on the last motion of a point, when its position of first contact is extrapolated [-].
     ahead: float = 2.0
     #: Absolute value below which a shape function counts as zero on a facet [-].
     zero: float = 1e-9
@@ -51,9 +52,9 @@ class SurfaceContactSettings:
 _SETTINGS = SurfaceContactSettings()
 
 
-#: Stiffness of the tangential spring of friction over the normal penalty, for finite friction coefficients.  With a
-#: stiffer spring, the trial traction leaves the friction cone on one side and then on the opposite side, and Newton's
-#: method cycles.  The elastic slip of the soft spring vanishes as slip is recorded [-].
+#: Stiffness of the tangential spring of friction over the normal penalty, for finite friction coefficients [-].  With a
+#: stiffer spring, the trial traction leaves the friction cone on opposite sides in turn, and Newton's method cycles.
+#: The elastic slip of the soft spring vanishes as slip is recorded.
 TANGENTIAL_PENALTY = 1 / 40
 #: Distance from the top of the cover, over the height of the top, below which a facet counts as part of the top [-].
 _ON_TOP = 1e-9
@@ -79,7 +80,7 @@ class ContactState:
         traction: Frictional traction per reference area, shape (f, q, d); None without friction [Pa].
         position: Positions of the quadrature points in the frame of the indenter, shape (f, q, d) [m].
         weight: Reference area that belongs to each quadrature point of the meshed part, shape (f, q) [m2].
-        sticking: Whether each point is in contact and does not slide, shape (f, q).
+        sticking: Whether each point is in contact without sliding, shape (f, q).
         gap: Vertical distance of each point from the indenter, negative for penetration, shape (f, q) [m].
         normal: Normal of the indenter at each point, scaled to a vertical component of 1, shape (f, q, d) [-].
         depth: Approach of the indenter from first touch [m].
@@ -189,8 +190,8 @@ class SurfaceContact:
             state: Displacements [m], then mean pressures [Pa], shape (n,).
             depth: Approach of the indenter from first touch [m].
             expected: Contact pressure per reference area with which the curvature of the indenter enters the tangent,
-                shape (f, q); that of the state if None.  Far from equilibrium, the pressure of large penetrations
-                makes Newton's method diverge [Pa].
+                shape (f, q) [Pa]; the pressure of the state if None.  Far from equilibrium, the pressure of large
+                penetrations makes Newton's method diverge.
         """
         d = self._dimension
         moved = self._move(state)
@@ -300,8 +301,8 @@ class SurfaceContact:
     def record_slip(self, contact: ContactState) -> None:
         """Record positions and tractions of a converged state, from which slip is measured in the next step.
 
-        The recorded position of a point that sticks is not changed.  That of a point out of contact is the position
-        where it will touch if the last motion continues.
+        The recorded position of a sticking point is not changed.  For a point out of contact the predicted position of
+        first contact is recorded, by continuation of the last motion.
         """
         if contact.traction is None:
             return
@@ -320,7 +321,7 @@ class SurfaceContact:
     def stiffen(self, pressure: float) -> None:
         """Set the penalty in proportion to the largest contact pressure, if this pressure is high.
 
-        With friction the penalty remains, because slip is measured from positions on the penetrated surface.
+        With friction the penalty is not changed, because slip is measured from positions on the penetrated surface.
 
         Args:
             pressure: Largest contact pressure per reference area [units of stress].
@@ -329,7 +330,7 @@ class SurfaceContact:
             self._penalty = self._first_penalty * max(1.0, pressure / _SETTINGS.stiffen)
 
     def augment(self, pressure: FloatArray) -> None:
-        """Set the pressure at each quadrature point that is added to that of the penalty, to reduce the penetration.
+        """Set the pressure at each quadrature point that is added to the penalty pressure, to reduce the penetration.
 
         Repeated with the last solved contact pressure this is Uzawa's method, in which the pressure converges to the
         Lagrange multiplier of zero penetration.
@@ -363,15 +364,15 @@ RING_POINTS = 32
 def collect_points(contact: ContactState) -> FloatArray:
     """Return the quadrature points in contact with their forces.
 
-    In an axisymmetric contact a point stands for a ring: the columns are radius, force along z and radial frictional
-    force, shape (m, 3).  In three dimensions they are x, y, force along z and frictional force along x and y of the
-    meshed part, shape (m, 5).
+    The columns are radius, force along z and radial frictional force of rings in an axisymmetric contact, shape (m, 3).
+    In three dimensions they are x, y, force along z, and frictional force along x and y of the meshed part, shape (m,
+    5).
     """
     touching = contact.pressure > 0
     pressing = contact.pressure * contact.weight
-    # `ContactState.traction` acts on the indenter, and friction on the cover is opposite.  It oscillates between the
-    # points of one facet, so the force on a facet is divided among its points in proportion to the normal forces, which
-    # keeps it inside Coulomb's cone.
+    # `ContactState.traction` acts on the indenter; the friction on the cover is opposite.  It oscillates between the
+    # points of one facet.  The force on a facet is therefore divided among its points in proportion to the normal
+    # forces, which keeps it inside Coulomb's cone.
     friction = np.zeros_like(contact.position)
     if contact.traction is not None:
         whole = (contact.traction * contact.weight[..., None]).sum(axis=1, keepdims=True)
@@ -399,7 +400,7 @@ def unfold_points(points: FloatArray, symmetric: tuple[bool, bool]) -> FloatArra
 def divide_rings(rings: FloatArray) -> FloatArray:
     """Divide every ring of an axisymmetric contact into points with equal forces, which sum to that of the ring.
 
-    The points of every second ring are turned by half the angle between two points.
+    The points of every second ring are rotated by half the angle between two points.
 
     Args:
         rings: Radius [m], force along z and radial frictional force [N] of k rings, shape (k, 3).

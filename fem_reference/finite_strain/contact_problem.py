@@ -40,10 +40,10 @@ from meshes.array_types import FloatArray, IntArray
 class PathSettings:
     """Constants of loading paths."""
 
-    #: Depth over cover thickness at which a loading path ends: the cover under the indenter cannot vanish [-].
+    #: Depth over cover thickness at which a loading path ends, before the cover under the indenter vanishes [-].
     deepest: float = 0.98
-    #: Largest residual at a target: forces over the largest nodal contact force, volumes over the volume per pressure
-    #: unknown, the error of the load over the load [-].
+    #: Largest relative residual at a target [-].  Forces are relative to the largest nodal contact force, volumes to
+    #: the volume per pressure unknown, and the error of the load to the load.
     target_tolerance: float = 1e-6
     #: Largest residual in the steps between targets [-].
     step_tolerance: float = 1e-3
@@ -55,7 +55,7 @@ class PathSettings:
     friction_iterations: int = 60
     #: Change of the contact pressures over their sum below which the friction cones are no longer updated [-].
     cone_change: float = 1e-4
-    #: First step from a guess between targets, over the distance to the next target [-].
+    #: First step from an initial guess between targets, over the distance to the next target [-].
     step_from_between: float = 0.25
     #: Largest number of times that the first step of a loading path is halved [-].
     first_halvings: int = 12
@@ -63,7 +63,7 @@ class PathSettings:
     first_doublings: int = 4
     #: Decimal digits, relative to the largest coordinate, to which coordinates of nodes on one mesh line agree [-].
     digits: int = 9
-    #: Loads of the equilibria between targets that serve as initial guesses, over the largest load [-].
+    #: Loads, over the largest load, at which equilibria between targets serve as initial guesses [-].
     shares: tuple[float, ...] = (0.8, 0.6, 0.4, 0.2)
 
 
@@ -151,10 +151,10 @@ class ContactProblem:
             targets: Target loads [N] or depths [m], ascending.
             control: Whether the targets are loads or depths.
             first: Depth of the first step, small enough for a linear response [m].
-            guesses: An initial guess for each target, from a coarser mesh.  Where Newton's method does not converge
-                from the guess, the target is reached in steps.
+            guesses: Initial guess for each target, from a coarser mesh.  Where Newton's method does not converge from
+                the guess, the target is reached in steps.
             between: Initial guesses from a coarser mesh between the targets, descending.  The steps to a target start
-                from the first of these from which Newton's method converges.
+                from the first guess from which Newton's method converges.
             progress: Called with a line of text after each step.
             record: Called with the equilibrium after each step.
 
@@ -206,7 +206,7 @@ class ContactProblem:
     def _start_between(
         self, between: Sequence[Guess], target: float, control: Control, last: ContactEquilibrium | None
     ) -> ContactEquilibrium | None:
-        """Solve from the first guess between the last target and the next one from which Newton's method converges."""
+        """Solve from initial guesses between the last and the next target; return the first that converges."""
         reached = getattr(last, control) if last else 0.0
         for guess in between:
             aim = getattr(guess, control)
@@ -259,8 +259,8 @@ class ContactProblem:
         """Solve at a small depth from the undeformed state.
 
         If Newton's method does not converge, the depth is halved, up to `first_halvings` times.  If it still does not
-        converge, multiples 2, 4, ... of the depth are tried: under a sharp tip, no quadrature point is in contact at a
-        very small depth.  With friction, the load or depth is at most 1 / `friction_steps` of the target.
+        converge, multiples 2, 4, ... of the depth are tried, because under a sharp tip no quadrature point is in
+        contact at a very small depth.  With friction, the load or depth is at most 1 / `friction_steps` of the target.
 
         Args:
             depth: First depth that is tried [m].
@@ -330,9 +330,9 @@ class ContactProblem:
             load: Given load [N], or None.
             used: Number of Newton iterations on the loading path so far [-].
             tolerance: Largest relative residual [-].
-            near: Nearby equilibrium, whose contact pressure and volume are those of the first tangent.  Later tangents
-                have those that the previous iteration predicts: those of the state itself contain the penalty times
-                the error of linearisation, with which Newton's method diverges.
+            near: Nearby equilibrium, whose contact pressure and volume enter the first tangent.  Later tangents use
+                those predicted by the previous iteration.  The pressure and volume of the state itself contain the
+                penalty times the error of linearisation, with which Newton's method diverges.
         """
         seen: tuple[FloatArray, ContactState] | None = None
 
@@ -420,7 +420,7 @@ class SolvedPath:
         elements: Elements of the mesh.
         equilibria: Equilibrium at every target load or depth.
         steps: Equilibria between the targets, ascending.
-        coarse: This loading path on a coarser mesh, which gives initial guesses below the first of `steps`.
+        coarse: Solution of this loading path on a coarser mesh, for initial guesses below the first of `steps`.
     """
 
     elements: MixedElements
@@ -437,7 +437,8 @@ class SolvedPath:
 
         Args:
             target: Elements of the other mesh.
-            wanted: Descending loads near which an equilibrium is wanted; None for shares of the largest load [N].
+            wanted: Descending loads near which equilibria are selected [N]; None for `PathSettings.shares` of the
+                largest load.
         """
         loads = np.array([each.load for each in self.steps])
         least = loads.min(initial=np.inf)

@@ -112,9 +112,9 @@ class Solid:
 
         Args:
             state: Displacements [m], then mean pressures [Pa], shape (n,).
-            expected: As for `linearise`.
-            found: Arrays to write into: forces, volume residuals, and the stiffness, coupling and pressure blocks of
-                the element matrices.
+            expected: J - 1 in the direct part of the pressure in the tangent, as for `linearise` [-].
+            found: Output arrays: forces, volume residuals, and the stiffness, coupling and pressure blocks of the
+                element matrices.
             part: Range of elements to compute.
         """
         e, (forces, volumes, stiff, couple, squeeze) = self.elements, found

@@ -2,15 +2,16 @@
 
 Sharp edges are rounded by a small fillet, because real edges have a fillet and a finite-strain solution under a
 perfectly sharp edge does not converge as the mesh is refined.  Results state the radius of the fillet.  Curved shapes
-without an axis of revolution are smoothed over the same length, see `SmoothedHeightmap`.  A surface that becomes
-steeper than `STEEPEST` continues as a plane or cone of that slope, so that the height is finite everywhere.
+without an axis of revolution are smoothed over the same length, see `SmoothedHeightmap`.  Where the slope exceeds
+`STEEPEST`, the surface continues as a plane or cone of that slope, so that the height is finite everywhere.
 
-Smooth the lower surface of an indenter of any shape: facets and edges rounded, steep walls replaced by slopes.
+The lower surface of an indenter of any shape is smoothed: facets and edges are rounded, and steep walls are replaced by
+slopes.
 
 The heights at the nodes of a square grid are the coefficients of a cubic B-spline.  The spline approximates the heights
-and does not interpolate them; it rounds facets and edges over about one cell of the grid and cannot overshoot.  The
-spline preserves the curvature of a curved surface and raises the surface, in each direction, by one sixth of the
-curvature times the squared cell size; the lowest point is then moved back to height zero.
+and does not interpolate them.  It rounds facets and edges over about one cell of the grid and cannot overshoot.  It
+preserves the curvature of a curved surface and raises the surface, in each direction, by one sixth of the curvature
+times the squared cell size.  The lowest point is therefore moved back to height zero.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from meshes.pose import Pose
 class SurfaceSettings:
     """Constants of the smoothed lower surface of an indenter."""
 
-    #: Height, over the cover thickness, at which smoothed surfaces are clipped; a pressed cover never reaches it [-].
+    #: Height, over the cover thickness, at which smoothed surfaces are clipped [-].  A pressed cover never reaches it.
     highest: float = 2.0
     #: Step of the difference quotients for slope and curvature, over the radius of the fillet [-].
     step: float = 1 / 100
@@ -45,8 +46,8 @@ class SurfaceSettings:
 _SETTINGS = SurfaceSettings()
 
 
-#: Largest slope of the indenter's surface, 60 degrees; the surface of a cover that separates at an edge is less
-#: steep [-].
+#: Largest slope of the indenter's surface, 60 degrees [-].  The surface of a cover that separates at an edge is less
+#: steep.
 STEEPEST = float(np.tan(np.radians(60)))
 #: Distance from the axis of a sphere, over its radius, at which the slope of the surface is `STEEPEST` [-].
 _RIM = float(np.sin(np.arctan(STEEPEST)))

@@ -14,11 +14,11 @@ from meshes.array_types import FloatArray
 #: Quantity that is prescribed along a loading path: the load or the depth of the indenter.
 Control = Literal["load", "depth"]
 
-#: Function that is called with a line of text about the progress of a solution, or None.
+#: Function that receives a line of text about the progress of a solution, or None.
 Progress = Callable[[str], None] | None
 
-#: Factor on the indenter's heights and on load or depth with which a finite-strain solver returns the small-strain
-#: solution, scaled by the factor [-].
+#: Load scale for small strain [-].  With it a finite-strain solver returns the small-strain solution, multiplied by the
+#: scale.
 _SMALL_STRAIN_SCALE = 1e-3
 
 
@@ -73,7 +73,7 @@ class LoadingPath:
         targets: Target loads [N] or depths [m], ascending.
         control: Whether the targets are loads or depths.
         friction: Coefficient of Coulomb friction, inf for no slip [-].
-        baseline_friction: Coefficient of friction of the baseline that the solution is compared with, 0 or inf [-].
+        baseline_friction: Coefficient of friction of the baseline, the solution used for comparison, 0 or inf [-].
         load_scale: Factor on the targets and on the heights of the indenter [-].
         fields: Whether displacement and stress in the cover are part of the solution.
         meshed_for: Target for which the element sizes under a curved indenter are chosen; None for the last one.
@@ -117,7 +117,7 @@ class LoadingPath:
 
     @property
     def refines_in_turn(self) -> bool:
-        """Whether grids refine the radius of edges and the elements in turn: flat faces that rub, in 3-D."""
+        """Whether grids refine edge radius and element size alternately: flat faces with friction, in 3-D."""
         in_plane = self.cover.size is None and self.indenter.axisymmetric
         return self.indenter.is_flat and self.has_friction_effect and not in_plane
 

@@ -25,17 +25,17 @@ from meshes.array_types import FloatArray, IntArray
 class NewtonSettings:
     """Constants of Newton's method and of the steps of a loading path."""
 
-    #: Largest number of times that Newton steps which invert an element are halved in one solution [-].
+    #: Largest number of times that Newton steps are halved in one solution because they invert an element [-].
     halvings: int = 4
-    #: Slope of the potential energy along a Newton step at its end, over that at its beginning, in magnitude, above
-    #: which a step that has passed the minimum of the energy is partly reversed [-].
+    #: Magnitude of the slope of the potential energy at the end of a Newton step, over that at its beginning, above
+    #: which a step past the minimum of the energy is partly reversed [-].
     overshoot: float = 0.3
     #: Smallest fraction of a Newton step that is reversed [-].
     least_back: float = 0.1
     #: Largest fraction of a Newton step that is reversed [-].
     most_back: float = 0.9
-    #: Smallest step along a loading path, over the load or depth that has been reached [-].  If a smaller step would be
-    #: needed, the solver stops.  The step is not compared with the target, because under a sharp tip the first loads
+    #: Smallest step along a loading path, over the load or depth that has been reached [-].  The solver stops if a
+    #: smaller step would be needed.  The step is not relative to the target, because under a sharp tip the first loads
     #: are far below the target.
     smallest_step: float = 1 / 256
     #: Largest length of the last step to a target over the planned step, so that no tiny step remains [-].
@@ -43,7 +43,8 @@ class NewtonSettings:
     #: Factor by which the step along a loading path grows after an easy step, if no step has failed yet [-].
     growth: float = 1.8
     #: Factor by which the step along a loading path grows after an easy step, if a step has failed before [-].  The
-    #: failed step was near the longest that converges.  With faster growth most of the time would go into failed steps.
+    #: failed step was near the longest step that converges.  With faster growth most of the time would be spent on
+    #: failed steps.
     careful_growth: float = 1.2
 
 
@@ -89,8 +90,8 @@ class Linearisation(Generic[Reached]):
         equilibrium: Equilibrium, if the unknowns satisfy the equations within the tolerance; else None.
         solve: Function that returns the Newton step, shape (n,).
         gradient: Gradient of the potential energy, shape (n,); None where steps need not be checked for overshoot.
-        changed: Whether the equations differ from those of the previous iteration, so that the slopes of the energy at
-            beginning and end of the last step cannot be compared.
+        changed: Whether the equations differ from those of the previous iteration.  The slopes of the energy at the
+            beginning and end of the last step cannot be compared then.
     """
 
     equilibrium: Reached | None
@@ -185,7 +186,7 @@ def walk_to(
         except STEP_FAILURES as error:
             _LOG.info("step to %s %.4g failed: %s", control, aim, error)
             if extrapolates and before is not None:
-                extrapolates = False  # once more from the last equilibrium itself
+                extrapolates = False  # solve again, from the last equilibrium itself
                 continue
             step, growth = abs(aim - done) / 2, _SETTINGS.careful_growth
             if step < abs(done or target) * _SETTINGS.smallest_step:

@@ -1,17 +1,17 @@
 """Solve indentations at finite strain or with friction, mostly as corrections of accurate small-strain solutions.
 
-On a wide cover the mesh is fixed in the frame of the indenter, and one stored solution is valid for all poses.  An
-indenter with a smooth shape of revolution is solved directly in the r-z plane there.  Under sharp edges, and in three
+On a wide cover the mesh is fixed in the frame of the indenter, and one stored solution is valid for all poses.  There,
+an indenter with a smooth shape of revolution is solved directly in the r-z plane.  Under sharp edges, and in three
 dimensions, finite-strain solutions are affordable only on coarse grids, whose discretisation error is too large.  A
-loading path (ascending target loads or depths) is therefore solved twice on each grid, without friction at small strain
-(the baseline) and with the requested strain and friction, and the difference corrects an accurate small-strain
-solution, see `correct_solution`.  On a cover of limited size the solution depends on the pose.
+loading path (ascending target loads or depths) is therefore solved twice on each grid: without friction at small strain
+(the baseline), and with the requested strain and friction.  The difference corrects an accurate small-strain solution,
+see `correct_solution`.  On a cover of limited size the solution depends on the pose.
 
 A finite-strain solution under a perfectly sharp edge does not converge as the mesh is refined, and the elements must
 resolve a rounded edge.  The radius is therefore as small as the finest grid can resolve; results state the radius.
 
-A ball may also be pressed on one coarse grid (`press_ball`), to calibrate and to check simpler models, where a fraction
-of a percent does not matter and the three grids would take too long.
+`press_ball` presses a ball on one coarse grid, for the calibration and verification of simpler models.  For these an
+error of a fraction of a percent is acceptable, and three grids would take too long.
 """
 
 from __future__ import annotations
@@ -52,20 +52,21 @@ _FINE = 1 / 20
 _COARSE = 1 / 5
 #: Number of elements through the cover on the three grids in three dimensions; the result is that of the finest [-].
 SOLID_GRIDS = (2, 3, 4)
-#: Larger radius of rounded edges over that of `choose_solid_fillet`, where radius and elements are refined in turn [-].
+#: Larger radius of rounded edges, over that of `choose_solid_fillet`, if radius and elements are refined alternately
+#: [-].
 _WIDE_EDGE = 3 / 4
-#: Smaller radius of rounded edges over that of `choose_solid_fillet`, where radius and elements are refined in turn
+#: Smaller radius of rounded edges, over that of `choose_solid_fillet`, if radius and elements are refined alternately
 #: [-].
 _NARROW_EDGE = 3 / 8
-#: Estimated difference between the result with the smaller radius and that with a sharp edge, over the difference
-#: between the results with the two radii, for edges on mesh lines [-].  In the r-z plane without slip at finite strain,
-#: radii down to a fortieth of the thickness can be solved, and this ratio is 0.9 to 2.1
+#: Safety factor for edges on mesh lines [-]: estimated difference between the results with the smaller radius and with
+#: a sharp edge, over the difference between the results with the two radii.  In the r-z plane without slip at finite
+#: strain, radii down to a fortieth of the thickness can be solved, and the ratio is 0.9 to 2.1
 #: (`tests/verification/test_rounded_edges.py`).
 _ON_LINES = 2.0
-#: The ratio `_ON_LINES` for edges that are not on mesh lines, which the elements resolve less [-].
+#: Safety factor as `_ON_LINES` for edges that are not on mesh lines, which the elements resolve less well [-].
 _OFF_LINES = 3.0
 #: Largest distance from a convex corner of a face to its inset outline, over the inset, for a corner of 50 degrees [-].
-#: A point of the face that is further from the inset outline is on a wall that the inset removes.
+#: Points of the face that are farther from the inset outline lie on a wall that the inset removes.
 _MITER = 2.4
 #: Smallest width of the thickest wall of a face that a grid can resolve, over half the footprint [-].
 _THINNEST_WALL = 0.05
@@ -89,17 +90,18 @@ class SolidGrid:
 def choose_solid_grids(thickness: float, indenter: Indenter, *, in_turn: bool) -> tuple[SolidGrid, ...]:
     """Choose the three grids in three dimensions.
 
-    With friction the force rises as the radius of an edge falls, and falls with finer elements.  If radius and elements
-    are refined together, the two effects cancel in the differences between the grids.  They are therefore refined in
-    turn: the second grid has edges of half the radius of the first one, the third grid more elements than the first.
+    With friction the force rises as the radius of an edge falls, and falls with finer elements.  If both were refined
+    together, the two effects would cancel in the differences between the grids.  They are therefore refined
+    alternately: the second grid has edges of half the radius of the first one, the third grid has more elements than
+    the first.
 
     Args:
         thickness: Thickness of the cover [m].
         indenter: Indenter with a flat face or with edges.
-        in_turn: Whether radius and elements are refined in turn.
+        in_turn: Whether radius and elements are refined alternately.
 
     Raises:
-        ValueError: As for `choose_solid_fillet`.
+        ValueError: If even the thickest wall is too thin, see `choose_solid_fillet`.
     """
     fillet = choose_solid_fillet(thickness, indenter)
     if in_turn:
@@ -109,7 +111,7 @@ def choose_solid_grids(thickness: float, indenter: Indenter, *, in_turn: bool) -
 
 
 def choose_edge_safety(path: LoadingPath, pose: Pose) -> float:
-    """Choose `_ON_LINES` or `_OFF_LINES`; 0 if radius and elements are not refined in turn [-].
+    """Choose `_ON_LINES` or `_OFF_LINES`; 0 if radius and elements are not refined alternately [-].
 
     Args:
         path: Cover, indenter and friction.
@@ -130,7 +132,7 @@ def choose_fillet(thickness: float, indenter: Indenter) -> float:
         indenter: Indenter; solved in three dimensions unless it is axisymmetric.
 
     Raises:
-        ValueError: As for `choose_solid_fillet`.
+        ValueError: If even the thickest wall is too thin, see `choose_solid_fillet`.
     """
     if indenter.axisymmetric:
         return min(thickness, *indenter.footprint) * _FINE
@@ -211,24 +213,24 @@ def _sample_footprint(indenter: Indenter) -> tuple[FloatArray, FloatArray]:
 #: are lists with one list per target, which holds one solution per grid.
 SolvedPair = tuple[list[list[GridSolution]], list[list[GridSolution]]]
 
-#: Statement about the contact tractions of a corrected solution, by topic.
+#: Assumption on the contact tractions of a corrected solution, by topic.
 CONTACT_ASSUMPTION = {
     "contact": "tractions and fields of the finest mesh of finite strain and friction, multiplied by one factor to the "
     "total force; their local error is that of this mesh, up to 10 % under edges"
 }
-#: Smallest estimated error of a loading path with friction: that of its steps and of its friction springs [-].
+#: Smallest estimated error of a loading path with friction, due to its steps and friction springs [-].
 _LEAST_FRICTION_ERROR = 0.015
 #: Smallest estimated error of a loading path whose baseline has the same friction, steps and springs [-].  Most of the
 #: error of steps and springs then cancels.
 _LEAST_PAIRED_FRICTION_ERROR = 0.003
-#: Smallest depth over cover thickness at which the grids resolve the effect of finite strain under a flat face; at
-#: smaller depths the effect is below the discretisation error [-].
+#: Smallest depth over cover thickness at which the grids resolve the effect of finite strain under a flat face [-].  At
+#: smaller depths the effect is below the discretisation error.
 _SMALLEST_RESOLVED_DEPTH = 0.04
-#: Depth over the smallest resolved depth below which the effect of finite strain under a flat face, at most
-#: proportional to the depth, is not computed [-].
+#: Depth over the smallest resolved depth, below which the effect of finite strain under a flat face is not computed
+#: [-].  The effect is at most proportional to the depth.
 _NEGLIGIBLE = 1e-4
-#: Largest requested target, over the smallest resolved target, that is also used to correct the unresolved targets; a
-#: larger one would be too far from these, and the smallest resolved target is solved in addition [-].
+#: Largest requested target, over the smallest resolved target, that also serves to correct the unresolved targets [-].
+#: A larger target would be too far from the unresolved ones; the smallest resolved target is then solved in addition.
 _SHARED_TARGET = 2.0
 
 
@@ -307,7 +309,7 @@ def _needs_no_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolu
 
 
 def _find_limit(path: LoadingPath, grids: Sequence[GridSolution]) -> GridSolution:
-    """Return the accurate solution of one target from those on its grids."""
+    """Return the accurate solution of one target, extrapolated from its grids."""
     return extrapolate_solutions(grids) if path.indenter.is_flat and not path.baseline_friction else grids[-1]
 
 
@@ -367,7 +369,7 @@ def _raise_targets(targets: Sequence[float], relative_depths: Sequence[float]) -
 
 
 #: Number of elements through the cover on each axisymmetric grid, coarsest grid first [-].  Three neighbouring grids
-#: are solved.  The result is that of the finest of the three; its error is estimated from all three.
+#: are solved.  The result is that of the finest of the three, with an error estimate from all three.
 GRIDS = (6, 9, 13, 19, 28)
 #: Number of elements through the cover under a ball on one coarse grid [-].
 _BALL_ELEMENTS = 4
@@ -393,7 +395,7 @@ def study_path(
         place: Array, and pose of the indenter, which matter on a cover of limited size.
         progress: Called with a line of text after each step.
         refinement: Number of axisymmetric grids that are skipped at the coarse end and added at the fine end [-].
-        rubbing: Small-strain solutions with friction, which are then corrected instead of frictionless ones.
+        rubbing: Small-strain solutions with friction, to be corrected instead of frictionless ones.
 
     Returns:
         The solutions of every target with the element sizes and the expected order of convergence.
@@ -455,7 +457,7 @@ def _lay_out(path: LoadingPath, contact: FloatArray, pose: Pose, grid: SolidGrid
         path: Cover, indenter and targets.
         contact: m points of the largest small-strain contact, shape (m, 2) [m].
         pose: Pose of the indenter in the frame of the mesh.
-        grid: The grid.
+        grid: Element count and edge radius.
     """
     if path.cover.size is not None:
         if isinstance(path.indenter, FlatPunch):
@@ -545,7 +547,8 @@ def press_ball(cover: Cover, radius: float, depths: Sequence[float], *, progress
 
     def solve(wanted: Sequence[float]) -> list[GridSolution]:
         """Solve the path to some depths on one grid."""
-        # A thick cover yields beside the ball: its contact is smaller than that of a ball cut off at the depth.
+        # On a thick cover the contact of a ball is smaller than the section of the ball at the depth, because the
+        # surface next to the ball moves down.
         contact = min(np.sqrt(radius * wanted[-1]), _LARGEST_CONTACT * radius)
         return press_axisymmetric(
             LoadingPath(cover=cover, indenter=ball, targets=tuple(wanted), control="depth"),

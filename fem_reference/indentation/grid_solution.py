@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 #: Safety factor on the change between two extrapolations, from which the error of an extrapolated result is estimated;
 #: ASME V&V 20-2009 uses 1.25 for three grids [-].
 _SAFETY = 1.25
-#: Smallest estimated error of an extrapolated result over its difference from the finest grid [-].
+#: Smallest estimated error of an extrapolated result, over its difference from the finest grid [-].
 _LEAST_SHARE = 0.2
 
 
@@ -78,7 +78,7 @@ class BaseSum(Base):
 
     Attributes:
         parts: Weight and load of each part.
-        like: Load whose computed response has the error of the sum; None for no such error.
+        like: Load whose response has the same error as the sum; None for no error.
     """
 
     parts: tuple[tuple[float, Base], ...]
@@ -102,7 +102,7 @@ class GridSolution:
         total_force: Normal force on the indenter [N].
         depth: Approach of the indenter from first touch of the undeformed cover [m].
         area: Contact area [m2].
-        overlap: Mean penetration of indenter and cover that the contact solver does not remove, over the depth [-].
+        overlap: Mean penetration of indenter and cover that remains in the contact solution, over the depth [-].
         contact: Columns x, y [m] and normal force [N] of m contact points in the frame of the indenter, shape (m, 3).
         base: Load on the base.
         energy: Elastic energy stored in the cover [J].
@@ -132,11 +132,11 @@ class GridStudy:
         solutions: For every target the three solutions, coarsest grid first.
         least_order: Smallest order of convergence that error estimates assume [-].
         most_order: Largest order of convergence that error estimates assume [-].
-        edge_safety: Safety factor on the difference between the first and the second solution if the second has edges
-            of half the radius and the same elements, and only the third has smaller elements (`add_refinements`); 0
-            if each grid refines radius and elements [-].
-        extrapolate: Whether a result is the value extrapolated to element size zero with order 1, or else the value on
-            the finest grid.  Extrapolation is right under a sharp edge, where the singular pressure makes the error
+        edge_safety: Safety factor on the difference between the first and the second solution [-].  It applies if the
+            second solution has edges of half the radius and the same elements, and only the third has smaller elements
+            (`add_refinements`).  It is 0 if each grid refines radius and elements.
+        extrapolate: Whether a result is extrapolated to element size zero with order 1, instead of taken from the
+            finest grid.  Extrapolation is right under a sharp edge, where the singular pressure makes the error
             proportional to the element size.
         least_overlap: Smallest value of the penetration over the depth that error estimates assume [-].
         least_error: Smallest estimated relative discretisation error [-].
@@ -144,7 +144,7 @@ class GridStudy:
         accurate: Study of the small-strain solutions that `solutions` correct, whose errors are added; None if the
             solutions are not corrections.
         assumptions: Statements about the solution for the user, by topic.
-        warnings: Sentences about errors that no estimate contains.
+        warnings: Sentences about errors that are not part of any estimate.
     """
 
     solutions: Sequence[Sequence[GridSolution]]
@@ -176,8 +176,8 @@ class GridStudy:
         """Estimate the relative discretisation error of `combine(grids, quantity)` [-].
 
         The error of an extrapolated result is its change from the extrapolation of the two coarser grids times a safety
-        factor, but at least a share of the extrapolation itself.  If radius and elements are refined in turn, the
-        errors of both are added, each with convergence of order 1.  In all other cases the error is the grid
+        factor, but at least a fraction of the extrapolation itself.  If radius and elements are refined alternately,
+        the errors of both are added, each with convergence of order 1.  In all other cases the error is the grid
         convergence index.
 
         Args:
@@ -262,7 +262,7 @@ def extrapolate_solutions(solutions: Sequence[GridSolution]) -> GridSolution:
 
 
 def _combine_solutions(solutions: Sequence[GridSolution], weights: Sequence[float]) -> GridSolution:
-    """Compute the weighted mean of force, depth, energy and texel forces; all else is that of the last solution."""
+    """Compute the weighted mean of force, depth, energy and texel forces; the rest is from the last solution."""
     return replace(
         solutions[-1],
         total_force=float(_average(solutions, weights, lambda each: each.total_force)),
@@ -278,7 +278,8 @@ def add_refinements(solutions: Sequence[GridSolution]) -> list[GridSolution]:
     """Turn solutions that refine one property each into successive refinements.
 
     The two refinements are assumed to be independent of each other (combination technique, Griebel et al. 1992).
-    Contact area, overlap, contact points and fields of the last one are those of the solution with smaller elements.
+    Contact area, overlap, contact points and fields of the last returned solution are those of the solution with
+    smaller elements.
 
     Args:
         solutions: A solution, one with edges of smaller radius, and one with smaller elements.
@@ -311,9 +312,9 @@ def correct_solution(
         baseline: Frictionless small-strain solution on the coarse grid, at the target divided by `share`.
         full: Solution with finite strain, friction or both on the same grid, at the same load or depth as `baseline`.
         control: Whether the target is a load or a depth.
-        share: Target over the load or depth of `baseline`.  It is below 1 if the coarse grid cannot resolve the effect
-            at the target; the relative effect is then multiplied by `share`, because to first order it is proportional
-            to the load [-].
+        share: Target over the load or depth of `baseline` [-].  It is below 1 if the coarse grid cannot resolve the
+            effect at the target.  The relative effect is then multiplied by `share`, because to first order it is
+            proportional to the load.
         area: Contact area of the result [m2]; None for the corrected area.
     """
 

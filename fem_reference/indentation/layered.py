@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 #: Function that returns a quantity of a solution.
 Quantity = Callable[[GridSolution], float]
 
-#: Depth over thickness that is stated as the largest where a load would pierce the cover [-].
+#: Depth over thickness that messages state as the largest possible depth if a load would pierce the cover [-].
 _LARGEST_DEPTH = 0.98
 #: Depth over cover thickness above which a small-strain result is marked as outside its range.  At this depth the force
 #: on a sphere agrees with the finite-strain force within 0.3 % [-].
@@ -56,15 +56,15 @@ _LEAST_AREA_ERROR = 2e-5
 _LARGE_IMBALANCE = 1e-3
 #: Last load or depth of successive attempts to solve a path again after it stopped early, over the largest load or
 #: depth that the stopped solution reached [-].  Several attempts are needed because finer grids may stop earlier.  The
-#: first attempt leaves out more of a load than of a depth: at the end of a path a small change of depth changes the
-#: load much.  In three dimensions only the first attempt is made.
+#: first attempt reduces a load more than a depth: at the end of a path a small change of depth changes the load much.
+#: In three dimensions only the first attempt is made.
 _WITHIN: dict[Control, tuple[float, ...]] = {"load": (0.9, 0.75, 0.5), "depth": (0.97, 0.9, 0.75, 0.5)}
-#: Load or depth that a stopped solution reached, over the last target, from which finer grids are tried [-].  Near the
+#: Load or depth that a stopped solution reached, over the last target, above which finer grids are tried [-].  Near the
 #: end of a path some coarse grids stop where finer grids do not.
 _NEARLY: dict[Control, float] = {"load": 0.7, "depth": 0.9}
-#: Target over the last load or depth of the part that is solved again, from which the target is left out [-].
+#: Target over the last load or depth of the part that is solved again, above which the target is omitted [-].
 _LEAST_SPACING = 0.97
-#: Part of the first target that is solved if the stopped solution reached no load or depth [-].
+#: Fraction of the first target that is solved if the stopped solution reached no load or depth [-].
 _PART = 0.2
 
 
@@ -75,7 +75,7 @@ def press_layers(cover: Cover, problem: PressProblem) -> list[Indentation]:
         ValueError: If the axis of the indenter is beside the cover.
         UnsupportedError: If the motion is not along -z, or another strain is asked for than that of the materials.
         PiercedError: If the indenter would pierce the cover.
-        IncompletePathError: If the solver stops before the last target; the error has the results of what it reached.
+        IncompletePathError: If the solver stops before the last target; the error has the results that were reached.
     """
     if problem.strain is not None and (problem.strain == "small") != cover.small_strain_only:
         raise UnsupportedError(
@@ -141,11 +141,11 @@ class LayerPress:
             except IncompletePathError:
                 if not best:
                     raise
-                break  # the results of the coarser grids are complete
+                break  # The results of the coarser grids are complete.
             reached = max(max(each.error_estimate.values()) for each in results)
             if accuracy is None or reached <= accuracy:
                 return results
-            if reached < least:  # the estimate need not fall from grid to grid
+            if reached < least:  # The estimate need not decrease from grid to grid.
                 best, least = results, reached
             if self.progress is not None and refinement < finest:
                 wanted = f"{100 * accuracy:.3g} % wanted"
@@ -159,8 +159,8 @@ class LayerPress:
 
         Raises:
             IncompletePathError: If the path stops before its last target.  It has the results of the part that was
-                reached, which was solved again on all grids.  A contact without friction at small strain has no path:
-                its failure at one target is reported at once.
+                reached, solved again on all grids.  Without friction at small strain every target is solved by itself,
+                and a failure at one target is reported at once.
         """
         try:
             return self.solve(path, refinement)
@@ -174,12 +174,12 @@ class LayerPress:
             try:
                 return self.solve(path, refinement + 1)
             except (ConvergenceError, np.linalg.LinAlgError):
-                pass  # what the coarser grids reached is reported
+                pass  # report the result of the coarser grids
         part, shares = path, _WITHIN[path.control]
         for within in shares if path.indenter.axisymmetric else shares[:1]:
             part = _shorten(part, failure, within)
-            # The first attempt is meshed for what was reached; later ones keep this mesh, because smaller elements stop
-            # earlier under a sharp tip.
+            # The first attempt is meshed for the load or depth that was reached.  Later attempts keep this mesh,
+            # because smaller elements stop earlier under a sharp tip.
             part = replace(part, meshed_for=part.targets[-1] if part.meshed_for is None else part.meshed_for)
             try:
                 reached = self.solve(part, refinement)
@@ -193,8 +193,8 @@ class LayerPress:
         """Solve a loading path on three grids; `refinement` grids are skipped at the coarse end.
 
         Raises:
-            PiercedError: If a load would pierce the cover.  The error states the load that it bears: without friction,
-                at almost its thickness.
+            PiercedError: If a load would pierce the cover.  The error states the largest load that the cover bears:
+                without friction, the load at a depth of almost the thickness.
         """
         started = time.perf_counter()
         study, thickness = self.study(path, refinement), path.cover.thickness
@@ -244,7 +244,7 @@ def _state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:
 def _shorten(path: LoadingPath, error: Exception, within: float) -> LoadingPath:
     """Return the part of a path up to a share `within` of the load or depth that a failed solution reached [-].
 
-    If the error does not say what was reached, only a part of the first target is left.
+    If the error does not state a load or depth, only a part of the first target is left.
     """
     value = 0.0
     if isinstance(error, PathConvergenceError):
@@ -261,7 +261,7 @@ def _is_linear(path: LoadingPath) -> bool:
 
 
 def _explain(path: LoadingPath, error: Exception, reached: list[Indentation]) -> str:
-    """Say in one line how far a path came, why it stopped, and what to do."""
+    """State in one line the load or depth that a path reached, why it stopped, and a remedy."""
     thickness = path.cover.thickness
     if reached:
         far = reached[-1]
@@ -287,7 +287,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
         number: Index of the target.
         path: Cover, indenter and friction.
         place: Array, and pose of the indenter.
-        seconds: Time that the solutions took [s].
+        seconds: Elapsed time of the solutions [s].
     """
     started = time.perf_counter()
     grids = study.solutions[number]
@@ -295,7 +295,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
 
     @cache
     def base_forces(solution: GridSolution) -> FloatArray:
-        """Compute the base forces of a solution once; they are needed for the result and for its error."""
+        """Compute the base forces of a solution once, for the result and for its error."""
         return solution.base.forces(place.array, place.pose)
 
     base = study.combine(grids, base_forces)
@@ -306,7 +306,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
         "depth": attrgetter("depth"),
         "peak_texel": lambda each: float(base_forces(each)[peak]),
     }
-    # A prescribed load is the one that was asked for, so that `balance` shows if a solver misses it.
+    # A prescribed load is the requested one, so that `balance` shows a solver that misses it.
     by_load = path.control == "load"
     total = path.targets[number] if by_load else float(study.combine(grids, lambda each: each.total_force))
     balance = float(base.sum()) / total - 1
@@ -356,7 +356,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
 def _find_fields(
     finest: GridSolution, path: LoadingPath, place: Place, scale: float
 ) -> tuple[CoverFields | None, list[str]]:
-    """Return displacement and stress in the frame of the array, or None and why there are none, in one line."""
+    """Return displacement and stress in the frame of the array, or None and the reason for their absence."""
     from fem_reference.indentation.linear_fields import solve_linear_fields, state_missing_fields
 
     missing = state_missing_fields(path, place.pose)
@@ -369,7 +369,7 @@ def _find_fields(
 
 
 def _warn(path: LoadingPath, balance: float, depth: float) -> list[str]:
-    """State in words that forces do not balance, and which materials are pressed beyond their stability."""
+    """Describe forces that do not balance, and materials that are pressed beyond their stability."""
     out = []
     if abs(balance) > _LARGE_IMBALANCE:
         out.append(f"the forces on the base differ from the load by {balance:+.2%}")
@@ -393,7 +393,8 @@ def _place_contact(
         scale: Total force of the result over that of the contact forces [-].
     """
     x, y, pressed = finest.contact.T
-    # Points of the contact lie on the indenter; those beside a flat face, middles of cut cells, count to the face.
+    # Points of the contact lie on the indenter.  Points beside a flat face, the middles of cut cells, count as points
+    # of the face.
     height = path.indenter.gap(x, y)
     points = np.column_stack(
         [*place.pose.to_array(x, y), path.cover.thickness - depth + np.where(np.isfinite(height), height, 0.0)]
@@ -437,8 +438,8 @@ def _estimate_errors(
 def _estimate_area_error(study: GridStudy, grids: Sequence[GridSolution], path: LoadingPath) -> float:
     """Estimate the relative error of the contact area [-].
 
-    The area of a face that touches with all of itself is geometry, and the same on all grids.  All other contacts end
-    where the pressure does, which the compliance of the cover decides.
+    A face that is completely in contact has an area given by its geometry, the same on all grids.  All other contacts
+    end where the pressure does, which depends on the compliance of the cover.
     """
     spread = estimate_spread([each.area for each in grids])
     if path.indenter.is_flat and spread < _LEAST_AREA_ERROR:

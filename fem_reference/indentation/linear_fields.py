@@ -1,9 +1,9 @@
 """Compute the fields in a cover of linear elastic layers from the contact of a solved indentation.
 
-The contact on a linear cover is solved on the compliance of its surface, without a mesh of the cover.  Its fields are
-solved afterwards on one mesh with the contact forces as loads on the top.  The loads are consistent nodal forces: a
-force counts with the values of the shape functions at its point.  Under a flat face without slip, the displacements of
-the top are known and are prescribed instead.
+The contact on a linear cover is solved with the compliance of its surface, without a mesh of the cover.  The fields are
+solved afterwards on one mesh with the contact forces as loads on the top.  The loads are consistent nodal forces: each
+contact force is distributed by the values of the shape functions at its point.  Under a flat face without slip, the
+displacements of the top are known and are prescribed instead.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def solve_linear_fields(path: LoadingPath, contact: FloatArray, place: Place, de
         The fields in the frame of the array.
 
     Raises:
-        ValueError: As `state_missing_fields` says.
+        ValueError: If there are no fields, with the reason of `state_missing_fields`.
     """
     missing = state_missing_fields(path, place.pose)
     if missing:
@@ -78,9 +78,9 @@ def solve_linear_fields(path: LoadingPath, contact: FloatArray, place: Place, de
 
 
 def state_missing_fields(path: LoadingPath, pose: Pose) -> str:
-    """Say in one line why an indentation has no fields; empty if it has.
+    """State in one line why an indentation has no fields; empty if it has fields.
 
-    A cover of limited size that slides on its base is not held sideways, unless symmetry holds it.
+    A cover of limited size that slides on its base is not fixed sideways, unless by symmetry.
     """
     cover = path.cover
     if cover.size is None or cover.base == "bonded" or all(find_mirror_planes(path.indenter, pose)):

@@ -1,4 +1,4 @@
-"""Choose the solver of an indentation of layers with friction or at finite strain, and the grids that it has."""
+"""Choose solver and grids of an indentation of layers with friction or at finite strain."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def study_path(path: LoadingPath, place: Place, progress: Progress, refinement: 
         )
     small, in_plane = path.cover.small_strain_only, finite_strain.is_in_plane(path)
     rubbing = None
-    # Not in three dimensions at finite strain, where the effect of rounded edges on the correction would be larger.
+    # Not in three dimensions at finite strain, where the correction would have a larger effect of rounded edges.
     if np.isinf(path.friction) and path.indenter.is_flat and (small or in_plane):
         rubbing = no_slip.study_path(path, place, progress)
     if rubbing is None and path.friction and in_plane:
@@ -46,14 +46,14 @@ def study_path(path: LoadingPath, place: Place, progress: Progress, refinement: 
     if rubbing is not None and small:
         return rubbing
     if rubbing is not None and max(each.depth for each in rubbing.solutions[-1]) >= path.cover.thickness:
-        rubbing = None  # rubber bears loads at which the small-strain solution pierces the cover
+        rubbing = None  # Rubber bears loads at which the small-strain solution pierces the cover.
     return finite_strain.study_path(path, place, progress, refinement, rubbing)
 
 
 def is_far_from_sides(path: LoadingPath, place: Place, progress: Progress = None) -> bool:
-    """Return whether the sides of the cover do not change a contact, which is simpler on a wide cover.
+    """Return whether the effect of the cover's sides on a contact is negligible, so that a wide cover can be solved.
 
-    Fields are asked for up to the sides, so a path with fields is solved with these.
+    Fields extend to the sides, so that a path with fields is solved with the sides.
     """
     cover = path.cover
     if cover.size is None or path.fields:

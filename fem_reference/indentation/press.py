@@ -1,7 +1,7 @@
 """Press a rigid indenter into a cover and compute the texel forces with error estimates.
 
-Each kind of cover has its own solver.  `solve_press` chooses it by the type of the cover; a solver of another kind of
-cover registers itself with `solve_press.register`, and presses from then on.
+Each kind of cover has its own solver. `solve_press` chooses it by the type of the cover.  A solver for another kind of
+cover is registered with `solve_press.register`.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ def solve_press(cover: object, problem: PressProblem) -> list[Indentation]:
 
     Args:
         cover: The cover.
-        problem: Array, indenter, pose, targets and what else is asked for.
+        problem: Array, indenter, pose, targets and further settings.
 
     Returns:
         One result per target.
 
     Raises:
         TypeError: If no solver is registered for the type.
-        UnsupportedError: If the solver cannot do what is asked for.
+        UnsupportedError: If the solver does not support the problem.
     """
     del problem
     raise TypeError(f"no solver is registered for a cover of type {type(cover).__name__}")
@@ -75,16 +75,18 @@ def press(
             or any cover for whose type a solver is registered with `solve_press`.
         array: Array with the texels under the cover.
         indenter: Indenter with its shape.
-        pose: Where the indenter touches, its direction of motion, yaw and tilt.  Layers are pressed along -z, with a
-            tilt of at most 10 degrees about either axis; the depth counts from first touch.
+        pose: Position of first touch, direction of motion, yaw and tilt.  Layers are pressed along -z, with a tilt of
+            at most 10 degrees about either axis; the depth is measured from first touch.
         load: Force along the motion [N].  Give either `load` or `depth`.
         depth: Approach of the indenter from first touch [m].
-        friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip.  Slip depends on the
-            loading history, so problems with friction are solved in small steps and take longer [-].
-        strain: Whether strains of a solid are small (None too) or finite; layers follow their materials.
-        accuracy: Wanted relative error.  Finer grids are added until all estimated errors are below it; a result that
-            does not reach it has a warning that says why.  None for the usual three grids [-].
-        fields: Whether the result has displacement and stress in the cover; results without fields are stored apart.
+        friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip [-].  Slip depends on the
+            loading history, so that problems with friction are solved in small steps and take longer.
+        strain: Kind of strain in a solid: `small` or None for small strain, `finite` for finite strain.  For layers it
+            follows from their materials.
+        accuracy: Wanted relative error [-].  Finer grids are added until all estimated errors are below it.  A result
+            that does not reach it has a warning with the reason.  None for the usual three grids.
+        fields: Whether the result has displacement and stress in the cover.  Such results have their own entries in the
+            store.
         progress: Called with a line of text before each solve.
 
     Returns:
@@ -94,7 +96,7 @@ def press(
         ValueError: If not exactly one of load and depth is given, it is not positive, or the indenter misses the cover.
         UnsupportedError: If the solver of this kind of cover cannot do what is asked for.
         PiercedError: If the indenter would pierce the cover.
-        ConvergenceError: If the solver does not converge; an `IncompletePathError` has the results of what it reached.
+        ConvergenceError: If the solver does not converge.  An `IncompletePathError` has the results that were reached.
     """
     return press_path(
         cover,

@@ -1,4 +1,4 @@
-"""The problem of a press, which every solver is asked."""
+"""The problem of a press, the input of every solver."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Literal
 from fem_reference.finite_strain.loading_path import Control
 from meshes import Indenter, Pose, TexelArray
 
-#: Strains that a user can ask for.
+#: Kinds of strain that a user can request.
 STRAINS = ("small", "finite")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PressProblem:
-    """What a solver is asked besides the cover; the values are checked.
+    """Input of a solver besides the cover, with checked values.
 
     Attributes:
         array: Array with the texels under the cover.
@@ -24,7 +24,7 @@ class PressProblem:
         targets: Target loads [N] or depths [m], ascending.
         control: Whether the targets are loads or depths.
         friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip [-].
-        strain: Kind of strain that is asked for; None leaves it to the solver.
+        strain: Requested kind of strain; None for the default of the solver.
         accuracy: Wanted relative error; None for the usual grids [-].
         fields: Whether the results have displacement and stress in the cover.
         progress: Called with a line of text before each solve; None for no reports.

@@ -23,38 +23,39 @@ class Indentation:
     Vectors are in the frame of the array.  Below, n is the number of texels and m the number of contact points.
 
     Attributes:
-        texel_forces: Force on each texel along its own normal, 0 on inactive ones of a solid, shape (n,) [N].
-        outside: On layers, the force that acts on the base outside the active texels, computed independently of the
-            load; in three dimensions at finite strain or with friction, the whole base reaction minus `texel_forces`.
-            On a solid 0: there it is the vector `unmeasured` [N].
+        texel_forces: Force on each texel along its own normal, shape (n,) [N]; 0 on inactive texels of a solid.
+        outside: Force on the base of layers outside the active texels, computed independently of the load [N].  In
+            three dimensions at finite strain or with friction it is the whole base reaction minus `texel_forces`.  On a
+            solid it is 0; see `unmeasured`.
         total_force: Force on the indenter along its motion [N].
         force: Force of the indenter on the cover, shape (3,) [N].
-        moment: Moment of this force about the origin, shape (3,) [N m].
-        base_force: Force of the cover on its base, shape (3,) [N]; on layers, its part across the normal is that of
+        moment: Moment of `force` about the origin, shape (3,) [N m].
+        base_force: Force of the cover on its base, shape (3,) [N]; on layers, its tangential components are those of
             `force`.
-        base_moment: Moment of this force about the origin, shape (3,) [N m]; None on layers.
+        base_moment: Moment of `base_force` about the origin, shape (3,) [N m]; None on layers.
         unmeasured: `base_force` less the sum of the texel forces along their normals, shape (3,) [N].
         balance: Forces on the base over `total_force` along the motion, minus 1 [-].
         depth: Approach of the indenter from first touch of the undeformed cover [m].
         contact_area: Contact area; on a solid resolved to an element [m2].
         contact_points: Points of the contact, shape (m, 3) [m].  On layers they are those of the finest grid and lie on
-            the deformed cover: at small strain, cells without friction and nodes under a flat face without slip, else
-            quadrature points.  On a solid they are the nodes of the undeformed top, most of which bear no force.
-        contact_forces: Force of the indenter on the cover at each of these points, shape (m, 3) [N].
+            the deformed cover: cells at small strain without friction, nodes at small strain under a flat face without
+            slip, else quadrature points.  On a solid they are the nodes of the undeformed top, most of which bear no
+            force.
+        contact_forces: Force of the indenter on the cover at each contact point, shape (m, 3) [N].
         energy: Elastic energy stored in the cover; without friction it equals the work of the load.  None for a solid
             at finite strain [J].
-        fields: Displacement and stress in layers, if they were asked for, on the finest mesh; None, and a sentence in
-            `warnings`, where they are not available.
+        fields: Displacement and stress in layers on the finest mesh, if requested; None where they are not available,
+            with a sentence in `warnings`.
         mesh: Finest mesh of a solid; None on layers.
-        displacement: Displacements of the displacement nodes of a solid; those of the mesh come first, shape (nodes, 3)
-            [m]; None on layers.
-        grid_values: `total_force` [N], `depth` [m], `peak_texel` [N] and `contact_area` [m2] on the three grids,
-            coarsest first, and `size`, the sizes of their cells or elements, of which only ratios are used.
+        displacement: Displacements of the displacement nodes of a solid, shape (nodes, 3) [m]; the nodes of the mesh
+            come first.  None on layers.
+        grid_values: Values on the three grids, coarsest first: `total_force` [N], `depth` [m], `peak_texel` [N],
+            `contact_area` [m2], and `size`, the size of cells or elements, of which only ratios are used.
         error_estimate: Estimated relative errors of `total_force`, `depth`, `peak_texel` (the largest texel force) and
-            `contact_area`; 0 for the prescribed one of force and depth.  On a solid `peak_texel` is the largest error
-            of any texel, `total_force` that of the sum of all texel forces under a given load, and `misplaced_force`
-            half the sum of the errors of all texels over the load; NaN where there is one mesh, or where the contact is
-            narrower than the elements, which a warning says [-].
+            `contact_area` [-]; 0 for the prescribed one of force and depth.  On a solid `peak_texel` is the largest
+            error of any texel, `total_force` is the error of the sum of all texel forces under a given load, and
+            `misplaced_force` is half the sum of the errors of all texels over the load.  An error is NaN with one mesh,
+            or with a warning where the contact is narrower than the elements.
         assumptions: Assumptions of the solution by topic, always with `strain` and `friction`.
         warnings: Sentences about large errors and other reasons not to rely on the result.
         seconds: Elapsed time of the computation, near zero for a stored result [s].
@@ -85,6 +86,6 @@ class Indentation:
 
 
 def warn_of_errors(errors: Mapping[str, float]) -> tuple[str, ...]:
-    """State in words which estimated errors are large."""
+    """Describe in words which estimated errors are large."""
     large = [f"{name.replace('_', ' ')} {value:.0%}" for name, value in errors.items() if value > _LARGE_ERROR]
     return (f"large estimated error: {', '.join(large)}",) if large else ()

@@ -24,18 +24,18 @@ from meshes import Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, Pose
 
-#: Number of cells across the contact on all grids, coarsest first; three neighbouring grids give a result and its
-#: error.  The numbers are multiples of 16, the smallest number of cells of the pattern that all grids repeat [-].
+#: Number of cells across the contact on all grids, coarsest first [-].  Three neighbouring grids give a result and its
+#: error.  The numbers are multiples of 16, the smallest number of cells of the pattern that all grids repeat.
 CELLS = (64, 96, 144, 224, 336)
-#: Smallest estimated relative error on a wide cover: that of the tabulated compliance of the top [-].
+#: Smallest estimated relative error on a wide cover, due to the table of the compliance of the top [-].
 _LEAST_ERROR = 1e-4
-#: Smallest estimated relative error on a cover of limited size: that of the additional compliance due to its sides [-].
-#: The mesh for this compliance is the same on all grids, so that the grids do not show its error.
+#: Smallest estimated relative error on a cover of limited size, due to the additional compliance of its sides [-].  All
+#: grids use the same mesh for this compliance, so that the differences between grids do not include its error.
 _LEAST_ERROR_LIMITED = 1e-3
 #: Size of the rectangle of cells in which the contact is searched, over the estimated size of the contact [-].
 _WINDOW = 1.35
-#: Size of the contact over that of the rectangle of cells above which the rectangle may be too small for the contact;
-#: one to two cells less than 1 [-].
+#: Size of the contact over that of the rectangle of cells, above which the rectangle may be too small for the contact
+#: [-]; one to two cells less than 1.
 _FULL = 0.98
 
 
@@ -88,7 +88,7 @@ def solve_path(
 
     if not path.indenter.is_flat:
         return [solve(replace(path, targets=(target,))) for target in path.targets]
-    # The solution is linear, so any depth serves.
+    # The solution is linear, so that any depth can be used.
     grids = solve(replace(path, targets=(path.cover.thickness,), control="depth"))
     reached = [each.depth if path.control == "depth" else each.total_force for each in grids]
     return [
@@ -113,7 +113,7 @@ def solve_coarse(path: LoadingPath, progress: Progress) -> list[GridSolution]:
 
 
 def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress) -> FloatArray:
-    """Solve the contact at the target that a path is meshed for, on the coarsest grid, to choose element sizes from it.
+    """Solve the contact at the target for which a path is meshed, on the coarsest grid, to choose element sizes.
 
     Returns:
         Centres of the m cells in contact, in the frame of the indenter, shape (m, 2) [m].
@@ -151,7 +151,7 @@ def _build_solution(patch: ContactPatch, indenter: Indenter, response: TexelInfl
     """Build the solution on one grid from a solved contact."""
     contact = np.column_stack([patch.x, patch.y, patch.force])
     gap = indenter.gap(patch.x, patch.y)
-    work = patch.depth - np.where(np.isfinite(gap), gap, 0.0)  # centres of scaled cells may lie outside a flat face
+    work = patch.depth - np.where(np.isfinite(gap), gap, 0.0)  # Centres of scaled cells may lie outside a flat face.
     return GridSolution(
         size=float(np.sqrt(np.prod(patch.cell))),
         total_force=patch.total_force,
@@ -191,7 +191,7 @@ def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, g
             progress(f"contact on {cells} x {cells} cells or more")
         reach = max(3.0 * float(np.hypot(*bound_contact(indenter, cover.thickness))), 4 * decay_length(cover))
         surface = _tabulate_surface(replace(cover, size=None), reach)
-        with np.errstate(over="ignore", invalid="ignore"):  # an extreme load pierces the cover; `press` refuses it
+        with np.errstate(over="ignore", invalid="ignore"):  # An extreme load pierces the cover, which `press` refuses.
             if cover.size is None:
                 return solve_contact(surface, indenter, cells=cells, load=load, depth=depth)
             pose = _require_place(place).pose
@@ -230,7 +230,7 @@ def _touch_near_sides(
         patch = solve_contact(surface, indenter, cells=cells, load=load, depth=depth, sides=sides)
         cut_off = (_measure_extent(patch) > _FULL * half) & (half < largest)
         if indenter.is_flat or not cut_off.any():
-            x, y = sides.clip_to_cover(patch.x, patch.y)  # centres of scaled cells may lie beside the cover
+            x, y = sides.clip_to_cover(patch.x, patch.y)  # Centres of scaled cells may lie outside the cover.
             return replace(patch, x=x, y=y)
         half = np.minimum(largest, _WINDOW * half)
 

@@ -14,11 +14,14 @@ resource = pytest.importorskip("resource", reason="needs a system with fork, sig
 
 #: Large enough that a write takes a while.
 _CONTENT = np.random.default_rng(0).random(60_000)
+#: The real function, which other tests do without.
+_FSYNC = os.fsync
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path / "store"))
+    monkeypatch.setattr(os, "fsync", _FSYNC)
     return tmp_path / "store"
 
 

@@ -40,11 +40,6 @@ Json = Annotated[
 ]
 Shape = Annotated[str, Parameter(help="Shape of the indenter, e.g. sphere:radius=5mm or box:size=10mmx10mmx5mm.")]
 Method = Annotated[str, Parameter(help="Contact method of the fast model: default, cover, foundation, area or boxes.")]
-RecordedIndenter = Annotated[str, Parameter(name="--indenter", help="Shape of the indenter; kept in the file.")]
-RecordedLoad = Annotated[
-    Quantity, Parameter(name="--load", help="Force or weight, e.g. 4.9N or 500g; kept in the file.")
-]
-Note = Annotated[str, Parameter(name="--note", help="Any other text to keep in the file.")]
 RecordingFile = Annotated[Path, Parameter(help="A recording: .mcap, .dsa, .csv, .bag, or a folder of ROS 2.")]
 Topic = Annotated[str | None, Parameter(name="--topic", help="Topic that holds the frames, in bags of other programs.")]
 PressedArrayIndex = Annotated[
@@ -54,6 +49,20 @@ PressedArrayIndex = Annotated[
         help="Index of the array if the recording has several, from 0; the one that is pressed most when not given.",
     ),
 ]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Labels:
+    """Options that say how a recording is made; they are kept in its file."""
+
+    indenter: Annotated[str, Parameter(help="Shape of the indenter; kept in the file.")] = ""
+    load: Annotated[Quantity, Parameter(help="Force or weight, e.g. 4.9N or 500g; kept in the file.")] = None
+    note: Annotated[str, Parameter(help="Any other text to keep in the file.")] = ""
+
+
+#: No labels.
+UNLABELLED = Labels()
 
 
 @Parameter(name="*")

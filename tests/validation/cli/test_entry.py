@@ -62,15 +62,6 @@ def test_unwritable_out_is_found_before_the_work(softcover, command, without_ref
     assert err.startswith("softcover: /proc/no/report: cannot be written")
 
 
-def test_out_folder_of_somebody_else_is_left_alone(softcover, tmp_path):
-    (tmp_path / "home").mkdir()
-    (tmp_path / "home" / "thesis.tex").write_text("years of work")
-    status, _, err = softcover("export", "wts-0614-34", "--out", "home")
-    assert status == 2
-    assert "softcover did not write" in err
-    assert (tmp_path / "home" / "thesis.tex").read_text() == "years of work"
-
-
 @pytest.mark.parametrize(
     "command",
     [

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from validation.cli.live_image import LiveImage
-from validation.cli.options import Json, Note, RecordedIndenter, RecordedLoad, check_range
+from validation.cli.options import UNLABELLED, Json, Labels, check_range
 from validation.cli.output import print_json, say
 from validation.errors import InputError
 
@@ -22,9 +22,7 @@ def record(
     *,
     out: Path = Path(),
     seconds: float | None = None,
-    indenter: RecordedIndenter = "",
-    load: RecordedLoad = None,
-    note: Note = "",
+    labels: Labels = UNLABELLED,
     threshold: int | None = None,
     gain: int | None = None,
     tare: bool = False,
@@ -67,7 +65,7 @@ def record(
     path = out if out.suffix == ".mcap" else out / time.strftime("touch-%Y%m%d-%H%M%S.mcap")
     with LiveImage(quiet=json) as live:
         done = api.record(
-            port, path, seconds=seconds, indenter=indenter, load=load, note=note, threshold=threshold, gain=gain,
+            port, path, **vars(labels), seconds=seconds, threshold=threshold, gain=gain,
             tare=tare, run_length=run_length, interval_ms=interval_ms, reconnect=reconnect, baud_rate=baud_rate,
             on_start=lambda matrix: live.set_up(matrix.columns, matrix.full_scale), on_event=_make_display(live),
         )  # fmt: skip

@@ -56,18 +56,6 @@ def test_the_pose_is_fitted(softcover, recordings):
     assert (x, y) == pytest.approx((POSE.x, POSE.y), abs=1e-3)  # gains take up a shift: one stamp in one place
 
 
-def test_the_table_and_the_picture_show_left_out_recordings(softcover, recordings, tmp_path):
-    paths, _ = recordings
-    arguments = ("--indenter", TOOL, "--at", "1mm,-2mm", "--sensor", "wts-0614-34", "--picture", "left-out.png")
-    status, out, err = softcover("calibrate", *paths, *arguments)
-    assert status == 0
-    assert "wrote left-out.png" in err
-    assert (tmp_path / "left-out.png").read_bytes()[:4] == b"\x89PNG"
-    assert "tool: x 1.00 +- 0.00 mm, y -2.00 +- 0.00 mm" in out
-    assert "left-out recordings: image changed" in out
-    assert "the width of the cover's spread cannot be told from the gains" in out
-
-
 def test_a_data_set_file_stands_for_its_recordings(softcover, recordings, tmp_path):
     paths, _ = recordings
     (tmp_path / "set.toml").write_text(

@@ -52,13 +52,6 @@ def test_only_the_method_of_an_exported_model_can_read_it(exported, method):
         fastmodel.METHODS["boxes" if plate else "cover"].bind(model, **bound)
 
 
-def test_a_derived_folder_exports_what_it_holds(softcover, without_reference):
-    fastmodel.load("sdh2-distal").save("derived")
-    assert softcover("export", "derived", "--out", "out", "--method", "area")[0] == 0
-    assert Path("out/cover.npz").read_bytes() == Path("derived/cover.npz").read_bytes()
-    assert mujoco.MjModel.from_xml_path("out/sdh2-distal.xml").ngeom == 78
-
-
 @pytest.mark.parametrize("form", ["sdf", "urdf"])
 def test_models_for_other_simulators_are_beside_the_parameters(softcover, form):
     words = ("--format", form, "--mass", "20g", "--method", "boxes", "--out", "out")
