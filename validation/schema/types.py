@@ -7,6 +7,7 @@ JSON Schema of the format.
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
@@ -347,12 +348,14 @@ class _MaterialTable(Table):
             listed = ", ".join(f"{name} [{each.unit}]" for name, each in wanted.items())
             terms = " (one number, or a list with one for each term)" if MODELS[self.model].has_terms else ""
             names = ", ".join(sorted(given)) or "nothing"
-            raise ValueError(f"{self.model} takes {listed}{terms} and poisson_ratio, not {names}")
+            ratio = "" if MODELS[self.model].poisson_ratio else " and poisson_ratio"
+            raise ValueError(f"{self.model} takes {listed}{terms}{ratio}, not {names}")
+        left_out = math.nan if MODELS[self.model].poisson_ratio else 0.5
         return Material(
             name=self.name or self.model,
             model=self.model,
             parameters=given,
-            poisson_ratio=0.5 if self.poisson_ratio is None else self.poisson_ratio,
+            poisson_ratio=left_out if self.poisson_ratio is None else self.poisson_ratio,
         )
 
 
