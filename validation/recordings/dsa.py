@@ -132,9 +132,7 @@ class _Element:
 
 
 class _Reader:
-    """Reads the XML of one file as a stream, checks it against the schema and collects the content of complete
-    elements.
-    """
+    """Reads the XML of one file as a stream, checks it against the schema and collects complete elements."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

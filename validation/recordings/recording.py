@@ -351,8 +351,7 @@ def open_recorded(path: Path) -> IO[bytes]:
 
 
 class Budget:
-    """Limits on the content read from one recording: total number of records, total unpacked bytes, and range of times.
-    """
+    """Limits on the content read from one recording: numbers of records and unpacked bytes, and range of times."""
 
     def __init__(self, path: Path, size: int) -> None:
         """Start with the limits for a recording of a given size [bytes]."""
