@@ -157,7 +157,9 @@ Sums = tuple[FloatArray, FloatArray, FloatArray, float]
 
 
 @called_by_kernels
-def sum_contacts(contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts) -> Sums:
+def sum_contacts(  # noqa: C901 -- in one function, as calls make it a tenth slower
+    contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts
+) -> Sums:
     """Kernel: sum the forces and torques that all contacts exert on an array of m boxes or plates.
 
     A contact with a side of a box that has a neighbour there counts as a contact with its front, because MuJoCo reports
@@ -178,8 +180,8 @@ def sum_contacts(contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArra
     geom, address, dim, frame, _, pos, _, _, _ = contacts
     part_of, neighbours, first, turn, middle = parts
     pressed, fronts, beside = np.zeros((len(geom), 2)), np.zeros((len(neighbours), 3)), 0.0
-    # Working arrays: force and torque in the frame of a contact; net force in the world; and its torque about the centre
-    # of the first box or plate.
+    # Working arrays: force and torque in the frame of a contact; net force in the world; and its torque about the
+    # centre of the first box or plate.
     local, net, moment = np.zeros(6), np.zeros(3), np.zeros(3)
     for k in range(len(geom)):
         if address[k] < 0 or (part_of[geom[k, 0]] < 0 and part_of[geom[k, 1]] < 0):
