@@ -157,9 +157,7 @@ Sums = tuple[FloatArray, FloatArray, FloatArray, float]
 
 
 @called_by_kernels
-def sum_contacts(  # noqa: C901, PLR0912 -- loops over components
-    contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts
-) -> Sums:
+def sum_contacts(contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts) -> Sums:
     """Kernel: sum the forces and torques that all contacts exert on an array of m boxes or plates.
 
     A contact with a side of a box that has a neighbour there counts as a contact with its front, because MuJoCo reports
@@ -180,38 +178,45 @@ def sum_contacts(  # noqa: C901, PLR0912 -- loops over components
     geom, address, dim, frame, _, pos, _, _, _ = contacts
     part_of, neighbours, first, turn, middle = parts
     pressed, fronts, beside = np.zeros((len(geom), 2)), np.zeros((len(neighbours), 3)), 0.0
-    # Working arrays: force and torque in the frame of a contact; net force in the world; torque about the centre of the
-    # first box or plate, and its lever arm; force in the world, and force and contact normal along the axes of a box.
-    local, net, moment, arm = np.zeros(6), np.zeros(3), np.zeros(3), np.zeros(3)
-    force, own_force, outward = np.zeros(3), np.zeros(3), np.zeros(3)
+    # Working arrays: force and torque in the frame of a contact; net force in the world; and its torque about the centre
+    # of the first box or plate.
+    local, net, moment = np.zeros(6), np.zeros(3), np.zeros(3)
     for k in range(len(geom)):
         if address[k] < 0 or (part_of[geom[k, 0]] < 0 and part_of[geom[k, 1]] < 0):
             continue
         _decode_force(contacts, k, local)
-        for i in range(3):
-            arm[i] = pos[k, i] - geom_xpos[first, i]
+        rx = pos[k, 0] - geom_xpos[first, 0]
+        ry = pos[k, 1] - geom_xpos[first, 1]
+        rz = pos[k, 2] - geom_xpos[first, 2]
         for side in range(2):
             own, part, sign = geom[k, side], part_of[geom[k, side]], 2.0 * side - 1.0
             if part < 0:
                 continue
-            for i in range(3):
-                force[i] = sign * (local[0] * frame[k, i] + local[1] * frame[k, 3 + i] + local[2] * frame[k, 6 + i])
-                net[i] += force[i]
-                for axis in range(dim[k] - 3):
-                    moment[i] += sign * local[3 + axis] * frame[k, 3 * axis + i]
-            for i, j, m in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-                moment[i] += arm[j] * force[m] - arm[m] * force[j]
-            for axis in range(3):
-                own_force[axis] = outward[axis] = 0.0
+            fx = sign * (local[0] * frame[k, 0] + local[1] * frame[k, 3] + local[2] * frame[k, 6])
+            fy = sign * (local[0] * frame[k, 1] + local[1] * frame[k, 4] + local[2] * frame[k, 7])
+            fz = sign * (local[0] * frame[k, 2] + local[1] * frame[k, 5] + local[2] * frame[k, 8])
+            net[0] += fx
+            net[1] += fy
+            net[2] += fz
+            moment[0] += ry * fz - rz * fy
+            moment[1] += rz * fx - rx * fz
+            moment[2] += rx * fy - ry * fx
+            for axis in range(dim[k] - 3):
                 for i in range(3):
-                    own_force[axis] += force[i] * geom_xmat[own, 3 * i + axis]
-                    outward[axis] -= sign * frame[k, i] * geom_xmat[own, 3 * i + axis]
-            if _is_front(outward[0], outward[1], outward[2], neighbours, part):
-                pressed[k, side] = -own_force[2]
-                for axis in range(3):
-                    fronts[part, axis] += own_force[axis]
+                    moment[i] += sign * local[3 + axis] * frame[k, 3 * axis + i]
+            x, y, z = 0.0, 0.0, 0.0  # the normal away from the box, along the axes of the box
+            for i in range(3):
+                x -= sign * frame[k, i] * geom_xmat[own, 3 * i]
+                y -= sign * frame[k, i] * geom_xmat[own, 3 * i + 1]
+                z -= sign * frame[k, i] * geom_xmat[own, 3 * i + 2]
+            along = fx * geom_xmat[own, 2] + fy * geom_xmat[own, 5] + fz * geom_xmat[own, 8]
+            if _is_front(x, y, z, neighbours, part):
+                pressed[k, side] = -along
+                fronts[part, 0] += fx * geom_xmat[own, 0] + fy * geom_xmat[own, 3] + fz * geom_xmat[own, 6]
+                fronts[part, 1] += fx * geom_xmat[own, 1] + fy * geom_xmat[own, 4] + fz * geom_xmat[own, 7]
+                fronts[part, 2] += along
             else:
-                beside -= own_force[2]
+                beside -= along
     place = _find_place(geom_xmat, geom_xpos, first, turn, middle)
     wrench = np.zeros(6)
     for j in range(3):
