@@ -57,10 +57,10 @@ def attach(
     The array may be attached at a site.  The frame of the site then takes the place of the frame of the body, and the
     array moves with the body of the site.
 
-    With `replaces`, the array takes the place of geoms of the body that collide, such as the pad of a finger.  These
-    geoms no longer collide (contype = conaffinity = 0), but stay visible and keep their mass.  An explicit pair
-    (`<pair>`) with such a geom is given to the geoms of the array, with the pair's own settings.  An `<exclude>` holds
-    for bodies and therefore for the array too.  MuJoCo's own sensors of such a geom are not changed.
+    With `replaces`, the array replaces geoms of the body that collide, such as the pad of a finger.  These geoms no
+    longer collide (contype = conaffinity = 0), but stay visible and keep their mass.  An explicit pair (`<pair>`) with
+    such a geom is transferred to the geoms of the array, with the settings of the pair.  An `<exclude>` applies to
+    bodies and therefore also to the array.  MuJoCo's own sensors of such a geom are not changed.
 
     Options of the model (solver, cone, integrator, timestep) stay as they are; see `recommend_options`.
 

@@ -199,7 +199,7 @@ def check_surroundings(
         model: The compiled model with the sensor.
         geoms: Ids of the geoms of the array.
         name: Name of the sensor in the model.
-        contact: The contact method, which knows the top of the array.
+        contact: Contact method, which defines the top of the array.
         pitch: The smaller pitch of the array [m].
     """
     data, obstacles = mujoco.MjData(model), find_obstacles(model, geoms)

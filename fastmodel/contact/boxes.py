@@ -5,11 +5,11 @@ of contact points* per box instead of by area.  This is the main error of the me
 
 The second contact method has one rigid box per texel, and redistributes the forces by contact area.
 
-MuJoCo gives every contact point of a flat face about the same force, whatever area of the face the point represents.
-Here the force of each touching body is redistributed over the boxes.  The body's contact points on one box span a
-polygon.  A pressure p(x, y) = a + b x + c y acts on all polygons of the body, and its coefficients are chosen so that
-the force and both moments on the body equal those of MuJoCo.  For a guided body the pressure is uniform, because the
-guide takes up the moments.  The forces on boxes that a body touches only in points or along edges are not changed.
+MuJoCo gives every contact point of a flat face about the same force, independent of the area of the face that the point
+represents.  Here the force of each touching body is redistributed over the boxes.  The body's contact points on one box
+span a polygon.  A pressure p(x, y) = a + b x + c y acts on all polygons of the body.  Its coefficients are chosen so
+that the force and both moments on the body equal those of MuJoCo.  For a guided body the pressure is uniform, because
+the guide takes up the moments.  The forces on boxes that a body touches only in points or along edges are not changed.
 """
 
 from __future__ import annotations

@@ -222,9 +222,9 @@ class BaseForces:
         """Lay out the factors of the influence for a window with given first cell (row, column) and shape.
 
         Returns:
-            Factors from rows of cells to rows of texels, for every term, shape (texel rows * terms, rows); from columns
-            of cells to columns of texels, shape (terms * columns, texel columns) [-]; rows and columns of the texels.
-            With a table, its part for the window, shape (n, rows * columns), and nothing.
+            Factors from rows of cells to rows of texels, for every term, shape (texel rows * terms, rows) [-].  Factors
+            from columns of cells to columns of texels, shape (terms * columns, texel columns) [-].  Rows and columns of
+            the texels.  With a table: its part for the window, shape (n, rows * columns) [-], and nothing else.
         """
         cells = [start + np.arange(size) for start, size in zip(origin, shape, strict=True)]
         if self._table is not None:

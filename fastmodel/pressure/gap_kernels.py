@@ -30,8 +30,8 @@ Shape = tuple[IntArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray
 Grid = tuple[IntArray, FloatArray, FloatArray]
 #: Row, column, coverage, x, y and gap of m cells of the contact grid, each of shape (m,); see `GapSamples`.
 Cells = tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
-#: The p solids; the distance by which those with sharp edges are enlarged [m]; their axes (p, 3, 3) [-] and origins
-#: (p, 3) [m] in the array's frame.
+#: The p solids, as a tuple.  The entries are: the solids; the distance by which those with sharp edges are enlarged
+#: [m]; axes of the solids, shape (p, 3, 3) [-], and origins, shape (p, 3) [m], in the array's frame.
 Body = tuple[Shape, float, FloatArray, FloatArray]
 #: Windows of the p solids and the window around them all, see `_find_windows`; lowest corner and edges of a cell of the
 #: contact grid, (2,) [m].

@@ -266,13 +266,13 @@ def minimise_energy(
         columns: Columns of the constraints columns.T @ forces = target, shape (m, k).
         target: Prescribed values of the constraints, shape (k,) [N].
         start: Forces from which the iteration starts, shape (m,) [N].
-        limits: Sum of the changes of forces in one step below which the iteration stops [N]; summed residual below
-            which it stops too [m]; and largest number of steps.
+        limits: Limits at which the iteration stops: sum of the changes of forces in one step [N], summed residual [m],
+            and largest number of steps [-].
 
     Returns:
-        Cell forces, those in `start` if the constraints cannot be satisfied, shape (m,) [N]; these forces on the whole
-        cells of the window, shape (rows, columns) [N]; Lagrange multipliers of the constraints, shape (k,) [m]; number
-        of steps; and whether the iteration converged.
+        Cell forces, shape (m,) [N]; those in `start` if the constraints cannot be satisfied.  These forces on the whole
+        cells of the window, shape (rows, columns) [N].  Lagrange multipliers of the constraints, shape (k,) [m].
+        Number of steps.  Whether the iteration converged.
     """
     count, k = columns.shape
     rows, cols, tall = cover[3].shape[1], cover[4].shape[1], cover[3].shape[0]
@@ -330,9 +330,8 @@ def place_cells(
         square: Displacement at the centre of a whole cell under unit force on this cell of a half space [m/N].
 
     Returns:
-        Row and column in the contact grid of the first cell of a window that contains all these whole cells; rows and
-        columns of the window; and the first three entries of
-        `Cover`.
+        Row and column in the contact grid of the first cell of a window that contains all these whole cells.  Rows and
+        columns of the window.  The first three entries of `Cover`.
     """
     row, column, coverage, x, y = samples
     _, low, edge = grid

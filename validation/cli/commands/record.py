@@ -55,7 +55,8 @@ def record(
     """
     from validation import api
 
-    check_range("--interval-ms", interval_ms, 0xFFFF)  # interval and threshold have 16 bits in the protocol, gain has 8
+    # Interval and threshold have 16 bits in the protocol, the gain has 8 bits.
+    check_range("--interval-ms", interval_ms, 0xFFFF)
     check_range("--threshold", threshold, 0xFFFF)
     check_range("--gain", gain, 0xFF)
     check_range("--seconds", seconds)
@@ -80,7 +81,7 @@ def record(
 
 
 def _make_display(live: LiveImage) -> Callable[[Reading | Gap], None]:
-    """Make a function that counts frames and gaps, and shows the latest frame whenever the live image is due."""
+    """Make a function that counts frames and gaps, and shows the latest frame when the live image is due."""
     frames = gaps = shown = 0
     start = then = time.monotonic()
 

@@ -173,7 +173,7 @@ def _list_facts(recording: Recording) -> dict[str, Any]:
 
 
 def _list_forces(forces: SimulatedForces) -> dict[str, Any]:
-    """Return the largest forces and pressure of a simulated array as JSON values; None for those not recorded."""
+    """Return the largest forces and pressure of a simulated array as JSON values; None if not recorded."""
     import numpy as np
 
     largest = {
