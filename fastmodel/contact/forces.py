@@ -159,7 +159,9 @@ Sums = tuple[FloatArray, FloatArray, FloatArray, float]
 
 
 @called_by_kernels
-def sum_contacts(contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts) -> Sums:
+def sum_contacts(  # noqa: C901 -- in one function, as calls make it a tenth slower
+    contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts
+) -> Sums:
     """Kernel: sum the forces and torques that all contacts exert on an array of m boxes or plates.
 
     A contact with a side of a box that has a neighbour there counts as a contact with its front, because MuJoCo reports
