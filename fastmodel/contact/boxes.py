@@ -1,8 +1,8 @@
 """Contact methods with one rigid box geom per texel.
 
-`BoxTexels` is the method of the 2015 report.  The forces on all boxes add up to the weight, but MuJoCo divides the force
-of a flat face among the boxes by the *number of contact points* per box instead of by area.  This is the main error of
-the method.
+`BoxTexels` is the method of the 2015 report.  The forces on all boxes add up to the weight, but MuJoCo divides the
+force of a flat face among the boxes by the *number of contact points* per box instead of by area.  This is the main
+error of the method.
 
 `AreaTexels` redistributes the forces by contact area.
 

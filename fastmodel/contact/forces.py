@@ -42,7 +42,7 @@ class NetForceReader:
     """Reader of net force, net torque and tangential forces of one array of n texels.
 
     Attributes:
-        parts: The boxes or plates, as kernels take them.
+        parts: Boxes or plates as arguments of kernels, see `Parts`.
     """
 
     def __init__(
