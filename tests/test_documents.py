@@ -133,6 +133,6 @@ def test_the_map_of_the_code_names_every_folder_and_no_other():
         package = package if line.startswith(" ") else folder
         named.add(Path(package) / folder if line.startswith(" ") else Path(folder))
     packages = ("meshes", "fem_reference", "fastmodel", "validation")
-    folders = {path.parent.relative_to(ROOT) for package in packages for path in (ROOT / package).glob("*/*.*")}
-    folders = {each for each in folders if each.name != "__pycache__"}
+    files = (path.relative_to(ROOT) for package in packages for path in (ROOT / package).glob("*/**/*.*"))
+    folders = {Path(*path.parts[:2]) for path in files if "__pycache__" not in path.parts}
     assert {each for each in named if each.parent != Path()} == folders
