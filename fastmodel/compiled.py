@@ -17,7 +17,7 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 
 _LOG = logging.getLogger(__name__)
 
-#: Compilation that takes longer is reported [s].
+#: Compilation time above which a message is logged [s].
 _SLOW = 2.0
 #: Options of numba for every kernel.  Numpy's error model omits the check for division by zero, and the wrapper for
 #: calls from C, which nothing uses, is omitted.  Each of the two options shortens compilation.

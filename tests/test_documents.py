@@ -132,8 +132,7 @@ def test_the_map_of_the_code_names_every_folder_and_no_other():
         folder = line.split()[0].rstrip("/")
         package = package if line.startswith(" ") else folder
         named.add(Path(package) / folder if line.startswith(" ") else Path(folder))
-    inside = [
-        path for name in ("meshes", "fem_reference", "fastmodel", "validation") for path in (ROOT / name).iterdir()
-    ]
-    folders = {path.relative_to(ROOT) for path in inside if path.is_dir() and path.name != "__pycache__"}
+    packages = ("meshes", "fem_reference", "fastmodel", "validation")
+    files = (path.relative_to(ROOT) for package in packages for path in (ROOT / package).glob("*/**/*.*"))
+    folders = {Path(*path.parts[:2]) for path in files if "__pycache__" not in path.parts}
     assert {each for each in named if each.parent != Path()} == folders

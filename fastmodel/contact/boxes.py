@@ -1,9 +1,10 @@
-"""Contact method with one rigid box geom per texel, as in the 2015 report.
+"""Contact methods with one rigid box geom per texel.
 
-The forces on all boxes add up to the weight, but MuJoCo divides the force of a flat face among the boxes by the *number
-of contact points* per box instead of by area.  This is the main error of the method.
+`BoxTexels` is the method of the 2015 report.  The forces on all boxes add up to the weight, but MuJoCo divides the
+force of a flat face among the boxes by the *number of contact points* per box instead of by area.  This is the main
+error of the method.
 
-The second contact method has one rigid box per texel, and redistributes the forces by contact area.
+`AreaTexels` redistributes the forces by contact area.
 
 MuJoCo gives every contact point of a flat face about the same force, independent of the area of the face that the point
 represents.  Here the force of each touching body is redistributed over the boxes.  The body's contact points on one box

@@ -5,7 +5,7 @@ per texel, the tangential force on a texel is that of its own contacts.  With pl
 resolve single texels.  The net shear on the front is then shared among texels in proportion to their pressure, and
 pressure on the margin takes a corresponding share.
 
-Compiled kernels that sum MuJoCo's contact forces along the normals of boxes and of plates.
+Compiled kernels sum MuJoCo's contact forces along the normals of boxes and of plates.
 
 The force f of a contact acts on the second geom of the contact, and -f acts on the first.  MuJoCo gives f in the frame
 of the contact, whose rows are the contact normal and two tangents.  With elliptic friction cones MuJoCo stores f
@@ -42,7 +42,7 @@ class NetForceReader:
     """Reader of net force, net torque and tangential forces of one array of n texels.
 
     Attributes:
-        parts: The boxes or plates, as kernels take them.
+        parts: Boxes or plates as arguments of kernels, see `Parts`.
     """
 
     def __init__(

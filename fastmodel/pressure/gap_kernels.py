@@ -36,7 +36,7 @@ Body = tuple[Shape, float, FloatArray, FloatArray]
 #: Windows of the p solids and the window around them all, see `_find_windows`; lowest corner and edges of a cell of the
 #: contact grid, (2,) [m].
 View = tuple[IntArray, IntArray, FloatArray, FloatArray]
-#: Vertical lines at x[first:last] and y: x, y [m], first, last.
+#: Vertical lines at the positions x[first:last] and y, as a tuple: x [m], y [m], first, last.
 Line = tuple[FloatArray, float, int, int]
 #: Components along x, y and z.
 Vector = tuple[float, float, float]

@@ -7,10 +7,10 @@ exact layer solution, because a sensitivity needs no finer grid.  Covers of rubb
 load.  Contributions are added in quadrature (section 3; first-order propagation).
 
 The comparison error of a quantity is E = S - D (sections 1 and 5), with the fast model S and the reference D. The
-validation uncertainty is u_val = sqrt(u_num^2 + u_input^2 + u_D^2).  Where |E| is below u_val, a comparison cannot
-distinguish the error of the model from those of inputs, numerics and data.  The two models share their inputs, so that
-u_input cancels in their own comparison, and E is compared with u_num alone. u_val applies to a real sensor whose cover
-and pose are known within the stated uncertainties.
+validation uncertainty is u_val = sqrt(u_num^2 + u_input^2 + u_D^2).  Where the absolute value of E is below u_val, a
+comparison cannot distinguish the error of the model from those of inputs, numerics and data.  The two models share
+their inputs, so that u_input cancels in their own comparison, and E is compared with u_num alone. u_val applies to a
+real sensor whose cover and pose are known within the stated uncertainties.
 """
 
 from __future__ import annotations
