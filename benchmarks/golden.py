@@ -43,6 +43,9 @@ CHANGED: tuple[tuple[str, str], ...] = (
     ("doctor *plotly*", "the figures of a report are drawn by matplotlib"),
     ("* *.comparison_models*.parameters.*", "of a range of parameters with the same score the smallest counts"),
     ("* contents.*/contact.csv.*", "contact.csv has points in space and force vectors for covers of every kind"),
+    ("* files.*texels.csv", "press --out writes the forces of the texels for covers of every kind"),
+    ("* *.solution_verification*.unit", "units are written in one way"),
+    ("curved-* *.texel_forces*", "texel forces of curved sensors are images of rows and columns"),
 )
 #: Keys that differ from run to run or from machine to machine: times, versions, paths, digests.
 IGNORED = re.compile(

@@ -103,11 +103,23 @@ class PressRequest:
             PiercedError: If the indenter would pierce the cover.
             ConvergenceError: If the finite elements do not converge.
         """
-        case = self.find_case()
+        case, parameters = self.find_case(), None
+
+        def find() -> Parameters:
+            return find_parameters(self.sensor, progress)
+
+        if "fast" in self.models:
+            # What the solver refuses is told before the fast model is derived, and a method that the cover does not
+            # support before the finite elements are computed.
+            parameters = find
+            if self.method != "default":
+                from fastmodel.attachment import choose_method
+
+                choose_method(self.method, find())
         return compare_models(
             self.sensor, case, depth=self.depth, friction=self.friction, strain=self.strain, accuracy=self.accuracy,
             models=self.models, method=self.method, fields=fields, as_far=as_far, progress=progress,
-            parameters=find_parameters(self.sensor, progress) if "fast" in self.models else None,
+            parameters=parameters,
         )  # fmt: skip
 
     def trace(self, points: int, progress: Progress | None = None) -> LoadCurve:

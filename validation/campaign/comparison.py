@@ -92,7 +92,7 @@ def compare_models(
     sensor: SensorDescription | Parameters,
     case: Case,
     *,
-    parameters: Parameters | None = None,
+    parameters: Parameters | Callable[[], Parameters] | None = None,
     depth: float | None = None,
     friction: float | None = None,
     strain: Literal["small", "finite"] | None = None,
@@ -108,7 +108,8 @@ def compare_models(
     Args:
         sensor: Description of the sensor that is pressed, or the parameters of its fast model.
         case: The indentation: indenter, pose and load.
-        parameters: Parameters of the sensor's fast model; required if `models` contains `fast`.
+        parameters: Parameters of the sensor's fast model, or a function that returns them, which is called after the
+            finite elements; required if `models` contains `fast`.
         depth: Approach of the indenter, which replaces the load [m]; the fast model's load is then the force of the
             finite elements.
         friction: Coulomb friction coefficient between indenter and cover for finite elements, inf for no slip [-]; that
@@ -135,15 +136,6 @@ def compare_models(
     fem, fast, score = None, None, None
     if "fast" in models and parameters is None:
         raise ValueError("the fast model needs its parameters")
-    if parameters is not None and (reason := parameters.provenance.get("no_contact")):
-        if "fem" not in models:
-            raise InputError(f"--model: {reason}; write --model fem")
-        models, note = ("fem",), f"{reason}; --model fem leaves it out"
-    if "fast" in models and parameters is not None:
-        from fastmodel.attachment import choose_method
-
-        # Methods that the cover does not support are refused before the long computation.
-        choose_method(method, parameters)
     if "fem" in models or depth is not None:
         tell("indentation by finite elements")
         options: dict[str, Any] = {"strain": strain, "accuracy": accuracy, "fields": fields, "friction": coefficient}
@@ -153,17 +145,24 @@ def compare_models(
             raise IncompletePathError(stopped, [fem])
         models = ("fem",) if stopped else models
         case = dataclasses.replace(case, load=fem.total_force)
-    if "fast" in models and parameters is not None:
+    model = None
+    if "fast" in models:
+        model = parameters() if callable(parameters) else parameters
+    if model is not None and (reason := model.provenance.get("no_contact")):
+        if "fem" not in models:
+            raise InputError(f"--model: {reason}; write --model fem")
+        models, note = ("fem",), f"{reason}; --model fem leaves it out"
+    if "fast" in models and model is not None:
         from fastmodel import indent
 
         tell("indentation by the fast model")
-        fast = indent(parameters, case.indenter, load=case.load, pose=case.pose, method=method)
+        fast = indent(model, case.indenter, load=case.load, pose=case.pose, method=method)
         if coefficient:
             use = "not used" if fem is None else "used by the finite elements alone"
             sentence = f"the fast model has no friction; {describe_friction(coefficient)} is {use}"
             fast = dataclasses.replace(fast, warnings=(*fast.warnings, sentence))
         if fem is not None:
-            score = score_forces(fem, fast.texel_forces, fast.outside, case.load, parameters)
+            score = score_forces(fem, fast.texel_forces, fast.outside, case.load, model)
     return Comparison(
         sensor=sensor, case=case, fem=fem, fast=fast, score=score, models=tuple(models), wanted=wanted,
         stopped=stopped, note=note,
