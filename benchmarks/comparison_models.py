@@ -70,13 +70,12 @@ def list_rows(result: CampaignResult) -> Iterator[tuple[str, str, dict[str, Pool
     for name in MODELS:
         yield name, "ours" if name in ("fast", "area") else "baseline", dict(result.pooled[name]), ""
     for scores in result.published:
-        row = scores.row
         values = ", ".join(
-            f"{'**' if name in row.fitted else ''}{name}{'**' if name in row.fitted else ''} "
-            f"{value:.3g} {row.model.units.get(name, '')}".strip()
-            for name, value in row.parameters.items()
+            f"{'**' if name in scores.fitted else ''}{name}{'**' if name in scores.fitted else ''} "
+            f"{value:.3g} {scores.units.get(name, '')}".strip()
+            for name, value in scores.parameters.items()
         )
-        yield row.model.title, row.variant, dict(scores.pooled), values
+        yield scores.title, scores.variant, dict(scores.pooled), values
 
 
 def format_pooled(value: Pooled, factor: float) -> str:

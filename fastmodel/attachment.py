@@ -30,7 +30,8 @@ METHODS: Mapping[str, TexelContact] = MappingProxyType(
         "curved": MeshContact(),
     }
 )
-#: Name that stands for the method of the parameters' surface (`cover` or `curved`), without a surface for `boxes`.
+#: Name of the default method: the method of the parameters' surface (`cover` or `curved`), or `boxes` without a
+#: surface.
 DEFAULT = "default"
 #: Attributes of an explicit pair that its copies share.
 _PAIR_SETTINGS = (
@@ -56,10 +57,10 @@ def attach(
     The array may be attached at a site.  The frame of the site then takes the place of the frame of the body, and the
     array moves with the body of the site.
 
-    With `replaces`, the array takes the place of geoms of the body that collide, such as the pad of a finger.  These
-    geoms no longer collide (contype = conaffinity = 0), but stay visible and keep their mass.  An explicit pair
-    (`<pair>`) with such a geom is given to the geoms of the array, with the pair's own settings.  An `<exclude>` holds
-    for bodies and therefore for the array too.  MuJoCo's own sensors of such a geom are not changed.
+    With `replaces`, the array replaces geoms of the body that collide, such as the pad of a finger.  These geoms no
+    longer collide (contype = conaffinity = 0), but stay visible and keep their mass.  An explicit pair (`<pair>`) with
+    such a geom is transferred to the geoms of the array, with the settings of the pair.  An `<exclude>` applies to
+    bodies and therefore also to the array.  MuJoCo's own sensors of such a geom are not changed.
 
     Options of the model (solver, cone, integrator, timestep) stay as they are; see `recommend_options`.
 
@@ -71,10 +72,10 @@ def attach(
         position: Origin of the array's frame in the frame of the body or site, shape (3,) [m].
         quaternion: Orientation of the array's frame in the frame of the body or site, scalar first, shape (4,) [-].
         contact: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default `curved` if the parameters
-            hold a curved cover, `cover` if they hold the cells of a flat one, otherwise `boxes`.
+            hold a curved cover, `cover` if they hold the cells of a flat cover, otherwise `boxes`.
         every: Number of physics steps between two samples of the contact forces [-].  By default 1 for the method
             `boxes`, otherwise the largest number that frame rate and filter allow.
-        replaces: Geoms of the same body that the array takes the place of, by name or as the geoms themselves.
+        replaces: Geoms of the same body that the array replaces, by name or as objects.
 
     Returns:
         The sensor, which must be bound to the compiled model.
@@ -168,7 +169,7 @@ def _check_pose(position: npt.ArrayLike, quaternion: npt.ArrayLike) -> tuple[lis
 def _add_frame(
     carrier: mujoco.MjsBody | mujoco.MjsSite, position: list[float], quaternion: list[float]
 ) -> mujoco.MjsFrame:
-    """Add a frame to a body, or to the body of a site in the place of the site, which may be given by `fromto`."""
+    """Add a frame to a body, or to the body of a site at the place of the site, also if `fromto` defines the site."""
     if isinstance(carrier, mujoco.MjsBody):
         return carrier.add_frame(pos=position, quat=quaternion)
     place, turn, compiler = np.array(carrier.pos), np.array(carrier.quat), carrier.compiler
@@ -262,7 +263,8 @@ def refuse_overlaps(array: TexelArray) -> None:
     apart = array.centres[second] - array.centres[first]
     along = np.abs([np.einsum("ij,ij->i", apart, axis[first]) for axis in (axis_x, axis_y, array.normals)])
     alike = np.einsum("ij,ij->i", array.normals[first], array.normals[second]) > 0
-    # 2 % of an edge may overlap: rounding, and curved layouts, whose rectangles overlap at their corners
+    # Up to 2 % of an edge may overlap, because of rounding and of curved layouts, whose rectangles overlap at their
+    # corners.
     inside = (along[:2] < 0.98 * size[:, None]).all(axis=0)
     on_top = (inside & alike & (along[2] < size.min() / 2)).nonzero()[0]
     if len(on_top):
@@ -276,7 +278,7 @@ def refuse_overlaps(array: TexelArray) -> None:
 def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[str, TexelContact]:
     """Find a contact method by its name and adapt it to the cover, or return given settings unchanged.
 
-    The name `default` stands for the method of the parameters' surface, without a surface for `boxes`.
+    The name `default` means the method of the parameters' surface, or `boxes` without a surface.
 
     Args:
         method: Name of a contact method, or an object with its settings such as `BoxTexels()`.

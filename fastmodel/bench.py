@@ -43,7 +43,7 @@ REST = 1e-6
 SOLVER_TOLERANCE = 1e-12
 #: Radius of gyration of a guided indenter [m].  The guide prevents rotation, so the value has no effect.
 GYRATION_RADIUS = 1e-3
-#: Least load: with a gyration radius of 1 mm, MuJoCo refuses the inertia of less than 1e-8 N [N].
+#: Least load [N].  With a gyration radius of 1 mm, MuJoCo refuses inertias below that of 1e-8 N.
 _LEAST_LOAD = 1e-7
 #: Name of the sensor in a simulated bench test, which is the prefix of the names of its geoms.
 _ARRAY = "array"
@@ -56,16 +56,15 @@ class FastIndentation:
     Attributes:
         contact_forces: Force that presses on each texel before spread, shape (n,) [N].
         texel_forces: Force on each texel after spread, shape (n,); masked texels are zero [N].
-        outside: Force after spread that no texel measures; zero for a press along a direction, where the texels' own
-            directions differ [N].
+        outside: Force after spread that no texel measures [N].  It is zero for a press along a direction, where texels
+            have different normals.
         total_force: Total force that presses on the array and its margin; it equals the weight of the indenters [N].
-        chatter: Standard deviation of the total force over time, divided by the load.  Zero if the indenters came to
-            rest; otherwise all forces are means over time [-].
+        chatter: Standard deviation of the total force over time, divided by the load [-].  Zero if the indenters came
+            to rest; otherwise all forces are means over time.
         depth: Approach of the indenter since its first touch of the undeformed cover [m]; None for methods without a
             meaningful depth, and for several or tilting indenters.
         method: Name of the contact method, or its settings as text.
-        fewest_cells: Number of cells under pressure, of the indenter that presses on the fewest; None for methods
-            without cells [-].
+        fewest_cells: Smallest number of cells under pressure of any indenter [-]; None for methods without cells.
         warnings: Sentences about reasons not to rely on the result.
         seconds: Wall-clock time of the simulation [s].
         force: Force of the indenter on the cover, shape (3,); None for a simulation [N].
@@ -94,7 +93,7 @@ class Placement:
         indenter: The shape.
         load: Weight of the indenter [N].
         at: Position of the indenter's axis in the array's frame [m].
-        yaw: Rotation of the indenter about that axis [rad].
+        yaw: Rotation of the indenter about its axis [rad].
         guided: Whether the indenter moves along the array's normal only.  Otherwise the indenter may also tilt about
             the x and y axes of the array.
         centre: x and y of the centre of gravity in the indenter's frame, relative to the indenter's axis [m].
@@ -120,15 +119,15 @@ def indent(
 ) -> FastIndentation:
     """Press one guided indenter on the array until it rests under a load.
 
-    At a pose, and where the cover has points, the indenter moves along the pose's direction without a simulation.
-    Otherwise it is lowered along the normal of the array in a simulation, and its weight is the load.
+    At a pose, and for a cover of points, the indenter moves along the pose's direction without a simulation.  Otherwise
+    a simulation lowers it along the normal of the array, with its weight as the load.
 
     Args:
         parameters: The array and its cover.
         indenter: The shape.
         load: Force along the direction of motion [N].
         at: Position of the indenter's axis in the array's frame, without a pose [m].
-        yaw: Rotation of the indenter about that axis, without a pose [rad].
+        yaw: Rotation of the indenter about its axis, without a pose [rad].
         pose: Place, direction of motion and orientation of the indenter.
         method: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default the best method that the
             parameters allow (see `choose_method`).
@@ -284,7 +283,7 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
                 body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
             body.inertia[:] = body.mass * max(placement.indenter.footprint) ** 2
     for geom in spec.geoms:
-        # No friction: with friction, the edge of an indenter can hook on the side of a box texel and pull it upwards.
+        # No friction: otherwise the edge of an indenter can hook on the side of a box texel and pull it upwards.
         geom.condim = 1
     return spec.compile()
 
@@ -292,7 +291,7 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
 def _settle(model: mujoco.MjModel, reader: ContactReader, load: float) -> tuple[Reading, float]:
     """Step until the indenters are at rest, and return the contact forces and their chatter (see `FastIndentation`).
 
-    An indenter whose face barely touches a texel can make and lose this contact without end.  Then the result is the
+    An indenter whose face barely touches a texel can open and close this contact indefinitely.  The result is then the
     mean over time, because the mean total force equals the weight.
 
     Args:

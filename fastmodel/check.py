@@ -1,9 +1,9 @@
-"""Warnings about a model in which a sensor measures less accurately, or less, than it could.
+"""Warnings about a model in which the accuracy of a sensor is reduced, or part of the force is not measured.
 
-Every warning is a sentence that says what is wrong and what to do.  The first part of the file judges the options of
-the model, the second part the geoms that share the force with the array or never touch it.
+Every warning is a sentence that names a fault and its remedy.  The first part of the file checks the options of the
+model.  The second part checks geoms that share the force with the array or never touch it.
 
-The heights of geoms above the top of an array, along lines parallel to the array's normal.
+The third part computes the heights of geoms above the top of an array, along lines parallel to the array's normal.
 """
 
 from __future__ import annotations
@@ -23,19 +23,21 @@ from fastmodel.pressure.gap_kernels import cross_lines
 from fastmodel.signal.point_spread import Gaussian
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Thickness of plates and boxes below which soft bodies may pass through them; a rope and a cloth of 50 g that fell
-#: 9 mm passed through 2 mm and stayed on 10 mm [mm].
+#: Thickness of plates and boxes below which soft bodies may pass through them [mm].  A rope and a cloth of 50 g that
+#: fell 9 mm passed through 2 mm and stayed on 10 mm.
 _THICK_FOR_FLEXES = 9.9
 #: Tolerance for comparisons of rates; it allows for rounding [-].
 _RATE_TOLERANCE = 1e-3
-#: Fewest iterations of the solver, and of its line search, that are not warned of [-].  A block that slides over box
-#: texels carries 11 % too much with 1 iteration and 3 % too little with 5 of both; from 10 on its weight.
+#: Smallest number of iterations of the solver, and of its line search, without a warning [-].  The force of a block
+#: that slides over box texels is 11 % too large with 1 iteration and 3 % too small with 5 of both; from 10 on it equals
+#: the weight.
 _FEWEST_ITERATIONS = 10
-#: Longest timestep that is not warned of [s].
+#: Longest timestep without a warning [s].
 _LONGEST_STEP = 5e-3
-#: Difference of the shares of a force on one texel, by point spread and by calibration, that is not warned of [-].
+#: Largest difference between the shares of a force on one texel, by point spread and by calibration, without a warning
+#: [-].
 _CALIBRATION_TOLERANCE = 0.1
-#: Depth below the top of the array from which on geoms of the same body carry no force [m].  Under MuJoCo's default
+#: Depth below the top of the array beyond which geoms of the same body carry no force [m].  With MuJoCo's default
 #: softness, and 160 times the weight of the object, a pad carries 50 % of the force if it is flush with the array, 16 %
 #: if it lies 0.5 mm below, and none from 1 mm on.
 _CLEARANCE = 1e-3
@@ -44,14 +46,14 @@ _FACING = -0.5
 #: Most names that a sentence lists.
 _MOST_NAMES = 4
 #: Height above or below the top of an array up to which a geom counts as flush with it [m].  Geoms that overlap the
-#: array by less do not count as pressing on it.
+#: array by less than this height do not count as pressing on it.
 _FLUSH = 5e-6
 #: Tolerance of comparisons with `_CLEARANCE`, over `_CLEARANCE`, for rounding [-].
 _ROUNDING = 1e-6
 
 
 class OptionWarning(UserWarning):
-    """Warn of what `Sensor.check` finds in a model; nothing in the model is changed."""
+    """Warning about a finding of `Sensor.check`; the model is not changed."""
 
 
 def find_geoms_of(model: mujoco.MjModel, name: str, suffix: str) -> IntArray:
@@ -63,7 +65,7 @@ def find_geoms_of(model: mujoco.MjModel, name: str, suffix: str) -> IntArray:
         suffix: Suffix of names in the model.
     """
     names = [model.geom(geom).name for geom in range(model.ngeom)]
-    for part in (r"(?:plate|texel)\d*", ".*"):  # the latter for contact methods of other packages
+    for part in (r"(?:plate|texel)\d*", ".*"):  # The second pattern is for contact methods of other packages.
         own = re.compile(f"{re.escape(name)}/{part}{re.escape(suffix)}")
         found = [geom for geom, each in enumerate(names) if own.fullmatch(each)]
         if found:
@@ -72,7 +74,7 @@ def find_geoms_of(model: mujoco.MjModel, name: str, suffix: str) -> IntArray:
 
 
 def list_options(model: mujoco.MjModel) -> tuple[float, ...]:
-    """List the options of a model that a sensor depends on or warns of, to notice later that one has changed.
+    """List the options of a model that a sensor depends on or warns about, for the detection of later changes.
 
     Args:
         model: The compiled model.
@@ -181,7 +183,7 @@ def _check_flags(model: mujoco.MjModel, geoms: IntArray) -> Iterator[str]:
 
 
 def _may_sleep(model: mujoco.MjModel, geom: int) -> bool:
-    """Return whether objects that touch a geom may sleep; an object stays awake while it touches a tree that does."""
+    """Return whether objects that touch a geom may sleep; an object stays awake while it touches an awake tree."""
     awake = (mujoco.mjtSleepPolicy.mjSLEEP_NEVER, mujoco.mjtSleepPolicy.mjSLEEP_AUTO_NEVER)
     tree = model.body_treeid[model.geom_bodyid[geom]]
     trees = model.tree_sleep_policy if tree < 0 else model.tree_sleep_policy[tree : tree + 1]
@@ -197,7 +199,7 @@ def check_surroundings(
         model: The compiled model with the sensor.
         geoms: Ids of the geoms of the array.
         name: Name of the sensor in the model.
-        contact: The contact method, which knows the top of the array.
+        contact: Contact method, which defines the top of the array.
         pitch: The smaller pitch of the array [m].
     """
     data, obstacles = mujoco.MjData(model), find_obstacles(model, geoms)
@@ -267,10 +269,10 @@ def _check_own_links(model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray
 
 
 def _find_welded(model: mujoco.MjModel, geom: int) -> list[int]:
-    """Find the bodies that move with a geom: no joint lies between, or a <weld> constraint joins them.
+    """Find the bodies that move with a geom, because no joint separates them or a <weld> constraint joins them.
 
-    Bodies without a joint between form a group; the first body stands for each group.  Constraints that are switched
-    off when the simulation starts (`active="false"`) join nothing.
+    Bodies without a joint between them form a group, represented by its first body.  Constraints that are switched off
+    when the simulation starts (`active="false"`) are ignored.
     """
     found, before = {int(model.body_weldid[model.geom_bodyid[geom]])}, 0
     welds = (model.eq_type == mujoco.mjtEq.mjEQ_WELD) & (model.eq_active0 != 0)
@@ -293,9 +295,9 @@ def _describe_height(height: float) -> str:
 
 
 def _advise_on_flush_geom(model: mujoco.MjModel, geom: int, array: int) -> str:
-    """Say what removes a geom that carries part of the force on an array, one of whose geoms is given."""
+    """State how to remove a geom that carries part of the force on an array, from one geom of the array."""
     if int(model.geom_type[geom]) in {mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD}:
-        return ""  # a floor is needed elsewhere
+        return ""  # A floor is needed elsewhere and should not be removed.
     if _find_sensor(model, geom):
         return "move that array aside, or "
     if model.geom_bodyid[geom] != model.geom_bodyid[array]:
@@ -352,7 +354,8 @@ def find_span(
 ) -> tuple[FloatArray, FloatArray]:
     """Find the interval in which a line through each of n points lies within a geom.
 
-    A mesh counts as its convex hull, as in MuJoCo's collisions.  A height field fills everything below its surface.
+    A mesh counts as its convex hull, as in MuJoCo's collisions.  A height field fills the whole space below its
+    surface.
 
     Args:
         model: The compiled model.

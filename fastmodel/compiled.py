@@ -17,7 +17,7 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 
 _LOG = logging.getLogger(__name__)
 
-#: Compilation that takes longer is reported [s].
+#: Compilation time above which a message is logged [s].
 _SLOW = 2.0
 #: Options of numba for every kernel.  Numpy's error model omits the check for division by zero, and the wrapper for
 #: calls from C, which nothing uses, is omitted.  Each of the two options shortens compilation.
@@ -62,7 +62,7 @@ def compile_kernel(loops: _F) -> _F:
 
 @cache
 def _guard(loops: Callable[..., Any]) -> Callable[..., Any]:
-    """Make numba's version of a kernel that passes on exceptions of signal handlers unchanged.
+    """Make numba's version of a kernel that does not alter exceptions of signal handlers.
 
     While numba makes Python objects of the results, a signal such as Ctrl-C may raise an exception.  Python then
     reports a `SystemError` that this exception caused.
@@ -89,10 +89,10 @@ def _compile(loops: Callable[..., Any]) -> Callable[..., Any]:
 
     while _CALLED:
         function = _CALLED.pop()
-        # this does what numba.extending.register_jitable does, which does not accept compiler options
+        # As numba.extending.register_jitable, which does not accept compiler options.
         numba.extending.overload(function, jit_options=_OPTIONS, strict=False)(lambda *_, compiled=function: compiled)
     try:
         kernel: Callable[..., Any] = numba.njit(cache=True, **_OPTIONS)(loops)
-    except RuntimeError:  # no writable folder for the machine code: compile anew in every process
+    except RuntimeError:  # No folder for the machine code is writable: compile anew in every process.
         kernel = numba.njit(**_OPTIONS)(loops)
     return kernel

@@ -1,4 +1,4 @@
-"""Errors about a user's input.  Each message says what is wrong, where, and what would be accepted."""
+"""Errors about a user's input.  Each message states the fault, its place, and what would be accepted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PACKAGE = Path(__file__).parent
 
 
 class FastModelError(ValueError):
-    """An input that this package refuses; the only public error, of which the others here are kinds."""
+    """An input that this package refuses; base class of all errors of this package."""
 
 
 class ParametersError(FastModelError):
@@ -37,7 +37,7 @@ def name_unknown(kind: str, name: str, valid: Iterable[str], note: str = "") -> 
         kind: Kind of the named object, for example "body".
         name: The name that was given.
         valid: The names that exist.
-        note: Text that follows the valid names in the message.
+        note: Text after the valid names in the message.
     """
     return FastModelError(f"no {kind} named {name!r}; valid names: {', '.join(sorted(valid)) or '(none)'}{note}")
 
@@ -68,7 +68,7 @@ def check_count(name: str, number: float, least: int, unit: str = "") -> int:
         unit: Unit of the number, for the message, for example " of physics steps".
 
     Raises:
-        FastModelError: If the value is no number, not whole or smaller.
+        FastModelError: If the value is no number, not whole, or smaller than `least`.
     """
     check_type(name, number, (int, float, np.integer), f"a whole number{unit}")
     if not math.isfinite(number) or number != int(number) or number < least:
@@ -77,7 +77,7 @@ def check_count(name: str, number: float, least: int, unit: str = "") -> int:
 
 
 def warn_user(message: str, category: type[Warning]) -> None:
-    """Give a warning that names the line of the caller outside this package, however deep inside it the cause lies.
+    """Give a warning that names the line of the caller outside this package, at any depth of calls.
 
     Args:
         message: Text of the warning.

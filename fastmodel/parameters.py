@@ -43,7 +43,8 @@ SENSORS = Path(__file__).parent / "sensors"
 TOML_NAME = "parameters.toml"
 #: Name of the file with large tables in a parameters folder.
 NPZ_NAME = "cover.npz"
-#: Largest accepted size of the TOML file; texels anywhere in space take most of it, ten thousand about 1.5 MiB [bytes].
+#: Largest accepted size of the TOML file [bytes].  Texels at arbitrary positions take most of it; ten thousand take
+#: about 1.5 MiB.
 _MOST_TOML_BYTES = 3 * 2**20
 #: Largest accepted size of all tables of the npz file together, besides the operator of n x n numbers [bytes].
 _MOST_TABLE_BYTES = 2**27
@@ -257,7 +258,7 @@ def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
     document: dict[str, Any] = {"format": FORMAT, "array": layout}
     if isinstance(spread, Gaussian):
         document["spread"] = {"kind": "gaussian", **vars(spread)}
-    else:  # the table of any other point spread is in the npz file
+    else:  # The table of any other point spread is in the npz file.
         document["spread"] = {"kind": "operator", "source": getattr(spread, "source", type(spread).__name__)}
     document["electronics"] = vars(parameters.electronics)
     document["cover"] = {"file": NPZ_NAME, "sha256": sha256}

@@ -38,10 +38,10 @@ from fastmodel.signal.frame import Frame
 from fastmodel.state import State, make_generator, pack, pack_generator, take_array, unpack, unpack_generator
 from meshes.array_types import FloatArray
 
-#: Lowest sampling rate of costly contact methods over the filter's cut-off [-].  With this value the highest frequency
-#: that samples can represent, which is half the sampling rate, is at least twice the cut-off.
+#: Lowest sampling rate of costly contact methods over the filter's cut-off [-].  Half the sampling rate, the highest
+#: frequency that samples can represent, is then at least twice the cut-off.
 _SAMPLES_PER_CUTOFF = 4.0
-#: Tolerance for comparisons of times, as a share of a physics step or of a frame period; it allows for rounding [-].
+#: Tolerance for comparisons of times, over a physics step or a frame period [-]; it allows for rounding.
 _CLOCK_TOLERANCE = 1e-3
 
 
@@ -52,8 +52,8 @@ class RangeWarning(UserWarning):
 class Sensor:
     """A tactile array that `attach` added to a spec.  A model may have several sensors, which are independent.
 
-    Sensors pickle, and `copy.deepcopy` copies them, with the model and data that they are bound to: copy or pickle
-    `(model, data, sensor)` together, and the copy of the sensor continues with the copies of model and data.
+    Sensors can be pickled or copied with `copy.deepcopy`, together with the model and data that they are bound to.
+    After a copy of `(model, data, sensor)`, the copied sensor continues with the copied model and data.
 
     The filter runs on every sample of the contact forces.  Point spread and electronics run once per frame, on the
     latest filtered sample.  Filter and point spread are linear and all texels have the same filter, so their order has
@@ -109,15 +109,15 @@ class Sensor:
     def bind(self, model: mujoco.MjModel, *, prefix: str | None = None, suffix: str | None = None) -> Sensor:
         """Find the array in the compiled model, compile the kernels, and reset the sensor to its state at rest.
 
-        The first call on a machine compiles the kernels, which may take several seconds; later processes load them
-        from disk.  What `check` finds in the model is given as warnings.
+        The first call on a machine compiles the kernels, which may take several seconds; later processes load them from
+        disk.  The findings of `check` are given as warnings.
 
         Args:
             model: The model that was compiled from the spec with this array.
-            prefix: Prefix of the array's names in the model.  Names have one if the spec with the array was attached to
-                another one, `spec.attach(child, prefix="left_")`.  The sensor keeps prefix and suffix for later calls
-                and for its twins.
-            suffix: Suffix of the array's names in the model, likewise.
+            prefix: Prefix of the array's names in the model.  Names have a prefix if the spec with the array was
+                attached to another spec by `spec.attach(child, prefix="left_")`.  The sensor keeps prefix and suffix
+                for later calls and for its twins.
+            suffix: Suffix of the array's names in the model, see `prefix`.
 
         Returns:
             The sensor itself.
@@ -151,7 +151,7 @@ class Sensor:
         interval, timestep = self._choose_interval(model), float(model.opt.timestep)
         spreads = reader.at_rest(np.zeros(parameters.array.count)).texel_forces is None
         functions = ChainFunctions(parameters, 1.0 / (interval * timestep), spreads=spreads)
-        # nothing has changed if an error was raised up to here
+        # An error raised before this line leaves the sensor unchanged.
         self._prefix, self._suffix, self._label = prefix, suffix, f"{name}{suffix}"
         self._model, self._data, self._options, self._timestep = model, None, list_options(model), timestep
         self._interval, self._reader, self._functions = interval, reader, functions
@@ -169,18 +169,18 @@ class Sensor:
         return max(1, int((1 + _CLOCK_TOLERANCE) / (wanted * model.opt.timestep)))
 
     def check(self, model: mujoco.MjModel) -> tuple[str, ...]:
-        """Find what makes this sensor measure less, or less accurately, than it could in a model.
+        """Find properties of a model that reduce the accuracy of this sensor or the force that it measures.
 
-        These are: options and flags of the model; a Gaussian point spread that contradicts the calibration of the
-        electronics; colliding geoms that move with the array and are flush with its top, above it, or less than 1 mm
-        below, where they carry part of the force; objects and facing arrays that can never touch the array.  `bind`
-        gives each sentence as an `OptionWarning`.
+        Three kinds of properties are found.  First, options and flags of the model.  Second, a Gaussian point spread
+        that contradicts the calibration of the electronics.  Third, geoms: colliding geoms that move with the array and
+        are flush with its top, above it, or less than 1 mm below, where they carry part of the force; and objects or
+        facing arrays that can never touch the array. `bind` gives each sentence as an `OptionWarning`.
 
         Args:
             model: The model that was compiled from the spec with this array; prefix and suffix are those of `bind`.
 
         Returns:
-            One sentence for each finding, which also says what to do; none if nothing was found.
+            One sentence for each finding, with a remedy; empty if nothing is found.
 
         Raises:
             FastModelError: If the argument has a wrong type.
@@ -284,7 +284,7 @@ class Sensor:
             self._reading, self._sampled_at = reading, now
             if self._validity is not None and self._validity.is_exceeded(reading):
                 warn_user(f"sensor {self._label!r}: {self._validity.describe_excess(reading)}", RangeWarning)
-                self._validity = None  # warn once
+                self._validity = None  # Warn once.
         self._steps += 1
         due = int((self._sampled_at - self._start) * self.parameters.electronics.rate_hz + _CLOCK_TOLERANCE)
         if due <= self._frames:
@@ -338,8 +338,8 @@ class Sensor:
         Args:
             contact_forces: Constant force on each texel, a number or shape (n,); the filter starts in its steady
                 state under these forces [N].
-            seed: Seed from which the noise restarts: equal seeds give equal frames, and sensors of other names other
-                noise.  By default the noise continues; after `bind` it starts from `Electronics.seed`.
+            seed: Seed from which the noise restarts.  Equal seeds give equal frames; sensors with different names have
+                different noise.  By default the noise continues; after `bind` it starts from `Electronics.seed`.
 
         Raises:
             FastModelError: If the seed has a wrong type.
@@ -368,8 +368,9 @@ class Sensor:
         """Return the state of the sensor as arrays by name, which `numpy.savez` writes.
 
         The state belongs to the state of the simulation at the same time, which `mujoco.mj_getState` returns with
-        `mjSTATE_INTEGRATION`.  It contains clocks, filter, hysteresis, noise, the start of the contact solver, the
-        latest contact forces and the latest frame.  Its arrays are copies; some of their shapes depend on the contacts.
+        `mjSTATE_INTEGRATION`.  It contains clocks, filter, hysteresis, noise, start values of the contact solver, the
+        latest contact forces and the latest frame.  Its arrays are copies.  Some of their shapes depend on the
+        contacts.
 
         Raises:
             LifeCycleError: If the sensor is not bound.
@@ -401,7 +402,7 @@ class Sensor:
 
         Raises:
             LifeCycleError: If the sensor is not bound.
-            FastModelError: If an array is missing or has a wrong shape; the sensor then stays as it is.
+            FastModelError: If an array is missing or has a wrong shape; the sensor is not changed then.
         """
         before = self.get_state()
         check_type("state", state, Mapping, "a dict as Sensor.get_state() returns it")

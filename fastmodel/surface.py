@@ -1,11 +1,11 @@
 """Linear response of a cover at its surface: on cells of a plate, or at points of a mesh.
 
-The contact methods ask either for the displacement under forces (compliance) and for the forces on the texels
-(influence).  The response of a laterally wide flat cover depends on distances only, so two small kernels (tables over
-distances) describe it for arrays of any size (`CoverCells`).  Cells divide every texel pitch evenly; cell `[i, j]` of a
-texel lies i rows and j columns from the lowest, leftmost cell of that texel.  Near the free side edges of a cover the
-force at the base also depends on the position of the cell; a table over all cells and texels then replaces the kernel
-of the influence.  A cover with a stiff foil becomes stiffer under load, because the foil stretches; it has further
+The contact methods use the displacement under forces (compliance) and the forces on the texels (influence).  The
+response of a laterally wide flat cover depends only on distances, so that two small kernels (tables over distances)
+describe it for arrays of any size (`CoverCells`).  Cells divide every texel pitch evenly.  Cell `[i, j]` of a texel
+lies i rows and j columns from the lowest, leftmost cell of that texel.  Near the free side edges of a cover the force
+at the base also depends on the position of the cell.  A table over all cells and texels then replaces the kernel of the
+influence.  A cover with a stiff foil becomes stiffer under load, because the foil stretches.  It has further
 compliances and influences, one of each for some loads.  A cover of any shape has two dense matrices over points of its
 top (`CoverPoints`).
 
@@ -29,7 +29,7 @@ from fastmodel.errors import FastModelError
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
-#: Number of sizes of windows whose matrices are kept in memory at most [-]; this limits the use of memory.
+#: Largest number of sizes of windows whose matrices are kept in memory [-].
 _KEPT = 32
 
 
@@ -121,10 +121,11 @@ class CoverCells:
             None for other covers [-].
         loads: Ascending loads at which the cover under tension is tabulated, shape (m,); None for a cover whose
             response does not depend on the load.  `compliance` and `influence` belong to zero load [N].
-        load_depths: Depth in this model of the ball that the tables were fitted to, at each of these loads, shape (m,);
-            None if unknown.  A body that sinks less stretches the cover less, so that smaller loads apply to it [m].
-        loaded_compliance: `compliance` at each of these loads, shape (m, p, q) [m/Pa].
-        loaded_influence: `influence` at each of these loads, shape (m, per_texel + 2 reach, per_texel + 2 reach) [-].
+        load_depths: Depth, in this model, of the ball to which the tables were fitted, at each of `loads`, shape (m,)
+            [m]; None if unknown.  A body with a smaller depth stretches the cover less, so that smaller loads apply to
+            it.
+        loaded_compliance: `compliance` at each of `loads`, shape (m, p, q) [m/Pa].
+        loaded_influence: `influence` at each of `loads`, shape (m, per_texel + 2 reach, per_texel + 2 reach) [-].
     """
 
     per_texel: int
@@ -204,7 +205,9 @@ class CoverCells:
         return (plain, *(dataclasses.replace(plain, compliance=c, influence=i) for c, i in pairs))
 
     def position_among_loads(self, load: float) -> float:
-        """Return where a load lies among zero load (0.0), the first of `loads` (1.0) and so on; at most their number.
+        """Return the position of a load among zero load (0.0), the first of `loads` (1.0) and so on.
+
+        The position is limited to the number of loads.
 
         Args:
             load: Force of a body on the cover [N].
@@ -214,7 +217,9 @@ class CoverCells:
         return float(np.interp(load, np.append(0.0, self.loads), np.arange(len(self.loads) + 1)))
 
     def load_at_depth(self, depth: float) -> float:
-        """Return the load under which the ball of `load_depths` is as deep as given, at least a hundredth of the first.
+        """Return the load under which the ball of `load_depths` has a given depth.
+
+        It is at least a hundredth of the first load.
 
         Without `load_depths` and beyond the largest of them the load is infinite.
 
@@ -296,8 +301,8 @@ class CoverCells:
         return float(nx * ny / (pairs[0] @ self.compliance @ pairs[1]))
 
 
-#: Largest difference between the compliance and its transpose, over the largest compliance [-]: rounding to four-byte
-#: numbers and the error of a direct solver stay below.
+#: Largest difference between the compliance and its transpose, over the largest compliance [-].  Rounding to four-byte
+#: numbers and the error of a direct solver stay below it.
 _SYMMETRIC = 1e-5
 
 
@@ -325,8 +330,8 @@ class CoverPoints:
 
     #: Section of `parameters.toml` that holds the fields that are not arrays.
     section: ClassVar[str] = "curved"
-    #: Type of the numbers of the arrays in the npz file.  The compliance is a dense matrix.  Four bytes for each number
-    #: halve the file, with a relative error of 1e-7.
+    #: Type of the numbers of the arrays in the npz file.  The compliance is a dense matrix.  Four bytes per number
+    #: halve the file size, with a relative error of 1e-7.
     number: ClassVar[type] = np.float32
     #: Contact methods that accept an array under this cover.  Plates and boxes do not follow a curved top.
     methods: ClassVar[tuple[str, ...]] = ("curved",)
@@ -370,7 +375,7 @@ class CoverPoints:
             raise FastModelError(f"the cover is for {len(self.influence)} texels; the array has {array.count}")
 
     def find_texels(self, array: TexelArray) -> IntArray:
-        """Find the texel over which each point lies: the one whose place on the top is nearest, shape (m,) [-]."""
+        """Find the texel under each point, whose position on the top is nearest to the point, shape (m,) [-]."""
         return np.asarray(cKDTree(array.centres + self.thickness * array.normals).query(self.points)[1])
 
 

@@ -1,7 +1,7 @@
 """The range of contacts in which the fast model agrees with the finite elements, and messages about contacts beyond it.
 
-The range is stated for one reference contact: a ball of one pitch radius, over the centre of a texel and beside it.
-Whether another contact lies in the range is judged by its depth: at equal depth the strains in the cover are similar.
+The range is stated for one reference contact: a ball of one pitch radius, over the centre of a texel and between
+texels.  Another contact is compared with it by depth, because at equal depth the strains in the cover are similar.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 
 from fastmodel.contact.interface import Reading
 
-#: Number of cells of the contact grid under pressure below which a contact is smaller than the cells resolve [-].
+#: Number of cells of the contact grid under pressure below which the cells do not resolve a contact [-].
 FEWEST_CELLS = 9
 #: Kinds of strain of the finite elements with which the fast model was compared.
 _STRAINS = ("finite", "small")
@@ -19,7 +19,7 @@ _STRAINS = ("finite", "small")
 
 @dataclass(frozen=True, kw_only=True)
 class Validity:
-    """Loads up to which the fast model misplaces at most 2 and 5 % of the force under a ball.
+    """Loads up to which the fast model places at most 2 and 5 % of the force under a ball on wrong texels.
 
     Smaller loads at which the contact covers fewer than `FEWEST_CELLS` cells are not counted, unless none covers more.
 
@@ -64,9 +64,9 @@ class Validity:
             raise ValueError(f"strain must be {' or '.join(_STRAINS)}, not {self.strain!r}")
 
     def is_exceeded(self, reading: Reading) -> bool:
-        """Return whether a contact is deeper than the ball at 5 %; without a known depth, whether its force is larger.
+        """Return whether a contact is deeper than the ball at 5 %, or its force larger if the depth is unknown.
 
-        Only readings with forces at the base of the cover are judged, as the contact method `cover` computes them.
+        Only readings with forces at the base of the cover are examined, which the contact method `cover` computes.
         """
         if reading.texel_forces is None:
             return False

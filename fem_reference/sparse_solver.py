@@ -191,9 +191,9 @@ class _Pardiso:
         self._solver.pt = np.zeros_like(pypardiso.ps.pt)
         self._solver.iparm = np.zeros_like(pypardiso.ps.iparm)
         self._solver.set_matrix_type(-2)
-        # Parameters of pardiso by index: 1: no defaults; 2: nested dissection; 8: no iterative refinement, because
-        # `SymmetricFactors` refines; 10: perturb pivots below 1e-8; 11, 13: neither scaling nor matching, because these
-        # need the values of the matrix before the symbolic analysis; 21: Bunch-Kaufman pivots; 34: number of threads
+        # Parameters of pardiso by index. 1: no defaults. 2: nested dissection. 8: no iterative refinement, because
+        # `SymmetricFactors` refines. 10: perturb pivots below 1e-8. 11, 13: neither scaling nor matching, because these
+        # need the values of the matrix before the symbolic analysis. 21: Bunch-Kaufman pivots. 34: number of threads
         # for which the order of sums is fixed.
         threads = pypardiso.ps.libmkl.MKL_Get_Max_Threads()
         for index, value in ((1, 1), (2, 2), (8, 0), (10, 8), (11, 0), (13, 0), (21, 1), (34, threads)):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 
@@ -35,11 +35,14 @@ class Model:
         shear_modulus: Function that returns the shear modulus at small strain of a material of this model [Pa].
         has_terms: Whether the strain energy is a sum of any number of terms; each parameter then has one number per
             term.
+        poisson_ratio: Function that returns the Poisson ratio at small strain of a material of this model, for models
+            whose parameters determine it [-]; None if the Poisson ratio is given beside the parameters.
     """
 
     parameters: Mapping[str, Parameter]
     shear_modulus: Callable[[Material], float]
     has_terms: bool = False
+    poisson_ratio: Callable[[Material], float] | None = None
 
 
 #: Material models by name.
@@ -93,7 +96,7 @@ class Material:
         parameters: Parameters of the model, in the units of `MODELS`; for a model with terms, one number or a
             sequence of one number per term.  The Ogden strain energy per volume is the sum over the terms of
             2 mu / alpha^2 (l1^alpha + l2^alpha + l3^alpha - 3), with the principal stretches l1, l2, l3.
-        poisson_ratio: Poisson ratio at small strain, 0..0.5 [-].
+        poisson_ratio: Poisson ratio at small strain, 0..0.5; may be left out if the parameters determine it [-].
         source: Origin of the parameters, for reports.
         spread: Distance from Young's modulus down to the lower end of its range in the literature, over the modulus:
             0.5 for -50 % [-].
@@ -105,7 +108,7 @@ class Material:
     name: str
     model: str
     parameters: Mapping[str, Value]
-    poisson_ratio: float
+    poisson_ratio: float = math.nan
     source: str = "given by the user"
     spread: float = 0.0
     spread_above: float | None = None
@@ -133,10 +136,26 @@ class Material:
         object.__setattr__(self, "parameters", _Parameters(values))
         if has_terms:
             self._check_terms()
+        if (find := MODELS[self.model].poisson_ratio) is not None:
+            ratio = find(self)
+            if not (math.isnan(self.poisson_ratio) or math.isclose(self.poisson_ratio, ratio)):
+                raise ValueError(f"the parameters of {self.model} determine poisson_ratio, {ratio:.6g}; leave it out")
+            object.__setattr__(self, "poisson_ratio", ratio)
         if not 0 <= self.poisson_ratio <= 0.5:  # noqa: PLR2004 -- the incompressible limit
             raise ValueError(f"poisson_ratio must lie in 0..0.5, not {self.poisson_ratio}")
         if self.shear_modulus <= 0:
             raise ValueError(f"the small-strain shear modulus must be positive, not {self.shear_modulus} Pa")
+
+    def with_poisson_ratio(self, ratio: float) -> Material:
+        """Return this material with another Poisson ratio and the same parameters.
+
+        A model whose parameters determine the Poisson ratio becomes a neo-Hookean one of the same shear modulus: the
+        result is meant for changes at small strain.
+        """
+        if MODELS[self.model].poisson_ratio is None:
+            return replace(self, poisson_ratio=ratio)
+        parameters = {"shear_modulus": self.shear_modulus}
+        return replace(self, model="neo-hookean", parameters=parameters, poisson_ratio=ratio)
 
     def number(self, parameter: str) -> float:
         """Return the value of a parameter that is one number, in the unit of `MODELS`.

@@ -123,3 +123,16 @@ def list_install_lines():
 
 def test_no_line_installs_from_an_index_that_does_not_have_the_package():
     assert list(list_install_lines()) == []
+
+
+def test_the_map_of_the_code_names_every_folder_and_no_other():
+    text = (ROOT / "CONTRIBUTING.md").read_text().split("## Where things are")[1].split("```")[1]
+    named, package = set(), ""
+    for line in text.strip().splitlines():
+        folder = line.split()[0].rstrip("/")
+        package = package if line.startswith(" ") else folder
+        named.add(Path(package) / folder if line.startswith(" ") else Path(folder))
+    packages = ("meshes", "fem_reference", "fastmodel", "validation")
+    files = (path.relative_to(ROOT) for package in packages for path in (ROOT / package).glob("*/**/*.*"))
+    folders = {Path(*path.parts[:2]) for path in files if "__pycache__" not in path.parts}
+    assert {each for each in named if each.parent != Path()} == folders

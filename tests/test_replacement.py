@@ -77,16 +77,16 @@ def kill_at(step, write, place):
     return os.WIFSIGNALED(os.waitpid(child, 0)[1])
 
 
-@pytest.fixture(params=["exchange", "two renames"])
-def way(request, monkeypatch):
-    if request.param == "two renames":
-        monkeypatch.setattr(output_folder, "_exchange", lambda _one, _other: False)
-    return request.param
+#: Ways to replace a folder, and to replace a file.
+WAYS = [("exchange", "write_folder"), ("two renames", "write_folder"), ("one rename", "write_file")]
 
 
 @pytest.mark.parametrize("kind", [OSError, KeyboardInterrupt])
-@pytest.mark.parametrize("write", [write_folder, write_file])
-def test_a_fault_at_any_step_keeps_the_earlier_or_the_new_content(way, write, kind, tmp_path):
+@pytest.mark.parametrize(("way", "name"), WAYS)
+def test_a_fault_at_any_step_keeps_the_earlier_or_the_new_content(way, name, kind, tmp_path, monkeypatch):
+    if way == "two renames":
+        monkeypatch.setattr(output_folder, "_exchange", lambda _one, _other: False)
+    write = globals()[name]
     seen = set()
     for step in range(MOST_STEPS):
         place = tmp_path / str(step)
@@ -125,7 +125,7 @@ def check_kills(way, write, folder):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="kills a forked process")
-@pytest.mark.parametrize("write", ["write_folder", "write_file"])
+@pytest.mark.parametrize(("way", "write"), WAYS)
 def test_a_kill_at_any_step_keeps_the_earlier_or_the_new_content(way, write, tmp_path):
     """In a process of its own, because to fork the large one of the tests takes long."""
     code = f"import tests.test_replacement as t; t.check_kills({way!r}, t.{write}, {str(tmp_path)!r})"

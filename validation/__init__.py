@@ -1,6 +1,6 @@
-"""Cases, recordings, scores, reports and the command line; each verb does in Python what a command does.
+"""Cases, recordings, scores, reports and the command line; each function does in Python what a command does.
 
-The verbs are imported when they are first used, so that `import validation` stays cheap.
+The functions are imported at their first use, so that `import validation` is fast.
 """
 
 import lazy_loader

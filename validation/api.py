@@ -1,4 +1,4 @@
-"""The verbs of the package: each does in Python what the command of the same name does, without printing.
+"""The public functions of the package: each does in Python what the command of the same name does, without printing.
 
 Quantities are texts with a unit, such as "5 N" or "0.3 mm", as on the command line.
 """
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from validation.weiss.stream import Gap
 
 Progress = Callable[[str], None]
-#: What a verb takes as a sensor: what `load` returns, a path, or the name of a built-in sensor.
+#: Accepted types of a sensor: a result of `load`, a path, or the name of a built-in sensor.
 Sensor = SensorDescription | Parameters | str | Path
 
 
@@ -52,12 +52,12 @@ def load(
 
     Args:
         sensor: Path of a sensor file, name of a built-in sensor, or folder that `derive` wrote.
-        material: Name of a material that replaces the cover's.
-        thickness: Thickness with its unit that replaces the cover's.
+        material: Name of a material that replaces the material of the cover.
+        thickness: Thickness with its unit that replaces the thickness of the cover.
         layers: Changes of single layers, such as `2:thickness=1mm`.
 
     Returns:
-        The description of the sensor; of a folder the parameters of its fast model.
+        The description of the sensor; for a folder the parameters of its fast model.
 
     Raises:
         InputError: If the sensor cannot be read, or a cover is given for a folder.
@@ -75,7 +75,7 @@ def load(
 
 
 def load_any(sensor: Sensor) -> SensorDescription | Parameters:
-    """Return what `load` reads; a sensor that is already read as it is."""
+    """Read a sensor as `load` does; a sensor that is already read is returned unchanged."""
     return load(sensor) if isinstance(sensor, str | Path) else sensor
 
 
@@ -97,7 +97,7 @@ class _Stages:
 
 
 def list_unused(sensor: SensorDescription | Parameters) -> tuple[str, ...]:
-    """Say what a sensor file states and the fast model does not use."""
+    """List the entries of a sensor file that the fast model does not use."""
     from validation.text.friction import describe_friction
 
     if not isinstance(sensor, SensorDescription) or not sensor.friction:
@@ -114,14 +114,14 @@ def describe(
     layers: Sequence[str] = (),
     instead: str = "",
 ) -> SensorDescription:
-    """Return the description of a sensor, as `load` does, for what needs its cover.
+    """Return the description of a sensor, as `load` does, for functions that need its cover.
 
     Args:
         sensor: The sensor.
-        material: Name of a material that replaces the cover's.
-        thickness: Thickness with its unit that replaces the cover's.
+        material: Name of a material that replaces the material of the cover.
+        thickness: Thickness with its unit that replaces the thickness of the cover.
         layers: Changes of single layers.
-        instead: What the user can do with a folder of parameters, for the error message.
+        instead: Alternative for a folder of parameters, for the error message.
 
     Raises:
         InputError: If the sensor cannot be read, or only the parameters of its fast model are known.
@@ -147,7 +147,7 @@ def derive(
     """Compute the response of a sensor's cover by finite elements, and fit the parameters of its fast model to it.
 
     Args:
-        sensor: The sensor; its file or the name of a built-in one.
+        sensor: Sensor, as a sensor file or the name of a built-in sensor.
         out: Folder for the parameters and pictures, which replace an earlier result; None to write nothing.
         format: Format of the plot.
         progress: Called with the name of each stage.
@@ -201,13 +201,13 @@ def press(
         indenter: Shape of the indenter, such as `sphere:radius=5mm`.
         load: Force on the indenter, such as `5 N`; give either load or depth.
         depth: Distance from first touch, such as `0.3 mm`.
-        at: Place of the touch: a name such as `off grid`, or `1mm,-2mm` in the array's frame; three coordinates of a
-            curved cover.
+        at: Position of first touch: a name such as `off grid`, or `1mm,-2mm` in the array's frame; three coordinates on
+            a curved cover.
         direction: Direction of the motion on a curved cover: a name or a vector.
         yaw: Rotation of the indenter about its axis, such as `45 deg`.
         tilt: Rotations of the indenter about its x and y axes, such as `1deg,0deg`.
         friction: Friction coefficient, or `no-slip`; that of the sensor when not given.
-        strain: Whether strains of a curved cover are small or finite; flat covers follow their materials.
+        strain: Kind of strain in a curved cover, small or finite.  For flat covers it follows from their materials.
         accuracy: Wanted relative error of the finite elements; None for the usual grids [-].
         models: Models to compute: `fem`, `fast`.
         method: Contact method of the fast model, `default` or one of `fastmodel.METHODS`.
@@ -244,17 +244,17 @@ def validate(
 
     Args:
         sensor: The sensor.
-        campaign: Campaign file: cases and what is required of the fast model; None for the default one.
-        quick: Whether six cases suffice.
+        campaign: Campaign file with cases and requirements on the fast model; None for the default campaign.
+        quick: Whether to compute six cases only.
         recordings: Folder with recordings under known loads, or a data-set file.
-        data_set: Data-set file; that in the folder when not given.
-        recorded: The sensor that made the recordings; `sensor` when not given.
+        data_set: Data-set file; the file in the folder when not given.
+        recorded: Sensor that made the recordings; `sensor` when not given.
         out: Folder for the report, which replaces an earlier one; None to write none.
         progress: Called with the name of each stage.
-        announce: Called before the long computations with lines on what is left out and how long they take.
+        announce: Function that is called before the long computations with lines on omitted parts and computing times.
 
     Returns:
-        All scores; `verdict.accepted` says whether the fast model meets the acceptance criterion.
+        All scores; `verdict.accepted` states whether the fast model meets the acceptance criterion.
 
     Raises:
         InputError: If the sensor, the campaign or the recordings cannot be used.
@@ -300,17 +300,17 @@ def validate(
 def regress(
     sensor: Sensor, *, baseline: str | Path, update: bool = False, seed: int = 0, progress: Progress | None = None
 ) -> Regression:
-    """Compare what the fast model of a sensor measures with a stored baseline.
+    """Compare quantities measured by the fast model of a sensor with a stored baseline.
 
     Args:
-        sensor: The sensor; of parameters what needs finite elements is left out.
+        sensor: Sensor.  With parameters alone, quantities that need finite elements are left out.
         baseline: The baseline file.
-        update: Whether the baseline is written, with the new values of what changed.
+        update: Whether the baseline is written, with the new values of changed quantities.
         seed: Seed of the noise [-].
         progress: Called with the name of each stage.
 
     Returns:
-        The readings; `changes` are the quantities that left their tolerances, empty if nothing changed.
+        The readings; `changes` lists the quantities outside their tolerances and is empty if none changed.
 
     Raises:
         InputError: If the sensor or the baseline cannot be read.
@@ -351,21 +351,21 @@ def calibrate(
 
     Args:
         recordings: Recordings, or one data-set file, which states tool, pose, threshold and window itself.
-        sensor: The sensor; its cover gives the share of each texel.
-        indenter: Tool that pressed, such as `box:size=10mmx10mmx5mm`; empty to take it from the labels.
-        at: Position of its axis, such as `1mm,-2mm`; None to fit it.
-        yaw: Its yaw, such as `10deg`; None for 0 if `at` is given, else to fit it.
-        moved: Whether each recording has a pose of its own.
+        sensor: Sensor; its cover gives the share of each texel.
+        indenter: Tool that pressed on the array, such as `box:size=10mmx10mmx5mm`; empty to take it from the labels.
+        at: Position of the tool's axis, such as `1mm,-2mm`; None to fit it.
+        yaw: Yaw of the tool, such as `10deg`; None for 0 if `at` is given, else to fit it.
+        moved: Whether each recording has its own pose.
         method: Contact method: `default`, one of `fastmodel.METHODS`, or `reference` for finite elements.
-        array: Index of the pressed array; None for the one that is pressed most.
-        threshold: Counts that the firmware subtracted; None for what the labels say [-].
+        array: Index of the pressed array; None for the array with the largest change of counts.
+        threshold: Counts that the firmware subtracted [-]; None for the value in the labels.
         window: First and last time after loading between which frames are averaged [s].
         temperature_channel: Index of the temperature sensor, negative from the last.
-        heights: Whether a seating height is fitted to each texel.
+        heights: Whether a seating height is fitted for each texel.
         tip: Radius of a rounded tip that pressed on one texel, such as `1mm`; the slope of each trial is fitted then.
         texel: Index of the texel under the tip.
         out: Sensor file to write: a copy of `sensor` with new electronics.
-        picture: Picture of left-out recordings to write; none is written if there are too few to leave some out.
+        picture: Picture of left-out recordings to write; not written if there are too few recordings to leave some out.
         polynomial: Whether the written characteristic is the polynomial of degree 5 instead of the line.
         progress: Called with the name of each stage.
 
@@ -427,15 +427,15 @@ def record(
         port: Port of the sensor, such as `/dev/ttyACM0`, or a pyserial URL.
         out: New .mcap file.
         seconds: Duration; None to record until Ctrl-C [s].
-        indenter: Tool that presses, such as `sphere:radius=5mm`; kept in the file.
-        load: Force or weight, such as `4.9N` or `500g`; kept in the file.
-        note: Any other text to keep in the file.
-        threshold: Threshold of the sensor; None to leave it [counts].
-        gain: Front-end gain of the sensor; None to leave it [-].
+        indenter: Tool that presses, such as `sphere:radius=5mm`; stored in the file.
+        load: Force or weight, such as `4.9N` or `500g`; stored in the file.
+        note: Further remarks to store in the file.
+        threshold: Threshold of the sensor [counts]; None for no change.
+        gain: Front-end gain of the sensor [-]; None for no change.
         tare: Whether the sensor takes the image at the start as zero.
-        interval_ms: Time between frames; 0 for as fast as the sensor can [ms].
+        interval_ms: Time between frames [ms]; 0 for the shortest time that the sensor supports.
         run_length: Whether frames are run-length encoded, for slow lines.
-        reconnect: How long to wait for a lost port to return [s].
+        reconnect: Longest time to wait for a lost port to return [s].
         baud_rate: Speed of a true UART; USB ports ignore it [1/s].
         on_start: Called with the size of the array before the first frame.
         on_event: Called with each frame and each gap.
@@ -505,8 +505,9 @@ def export(
         sensor: The sensor.
         out: Folder for the files; an earlier result is replaced.
         format: Format of the model; `gazebo` is the plugin block of 2015.
-        method: Contact method that the model is for, `default` or one of `fastmodel.METHODS`.
-        mass: Mass of the array for sdf and urdf, such as `20g`; without it sdf is static and urdf has no inertia.
+        method: Contact method of the model, `default` or one of `fastmodel.METHODS`.
+        mass: Mass of the array for SDF and URDF, such as `20g`.  Without it an SDF model is static and a URDF model has
+            no inertia.
         progress: Called with the name of each stage.
 
     Raises:
@@ -530,7 +531,7 @@ def export(
 
 
 def datasheet(sensor: Sensor, *, out: str | Path | None = None, progress: Progress | None = None) -> DataSheet:
-    """Make the data sheet of a sensor: each quantity with its definition and where it comes from, or `not stated`.
+    """Make the data sheet of a sensor: each quantity with its definition and origin, or `not stated`.
 
     Args:
         sensor: The sensor.
@@ -563,7 +564,7 @@ def read_report(path: str | Path) -> Report:
         path: The report's `report.json`, or the folder that holds it.
 
     Returns:
-        The report, equal to the one that wrote the file.
+        The report, equal to the report that was written.
 
     Raises:
         InputError: If the file is no report; one line per fault, with its place.

@@ -36,7 +36,7 @@ class Entry(Result):
 
     Attributes:
         name: Name for people.
-        text: Value with its unit, or `not stated` and why.
+        text: Value with its unit, or `not stated` with the reason.
         values: Values in SI units by their JSON names; None for those not stated.
         definition: Definition of the value.
         source: Origin of the value.
@@ -294,16 +294,16 @@ def _list_errors(parameters: Parameters, source: str) -> Iterator[Entry]:
 
 
 def _is_bent(electronics: Electronics) -> bool:
-    """Return whether the characteristic is anything but a straight line that ends sharply."""
+    """Return whether the characteristic is not a straight line with a sharp end."""
     return electronics.characteristic is not None or bool(electronics.saturation_band)
 
 
 def _trace_range(electronics: Electronics) -> tuple[FloatArray, FloatArray]:
-    """Compute the counts of one texel from the smallest force with a count to the smallest with the largest count.
+    """Compute the counts of one texel between the smallest forces with a count and with the largest count.
 
     Returns:
-        Forces on the texel, shape (k,) [N], and counts, shape (k,) [-]; if the counts never reach the largest one,
-        up to a force of more than 1 MN.
+        Forces on the texel, shape (k,) [N], and counts, shape (k,) [-].  If the counts never reach the largest one, the
+        forces end above 1 MN.
     """
     bare = dataclasses.replace(electronics, gains=None, noise=0.0, temperature_coefficient=0.0)
     top = 1e-3
@@ -320,7 +320,7 @@ def find_nonlinearity(electronics: Electronics) -> float | None:
     """Compute the largest distance of the counts from their least-squares line over the range, over the largest count.
 
     Returns:
-        The distance [-]; None if the characteristic is a straight line that ends sharply.
+        The distance [-]; None if the characteristic is a straight line with a sharp end.
     """
     if not _is_bent(electronics):
         return None

@@ -1,4 +1,4 @@
-"""Errors that a user can correct: exceptions, their collection, and the hint at accepted names in their messages."""
+"""Errors that a user can correct: exceptions, their collection, and hints at accepted names in their messages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class InputError(ValueError):
     """Reports faults in the user's input, such as files and options.
 
     Attributes:
-        faults: One line per fault: the place of the fault, what is wrong, and what is accepted.
+        faults: One line per fault: place of the fault, description, and accepted values.
     """
 
     def __init__(self, *faults: str) -> None:
@@ -25,7 +25,7 @@ class InputError(ValueError):
 
 @contextlib.contextmanager
 def at(place: str) -> Iterator[None]:
-    """Begin each fault of bad input that the `with` block raises with a place, such as `sensor.toml: `.
+    """Prefix each fault of bad input that the `with` block raises with a place, such as `sensor.toml: `.
 
     Raises:
         InputError: With the faults of an `InputError`, or the lines of another `ValueError`.
@@ -43,7 +43,7 @@ class Faults(list[str]):
     def read(self, function: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
         """Return what a function returns; keep the faults of the `InputError` that it raises.
 
-        After a fault the value is None, whatever its type: call `refuse` before values are used.
+        After a fault the value is None, for any type.  Call `refuse` before values are used.
         """
         try:
             return function(*arguments, **options)
@@ -69,7 +69,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
         known: The accepted names.
 
     Returns:
-        Text that lists the accepted names, after the one most similar to `word` if any is similar.
+        Text with the accepted names, after the name most similar to `word` if any is similar.
     """
     names = list(known)
     close = difflib.get_close_matches(word.lower(), [name.lower() for name in names], n=1, cutoff=0.5)
@@ -78,9 +78,9 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 
 def match_name(word: str, known: Iterable[str]) -> str:
-    """Return the accepted name that has the letters and digits of `word`, in any case; `word` itself if there is none.
+    """Return the accepted name with the letters and digits of `word`, in any case; `word` itself if there is none.
 
-    Hyphens, blanks and underscores do not count: `Dragon Skin 30` and `dragon_skin_30` are `dragon-skin-30`.
+    Hyphens, blanks and underscores are ignored: `Dragon Skin 30` and `dragon_skin_30` are `dragon-skin-30`.
     """
     wanted = _keep_letters(word)
     return next((name for name in known if _keep_letters(name) == wanted), word)

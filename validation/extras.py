@@ -32,7 +32,7 @@ class MissingExtraError(ImportError):
 
         Args:
             *modules: Names of the missing modules, keys of `EXTRAS`.
-            otherwise: What the user can do without these packages; empty if nothing.
+            otherwise: Alternative without these packages; empty if there is none.
         """
         self.extras = tuple(dict.fromkeys(EXTRAS[module] for module in modules))
         verb = "is" if len(modules) == 1 else "are"
@@ -48,9 +48,9 @@ def require(*modules: str, useful: Iterable[str] = (), otherwise: str = "") -> N
 
     Args:
         *modules: Names of the modules that the command needs, keys of `EXTRAS`.
-        useful: Modules that the command does without, for example for pictures; the error also names those of them
-            that are missing, so that one installation suffices.
-        otherwise: What the user can do without these modules; empty if nothing.
+        useful: Modules that the command can do without, for example for pictures.  The error also names missing modules
+            of this kind, so that one installation suffices.
+        otherwise: Alternative without these modules; empty if there is none.
 
     Raises:
         MissingExtraError: If a needed module is missing; it names all that are missing.

@@ -1,10 +1,10 @@
 """Metrics between a predicted tactile image and its reference image: functions from arrays to numbers.
 
-The reference is the finite-element solution of the same indentation, or another sensor model.  `score` compares the
-texel forces of one case (one indentation that is scored) by every metric.  `score_images` compares the grey levels of
-two images, because recordings of real sensors hold no forces.  `validation.campaign.results` averages scores over
-cases.  Force arrays have one entry per texel, shape (n,) for n texels [N].  Errors are fractions unless the name says
-percent; lengths are in metres.
+The reference is the finite-element solution of the same indentation, or another sensor model. `score` compares the
+texel forces of one case (an indentation) by every metric. `score_images` compares the grey levels of two images,
+because recordings of real sensors hold no forces. `validation.campaign.results` averages scores over cases.  Force
+arrays have one entry per texel, shape (n,) for n texels [N].  Errors are fractions unless the name ends in percent.
+Lengths are in metres.
 
 Conventions:
 
@@ -207,8 +207,8 @@ def misplaced_force(
 ) -> float:
     """Return (sum |f - r| + |outside_f - outside_r|) / (2 load): the share of the load on a wrong texel [-].
 
-    f are the texel forces and r the reference texel forces.  A newton that moves from one texel to another changes
-    two of the differences, therefore the sum is divided by 2.
+    The texel forces are f, the reference texel forces r.  A newton that moves from one texel to another changes two of
+    the differences; the sum is therefore divided by 2.
     """
     moved = np.abs(forces - reference).sum() + abs(outside - reference_outside)
     return float(moved / (2 * _check_load(load)))
@@ -246,8 +246,8 @@ def centre_of_pressure_error(reference: FloatArray, forces: FloatArray, position
 def second_moments(forces: FloatArray, positions: FloatArray) -> tuple[float, float]:
     """Return the root second central moments of the force distribution along x and y [m].
 
-    A moment is NaN if the sum of the forces is not positive.  Where negative forces around one texel would make its
-    square negative, it is zero.
+    A moment is NaN if the sum of the forces is not positive.  It is zero where negative forces around one texel would
+    make its square negative.
     """
     total = float(forces.sum())
     if total <= 0:
@@ -278,7 +278,7 @@ def wasserstein(reference: FloatArray, forces: FloatArray, positions: FloatArray
 
     The result is NaN if one of the maps has no positive force.  Because the cost is a distance, mass that is common to
     both maps need not move (Kantorovich-Rubinstein duality).  The exact linear programme therefore only transports mass
-    from texels with a surplus to texels with a deficit, which makes it much smaller.
+    from texels with a surplus to texels with a deficit, and is much smaller.
     """
     from scipy.stats import wasserstein_distance_nd
 
@@ -303,8 +303,8 @@ def published_line(electronics: Electronics) -> Electronics:
     """Return the published straight line of the WTS 0614-34 sensor as a function of the force on a sensor's texels.
 
     The line was calibrated against the force of a tip on the cover.  The share of that force on the texel depends on
-    the cover and on the texel; it is known if the sensor was calibrated with the same tip.  Else the line is applied to
-    the force on the texel.
+    the cover and on the texel.  It is known if the sensor was calibrated with the same tip.  Otherwise the line is
+    applied to the force on the texel.
 
     Args:
         electronics: Electronics of the sensor.

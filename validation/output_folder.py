@@ -1,7 +1,7 @@
 """Writes output folders and text files completely or not at all, so that a killed run leaves no partial result.
 
-Each output folder holds a manifest: the names and hashes of the files that this program wrote there.  A later run
-replaces the folder only if it holds these files and no others, so files that a user added or changed are never lost.
+Each output folder holds a manifest: the names and hashes of the files that this program wrote into it.  A later run
+replaces the folder only if it holds exactly these files.  Files that a user added or changed are therefore never lost.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from validation.errors import InputError
 _MANIFEST = ".softcover-output"
 #: Largest size of a manifest that is read [bytes].
 _MOST_MANIFEST_BYTES = 2**24
-#: Name of the earlier output in a temporary folder, between the two renames of `_replace`.
+#: Name of the previous output in a temporary folder, between the two renames of `_replace`.
 _BEFORE = "before"
 #: Argument of Linux' `renameat2` that means "relative to the current folder"; see `man 2 renameat2`.
 _AT_FDCWD = -100
@@ -45,11 +45,11 @@ _DEVICE = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 def make_file_name(name: str, *, suffix: str) -> str:
     """Make a file name from the name of a sensor, which may be any text.
 
-    Letters A to Z, digits, `_`, `-` and `.` are kept, any other run of characters becomes one `-`.  The name neither
+    Letters A to Z, digits, `_`, `-` and `.` are kept.  Any other run of characters becomes one `-`.  The name neither
     begins nor ends with `-` or `.`, so that it never names another folder or a hidden file.
 
     Args:
-        name: The text.
+        name: Name of the sensor.
         suffix: Ending of the file name, such as `.xml`.
     """
     kept = re.sub(r"[^A-Za-z0-9_.-]+", "-", name)[:_LONGEST_NAME].strip("-.")
@@ -62,19 +62,20 @@ def make_file_name(name: str, *, suffix: str) -> str:
 def new_folder(target: Path) -> Iterator[Path]:
     """Provide a temporary folder beside `target`, and rename it to `target` if the `with` block raises no error.
 
-    The temporary folder is made at the start, so that an unwritable location is reported before a long computation.
-    If an error or an interruption stops the replacement, `target` holds the earlier output or the new one.  Linux
-    exchanges the two in one step.  Elsewhere a killed run may leave no `target`; the next run restores the earlier one.
+    The temporary folder is made at the start, so that an unwritable location is reported before a long computation.  If
+    an error or an interruption stops the replacement, `target` holds the previous output or the new one.  Linux
+    exchanges the two in one step.  On other systems a killed run may leave no `target`; the next run restores the
+    previous output.
 
     Args:
-        target: The output folder; if it holds an earlier output of this program and nothing else, that is replaced.
+        target: Output folder.  An existing folder is replaced if it holds only a previous output of this program.
 
     Yields:
         The temporary folder, to which the caller writes.
 
     Raises:
-        InputError: If `target` is a file or a link, or holds files that this program did not write or that were
-            changed since.
+        InputError: If `target` is a file or a link, or holds files that this program did not write or that were changed
+            later.
         OSError: If the parent folder of `target` cannot be written, or a file in the `with` block.
     """
     target = target.absolute()
@@ -92,13 +93,13 @@ def new_folder(target: Path) -> Iterator[Path]:
             for path in (*fresh.rglob("*"), fresh):
                 atomic_file.flush(path)
         except OSError as error:
-            if error.filename is None and error.errno is not None:  # a full disk, for example
+            if error.filename is None and error.errno is not None:  # for example if the disk is full
                 raise OSError(error.errno, error.strerror, str(target)) from None
             raise
-        _check_replaceable(target)  # the computation may have taken hours
+        _check_replaceable(target)  # The folder may have changed, because the computation may have taken hours.
         if not (target.exists() and _exchange(fresh, target)):
             if target.exists():
-                target.rename(work / _BEFORE)  # `_discard` puts it back if the next line fails
+                target.rename(work / _BEFORE)  # `_discard` moves the folder back if the next line fails.
             fresh.rename(target)
         atomic_file.flush(target.parent)
 
@@ -112,15 +113,15 @@ def _exchange(one: Path, other: Path) -> bool:
 
 
 def _discard(work: Path, target: Path) -> None:
-    """Remove a temporary folder; an earlier output in it is put back first if there is no `target`."""
+    """Remove a temporary folder; a previous output in it is moved back first if there is no `target`."""
     before = work / _BEFORE
     if before.exists() and not target.exists():
-        before.rename(target)  # if this fails, the temporary folder stays, and the next run tries again
+        before.rename(target)  # If this fails, the temporary folder stays, and the next run tries again.
     shutil.rmtree(work, ignore_errors=True)
 
 
 def _restore_lost(target: Path) -> None:
-    """Put back the latest earlier output that a killed run moved away, if there is no `target`."""
+    """Move back the latest previous output that a killed run moved away, if there is no `target`."""
     if not target.exists() and not target.is_symlink():
         lost = [path for path in _list_work_folders(target) if (path / _BEFORE / _MANIFEST).is_file()]
         if lost:
@@ -128,7 +129,7 @@ def _restore_lost(target: Path) -> None:
 
 
 def _list_work_folders(target: Path) -> list[Path]:
-    """List the temporary folders beside `target`, of killed runs and of runs that have not ended."""
+    """List the temporary folders beside `target`, of killed and of running runs."""
     return list(target.parent.glob(f".{glob.escape(target.name)}-*"))
 
 
@@ -168,7 +169,7 @@ def _write_manifest(folder: Path) -> None:
 
 
 def _list_files(folder: Path) -> Iterator[Path]:
-    """Yield the files and links below a folder, and its empty folders, without the manifest, files of itself first.
+    """Yield the files and links below a folder, and its empty folders, without the manifest; its own files come first.
 
     Raises:
         OSError: If a folder cannot be read.
@@ -194,7 +195,7 @@ def _hash(path: Path) -> str:
 
 
 def _check_replaceable(target: Path) -> None:
-    """Raise `InputError` if `target` is no folder, or holds files that are not as its manifest describes them."""
+    """Raise `InputError` if `target` is no folder, or if its files differ from those in its manifest."""
     if target.is_symlink():
         raise InputError(f"--out: {target} is a link; name a folder")
     if not target.is_dir():

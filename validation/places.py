@@ -1,4 +1,4 @@
-"""Where an indenter touches a cover: places by name or coordinates, directions, rotations; one reader for any cover."""
+"""Position of first touch on a cover: places by name or coordinates, directions and rotations, for any cover."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class PoseText:
-    """Pose of an indenter as it was asked for, before the place is looked for on the cover.
+    """Requested pose of an indenter, before the place is located on the cover.
 
     Attributes:
         at: Name of a place, or its coordinates [m]; None for the default place.
@@ -77,10 +77,10 @@ class Places(Protocol):
         """Name of the file with the default campaign."""
 
     def parse(self, texts: Mapping[str, str], prefix: str) -> PoseText:
-        """Read `at`, `direction`, `yaw` and `tilt`, each of which may be missing; nothing is computed.
+        """Read `at`, `direction`, `yaw` and `tilt`, each of which may be missing, without computations.
 
         Args:
-            texts: The texts by key.
+            texts: Texts by key.
             prefix: Text before the keys in messages.
 
         Raises:
@@ -88,7 +88,7 @@ class Places(Protocol):
         """
 
     def find(self, pose: PoseText) -> Pose:
-        """Find place and direction on the cover, which may have to be meshed.
+        """Locate place and direction on the cover, which may require meshes.
 
         Raises:
             InputError: If the place is not on the cover.
@@ -110,7 +110,7 @@ def parse_pose(
     direction: Callable[[str, str], str | Vector],
     tilt: Callable[[str, str], tuple[float, float]],
 ) -> PoseText:
-    """Read the keys of a pose by a function each, which takes a text and its place in messages.
+    """Read the keys of a pose, each by a function of the text and its place in messages.
 
     Raises:
         InputError: With one line per fault.
@@ -134,7 +134,7 @@ def read_place(text: str, place: str, names: tuple[str, ...], counts: tuple[int,
         text: The text.
         place: Place of the text in messages.
         names: Accepted names.
-        counts: Accepted numbers of coordinates, the usual one last.
+        counts: Accepted numbers of coordinates; the usual number is last.
     """
     if text in names:
         return text
@@ -165,8 +165,8 @@ class FlatPlaces:
     def named(self) -> dict[str, tuple[float, float]]:
         """Positions (x, y) by name [m].
 
-        They are the centre of the array, the centre of a texel (also called middle), a point less than half a pitch
-        beside the array's centre, a point over an edge and a point near a corner.
+        The places are the centre of the array, the centre of a texel (also called middle), a point less than half a
+        pitch from the array's centre, a point over an edge and a point near a corner.
         """
         array = self.array
         right, top = array.centres[array.active, :2].max(axis=0).tolist()
@@ -227,7 +227,7 @@ class SolidPlaces:
     Attributes:
         sensor: The sensor.
         progress: Called with a line of text while the cover is meshed.
-        mesh: Finest mesh of the cover, made when a place is looked for.
+        mesh: Finest mesh of the cover, made when a place is located.
     """
 
     sensor: SensorDescription
@@ -248,9 +248,9 @@ class SolidPlaces:
     def named(self) -> dict[str, FloatArray]:
         """Points near the top by name, shape (3,) each [m].
 
-        `middle`, also called `centre` and `texel`, lies above the texel nearest to the middle of all, `off grid` less
-        than half a pitch beside it, `edge`, also called `corner`, above the texel farthest from it, and `side` above
-        the texel whose normal differs most from that of the middle.
+        `middle`, also called `centre` and `texel`, lies above the texel nearest to the middle of all texels. `off grid`
+        lies less than half a pitch from it. `edge`, also called `corner`, lies above the texel farthest from it. `side`
+        lies above the texel whose normal differs most from that of the middle.
         """
         from fem_reference.curved_cover.responses import find_above, find_top
 
@@ -270,7 +270,7 @@ class SolidPlaces:
     def parse(self, texts: Mapping[str, str], prefix: str) -> PoseText:
         """Read the texts of a pose; see `Places`."""
         names = ("middle", "centre", "texel", "off grid", "edge", "corner", "side")
-        # In a plane two coordinates are enough.
+        # In a plane two coordinates suffice.
         counts = (2, 3) if self.sensor.array.planar else (3,)
         return parse_pose(
             texts,
@@ -288,15 +288,15 @@ class SolidPlaces:
         return replace(Pose.facing(point, towards / np.linalg.norm(towards), spin=pose.yaw), tilt=pose.tilt)
 
     def scale_loads(self, table: LoadsForTable, source: str) -> float:
-        """Return modulus times thickness squared of the cover, over those of the table; see `Places`."""
+        """Return modulus times squared thickness of the cover, over the campaign's product; see `Places`."""
         del source
         cover = self.sensor.cover
         return cover.layers[0].material.youngs_modulus * cover.thickness**2 / (table.modulus * table.thickness**2)
 
     def _touch(self, at: tuple[float, ...] | None, prefix: str) -> tuple[FloatArray, FloatArray]:
-        """Return the point of the top nearest to a place, and the normal there; above a texel that texel's normal.
+        """Return the point of the top nearest to a place, and the normal there; above a texel, the normal of the texel.
 
-        If no place is given, it is the point above the texel that is nearest to the middle of all active texels, of
+        If no place is given, it is the point above a texel: the one nearest to the middle of all active texels, among
         those with a top above them.
         """
         from fem_reference.curved_cover.responses import find_above, find_top
@@ -315,12 +315,13 @@ class SolidPlaces:
                 f"{prefix}at: the place is {1e3 * distance[0]:.4g} mm from the cover's surface; the nearest point is "
                 f"{near}"
             )
-        # Above a texel, its own normal: that of the top turns from element to element on rough surfaces.
+        # Above a texel its own normal is used, because the normal of the top varies from element to element on rough
+        # surfaces.
         normal = texels.normals[middle] if at is None else (weights @ top.normals)[0]
         return point, normal / np.linalg.norm(normal)
 
     def _find_covered(self, top: FacetSurface, prefix: str) -> int:
-        """Return the index of the texel nearest to the middle of all active ones that has a top above it."""
+        """Return the index of the active texel, with a top above it, nearest to the middle of the active texels."""
         from fem_reference.curved_cover.responses import find_uncovered
 
         texels = self.sensor.array
@@ -357,7 +358,7 @@ def find_middle(texels: TexelArray, among: BoolArray | None = None) -> int:
 
     Args:
         texels: The texels.
-        among: Which texels may be returned, shape (n,); the active ones if None.
+        among: Whether each texel may be returned, shape (n,); the active texels if None.
     """
     allowed = np.flatnonzero(texels.active if among is None else among)
     middle = texels.centres[texels.active].mean(axis=0)

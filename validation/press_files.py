@@ -31,15 +31,15 @@ _LOG = logging.getLogger(__name__)
 
 #: Distance of a node from the plane of the profile, over the thickness of the cover, up to which it is drawn [-].
 _IN_PLANE = 1e-6
-#: Largest number of radii of contact that the profile extends to each side of the axis [-].
+#: Largest distance that the profile extends to each side of the axis, over the contact radius [-].
 _EXTENT = 4.0
 
 
 def write_press(comparison: Comparison, folder: Path) -> tuple[str, ...]:
     """Write the finite elements' result of one indentation, and pictures where possible.
 
-    The files are `press.json`, `texels.csv`, `contact.csv`, of solid covers `mesh.npz`, of fields in the cover
-    `fields.npz` and, with pyvista, `fields.vtu`.
+    The files are `press.json`, `texels.csv` and `contact.csv`; for solid covers also `mesh.npz`; for fields in the
+    cover also `fields.npz` and, with pyvista, `fields.vtu`.
 
     Args:
         comparison: Result of at least the finite elements.
@@ -169,8 +169,8 @@ def find_profile(fields: CoverFields, at: tuple[float, float], yaw: float) -> tu
         yaw: Rotation of the indenter about its axis [rad].
 
     Returns:
-        Distances from the axis after deformation, ascending, shape (k,) [m], and displacements along z there, shape
-        (k,) [m].  Tangential displacements move the points along the axis too.
+        Distances from the axis after deformation, ascending, shape (k,) [m], and displacements along z at these points,
+        shape (k,) [m].  Tangential displacements also move the points along the axis.
     """
     top = float(fields.position[:, 2].max())
     turn = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
@@ -219,8 +219,8 @@ class LoadCurve:
 
     Attributes:
         indentations: Results in ascending order.
-        wanted: Number of results that were asked for [-].
-        stopped: Reason why the path ended before the last target; empty if it did not.
+        wanted: Requested number of results [-].
+        stopped: Reason why the path ended before the last target; empty if it reached the target.
     """
 
     indentations: Sequence[Indentation]
@@ -233,7 +233,7 @@ class LoadCurve:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of all results, each with the load where it first occurs."""
+        """Warnings of all results, each with the load of its first occurrence."""
         first: dict[str, float] = {}
         for each in self.indentations:
             for sentence in each.warnings:
@@ -311,7 +311,7 @@ def trace_curve(
     progress: Callable[[str], None] | None = None,
     **options: Any,  # noqa: ANN401 -- those of `press_path`
 ) -> LoadCurve:
-    """Press an indenter in equal steps up to a load or depth; results up to where a path stops early are kept.
+    """Press an indenter in equal steps up to a load or depth; results before an early stop are kept.
 
     Only loading is computed.  Unloading retraces the curve without friction, and is not computed with friction.
 

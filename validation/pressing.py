@@ -1,4 +1,4 @@
-"""One press as it is asked for in text, on the command line and in Python: its options, read together, and its run."""
+"""One press from options as text, on the command line and in Python: reading of the options, and computation."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class PressRequest:
-    """A press that is asked for.
+    """A requested press.
 
     Attributes:
         sensor: Description of the sensor, or parameters of its fast model.
@@ -49,7 +49,7 @@ class PressRequest:
         load: Force along the motion [N]; None if the depth is given.
         depth: Approach of the indenter from first touch [m]; None if the load is given.
         friction: Coefficient of Coulomb friction, inf for no slip; that of the sensor if None [-].
-        strain: `small` or `finite`; what the cover's solver prefers if None.
+        strain: Kind of strain, `small` or `finite`; the default of the cover's solver if None.
         accuracy: Wanted relative error of the finite elements; None for the usual grids [-].
         models: Models that are computed, some of `MODELS`.
         method: Contact method of the fast model.
@@ -75,13 +75,13 @@ class PressRequest:
 
     @property
     def way_out(self) -> str:
-        """What can be done without finite elements; empty for nothing."""
+        """Alternative without finite elements; empty if there is none."""
         stored = self.sensor is BUILT_IN.get(self.sensor.array.name)
         unused = self.depth is None and self.accuracy is None and not self.friction
         return "compute the fast model alone: --model fast" if stored and unused and "fast" in self.models else ""
 
     def find_case(self) -> Case:
-        """Return the case; a cover that is a solid is meshed for its place.
+        """Return the case; a solid cover is meshed to locate its place.
 
         Raises:
             InputError: If the cover cannot be meshed, or the place is not on it.
@@ -98,7 +98,8 @@ class PressRequest:
             progress: Called with a line of text before each step.
 
         Raises:
-            InputError: If the cover cannot be meshed, the place is not on it, or its solver cannot do what is asked.
+            InputError: If the cover cannot be meshed, the place is not on it, or its solver does not support the
+                request.
             PiercedError: If the indenter would pierce the cover.
             ConvergenceError: If the finite elements do not converge.
         """
@@ -145,14 +146,14 @@ def read_request(
     curve: int | None = None,
     out: object = None,
 ) -> PressRequest:
-    """Read the options of a press, and report the faults of all together.
+    """Read the options of a press, and report all faults together.
 
     Args:
-        find_sensor: Function that returns the sensor; its argument says whether finite elements are needed.
+        find_sensor: Function that returns the sensor; its argument states whether finite elements are needed.
         indenter: The indenter, for example `sphere:radius=5mm`.
         load: Force along the motion; give either load or depth.
         depth: Approach of the indenter from first touch.
-        pose: `at`, `direction`, `yaw` and `tilt` as text, each of which may be None.
+        pose: Texts `at`, `direction`, `yaw` and `tilt`, each of which may be None.
         friction: Coefficient of friction, or `no-slip`.
         strain: `small` or `finite`.
         accuracy: Wanted relative error, such as 0.01 or `1%`.
@@ -225,7 +226,7 @@ def _read_force(load: str | None, depth: str | None) -> tuple[float | None, floa
 
 
 def _read_friction(text: str | None, *, used: bool) -> float | None:
-    """Read a coefficient of friction, infinite for `no-slip` [-]; the fast model has none."""
+    """Read a coefficient of friction [-], infinite for `no-slip`; refused for the fast model, which has no friction."""
     if text is None:
         return None
     value = read_friction(text, place="--friction", example="--friction 0.4")
@@ -235,7 +236,7 @@ def _read_friction(text: str | None, *, used: bool) -> float | None:
 
 
 def _read_accuracy(given: str | float | None, *, used: bool) -> float | None:
-    """Read a share such as 1% or 0.01 [-]; the fast model has none."""
+    """Read a relative error such as 1% or 0.01 [-]; refused for the fast model, which has no error estimate."""
     if given is None:
         return None
     text = str(given).strip()

@@ -1,7 +1,7 @@
 """Models of a sensor for other simulators: MJCF, SDF, URDF, and the element that the Gazebo plugin of 2015 reads.
 
-The models hold rigid boxes: a plate, or one box per texel.  What the cover does with the forces on them is in the
-parameters of the fast model, which are written beside each model.
+The models hold rigid boxes: a plate, or one box per texel.  The parameters of the fast model, which are written beside
+each model, describe the effect of the cover.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from validation.errors import Faults, InputError, nearest
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 
-#: Formats that can be written, and the suffix of the file.
+#: Formats that can be written, with the suffix of the file.
 FORMATS = {"mjcf": ".xml", "gazebo": ".xml", "sdf": ".sdf", "urdf": ".urdf"}
 
 
 @result_model
 class Exported(Result):
-    """What was written for another simulator.
+    """Files written for another simulator.
 
     Attributes:
         sensor: Name of the sensor.
         format: Format of the model, one of `FORMATS`.
-        method: Contact method that the model is for; None for the Gazebo plugin, which has a method of its own.
+        method: Contact method of the model; None for the Gazebo plugin, which has its own method.
         out: Folder of the files.
         files: Names of the files; the first is the model.
         warnings: Sentences about values of the sensor file that the fast model does not use.
@@ -76,7 +76,7 @@ def check_gazebo(sensor: SensorDescription | Parameters) -> None:
     Raises:
         InputError: If the plugin cannot describe the array or the electronics.
     """
-    spread = sensor.spread or Gaussian.from_sigma(1.0)  # any kernel can be described
+    spread = sensor.spread or Gaussian.from_sigma(1.0)  # Any kernel can be described.
     electronics = sensor.electronics
     _make_gazebo_block(Parameters(array=sensor.array, spread=spread, filter=sensor.filter, electronics=electronics))
 
@@ -92,7 +92,7 @@ def write_model(parameters: Parameters, path: Path, *, form: str, method: str, m
         mass: Mass of the array in SDF and URDF; None if it is not given [kg].
 
     Returns:
-        Name of the contact method that the model is for; None for the Gazebo plugin, which has a method of its own.
+        Name of the contact method of the model; None for the Gazebo plugin, which has its own method.
 
     Raises:
         InputError: If the Gazebo plugin cannot describe the sensor.

@@ -1,13 +1,13 @@
 """Many worlds of one model, each a simulation with its own state and sensors, in one process or in several.
 
-The worlds share only the model, which stepping does not change.  So the results of each world are bit for bit equal to
-those of the same world simulated alone, in however many processes.
+The worlds share only the model, which stepping does not change.  The results of each world are therefore bit for bit
+equal to those of the same world simulated alone, for any number of processes.
 
-Python holds a lock for most of a step, so threads do not make a batch faster.  Processes divide the processor time:
-each owns some of the worlds, and gets functions and returns frames.  Of two processes, the longer took 0.5 to 0.6 of
-the processor time of one (`benchmarks/many_worlds.py`, 8 worlds).  That is a gain in wall time only if a processor is
-free for every process: on a machine with more other work than processors, the wall time did not shrink.  Many steps
-per call and several worlds per process keep the cost of sending small.
+Python holds a lock during most of a step, so threads do not make a batch faster.  Processes divide the processor time:
+each process owns some of the worlds, receives functions and returns frames.  With two processes, the slower one took
+0.5 to 0.6 of the processor time of a single process (`benchmarks/many_worlds.py`, 8 worlds).  The wall time decreases
+only if a processor is free for every process.  Many steps per call and several worlds per process keep the cost of
+communication small.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ Visit = Callable[[int, mujoco.MjData, Sequence[Sensor]], _T]
 class Batch:
     """Several simulations (worlds) of one model with the same sensors.
 
-    With several processes, a script must create the batch below `if __name__ == "__main__":`, functions given to the
-    batch must be importable (no lambdas), and `close` ends the processes; a `with` statement calls it.
+    With several processes, a script must create the batch below `if __name__ == "__main__":`, and functions given to
+    the batch must be importable (no lambdas). `close` ends the processes; a `with` statement calls it.
     """
 
     def __init__(
@@ -57,10 +57,10 @@ class Batch:
 
         Args:
             model: The compiled model.
-            sensors: The sensors that were attached to the spec of the model; each world gets its own copies.
+            sensors: Sensors that were attached to the spec of the model; each world has its own copies.
             worlds: Number of worlds [-].
-            processes: Number of processes that step the worlds at the same time, of use up to the number of free
-                processors; with 1, this process steps them [-].
+            processes: Number of processes that step the worlds at the same time [-].  Useful up to the number of free
+                processors.  With 1, the present process steps the worlds.
             seed: Seed of the noise, which differs between worlds and sensors; by default each sensor's
                 `Electronics.seed`.
 
@@ -77,7 +77,7 @@ class Batch:
             raise FastModelError("the same sensor is given twice; attach each sensor once")
         worlds, processes = check_count("worlds", worlds, 1), check_count("processes", processes, 1)
         _check_seed(seed)
-        # bound here once for the warnings and errors of `bind`, and to compile the kernels before processes start
+        # Bound here once, for the warnings and errors of `bind` and to compile the kernels before processes start.
         twins = [sensor.twin().bind(model).twin() for sensor in sensors]
         parts = np.array_split(np.arange(worlds), min(processes, worlds))
         self._closed, self._sensors = False, len(sensors)
@@ -85,7 +85,7 @@ class Batch:
         self._own = _Worlds(model, twins, parts[0].tolist()) if len(parts) == 1 else None
         if self._own is None:
             methods = multiprocessing.get_all_start_methods()
-            # a fork of this process might copy locks that other threads hold
+            # A fork of this process might copy locks that other threads hold.
             context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
             self._workers = [ProcessPoolExecutor(1, mp_context=context) for _ in parts]
             made = [
@@ -105,7 +105,7 @@ class Batch:
                 and its state.
 
         Returns:
-            The frames that the sensors made in these steps, `[world][sensor][frame]`.
+            Frames made by the sensors in these steps, `[world][sensor][frame]`.
 
         Raises:
             FastModelError: If there are several processes, and the function cannot be imported.
@@ -234,12 +234,12 @@ class _Worlds:
 
 
 def _check_seed(seed: int | None) -> None:
-    """Check that a seed is a whole number from 0 on, or None."""
+    """Check that a seed is a non-negative integer or None."""
     if seed is not None:
         make_generator(seed, "")
 
 
-#: The worlds that this process owns, if it was started by a `Batch`.
+#: Worlds that this process owns, if a `Batch` started it.
 _OWNED: list[_Worlds] = []
 
 

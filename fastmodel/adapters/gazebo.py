@@ -6,9 +6,10 @@ the counts at these two forces [-].  `tactile_rate` is in frames per second, `cu
 `orderFilter` 0 for no filter), sigmas are in pitches and ksizes in texels.  The block holds no positions, noise or
 gains per texel, and no other spread than a Gaussian.
 
-The plugin applies its line to the force on a texel after the spread.  A characteristic that was calibrated through the
-cover is therefore written as the line over the force on the texel.  If the share of the calibration tip's force on the
-texel is not known, the line is written as it is, and the attribute `calibrated` of `<plugin>` says so.
+The plugin applies its linear characteristic to the force on a texel after the spread.  A characteristic that was
+calibrated through the cover is therefore converted to a function of the force on the texel.  If the share of the
+calibration tip's force on the texel is not known, the characteristic is written unchanged, and the attribute
+`calibrated` of `<plugin>` states this.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ ELEMENTS: Mapping[str, type] = MappingProxyType(
 )
 #: Names of the types of elements in error messages.
 _TYPE_NAMES = {int: "a whole number", float: "a number", str: "a name"}
-#: Smallest number of bits of the converter that `read_block` assumes [-]: that of the WTS 0614-34.
+#: Smallest number of bits of the converter that `read_block` assumes [-], that of the WTS 0614-34.
 _BITS = 12
 
 
@@ -86,8 +87,8 @@ def write_block(
         image_topic: Topic of the image.
 
     Raises:
-        ParametersError: If the block cannot hold the parameters, because the spread is no Gaussian, the characteristic
-            no straight line, or the array curved or masked.
+        ParametersError: If the block cannot represent the parameters: the spread is not Gaussian, the characteristic is
+            not linear, or the array is curved or masked.
     """
     spread, array, electronics = parameters.spread, parameters.array, parameters.electronics
     faults = {
@@ -124,7 +125,7 @@ def read_block(
     """Read the `<plugin>` element of the 2015 report from the text of a world file, a model file, or the element alone.
 
     Args:
-        text: The XML.
+        text: XML text.
         pitch: Distance between texel centres, which the element does not contain [m].
         texel_size: Edges of the sensitive rectangle of a texel, by default the pitch [m].
 

@@ -13,13 +13,13 @@ several times.  If frames are more frequent, `info["frames"]` contains all frame
     new = info["frames"]["tactile"]
     new["images"][: new["made"]]                                     # images since the previous step
 
-All arrays keep their shapes from step to step, so vector environments and other wrappers take them.  `reset(seed=...)`
+All arrays keep their shapes from step to step, as vector environments and other wrappers require. `reset(seed=...)`
 also seeds the noise of the sensors; later episodes continue with other noise until a new seed is given.  A copy of the
-wrapper (`copy.deepcopy`, `pickle`) is independent of the original.  Copies of an environment that derives from
-`gymnasium.utils.EzPickle`, as most of Gymnasium's do, start anew and need a `reset`.
+wrapper (`copy.deepcopy`, `pickle`) is independent of the original. A copy of an environment that derives from
+`gymnasium.utils.EzPickle`, as most environments of Gymnasium do, starts anew and needs a `reset`.
 
-Environments derived from `gymnasium.envs.mujoco.MujocoEnv` or gymnasium-robotics' `MujocoRobotEnv` load a file;
-`spec.to_file` writes the edited spec.  This module needs the extra `gym`.
+Environments derived from `gymnasium.envs.mujoco.MujocoEnv` or gymnasium-robotics' `MujocoRobotEnv` load a model file,
+which `spec.to_file` writes from the edited spec.  This module needs the extra `gym`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ except ImportError as error:
 #: Function of an environment and a callback, which makes the environment call the callback after every physics step.
 Listen = Callable[[Any, Callable[[mujoco.MjData], None]], None]
 #: Methods in which environments of a common base class make all physics steps of an environment step, and attributes
-#: with the number of these steps: those of gymnasium's `MujocoEnv` and of gymnasium-robotics' `MujocoRobotEnv`.
+#: with the number of these steps.  The entries are for gymnasium's `MujocoEnv` and gymnasium-robotics'
+#: `MujocoRobotEnv`.
 _STEPPERS = {"_step_mujoco_simulation": "frame_skip", "_mujoco_step": "n_substeps"}
 #: Relative tolerance on the number of frames in a time; it allows for rounding [-].
 _TOLERANCE = 1e-6
@@ -71,23 +72,23 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
 
     Args:
         env: The environment.
-        sensors: A sensor, observed as `tactile`, or several sensors by name.  Twins of them are bound to the
-            environment's model, so that several environments may be made from one sensor, and bound again if `reset`
-            compiles another model.
+        sensors: A sensor, observed as `tactile`, or several sensors by name.  Twins (unbound copies) of them are bound
+            to the environment's model, so that several environments can be made from one sensor.  They are bound again
+            if `reset` compiles another model.
         simulation: Function from the environment to its model and data; by default `env.unwrapped.model` and `.data`.
         listen: Function that makes the environment call a callback after every physics step; the wrapper calls this
-            function once.  By default a `MujocoEnv` and a `MujocoRobotEnv` are made to call back, and any other
+            function once.  By default a `MujocoEnv` or `MujocoRobotEnv` is modified to call back, and any other
             environment must make one physics step per environment step.
-        frames: Number m of frames of a step for which `info["frames"]` has room.  By default the largest number that
-            the environment's physics steps allow; 1 with `listen`.
-        key: Name of the entry of `info` in place of `frames`, for environments whose `info` has such an entry already.
-            Nested wrappers share one entry, if their sensors have different names.
+        frames: Number m of frames of a step for which `info["frames"]` has room [-].  By default the largest number
+            possible with the environment's physics steps; 1 with `listen`.
+        key: Name of the entry of `info` that replaces `frames`, for environments whose `info` already has an entry
+            `frames`.  Nested wrappers share one entry if their sensors have different names.
 
     Raises:
         FastModelError: If an argument has a wrong type.
-        FastModelError: If the environment has no attributes `model` and `data`, the observation has the name of a
-            sensor already, there is no sensor, or `frames` is not a positive whole number; from `reset` and `step`, if
-            the environment's `info` has an entry of the name `key`.
+        FastModelError: If the environment has no attributes `model` and `data`, the observation already has the name of
+            a sensor, there is no sensor, or `frames` is not a positive whole number; from `reset` and `step`, if the
+            environment's `info` already has an entry named `key`.
         LifeCycleError: From the constructor, if the model was compiled without a sensor; from `step`, if the
             environment made physics steps without calling the callback, or is a copy that was not reset.
     """
@@ -166,7 +167,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         return self._observe(observation), reward, terminated, truncated, self._inform(info)
 
     def _find_seed(self) -> int:
-        """Return the seed of the environment's `np_random`, or a number from it if it was set without a seed."""
+        """Return the seed of the environment's `np_random`; if it has no seed, draw one from it."""
         inner = self.env.unwrapped
         seed = inner.np_random_seed
         return int(inner.np_random.integers(2**32)) if seed is None or seed < 0 else seed

@@ -1,4 +1,4 @@
-"""The rigid boxes that stand for an array in a simulator, as an SDF model (Gazebo) or a URDF model (ROS and others).
+"""The rigid boxes that represent an array in a simulator, as an SDF model (Gazebo) or a URDF model (ROS and others).
 
 The model is one link at the origin of the array's frame.  Its boxes are those that MuJoCo gets for the same contact
 method: one plate per flat panel of the array, or one box per texel.  Each box is a collision shape and a visual shape.
@@ -87,7 +87,7 @@ def write_sdf(boxes: Sequence[RigidBox], *, name: str, rate_hz: float, mass: flo
         boxes: The boxes of the array.
         name: Name of the model, and first part of the topics of the contact sensors.
         rate_hz: Number of frames per second of the sensor [Hz].
-        mass: Mass of the array; without it the model is static [kg].
+        mass: Mass of the array [kg]; without it the model is static.
     """
     root = ET.Element("sdf", version=SDF_VERSION)
     model = ET.SubElement(root, "model", name=name)
@@ -117,7 +117,7 @@ def write_urdf(boxes: Sequence[RigidBox], *, name: str, mass: float | None = Non
     Args:
         boxes: The boxes of the array.
         name: Name of the model and of its link.
-        mass: Mass of the array; without it the link has no inertia, and belongs on a link that has one [kg].
+        mass: Mass of the array [kg].  Without it the link has no inertia and must be attached to a link with inertia.
     """
     root = ET.Element("robot", name=name)
     link = ET.SubElement(root, "link", name=name)
@@ -145,7 +145,7 @@ def write_urdf(boxes: Sequence[RigidBox], *, name: str, mass: float | None = Non
 def compute_angles(box: RigidBox) -> FloatArray:
     """Compute roll, pitch and yaw of a box about the fixed axes x, y, z, shape (3,) [rad]."""
     with warnings.catch_warnings():
-        # At a pitch of 90 degrees roll and yaw are not unique; scipy then chooses a yaw of 0, and says so.
+        # At a pitch of 90 degrees roll and yaw are not unique. scipy then chooses a yaw of 0 and gives a warning.
         warnings.filterwarnings("ignore", "Gimbal lock", UserWarning)
         return np.asarray(box.orientation.as_euler("xyz"))
 
@@ -153,7 +153,8 @@ def compute_angles(box: RigidBox) -> FloatArray:
 def compute_inertia(boxes: Sequence[RigidBox], mass: float) -> tuple[FloatArray, FloatArray]:
     """Compute centre of mass and inertia of boxes of one density.
 
-    The inertia of a box is m/12 (b^2 + c^2) and so on about its own axes; the parallel-axis theorem adds them up.
+    The inertia of a box about its own axes is m/12 (b^2 + c^2), and cyclic permutations.  The inertias are added by the
+    parallel-axis theorem.
 
     Args:
         boxes: The boxes.

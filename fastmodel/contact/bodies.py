@@ -1,9 +1,9 @@
 """The geoms of arrays and indenters in MuJoCo, and the bodies that can touch an array: their shapes and joints.
 
 Geoms without a joint between them move together and count as one body.  Bodies that a `<weld>` constraint joins stay
-separate, because the constraint is soft and MuJoCo gives each of them a force of its own.  A height field, a signed
-distance field or a flex has no convex shape; its contact points stand for it, or the depth of a flex's surface, see
-`fastmodel.pressure.flexes`.
+separate, because the constraint is soft and MuJoCo computes a separate force for each of them.  A height field, a
+signed distance field or a flex has no convex shape.  It is represented by its contact points or, for a flex, by the
+depth of its surface, see `fastmodel.pressure.flexes`.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class Bodies:
     """The bodies of a model that can touch an array, with their shapes.
 
     Attributes:
-        of_geom: Id of the body that each geom moves with; -1 for a geom whose shape is not a convex solid; the last
-            entry, which MuJoCo's geom id -1 selects, stands for flexes, shape (geoms + 1,).
+        of_geom: Id of the body that each geom moves with, shape (geoms + 1,); -1 for a geom whose shape is not a convex
+            solid.  The last entry, which MuJoCo's geom id -1 selects, is for flexes.
     """
 
     def __init__(self, model: mujoco.MjModel, own: IntArray, name: str, edge: float = 0.0) -> None:
@@ -89,7 +89,7 @@ class Bodies:
                 self._shapes.clear()
 
     def find_shapes(self) -> None:
-        """Describe the shapes of all bodies that can touch the array, so that none is described at its first touch."""
+        """Describe the shapes of all bodies that can touch the array, before their first contact."""
         for body in np.unique(self.of_geom[:-1][find_obstacles(self._model, self._own) == ""]).tolist():
             if body >= 0:
                 self.find_shape(body)
@@ -116,7 +116,7 @@ _GEOMS = {
     "box": mujoco.mjtGeom.mjGEOM_BOX,
     "hull": mujoco.mjtGeom.mjGEOM_MESH,
 }
-#: For every geom of a model, why it never touches an array; "" for geoms that can.
+#: Reason why each geom of a model never touches an array; "" for geoms that can touch it.
 Reasons = np.ndarray[Any, np.dtype[np.object_]]
 #: Collision mask with every bit [-]; MuJoCo's masks are signed 32-bit numbers.
 EVERY = 0x7FFFFFFF
@@ -198,7 +198,7 @@ def find_geoms(model: mujoco.MjModel, names: Sequence[str], sensor: str) -> IntA
 
 
 def find_obstacles(model: mujoco.MjModel, geoms: IntArray) -> Reasons:
-    """Find why each geom of a model can never touch an array, and what to do about it; "" for geoms that can.
+    """State why each geom of a model can never touch an array, and a remedy; "" for geoms that can touch it.
 
     Source: MuJoCo documentation, Computation, section "Collision detection", selection of pairs.
 
@@ -288,7 +288,7 @@ class Joints:
             free = bool(np.isin(kinds, [int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)]).any())
             self._turning[body] = free, hinges
         always, hinges = self._turning[body]
-        # rotation about a hinge along the normal, but for rounding, does not tilt a body
+        # Rotation about a hinge parallel to the normal, except for rounding, does not tilt a body.
         return always or bool((np.abs(data.xaxis[hinges] @ normal) < 1 - 1e-6).any())
 
     def find_slides(self, data: mujoco.MjData, body: int) -> FloatArray:
@@ -317,7 +317,7 @@ def sample_boxes(
 ) -> tuple[FloatArray, FloatArray]:
     """Place points on the outer faces of an array's boxes, at most 40 along each side of a box.
 
-    Above 2000 points on several boxes, one point stands for each box.
+    If there would be more than 2000 points on several boxes, each box has one point.
 
     Args:
         model: The compiled model.

@@ -1,15 +1,16 @@
-"""Contact method with one rigid box geom per texel, as in the 2015 report.
+"""Contact methods with one rigid box geom per texel.
 
-The forces on all boxes add up to the weight, but MuJoCo divides the force of a flat face among the boxes by the *number
-of contact points* per box instead of by area.  This is the known error of the method.
+`BoxTexels` is the method of the 2015 report.  The forces on all boxes add up to the weight, but MuJoCo divides the
+force of a flat face among the boxes by the *number of contact points* per box instead of by area.  This is the main
+error of the method.
 
-Contact method with one rigid box per texel, whose forces are redistributed by contact area.
+`AreaTexels` redistributes the forces by contact area.
 
-MuJoCo gives every contact point of a flat face about the same force, whatever area of the face the point represents.
-Here the force of each touching body is redistributed over the boxes.  The body's contact points on one box span a
-polygon.  A pressure p(x, y) = a + b x + c y acts on all polygons of the body, and its coefficients are chosen so that
-the force and both moments on the body equal those of MuJoCo.  For a guided body the pressure is uniform, because the
-guide takes up the moments.  The forces on boxes that a body touches only in points or along edges are not changed.
+MuJoCo gives every contact point of a flat face about the same force, independent of the area of the face that the point
+represents.  Here the force of each touching body is redistributed over the boxes.  The body's contact points on one box
+span a polygon.  A pressure p(x, y) = a + b x + c y acts on all polygons of the body.  Its coefficients are chosen so
+that the force and both moments on the body equal those of MuJoCo.  For a guided body the pressure is uniform, because
+the guide takes up the moments.  The forces on boxes that a body touches only in points or along edges are not changed.
 """
 
 from __future__ import annotations
@@ -44,9 +45,9 @@ class BoxTexels(TexelContact):
 
     Attributes:
         height: Height of a box, inwards from its outer face [m].
-        contype: Collision mask of the boxes, 31 bits.  With all bits, the default, the boxes meet every geom that
-            collides with anything, other arrays included [-].
-        conaffinity: Mask of the geoms that the boxes meet, 31 bits [-].
+        contype: Collision mask of the boxes, 31 bits [-].  With all bits, the default, the boxes collide with every
+            geom that collides with anything, including other arrays.
+        conaffinity: Mask of the geoms that the boxes collide with, 31 bits [-].
     """
 
     height: float = 2e-3
@@ -112,10 +113,10 @@ class BoxReader:
     def read(self, data: mujoco.MjData) -> Reading:
         """Compute the contact forces of the last simulation step; see `ContactReader.read`.
 
-        Each contact force is projected on the box's normal, because the contact normal differs from the box's normal
-        where an indenter touches the edge of a box.  Forces at the backs and free sides of boxes count in the total
-        only.  An indenter that hooks on the side of a box inside the array can pull it upwards by friction.  The force
-        on such a box is set to zero, and the other forces are scaled to keep their sum.
+        Each contact force is projected on the box's normal, because the contact normal differs from it where an
+        indenter touches the edge of a box.  Forces on the backs and free sides of boxes count only towards the total.
+        An indenter that hooks on the side of a box inside the array can pull it upwards by friction.  The force on such
+        a box is set to zero, and the other forces are scaled to keep their sum.
 
         Raises:
             LifeCycleError: If the size of the boxes has changed.
@@ -137,7 +138,7 @@ class BoxReader:
         return self._net_force.add(Reading(contact_forces, None, float(contact_forces.sum())), None)
 
     def _share(self, data: mujoco.MjData, pressed: FloatArray, total: FloatArray) -> FloatArray:  # noqa: ARG002
-        """Share the forces of a state among the texels: here each box keeps its own, shape (n,) [N].
+        """Distribute the forces of a state over the texels; here each box keeps its own force, shape (n,) [N].
 
         Args:
             data: The state.
@@ -162,8 +163,8 @@ def _find_neighbours(array: TexelArray) -> BoolArray:
 
 #: Area of a contact polygon, over the product of the texel pitches, up to which it counts as a point or an edge [-].
 _FLAT = 1e-6
-#: Singular values of the moment equations below this share of the largest count as zero [-].  They occur where all
-#: contact polygons lie on one line.
+#: Singular values of the moment equations, over the largest one, below which they count as zero [-].  They occur where
+#: all contact polygons lie on one line.
 _SINGULAR = 1e-10
 #: Smallest number of points that span a polygon, and of polygons that determine a linear pressure [-].
 _TRIANGLE = 3
@@ -202,7 +203,7 @@ class AreaReader(BoxReader):
     def _share(self, data: mujoco.MjData, pressed: FloatArray, total: FloatArray) -> FloatArray:
         """Redistribute the force of each body by contact area, shape (n,) [N]; see `BoxReader._share`.
 
-        A flex and other bodies without a convex shape keep the forces of their contact points.
+        A flex or another body without a convex shape keeps the forces of its contact points.
         """
         if np.count_nonzero(total) <= 1:
             return total
@@ -230,7 +231,7 @@ class AreaReader(BoxReader):
             texel: Texel of each of the body's contacts, shape (k,) [-].
             force: Force of each contact against the texel's normal, shape (k,) [N].
             place: Positions of the contacts in the plane of the array, shape (k, 2) [m].
-            tilts: Whether the body is free to tilt; the pressure then has the moments of the contact forces too.
+            tilts: Whether the body is free to tilt; the pressure then also has the moments of the contact forces.
         """
         own = np.bincount(texel, force, self._count).astype(np.float64)
         touched = np.unique(texel)

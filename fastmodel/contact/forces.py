@@ -1,11 +1,11 @@
 """Net force and torque on an array, and the tangential force on every texel, from MuJoCo's contacts.
 
-The net force is the sum over all contacts of all boxes or plates of the array, at sides and back too.  With one box per
-texel, the tangential force on a texel is that of its own contacts.  With plates, MuJoCo's contact points say nothing
-about single texels: the net shear on the front is shared among texels in proportion to their pressure, and the part of
-the pressure that acts on the margin takes its share with it.
+The net force is the sum over all contacts of all boxes or plates of the array, including sides and backs.  With one box
+per texel, the tangential force on a texel is that of its own contacts.  With plates, MuJoCo's contact points do not
+resolve single texels.  The net shear on the front is then shared among texels in proportion to their pressure, and
+pressure on the margin takes a corresponding share.
 
-Compiled kernels that sum MuJoCo's contact forces along the normals of boxes and of plates.
+Compiled kernels sum MuJoCo's contact forces along the normals of boxes and of plates.
 
 The force f of a contact acts on the second geom of the contact, and -f acts on the first.  MuJoCo gives f in the frame
 of the contact, whose rows are the contact normal and two tangents.  With elliptic friction cones MuJoCo stores f
@@ -14,8 +14,8 @@ is mu_i (e_2i - e_2i+1), with friction coefficient mu_i.  Components from the fo
 rolling friction about the axes of the contact.
 Source: MuJoCo documentation, Computation, section "Contact".
 
-All kernels stand in one file, because numba's cache checks only the file of the called kernel for changes, not the
-files of the functions that this kernel calls.
+All kernels are in one file, because numba's cache checks only the file of the called kernel for changes, not the files
+of the functions that this kernel calls.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class NetForceReader:
     """Reader of net force, net torque and tangential forces of one array of n texels.
 
     Attributes:
-        parts: The boxes or plates, as kernels take them.
+        parts: Boxes or plates as arguments of kernels, see `Parts`.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class NetForceReader:
             neighbours: For one box per texel, see `Parts`, shape (n, 4); None for plates.
         """
         self._model, self._array, self._by_geom = model, array, neighbours is not None
-        # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes, so that it belongs to no part.
+        # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes.  It belongs to no part.
         part_of = np.full(model.ngeom + 1, -1)
         part_of[geoms] = np.arange(len(geoms))
         sides = np.zeros((len(geoms), 4), dtype=bool) if neighbours is None else neighbours
@@ -105,19 +105,20 @@ class NetForceReader:
         return reading._replace(wrench=wrench, tangential=tangential, tangential_source=source)
 
 
-#: Smallest cosine of the angle between a contact's normal, away from the array, and the array's normal with which the
-#: contact counts as one with the array's front; other contacts are with sides or the back of a plate or box [-].
+#: Smallest cosine of the angle between a contact's normal, away from the array, and the array's normal for which the
+#: contact is on the array's front [-].  Other contacts are on the sides or the back of a plate or box.
 FRONT = 0.1
 
 #: The option `cone` of a model with pyramidal friction cones, as a number: comparing with the name takes longer.
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 #: Ids and numbers as MuJoCo stores them.
 _Ids = npt.NDArray[np.int32]
-#: The k contacts of a simulation state.  For each contact: ids of the two geoms, shape (k, 2); index of the contact's
-#: first entry in the constraint forces, -1 for none, shape (k,); number of force components, shape (k,); axes of the
-#: contact frame as rows, normal first, shape (k, 9) [-]; friction coefficients, shape (k, 5) [-]; position in the
-#: world, shape (k, 3) [m]; distance of the surfaces, negative for penetration, shape (k,) [m].  For all contacts:
-#: constraint forces, shape (rows,) [N]; and whether friction cones are pyramidal.
+#: The k contacts of a simulation state, as a tuple.  The first seven entries have one row per contact: ids of the two
+#: geoms, shape (k, 2); index of the contact's first entry in the constraint forces, -1 for none, shape (k,); number of
+#: force components, shape (k,); axes of the contact frame as rows, normal first, shape (k, 9) [-]; friction
+#: coefficients, shape (k, 5) [-]; position in the world, shape (k, 3) [m]; and distance of the surfaces, negative for
+#: penetration, shape (k,) [m].  The last entries are the constraint forces, shape (rows,) [N], and whether friction
+#: cones are pyramidal.
 Contacts = tuple[_Ids, _Ids, _Ids, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, bool]
 
 
@@ -148,22 +149,23 @@ def _decode_force(contacts: Contacts, k: int, force: FloatArray) -> None:
             force[axis] = efc_force[first + axis]
 
 
-#: An array of m boxes or plates.  Index of the box or plate of every geom, -1 for geoms that are not of the array,
-#: shape (geoms + 1,); whether each box has a neighbour at its sides -x, +x, -y, +y, shape (m, 4); id of the first box
-#: or plate; its axes in the frame of the array, as columns, shape (3, 3) [-]; and its centre there, shape (3,) [m].
+#: An array of m boxes or plates, as a tuple.  The entries are: index of the box or plate of every geom, -1 for geoms of
+#: other bodies, shape (geoms + 1,); whether each box has a neighbour at its sides -x, +x, -y, +y, shape (m, 4); id of
+#: the first box or plate; axes of the first one in the frame of the array, as columns, shape (3, 3) [-]; and its centre
+#: in this frame, shape (3,) [m].
 Parts = tuple[IntArray, BoolArray, int, FloatArray, FloatArray]
-#: What `sum_contacts` returns.
+#: Return value of `sum_contacts`.
 Sums = tuple[FloatArray, FloatArray, FloatArray, float]
 
 
 @called_by_kernels
-def sum_contacts(  # noqa: C901, PLR0912 -- loops over components
+def sum_contacts(  # noqa: C901 -- in one function, as calls make it a tenth slower
     contacts: Contacts, geom_xmat: FloatArray, geom_xpos: FloatArray, parts: Parts
 ) -> Sums:
     """Kernel: sum the forces and torques that all contacts exert on an array of m boxes or plates.
 
-    A contact with a side of a box that has a neighbour there counts as one with its front: MuJoCo finds such contacts
-    where a body stands on both boxes.
+    A contact with a side of a box that has a neighbour there counts as a contact with its front, because MuJoCo reports
+    such contacts for a body that stands on both boxes.
 
     Args:
         contacts: The k contacts.
@@ -172,46 +174,53 @@ def sum_contacts(  # noqa: C901, PLR0912 -- loops over components
         parts: The boxes or plates of the array.
 
     Returns:
-        Force against the outward normal of both geoms of each contact, zero at backs and free sides and for geoms that
-        are not of the array, shape (k, 2) [N]; the force on the front of each box or plate along its axes, shape (m, 3)
-        [N]; force on the array, and torque about its origin, in its frame, shape (6,) [N, N m]; and the sum of the
-        forces against the normals at backs and free sides [N].
+        Force against the outward normal of both geoms of each contact, shape (k, 2) [N]; it is zero at backs and free
+        sides and for geoms of other bodies.  Force on the front of each box or plate along its axes, shape (m, 3) [N].
+        Force on the array, and torque about its origin, in its frame, shape (6,) [N, N m].  Sum of the forces against
+        the normals at backs and free sides [N].
     """
     geom, address, dim, frame, _, pos, _, _, _ = contacts
     part_of, neighbours, first, turn, middle = parts
     pressed, fronts, beside = np.zeros((len(geom), 2)), np.zeros((len(neighbours), 3)), 0.0
-    # force and torque in the frame of a contact; net force in the world, torque about the centre of the first box or
-    # plate, and its lever arm; force in the world and along the axes of a box, normal away from the box along them
-    local, net, moment, arm = np.zeros(6), np.zeros(3), np.zeros(3), np.zeros(3)
-    force, own_force, outward = np.zeros(3), np.zeros(3), np.zeros(3)
+    # Working arrays: force and torque in the frame of a contact; net force in the world; torque about the centre of the
+    # first box or plate.
+    local, net, moment = np.zeros(6), np.zeros(3), np.zeros(3)
     for k in range(len(geom)):
         if address[k] < 0 or (part_of[geom[k, 0]] < 0 and part_of[geom[k, 1]] < 0):
             continue
         _decode_force(contacts, k, local)
-        for i in range(3):
-            arm[i] = pos[k, i] - geom_xpos[first, i]
+        rx = pos[k, 0] - geom_xpos[first, 0]
+        ry = pos[k, 1] - geom_xpos[first, 1]
+        rz = pos[k, 2] - geom_xpos[first, 2]
         for side in range(2):
             own, part, sign = geom[k, side], part_of[geom[k, side]], 2.0 * side - 1.0
             if part < 0:
                 continue
-            for i in range(3):
-                force[i] = sign * (local[0] * frame[k, i] + local[1] * frame[k, 3 + i] + local[2] * frame[k, 6 + i])
-                net[i] += force[i]
-                for axis in range(dim[k] - 3):
-                    moment[i] += sign * local[3 + axis] * frame[k, 3 * axis + i]
-            for i, j, m in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-                moment[i] += arm[j] * force[m] - arm[m] * force[j]
-            for axis in range(3):
-                own_force[axis] = outward[axis] = 0.0
+            fx = sign * (local[0] * frame[k, 0] + local[1] * frame[k, 3] + local[2] * frame[k, 6])
+            fy = sign * (local[0] * frame[k, 1] + local[1] * frame[k, 4] + local[2] * frame[k, 7])
+            fz = sign * (local[0] * frame[k, 2] + local[1] * frame[k, 5] + local[2] * frame[k, 8])
+            net[0] += fx
+            net[1] += fy
+            net[2] += fz
+            moment[0] += ry * fz - rz * fy
+            moment[1] += rz * fx - rx * fz
+            moment[2] += rx * fy - ry * fx
+            for axis in range(dim[k] - 3):
                 for i in range(3):
-                    own_force[axis] += force[i] * geom_xmat[own, 3 * i + axis]
-                    outward[axis] -= sign * frame[k, i] * geom_xmat[own, 3 * i + axis]
-            if _is_front(outward[0], outward[1], outward[2], neighbours, part):
-                pressed[k, side] = -own_force[2]
-                for axis in range(3):
-                    fronts[part, axis] += own_force[axis]
+                    moment[i] += sign * local[3 + axis] * frame[k, 3 * axis + i]
+            x, y, z = 0.0, 0.0, 0.0  # the normal away from the box, along the axes of the box
+            for i in range(3):
+                x -= sign * frame[k, i] * geom_xmat[own, 3 * i]
+                y -= sign * frame[k, i] * geom_xmat[own, 3 * i + 1]
+                z -= sign * frame[k, i] * geom_xmat[own, 3 * i + 2]
+            along = fx * geom_xmat[own, 2] + fy * geom_xmat[own, 5] + fz * geom_xmat[own, 8]
+            if _is_front(x, y, z, neighbours, part):
+                pressed[k, side] = -along
+                fronts[part, 0] += fx * geom_xmat[own, 0] + fy * geom_xmat[own, 3] + fz * geom_xmat[own, 6]
+                fronts[part, 1] += fx * geom_xmat[own, 1] + fy * geom_xmat[own, 4] + fz * geom_xmat[own, 7]
+                fronts[part, 2] += along
             else:
-                beside -= own_force[2]
+                beside -= along
     place = _find_place(geom_xmat, geom_xpos, first, turn, middle)
     wrench = np.zeros(6)
     for j in range(3):
@@ -228,9 +237,9 @@ def _is_front(x: float, y: float, z: float, neighbours: BoolArray, part: int) ->
     """Return whether a contact is with the front of a box, or with a side at which the box has a neighbour.
 
     Args:
-        x: Component along the x axis of the box of the contact's normal away from the box [-].
-        y: Component along the y axis [-].
-        z: Component along the outward normal [-].
+        x: Component of the contact normal, away from the box, along the box's x axis [-].
+        y: Component along the box's y axis [-].
+        z: Component along the box's outward normal [-].
         neighbours: Whether every box has a neighbour at its sides -x, +x, -y, +y, shape (m, 4).
         part: Index of the box.
     """
@@ -256,8 +265,8 @@ def press_boxes(
         parts: The boxes.
 
     Returns:
-        Force on each texel, shape (n,) [N]; the sum of the forces against the normals, at all sides of the boxes [N];
-        and what `sum_contacts` returns.
+        Force on each texel, shape (n,) [N].  Sum of the forces against the normals, at all sides of the boxes [N].  The
+        return value of `sum_contacts`.
     """
     found = sum_contacts(contacts, geom_xmat, geom_xpos, parts)
     fronts, forces, total, positive = found[1], np.zeros(len(found[1])), 0.0, 0.0
@@ -311,15 +320,15 @@ def press_plate(
         geom_xmat: Orientation of every geom in the world, as rotation matrix, shape (geoms, 9) [-].
         geom_xpos: Position of every geom in the world, shape (geoms, 3) [m].
         parts: The plate.
-        body_of_geom: Id of the body that each geom moves with; -1 for a geom whose shape is not known, whose forces
-            count as points; the last entry is for flexes, shape (geoms + 1,).
+        body_of_geom: Id of the body that each geom moves with, shape (geoms + 1,).  It is -1 for a geom of unknown
+            shape, whose forces count as point forces.  The last entry is for flexes.
 
     Returns:
-        Ids of the bodies of known shape that exert force on the plate's front, shape (bodies,); for each of these
-        bodies the sums over its contacts of force [N], force times x, and force times y [N m], and its deepest
-        penetration [m], shape (bodies, 4); for each of the m contacts with the plate's front the index of its body, -1
-        for an unknown shape, shape (m,), and x, y [m] and force [N], shape (m, 3); axes of the array in the world, as
-        columns, and its origin, shape (4, 3) [-, m]; and what `sum_contacts` returns.
+        Ids of the bodies of known shape that exert force on the plate's front, shape (bodies,).  For each of these
+        bodies: sums over its contacts of force [N], force times x and force times y [N m], and its deepest penetration
+        [m], shape (bodies, 4).  For each of the m contacts with the plate's front: index of its body, -1 for an unknown
+        shape, shape (m,), and x, y [m] and force [N], shape (m, 3).  Axes of the array in the world, as columns, and
+        its origin, shape (4, 3) [-, m].  The return value of `sum_contacts`.
     """
     geom, _, _, _, _, pos, dist, _, _ = contacts
     _, _, plate, turn, middle = parts

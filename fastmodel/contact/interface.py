@@ -28,10 +28,9 @@ class Reading(NamedTuple):
         carried: Total force that presses on the array and its margin [N].
         approach: Approach of each touching body since its first touch of the undeformed cover, shape (bodies,) [m];
             None if the contact method does not compute the approach.
-        fewest_cells: Number of cells under pressure, of the body that presses on the fewest; None if the contact method
-            has no cells [-].
-        wrench: Force that all contacts exert on the array, at its sides and back too, and their torque about its
-            origin, in its frame, shape (6,); None if the contact method does not compute them [N, N m].
+        fewest_cells: Smallest number of cells under pressure of any body [-]; None if the contact method has no cells.
+        wrench: Force that all contacts exert on the array, including its sides and back, and their torque about its
+            origin, in the array's frame, shape (6,) [N, N m]; None if the contact method does not compute them.
         tangential: Tangential force on each texel along its two tangents (x and y of a flat array), before spread,
             shape (n, 2); None if the contact method does not compute it [N].
         tangential_source: Method by which the tangential forces were computed, see `Frame.tangential_source`.
@@ -51,8 +50,8 @@ class TexelContact(Protocol):
     """A contact method and its settings, chosen before the model is compiled.
 
     Attributes:
-        costly: Whether the contact forces take so much time to compute that they are sampled no more often than frame
-            rate and filter require.
+        costly: Whether the contact forces take so long to compute that they are sampled only as often as frame rate and
+            filter require.
         computes_spread: Whether the readings hold the texel forces after spread.
         takes_overlaps: Whether texels may overlap.
     """
@@ -84,12 +83,12 @@ class TexelContact(Protocol):
         """
 
     def find_start(self, array: TexelArray, at: tuple[float, float], reach: float) -> float:
-        """Return a height at which a body within a distance of a place touches no texel yet: 0 on a flat array [m].
+        """Return a height at which a body near a place touches no texel yet [m]; 0 on a flat array.
 
         Args:
             array: The texels.
             at: Position x, y in the array's frame [m].
-            reach: The distance [m].
+            reach: Distance from the place within which the body lies [m].
         """
         under = np.hypot(*(array.centres[:, :2] - at).T) <= reach
         return float(array.centres[under, 2].max(initial=0.0)) + (not array.planar) * max(array.pitch)
@@ -145,10 +144,10 @@ class ContactReader(Protocol):
         """Make the reading for given contact forces, shape (n,) [N], and discard results of previous steps."""
 
     def get_state(self) -> State:
-        """Return everything, besides the state of the simulation, on which the next readings depend, as arrays."""
+        """Return as arrays everything besides the state of the simulation that affects the next readings."""
 
     def set_state(self, state: State) -> None:
-        """Restore what `get_state` returned, so that the next readings are equal bit for bit.
+        """Restore a state returned by `get_state`, so that the next readings are equal bit for bit.
 
         Raises:
             FastModelError: If an array is missing.
@@ -162,8 +161,8 @@ _COMPILED: set[tuple[Any, ...]] = set()
 def compile_kernels(contact: TexelContact, array: TexelArray, surface: Surface | None, cone: int) -> None:
     """Compile every kernel of a contact method, so that nothing is compiled at the first contact.
 
-    In a scene of its own a ball falls on the array, and after it a block.  One contact and several contacts have
-    different memory layouts in MuJoCo, and numba compiles a kernel once for each layout.
+    In a separate scene a ball falls on the array, followed by a block.  One contact and several contacts have different
+    memory layouts in MuJoCo, and numba compiles a kernel once for each layout.
 
     Args:
         contact: The contact method.

@@ -2,11 +2,11 @@
 
 MuJoCo collides the convex hull of the cover's top, which gives the force of each body.  The forces on the points of the
 surface follow from the shapes of the bodies and the compliance of the cover.  Friction is not used: the tangential
-force of a contact presses on no point.  Net force, net torque and tangential forces of frames are not computed.
+force of a contact acts on no point.  Net force, net torque and tangential forces of frames are not computed.
 
-The force of a body on a slide joint acts along the joint.  The force of a body that is free to turn has the direction
-of MuJoCo's contact normals, which are those of the hull's facets: where a round body touches a round cover, its place
-is uncertain by about half a facet.
+The force of a body on a slide joint acts along the joint.  The force of a body that is free to rotate has the direction
+of MuJoCo's contact normals, which are normals of the hull's facets.  Where a round body touches a round cover, the
+position of this force is uncertain by about half a facet.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class MeshContact(TexelContact):
     """Contact method that distributes the force of each body over points of a cover by the cover's compliance.
 
     Attributes:
-        surface: Points of the cover; None takes those of the parameters.
+        surface: Points of the cover; None for those of the parameters.
         contype: Collision mask of the mesh geom, 31 bits [-].
         conaffinity: Mask of the geoms that it meets, 31 bits [-].
     """
@@ -55,12 +55,12 @@ class MeshContact(TexelContact):
 
         Raises:
             ValueError: If a mask is not of 31 bits.
-            FastModelError: If the top has dents, into which no body would reach in MuJoCo.
+            FastModelError: If the top has dents, which bodies would not reach in MuJoCo.
         """
         check_box(1.0, self.contype, self.conaffinity)
         if self.surface is None:
             return
-        most = 0.1 * self.surface.thickness  # a deeper dent would be too far for bodies in MuJoCo
+        most = 0.1 * self.surface.thickness  # A deeper dent would be too far from bodies in MuJoCo.
         planes = ConvexHull(_list_vertices(self.surface)).equations
         depth = -(self.surface.points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
         if depth.max() > most:
@@ -73,7 +73,7 @@ class MeshContact(TexelContact):
         """Return the method for the points of a cover.
 
         Raises:
-            ParametersError: If the surface is none of points.
+            ParametersError: If the surface is not a `CoverPoints`.
             FastModelError: If the top has dents.
         """
         if not isinstance(surface, CoverPoints):
@@ -224,7 +224,7 @@ class MeshReader(PressureReader):
             if not found.settled or _misses_load(self._cover, found, contact.loads):
                 found = solve_pressure(self._cover, contact.poses, [load.without_moments() for load in contact.loads])
             forces, fewest = found.forces, int(found.points.min())
-            # A body so small that it fits between the points presses with its contact points.
+            # A body so small that it fits between the points acts through its contact points.
             contact = contact.select(found.points.nonzero()[0].tolist())
             carried = sum(load.force for load in contact.loads)
         if len(contact.points):

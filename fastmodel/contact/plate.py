@@ -38,8 +38,8 @@ from fastmodel.validity import FEWEST_CELLS
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
-#: Reach of a body at its first contact: height above its smallest gap up to which cells are sampled, over the cover's
-#: thickness, for `Foundation` over the pitch [-].
+#: Reach of a body at its first contact [-]: height above its smallest gap up to which cells are sampled, over the
+#: cover's thickness, or for `Foundation` over the pitch.
 _FIRST = 0.1
 
 
@@ -49,11 +49,11 @@ class Plate:
 
     Attributes:
         height: Thickness of the plate, inwards from the cover's top [m].
-        margin: Number of pitches by which plate and cover extend beyond the outermost texels on each side.  Force on
-            the margin counts as `outside`, the force that no texel measures [-].
-        contype: Collision mask of the plate, 31 bits.  With all bits, the default, the plate meets every geom that
-            collides with anything, other arrays included [-].
-        conaffinity: Mask of the geoms that the plate meets, 31 bits [-].
+        margin: Number of pitches by which plate and cover extend beyond the outermost texels on each side [-].  Force
+            on the margin counts as `outside`, the force that no texel measures.
+        contype: Collision mask of the plate, 31 bits [-].  With all bits, the default, the plate collides with every
+            geom that collides with anything, including other arrays.
+        conaffinity: Mask of the geoms that the plate collides with, 31 bits [-].
         solref: Time constant and damping ratio of the plate's contacts, see `fit_contact` [s, -].  By default MuJoCo
             combines its default values with those of the touching geom.
         solimp: MuJoCo's five impedance parameters of the plate's contacts, given together with `solref`: impedance at
@@ -174,7 +174,7 @@ class CoverContact(_PlateMethod):
         plate: Settings of the plate.
         tolerance: Tolerance of the iteration: sum of the changes of cell forces in one step, over the load, below which
             the solver stops [-].  Texel forces with 2e-3 differ from those with 5e-4 by at most 0.02 % of the load.
-        steps: Most steps of the solver.
+        steps: Largest number of steps of the solver [-].
     """
 
     tolerance: float = 2e-3
@@ -252,7 +252,7 @@ class CellReader(PressureReader):
         return super().at_rest(contact_forces)
 
     def get_state(self) -> State:
-        """Return the last solution and what the next one starts from; see `ContactReader.get_state`."""
+        """Return the last solution and the start values of the next one; see `ContactReader.get_state`."""
         reach = np.array(list(self._reach.items()), dtype=np.float64).reshape(-1, 2)
         return {"reach": reach, **super().get_state(), **self._solver.get_state()}
 
@@ -335,13 +335,13 @@ class CellReader(PressureReader):
             samples = self.sample_gap(contact, reach)
             found = samples.bodies_found
             if len(found) < len(reach):
-                # no cell is in front of the shape of these bodies: their contact points stand for them
+                # No cell is below the shape of these bodies; their contact points represent them.
                 contact, reach = contact.select(found), [reach[k] for k in found]
                 continue
             solution = self._solver.solve(samples, contact.loads)
             height = np.where(np.isfinite(solution.height), solution.height, self._first).tolist()
-            # The cover may bulge beside a contact, so that more than its height is needed.  A still larger reach is
-            # taken for the next solution, so that it suffices while the load rises.
+            # The cover may bulge next to a contact, so that more than its height is needed.  A larger reach is kept for
+            # the next solution, so that it suffices while the load rises.
             needed = [
                 min(1.6 * top, most) if have < min(1.2 * top, most) else have
                 for have, top in zip(reach, height, strict=True)
@@ -350,7 +350,7 @@ class CellReader(PressureReader):
                 for body, top in zip(contact.bodies, height, strict=True):
                     self._reach[body] = min(max(1.6 * top, 0.25 * self._first), most)
                 return self._add_points(contact, self._sum(contact, samples, solution))
-            # The solution on fewer cells is a poor start: where it is exact, the iteration would not add cells.
+            # The solution on fewer cells is a poor start value: where it is exact, the iteration would not add cells.
             self._solver.reset()
             reach = needed
         return self._add_points(contact, self._nothing)

@@ -1,11 +1,11 @@
 """Forces between rigid bodies and points of a cover, by exchange of points between contact and gap.
 
 A point in contact has a force and no gap; any other point has a gap and no force.  The force of every body is
-prescribed along one direction; for a body that is free to move in others, these are prescribed too.  The multipliers of
+prescribed along one direction, and along further directions if the body is free to move in them.  The multipliers of
 these constraints are the motions of the body.  Points are exchanged in blocks (Judice and Pires 1994), and one at a
-time where blocks make no progress (Murty 1974).  The gaps are those of the undeformed cover along its normals; they are
-measured again after each motion of a body, until the motion is small.  `press_points` presses one indenter on a guide;
-`fastmodel.indent` is its public form.
+time where blocks make no progress (Murty 1974).  The gaps are those of the undeformed cover along its normals.  They
+are measured again after each motion of a body, until the motion is small. `press_points` presses one indenter on a
+guide; `fastmodel.indent` is its public form.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import Pose
 
-#: Most exchanges in blocks in a row that do not reduce the number of wrong points [-].
+#: Largest number of consecutive exchanges in blocks that do not reduce the number of wrong points [-].
 _PATIENCE = 6
 
 
@@ -41,8 +41,8 @@ class PointPressure:
         travel: Distance that each body moved along the first direction of its load from the given pose, shape
             (bodies,) [m].
         points: Number of points in contact with each body, shape (bodies,) [-].
-        owner: Number of the body that is nearest to each point, the only one that can press on it, shape (m,) [-].
-        settled: Whether contact and position of every body were found within the tolerances.
+        owner: Index of the body nearest to each point, the only one that can press on it, shape (m,) [-].
+        settled: Whether contact and positions of all bodies converged within the tolerances.
     """
 
     forces: FloatArray
@@ -59,9 +59,9 @@ def solve_pressure(
 
     Args:
         cover: The cover.
-        bodies: Shapes and poses of the bodies in the array's frame; they need not touch.  One that no normal of the
+        bodies: Shapes and poses of the bodies in the array's frame, in contact or not.  A body that no normal of the
             points reaches has no points in the result, and does not change the forces of the others.
-        loads: Force of each body on the cover with its sign reversed, as `Wrench` has it.
+        loads: Force of each body on the cover with reversed sign, as in `Wrench`.
         start: Forces of a similar contact, from which the search starts, shape (m,) [N].
     """
     travel = np.zeros(len(bodies))
@@ -81,7 +81,8 @@ def solve_pressure(
         columns, target, first = join_constraints(loads, near, cover.points, cover.normals)
         forces, motion, found = _exchange(cover, gap, columns, target, touching)
         touching = forces > 0
-        # The travel is what all motions of a body together do along the first: others may almost contain it.
+        # The travel is the displacement along the first direction due to all motions of a body, because other
+        # directions may almost contain the first.
         along = columns[touching][:, first]
         change = (along * (columns[touching] @ motion)[:, None]).sum(axis=0) / np.maximum(
             (along**2).sum(axis=0), np.finfo(float).tiny
@@ -96,7 +97,7 @@ def solve_pressure(
 def _solve_without(
     cover: CoverPoints, bodies: Sequence[PosedBody], loads: Sequence[Load], missed: BoolArray
 ) -> PointPressure:
-    """Find the forces of the bodies that some normal reaches; the others, for example in between points, have none."""
+    """Compute the forces of the bodies that some normal reaches; the others are, for example, between points."""
     kept = np.flatnonzero(~missed).tolist()
     travel, points = np.zeros(len(bodies)), np.zeros(len(bodies), dtype=np.int64)
     if not kept:
@@ -131,7 +132,8 @@ def _exchange(
             own = np.flatnonzero(column & near)
             touching[own[np.argsort(gap[own])[:6]]] = True
     touching = touching & near
-    # a tiny share of the load that moves a body keeps the equations regular where points do not fix every motion
+    # A small share of the load that moves a body keeps the equations regular where points do not determine every
+    # motion.
     loose = 1e-9 / float(np.diag(cover.compliance).mean())
     fewest, patience = len(gap) + 1, _PATIENCE
     forces, motion = np.zeros(len(gap)), np.zeros(len(target))
@@ -191,13 +193,13 @@ def press_points(
     Args:
         cover: The cover.
         indenter: The shape.
-        pose: Orientation of the indenter, and a position on its way.
+        pose: Orientation of the indenter, and a position on its path.
         load: Force along the direction [N].
-        direction: Direction of motion, any length, shape (3,); that in which the indenter looks if None.
+        direction: Direction of motion, of any length, shape (3,) [-]; the direction that the indenter faces if None.
 
     Raises:
-        FastModelError: If the load is not positive, the contact was not found, or the indenter fits between the points
-            of the cover.
+        FastModelError: If the load is not positive, the contact does not converge, or the indenter fits between the
+            points of the cover.
         MissedArrayError: If the indenter never touches the cover.
     """
     if not 0 < load < np.inf:
@@ -230,9 +232,10 @@ def find_first_contact(
     Args:
         cover: The cover.
         indenter: The shape.
-        pose: Orientation of the indenter, and a position on its way.
-        direction: Direction of motion, any length, shape (3,).
-        within: Distance along the direction up to which points count as reached with the first [m].
+        pose: Orientation of the indenter, and a position on its path.
+        direction: Direction of motion, of any length, shape (3,) [-].
+        within: Distance along the direction from the first point up to which points count as reached at the same time
+            [m].
 
     Returns:
         Indices of the points.
@@ -265,11 +268,11 @@ def _move_to_touch(cover: CoverPoints, body: PosedBody, outward: FloatArray) -> 
     """Move a body along a direction, unit vector against `outward`, until it touches a point of the undeformed cover.
 
     Raises:
-        MissedArrayError: If it never does.
+        MissedArrayError: If the body never touches a point.
     """
     facing = cover.points[cover.normals @ outward > 0]
     middle = body.centres.mean(axis=0)
-    # far in front of the cover, so that the whole body lies ahead of every point
+    # Start far in front of the cover, so that the whole body lies before every point.
     spans = (*np.ptp(cover.points, axis=0), *np.ptp(body.position, axis=0), body.shape.halves.max())
     size = float(max(spans))
     start = max(float(((facing - middle) @ outward).max(initial=0.0)), 0.0) + 4 * size

@@ -1,7 +1,8 @@
 """Reader of the contact methods that find the pressure of bodies on a surface: bodies, gaps, pressures, texel forces.
 
-The surface is cells of plates or points of a mesh.  This file holds what both share: the contact of a state, and when
-the last solution stands.  `fastmodel.contact.plate` and `fastmodel.contact.mesh` find loads and pressures.
+The surface consists of cells of plates or points of a mesh.  This file holds the common parts: the contact of a state,
+and the rule for reuse of the last solution. `fastmodel.contact.plate` and `fastmodel.contact.mesh` compute loads and
+pressures.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from fastmodel.state import State, pack, unpack
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Relative change of loads, change of positions over a length of the cover, and change of rotations, up to which a
-#: contact counts as unchanged, so that the last reading is returned [-].  Bodies at rest in MuJoCo vary by about 1e-6.
+#: Largest change of a contact for which the last reading is returned [-]: relative change of loads, change of positions
+#: over a length of the cover, and change of rotations.  Bodies at rest in MuJoCo vary by about 1e-6.
 UNCHANGED = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArrayContact:
-    """The bodies that press on an array, with their loads and poses, and the contacts that are no body's pressure.
+    """Bodies that press on an array, with their loads and poses, and contacts that belong to no body's pressure.
 
     A contact is a row of d coordinates of its position and of its force: x, y on the contact grid [m] and the force
     along the normal [N] for plates, positions and force vectors in the array's frame for a mesh.
@@ -41,9 +42,9 @@ class ArrayContact:
         loads: Force and moments of each body.
         poses: Shape of each body and its pose in the array's frame.
         owner: Index in `bodies` of the body of each of m contacts, shape (m,).
-        touches: These contacts, shape (m, 3 or 6).
+        touches: Contacts of the bodies, shape (m, 3 or 6).
         points: The k contacts whose bodies have no known shape; they act as point forces, shape (k, 3 or 6).
-        beside: Force at the sides and on the back of a plate, with its sign [N].
+        beside: Signed force at the sides and on the back of a plate [N].
     """
 
     bodies: tuple[int, ...]
@@ -58,7 +59,7 @@ class ArrayContact:
         """Return whether bodies, loads and poses of another contact are equal up to a tolerance.
 
         Args:
-            other: The other contact.
+            other: Contact to compare with.
             tolerance: Largest accepted difference of forces over the force, of positions over `length`, and of entries
                 of rotations [-].
             length: Length by which differences of positions and of lever arms are divided [m].
@@ -267,7 +268,7 @@ class PressureReader:
             frame: The frame of the array.
             touches: The k contacts.
             forces: Force of each contact that is pressure, shape (k, 3) [N].
-            normals: Normals of the surface; a body whose force points against all of them presses on nothing.
+            normals: Normals of the surface.  A body whose force points against all of them exerts no pressure.
             table: The contacts as `ArrayContact` has them, shape (k, 3 or 6).
             front: Whether a contact is with the front, shape (k,).
             points: Whether a contact without a known shape acts as a point force, shape (k,).
@@ -294,7 +295,7 @@ class PressureReader:
         )
 
     def _get_upright(self, frame: FloatArray) -> FloatArray:
-        """Return the axis in the world about which a body may turn without tilting, zero for none, shape (3,) [-]."""
+        """Return the axis in the world about which a body may rotate without tilting, zero for none, shape (3,) [-]."""
         return np.asarray(frame[:3, 2])
 
     def _find_pose(self, data: mujoco.MjData, body: int, frame: FloatArray, depth: float) -> PosedBody:

@@ -28,10 +28,9 @@ from meshes.constants import STANDARD_GRAVITY
 ESTIMATOR = "least-squares-force"
 #: Number of points along each edge of the rectangle on which the displaced volume is summed [-].
 _POINTS = 200
-#: Smallest time constant of a contact, over the timestep [-]: MuJoCo increases time constants below two timesteps.
+#: Smallest time constant of a contact, over the timestep [-].  MuJoCo increases time constants below two timesteps.
 _LEAST_STEPS = 2.5
-#: Impedance of the plate's contacts, unless the depth with the smallest time constant is too large; then the impedance
-#: is increased [-].
+#: Impedance of the plate's contacts [-].  It is increased if the depth with the smallest time constant is too large.
 _IMPEDANCE = 0.95
 #: Simulated time in which the ball comes to rest, over the time constant of the contact [-].
 _REST = 60.0
@@ -69,7 +68,7 @@ class ContactFit:
         mass: Mass of a ball of this weight [kg].
         depth: Depth of the reference at this load [m].
         sinks: Depth of a ball in MuJoCo with these parameters at each of the k loads, shape (k,) [m].
-        misses: Difference of `sinks` from the depths of the reference, over the latter, shape (k,) [-].
+        misses: Relative deviation of `sinks` from the depths of the reference, shape (k,) [-].
     """
 
     solref: tuple[float, float]
@@ -92,8 +91,8 @@ class ContactFit:
 def fit_foundation(indenter: Indenter, load: npt.ArrayLike, depth: npt.ArrayLike) -> FoundationFit:
     """Fit the modulus of an elastic foundation to k forces and depths: force = modulus * displaced volume.
 
-    The displaced volume is that of the indenter below the undeformed top of the cover.  There are three estimators:
-    `least-squares-force` is the unweighted fit to all forces; `lightest` and `heaviest` use the first and the last
+    The displaced volume is that of the indenter below the undeformed top of the cover.  There are three estimators.
+    `least-squares-force` is the unweighted fit to all forces. `lightest` and `heaviest` use the first and the last
     force alone.  They differ on a real cover, because small contacts require larger moduli.
 
     Args:

@@ -36,7 +36,7 @@ ESTIMATOR = "least-squares-uniform"
 SIGMA_RANGE = (0.05, 100.0)
 #: The same on curved covers [pitches].
 _RANGE = (0.05, 20.0)
-#: Factors on a fitted sigma; the kernel sizes of these sigmas are tried too, in case ksize changes near the sigma [-].
+#: Factors on a fitted sigma [-].  The kernel sizes of these sigmas are tried too, in case ksize changes near the sigma.
 _NEARBY = (0.99, 1.0, 1.01)
 #: Range to which the response at the loaded texel is clipped before the start value of sigma is computed from it [-].
 _START_PEAK = (1e-4, 0.9)
@@ -143,9 +143,10 @@ def _check_response(
 def _fit_kernel(image: FloatArray, loaded: tuple[int, int], mask: BoolArray) -> Gaussian:
     """Fit sigma by least squares, with ksize determined by sigma (see `Gaussian.from_sigma`).
 
-    The sum of squares is discontinuous at sigmas where ksize changes.  So sigma is fitted at fixed ksize, and the fit
-    is repeated with the ksize of the fitted sigma until a ksize occurs again.  Near a discontinuity this may end on the
-    worse side of it.  So the kernel sizes of nearby sigmas are tried as well, and the best of all fits is returned.
+    The sum of squares is discontinuous at sigmas where ksize changes.  Sigma is therefore fitted at fixed ksize, and
+    the fit is repeated with the ksize of the fitted sigma until a ksize occurs again.  Near a discontinuity this
+    iteration may end on its worse side.  The kernel sizes of nearby sigmas are therefore tried as well, and the best of
+    all fits is returned.
     """
     candidates = [Gaussian.from_sigma(*_fit_sigmas(image, loaded, mask, None))]
     tried: set[tuple[int, int]] = set()
@@ -387,8 +388,8 @@ def unroll_from(array: TexelArray, points: FloatArray, normals: FloatArray) -> F
     """Compute the places of all texels in the surface coordinates of points: arc lengths along tangent axes.
 
     The arc between a point and a texel counts as part of a circle that turns by the angle of their normals, in the
-    direction in which the normal turns; lengths across it are as they are.  This is exact on planes, spheres, and
-    cylinders.
+    direction in which the normal turns.  Lengths across this direction are not changed.  This is exact on planes,
+    spheres, and cylinders.
 
     Args:
         array: n texels.
@@ -404,7 +405,7 @@ def unroll_from(array: TexelArray, points: FloatArray, normals: FloatArray) -> F
     turn = np.arccos(np.clip(normals @ array.normals.T, -1.0, 1.0))
     towards = np.einsum("lad,td->lta", axes, array.normals)
     towards /= np.maximum(np.linalg.norm(towards, axis=2, keepdims=True), np.finfo(float).eps)
-    # np.sinc(x / pi) is sin(x) / x: a chord's projection on the tangent plane is R sin(turn), its arc R turn
+    # np.sinc(x / pi) is sin(x) / x.  The projection of a chord on the tangent plane is R sin(turn), its arc is R turn.
     longer = 1 / np.maximum(np.sinc(turn / np.pi), np.finfo(float).eps) - 1
     along = np.einsum("lta,lta->lt", flat, towards)
     return np.asarray(flat + (longer * along)[..., None] * towards)

@@ -8,7 +8,7 @@ which represents the cover unrolled into a plane:
 - Texels that lie about one pitch from their neighbours in the image, as on a bent sheet, are placed as in the image.
   Cells of adjacent panels then interact as at their distance along the surface, whatever the angle between the panels.
 - Texels of any other layout in one plane form a single panel, whose cells are the common grid.
-- Of any other layout, each texel is a panel of its own.  The panels are placed so far apart on the common grid that
+- In any other layout, each texel is a panel of its own.  The panels are placed so far apart on the common grid that
   their cells do not interact.  A force on a cell still acts on other texels at the base, depending on their offset in
   the plane of the loaded panel.
 """
@@ -82,7 +82,7 @@ class CellGrid:
 
     @cached_property
     def arrays(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        """The grid as kernels take it: (columns, rows) [-], lowest corner [m] and edges of a cell [m], each (2,)."""
+        """Arrays for kernels: (columns, rows) [-], lowest corner [m] and edges of a cell [m], shape (2,) each."""
         return np.array([self.columns, self.rows]), self.low, np.array(self.edge)
 
     def sum_on_texels(self, row: IntArray, column: IntArray, forces: FloatArray) -> FloatArray:
@@ -165,10 +165,10 @@ class CellGrid:
 class BaseForces:
     """The operator from forces on cells at the top of the cover to forces on texels at the base of the cover.
 
-    The influence, which is the force on a texel per unit force on a cell, depends on the distances between texel and
-    cell along rows and along columns.  A low-rank factorisation writes the influence as a sum of products of row
-    factors and column factors, so that two matrix products give the texel forces under a window (rectangle) of cells.
-    For a cover with free side edges this form does not exist, and its table of all cells and texels is applied instead.
+    The influence is the force on a texel per unit force on a cell.  It depends on the distances between texel and cell
+    along rows and along columns.  A low-rank factorisation writes it as a sum of products of row factors and column
+    factors, so that two matrix products give the texel forces under a window (rectangle) of cells.  For a cover with
+    free side edges this form does not exist, and a table of all cells and texels is used instead.
     """
 
     def __init__(self, cells: CoverCells, grid: CellGrid, array: TexelArray) -> None:
@@ -222,9 +222,9 @@ class BaseForces:
         """Lay out the factors of the influence for a window with given first cell (row, column) and shape.
 
         Returns:
-            Factors from rows of cells to rows of texels, for every term, shape (texel rows * terms, rows); from columns
-            of cells to columns of texels, shape (terms * columns, texel columns) [-]; rows and columns of the texels.
-            With a table, its part for the window, shape (n, rows * columns), and nothing.
+            Factors from rows of cells to rows of texels, for every term, shape (texel rows * terms, rows) [-].  Factors
+            from columns of cells to columns of texels, shape (terms * columns, texel columns) [-].  Rows and columns of
+            the texels.  With a table: its part for the window, shape (n, rows * columns) [-], and nothing else.
         """
         cells = [start + np.arange(size) for start, size in zip(origin, shape, strict=True)]
         if self._table is not None:

@@ -1,10 +1,10 @@
 """Layout of the force of soft bodies (flexes of MuJoCo) on the front of an array.
 
 MuJoCo gives every touching element of a flex one contact point.  On a flat face this point jumps from one corner of the
-element to another at every step, so that contact points say where a flex presses no better than to an element.  The
-force of each flex on the array is therefore distributed over its surface in proportion to the depth by which the
-surface lies below the top of the array, plus the contact margin: over equal areas, softness of MuJoCo's contacts gives
-equal depths equal forces.  The force stays exact; the centre of pressure follows from the depths, not from the points.
+element to another at every step, so that contact points resolve the position of a flex only to an element.  The force
+of each flex on the array is therefore distributed over its surface in proportion to a depth: that of the surface below
+the top of the array, plus the contact margin.  With the softness of MuJoCo's contacts, equal areas at equal depths have
+equal forces.  The total force is exact.  The centre of pressure follows from the depths, not from the points.
 """
 
 from __future__ import annotations

@@ -1,15 +1,15 @@
 """Shapes of bodies, and the gap between them and the undeformed cover.
 
-Every geom accepted here is convex; a mesh counts as its convex hull, as in MuJoCo.  A line therefore intersects a geom
-in one interval, and the nearer end of this interval is the gap along the line.  A body consists of one or several
-solids; its gap is the smallest one of these, so that solids which overlap or share an edge are counted once.  Over a
-plate the gap is averaged over the cells of the contact grid, each sampled on `POINTS` x `POINTS` points; over a mesh it
-is measured along the normals of its points.
+Every accepted geom is convex; a mesh counts as its convex hull, as in MuJoCo.  A line therefore intersects a geom in
+one interval, and the nearer end of this interval is the gap along the line.  A body consists of one or several solids.
+Its gap is the smallest gap of its solids, so that solids which overlap or share an edge are counted once.  Over a plate
+the gap is averaged over the cells of the contact grid, each sampled on `POINTS` x `POINTS` points.  Over a mesh it is
+measured along the normals of the mesh's points.
 
-The pressure under a sharp edge is singular.  Cells with uniform pressure omit part of the singular pressure, which has
-the same effect as an edge that lies farther inside.  To compensate, solids with sharp edges may be enlarged by about an
-eighth of a cell.  The enlargement also lowers the whole surface, without effect: the contact solution depends on height
-differences only.
+The pressure under a sharp edge is singular.  Cells with uniform pressure omit part of the singular pressure, with the
+same effect as an edge that lies farther inside.  To compensate, solids with sharp edges may be enlarged by about an
+eighth of a cell.  The enlargement also lowers the whole surface, which has no effect because the contact solution
+depends only on height differences.
 """
 
 from __future__ import annotations
@@ -165,8 +165,8 @@ class PosedBody:
         shape: The solids of the body.
         rotation: Axes of each solid in the array's frame, as columns, shape (p, 3, 3) [-].
         position: Origin of each solid in the array's frame, shape (p, 3) [m].
-        back: Height below which parts of the body lie behind the array.  A body may reach round the array; where a
-            vertical line enters it below this height, it presses on nothing [m].
+        back: Height below which parts of the body lie behind the array [m].  A body may extend around the array.  Where
+            a vertical line enters it below this height, it exerts no pressure.
     """
 
     shape: BodyShape
@@ -192,13 +192,14 @@ class PosedBody:
         """Measure the distance from points to the body along their normals.
 
         Args:
-            points: k points in the array's frame, shape (k, 3) [m].
-            normals: Their unit normals, shape (k, 3) [-].
-            behind: Distance behind a point up to which a body that has passed it counts [m].
+            points: Positions of k points in the array's frame, shape (k, 3) [m].
+            normals: Unit normals at the points, shape (k, 3) [-].
+            behind: Distance behind a point within which a body that has passed the point is detected [m].
 
         Returns:
-            Distance at which each normal enters the body; negative where the point lies inside it or was passed by it,
-            infinite where the normal misses the body or it lies farther behind the point, shape (k,) [m].
+            Distance at which each normal enters the body, shape (k,) [m].  It is negative at points that are inside the
+            body or that it has passed, and infinite where the normal misses the body or the body is more than `behind`
+            behind the point.
         """
         lines = np.ascontiguousarray(points), np.ascontiguousarray(normals)
         enter, leave = compile_kernel(cross_lines)(self.shape.arrays, self.rotation, self.position, *lines)
@@ -224,7 +225,8 @@ class GapSamples:
         x: x of the centroid of the covered part of the cell on the contact grid [m].
         y: y of the centroid of the covered part of the cell on the contact grid [m].
         gap: Mean gap between the body's surface and the undeformed cover over the covered part [m].
-        place: That centroid in the array's frame, shape (m, 3), or x and y on a plate, shape (m, 2) [m].
+        place: Centroid of the covered part in the array's frame, shape (m, 3), or its x and y on a plate, shape (m, 2)
+            [m].
         normal: Outward normal of the cell in the array's frame, shape (m, 3) [-].
     """
 
@@ -279,7 +281,7 @@ def sample_gap(grid: CellGrid, bodies: Sequence[PosedBody], reach: Sequence[floa
     row, column, coverage, x, y, gap = (
         found[0] if len(found) == 1 else (np.concatenate(each) for each in zip(*found, strict=True))
     )
-    # filled in place, which takes a quarter of the time of numpy's functions for arrays this small
+    # Filled in place, which takes a quarter of the time of numpy's functions for arrays this small.
     place, normal = np.empty((len(x), 2)), np.zeros((len(x), 3))
     place[:, 0], place[:, 1], normal[:, 2] = x, y, 1.0
     body = np.repeat(np.arange(len(found)), [len(each[0]) for each in found])

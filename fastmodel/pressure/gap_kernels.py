@@ -3,8 +3,8 @@
 
 `sample_body` averages the gap along an array's normal over cells; `cross_lines` finds where any lines meet solids.
 
-All kernels stand in one file, because numba's cache checks only the file of the called kernel for changes, not the
-files of the functions that this kernel calls.
+All kernels are in one file, because numba's cache checks only the file of the called kernel for changes, not the files
+of the functions that this kernel calls.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ Shape = tuple[IntArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray
 Grid = tuple[IntArray, FloatArray, FloatArray]
 #: Row, column, coverage, x, y and gap of m cells of the contact grid, each of shape (m,); see `GapSamples`.
 Cells = tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
-#: The p solids; the distance by which those with sharp edges are enlarged [m]; their axes (p, 3, 3) [-] and origins
-#: (p, 3) [m] in the array's frame.
+#: The p solids, as a tuple.  The entries are: the solids; the distance by which those with sharp edges are enlarged
+#: [m]; axes of the solids, shape (p, 3, 3) [-], and origins, shape (p, 3) [m], in the array's frame.
 Body = tuple[Shape, float, FloatArray, FloatArray]
 #: Windows of the p solids and the window around them all, see `_find_windows`; lowest corner and edges of a cell of the
 #: contact grid, (2,) [m].
 View = tuple[IntArray, IntArray, FloatArray, FloatArray]
-#: Vertical lines at x[first:last] and y: x, y [m], first, last.
+#: Vertical lines at the positions x[first:last] and y, as a tuple: x [m], y [m], first, last.
 Line = tuple[FloatArray, float, int, int]
 #: Components along x, y and z.
 Vector = tuple[float, float, float]
@@ -70,7 +70,7 @@ def sample_body(body: Body, grid: Grid, reach: float, back: float) -> Cells:
         spans = _find_spans(centres, near, view, top)
         heights = _sample_spans(body, view, near, spans, back)
         cells, lowest = _average_over_cells(heights, around, grid[1], grid[2], reach)
-        if lowest + reach <= top or top >= 1e9:  # a height above everything
+        if lowest + reach <= top or top >= 1e9:  # a height above all bodies
             return cells
         top = min(lowest + reach, 1e9)
 
@@ -89,8 +89,8 @@ def _sample_centres(
         top: Height up to which the gap is sampled; if infinite, it is chosen from the smallest gap at a centre [m].
 
     Returns:
-        Gaps, infinite beside a solid, shape (p, rows + 2, columns + 2) [m]; which solids may lie below the height,
-        shape (p,), gaps under others are not set; and the height [m].
+        Gaps, shape (p, rows + 2, columns + 2) [m], infinite beside a solid; whether each solid may lie below the
+        height, shape (p,) (the gaps of other solids are not set); and the height [m].
     """
     (shape, _, rotation, position), (windows, around, low, cell) = body, view
     rows, columns = max(around[3] - around[1], 0) + 2, max(around[2] - around[0], 0) + 2
@@ -113,7 +113,7 @@ def _sample_centres(
             for j in range(first, last):
                 heights[p, i, j] = bottom[j] if back < bottom[j] <= upper[j] else np.inf
                 lowest = min(lowest, heights[p, i, j])
-    # more is sampled later if the smallest mean gap of a cell requires it
+    # More cells are sampled later if the smallest mean gap of a cell requires it.
     return heights, near, lowest + 1.2 * reach if top == np.inf else top
 
 
@@ -244,7 +244,7 @@ def _cross_solid(body: Body, p: int, faces: FloatArray, line: Line, bottom: Floa
         _cross_faces(faces, line, bottom, top)
         return
     turn, place = rotation[p], position[p]
-    # written out and with numbers, because passing arrays for every line doubles the time
+    # Written out for single numbers, because passing arrays for every line doubles the time.
     kind, size = shape[0][p], (shape[1][p, 0], shape[1][p, 1], shape[1][p, 2])
     up, dy, dz = (turn[2, 0], turn[2, 1], turn[2, 2]), y - place[1], -place[2]
     for j in range(first, last):
@@ -252,7 +252,7 @@ def _cross_solid(body: Body, p: int, faces: FloatArray, line: Line, bottom: Floa
         ox = turn[0, 0] * dx + turn[1, 0] * dy + turn[2, 0] * dz
         oy = turn[0, 1] * dx + turn[1, 1] * dy + turn[2, 1] * dz
         oz = turn[0, 2] * dx + turn[1, 2] * dy + turn[2, 2] * dz
-        if kind == ELLIPSOID:  # not by the function for all kinds, which is too large to be inlined
+        if kind == ELLIPSOID:  # A separate call, because the function for all kinds is too large to be inlined.
             scaled = (ox / size[0], oy / size[1], oz / size[2]), (up[0] / size[0], up[1] / size[1], up[2] / size[2])
             bottom[j], top[j] = _cross_ball(scaled[0], scaled[1], 1.0)
         else:
@@ -261,7 +261,7 @@ def _cross_solid(body: Body, p: int, faces: FloatArray, line: Line, bottom: Floa
 
 @called_by_kernels
 def _turn_back(turn: FloatArray, x: float, y: float, z: float) -> Vector:
-    """Return the components of a vector along axes that are the columns of a matrix, shape (3, 3)."""
+    """Return the components of a vector along axes, given as the columns of a matrix, shape (3, 3)."""
     return (
         turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z,
         turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z,

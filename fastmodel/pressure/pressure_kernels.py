@@ -1,8 +1,8 @@
 # ruff: noqa: PLR0917, PLR2004, C901 -- kernels take arrays by position, and their tolerances stand where they act
 """Compiled kernels that compute the pressure on cells; `fastmodel.pressure.solvers` describes the methods.
 
-All kernels stand in one file, because numba's cache checks only the file of the called kernel for changes, not the
-files of the functions that this kernel calls.
+All kernels are in one file, because numba's cache checks only the file of the called kernel for changes, not the files
+of the functions that this kernel calls.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def _solve_weighted(columns: FloatArray, weight: FloatArray, matrix: FloatArray,
             matrix[a, b] = matrix[b, a] = total
         trace += matrix[a, a]
     for a in range(k):
-        matrix[a, a] += 1e-12 * trace  # so that it can be inverted
+        matrix[a, a] += 1e-12 * trace  # regularisation, so that the matrix can be inverted
     for a in range(k):
         for b in range(a + 1, k):
             factor = matrix[b, a] / matrix[a, a]
@@ -144,13 +144,13 @@ def _balance(
             error = max(error, abs(found[a]) / scale)
         if error <= 1e-9:
             return error, changed
-        changed = changed or error > 1e-6  # below, the displacements stay valid
+        changed = changed or error > 1e-6  # Below this error the displacements stay valid.
         _solve_weighted(columns, forces, matrix, found)
         for i in range(len(forces)):
             factor = 1.0
             for a in range(k):
                 factor += columns[i, a] * found[a]
-            forces[i] *= max(factor, 0.2)  # a positive factor keeps forces positive
+            forces[i] *= max(factor, 0.2)  # A positive factor keeps forces positive.
     _scale_sums(forces, columns, target)
     return error, changed
 
@@ -266,13 +266,13 @@ def minimise_energy(
         columns: Columns of the constraints columns.T @ forces = target, shape (m, k).
         target: Prescribed values of the constraints, shape (k,) [N].
         start: Forces from which the iteration starts, shape (m,) [N].
-        limits: Sum of the changes of forces in one step below which the iteration stops [N]; summed residual below
-            which it stops too [m]; and largest number of steps.
+        limits: Limits at which the iteration stops: sum of the changes of forces in one step [N], summed residual [m],
+            and largest number of steps [-].
 
     Returns:
-        Cell forces, those in `start` if the constraints cannot be satisfied, shape (m,) [N]; these forces on the whole
-        cells of the window, shape (rows, columns) [N]; Lagrange multipliers of the constraints, shape (k,) [m]; number
-        of steps; and whether the iteration converged.
+        Cell forces, shape (m,) [N]; those in `start` if the constraints cannot be satisfied.  These forces on the whole
+        cells of the window, shape (rows, columns) [N].  Lagrange multipliers of the constraints, shape (k,) [m].
+        Number of steps.  Whether the iteration converged.
     """
     count, k = columns.shape
     rows, cols, tall = cover[3].shape[1], cover[4].shape[1], cover[3].shape[0]
@@ -286,16 +286,16 @@ def minimise_energy(
         converged = _compare(forces, before, active) < limits[0] and step > 0
         if converged or step == limits[2]:
             break
-        if not error <= 1e-3:  # also true if the error is nan
+        if not error <= 1e-3:  # The condition is also true if the error is nan.
             forces[:] = start
             break
-        # the overlap is computed anew only after cells joined or left the active set or after a large correction
+        # The overlap is computed anew only after cells joined or left the active set, or after a large correction.
         if other or corrected:
             _displace(cover, forces, room, overlap)
             for i in range(count):
                 overlap[i] += gap[i]
         energy, size, total, grows = _compute_residual(active, overlap, columns, matrix, motion, residual)
-        # the residual is small enough, or only rounding error
+        # The residual is small enough, or consists of rounding errors only.
         if total <= limits[1] or (energy <= 1e-20 * size and not grows):
             converged = True
             break
@@ -330,9 +330,8 @@ def place_cells(
         square: Displacement at the centre of a whole cell under unit force on this cell of a half space [m/N].
 
     Returns:
-        Row and column in the contact grid of the first cell of a window that contains all these whole cells; rows and
-        columns of the window; and the first three entries of
-        `Cover`.
+        Row and column in the contact grid of the first cell of a window that contains all these whole cells.  Rows and
+        columns of the window.  The first three entries of `Cover`.
     """
     row, column, coverage, x, y = samples
     _, low, edge = grid
@@ -352,11 +351,11 @@ def place_cells(
         a, b = u - math.floor(u), v - math.floor(v)
         p, q, r, s = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
         weight[0, k], weight[1, k], weight[2, k], weight[3, k] = p, q, r, s
-        # self compliance of the divided cell by the convolution; for a whole cell it is near[0, 0]
+        # Self compliance of the divided cell by the convolution; for a whole cell it is near[0, 0].
         interpolated = near[0, 0] * (p * p + q * q + r * r + s * s) + 2 * near[0, 1] * (p * q + r * s)
         interpolated += 2 * near[1, 0] * (p * r + q * s) + 2 * near[1, 1] * (p * s + q * r)
         own[k] = near[0, 0] - interpolated + square * (1 / math.sqrt(coverage[k]) - 1)
-    shape = ((rows + 3) // 4 * 4, (cols + 3) // 4 * 4)  # multiples of 4, so that few matrices are needed
+    shape = ((rows + 3) // 4 * 4, (cols + 3) // 4 * 4)  # Multiples of 4 reduce the number of different matrices.
     return (top, left), shape, corner, weight, own
 
 

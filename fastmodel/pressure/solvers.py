@@ -36,12 +36,12 @@ from fastmodel.state import State, take_array
 from fastmodel.surface import CoverCells
 from meshes.array_types import FloatArray, IntArray
 
-#: Length by which the lever arms of moments are divided, so that the constraints on force and moments are of similar
-#: magnitude: the size of a typical contact [m].
+#: Length by which the lever arms of moments are divided [m]; the size of a typical contact.  The constraints on force
+#: and moments are then of similar magnitude.
 _LEVER = 1e-2
-#: Cosine of the angle between a body's force and a panel's normal, up to which the body exerts no pressure on the
-#: panel.  Also the smallest share of a body's force along the directions in which its joints leave the body free; below
-#: this share the direction of the force is used instead [-].
+#: Cosine of the angle between a body's force and a panel's normal, up to which the body exerts no pressure on the panel
+#: [-].  It is also the smallest share of a body's force along the directions in which its joints leave the body free;
+#: below this share the direction of the force is used instead.
 STEEP = 0.2
 
 
@@ -53,8 +53,8 @@ class Load:
         force: Force of the body against the array's normal [N].
         moment: Sums over the contact points of force times x and of force times y, in the array's frame, shape (2,)
             [N m].
-        tilts: Whether the body is free to tilt.  If so, the moments determine where the body presses.  Otherwise a
-            guide of the body takes up moments, and they are not prescribed.
+        tilts: Whether the body is free to tilt.  If so, the moments determine the position of its pressure.  Otherwise
+            a guide of the body takes up moments, and they are not prescribed.
     """
 
     force: float
@@ -95,14 +95,15 @@ class Load:
 
         Args:
             place: Positions of the cells in the array's frame, shape (m, 2 or 3) [m].
-            normal: Their outward normals, shape (m, 3) [-].
+            normal: Outward normals of the cells, shape (m, 3) [-].
 
         Returns:
             Columns, shape (m, k), and target, shape (k,) [N].
         """
         if not self.tilts or len(place) < 3:  # noqa: PLR2004 -- three points define a plane
             return np.ones((len(place), 1)), np.array([self.force])
-        # moments about the centre of pressure, divided by a typical length: the unknowns are then of similar magnitude
+        # Moments are taken about the centre of pressure and divided by a typical length, so that the unknowns are of
+        # similar magnitude.
         centre = (self.moment / (self.force * _LEVER)).tolist()
         columns = np.ones((len(place), 3))
         columns[:, 1] = place[:, 0] / _LEVER - centre[0]
@@ -153,7 +154,7 @@ class Wrench(Load):
         first = along / np.linalg.norm(along)
         rest = span - np.outer(first, first @ span)
         left, sizes, _ = np.linalg.svd(rest, full_matrices=False)
-        # the singular value is 0 for a direction along the first direction and 1 for one across it
+        # The singular value is 0 for a direction parallel to the first direction and 1 for a perpendicular one.
         others = left[:, sizes > 0.5].T  # noqa: PLR2004
         return cls(
             force=float(vector @ first),
@@ -203,7 +204,7 @@ class Wrench(Load):
         rest = rest - np.outer(share, first)
         aims = np.array(wanted[1:]) - share * wanted[0]
         values, vectors = np.linalg.eigh(rest @ rest.T / len(place))
-        # a column whose root mean square beside the first column is smaller depends on the others
+        # Combinations with a smaller root mean square, after the first column is removed, are linearly dependent.
         kept = values > 0.02**2
         mixed = vectors[:, kept] * (1 / np.sqrt(values[kept]))
         return np.ascontiguousarray(np.column_stack([first, rest.T @ mixed])), np.append(wanted[0], aims @ mixed)
@@ -240,7 +241,7 @@ class PressureSolver:
 
     Attributes:
         grid: The contact grid of the array.
-        bases: Operators to texel forces at the base of the cover, at each of its loads; empty if none are computed.
+        bases: Operators to texel forces at the base, one for each tabulated load of the cover; empty if not computed.
     """
 
     def __init__(self, grid: CellGrid, bases: Sequence[BaseForces] = ()) -> None:
@@ -274,8 +275,8 @@ class CoverSolver(PressureSolver):
     """Solver for the pressure on a cover; the iteration of each contact starts from the previous solution.
 
     A cover whose stiff top stretches under load has tables for some loads, which were fitted to a ball.  They apply to
-    a body that sinks as deep as the ball under the same load.  A body with a large face sinks less and stretches the
-    cover less; the smaller load at which the ball is equally deep is then used.
+    a body with the same depth as the ball under the same load.  A body with a large face has a smaller depth and
+    stretches the cover less; the smaller load at which the ball has the same depth is then used.
     """
 
     def __init__(
@@ -336,12 +337,13 @@ class CoverSolver(PressureSolver):
         force, position = loads[heaviest].force, self._cells.position_among_loads
         known = not math.isnan(self._share)
         share = self._share if known else 1.0
-        for _ in range(2 if known else 6):  # solutions for later readings, and for the first one of a contact
+        # More solutions are allowed for the first reading of a contact than for later readings.
+        for _ in range(2 if known else 6):
             self._load = share * force
             solution = self._solve_at(samples, loads, round(position(self._load)))
             if solution.approach is None:
                 break
-            # the share allows for the error of depths, which depends on the position of a contact on the cells
+            # The factor allows for the error of depths, which depends on the position of a contact on the cells.
             equal = min(force, self._cells.load_at_depth(float(solution.approach[heaviest]) / 0.85))
             share = math.sqrt(share * equal / force)
             if abs(position(equal) - position(self._load)) < 0.25:  # noqa: PLR2004 -- steps between tabulated loads
@@ -359,8 +361,8 @@ class CoverSolver(PressureSolver):
             self._last, (samples.row, samples.column, samples.coverage, samples.body), wanted, self._scratch
         )
         tolerance = self._tolerance * float(wanted.sum())
-        # The residual times the largest stiffness bounds the change of the forces that is still missing.  A quarter of
-        # the tolerance, because errors of starts that are accepted one after the other add up.
+        # The residual times the largest stiffness is a bound of the remaining change of the forces.  A quarter of the
+        # tolerance is used, because errors of successive accepted start values add up.
         limits = (tolerance, 0.25 * tolerance / self._stiffest[nearest], self._steps)
         columns, target, approach = join_constraints(loads, samples.body, samples.place, samples.normal)
         found = self._minimise(cover, samples.gap, columns, target, start, limits)
@@ -394,9 +396,9 @@ class CoverSolver(PressureSolver):
 
 
 def _find_largest_stiffness(kernel: FloatArray) -> float:
-    """Return the force over displacement of cells that are pushed and pulled in turn, like a chessboard [N/m].
+    """Return force over displacement of cells under a chequered pattern of alternating forces [N/m].
 
-    The compliance of a cover decreases with the wave number, so that this is the stiffest of all patterns.
+    The compliance of a cover decreases with the wave number, so that this is the stiffest pattern.
     """
     signs = np.where(np.arange(max(kernel.shape)) % 2, -2.0, 2.0)
     signs[0] = 1.0
@@ -412,7 +414,7 @@ def join_constraints(
         loads: Load of each body.
         owner: Index of the body that presses on each cell, -1 for none, shape (m,).
         place: Positions of the cells, shape (m, 2 or 3) [m].
-        normal: Their normals, shape (m, 3) [-].
+        normal: Outward normals of the cells, shape (m, 3) [-].
 
     Returns:
         Columns of k constraints on the m forces, shape (m, k); target, shape (k,) [N]; and for each body the index of

@@ -1,6 +1,6 @@
 """Arrays of any library that follows the Python array API standard: numpy, JAX, PyTorch and others.
 
-The functions of the signal chain take arrays of any of these libraries, and return arrays of the same one.
+The functions of the signal chain accept arrays of any of these libraries, and return arrays of the same library.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ Array = Any
 
 
 def find_namespace(values: Any) -> Any:  # noqa: ANN401 -- modules have no common type
-    """Return the module whose functions take an array, for example `numpy` or `jax.numpy`.
+    """Return the module whose functions accept an array, for example `numpy` or `jax.numpy`.
 
     Numbers and sequences of numbers belong to numpy.  Arrays of PyTorch, which do not follow the standard by
     themselves, need the package array-api-compat.
 
     Args:
-        values: An array, or what `numpy.asarray` takes.
+        values: An array, or a value that `numpy.asarray` accepts.
     """
-    if isinstance(values, np.ndarray):  # the same as below in a tenth of the time
+    if isinstance(values, np.ndarray):  # Same result as below in a tenth of the time.
         return np
     if hasattr(values, "__array_namespace__"):
         return values.__array_namespace__()
@@ -39,7 +39,7 @@ def as_floats(xp: Any, values: Any) -> Array:  # noqa: ANN401 -- modules have no
 
     Args:
         xp: The module of the array, see `find_namespace`.
-        values: An array of the module, or what its `asarray` takes.
+        values: An array of the module, or a value that its `asarray` accepts.
     """
     array = xp.asarray(values)
     return array if array.dtype in _list_float_types(xp) else cast(xp, array, _list_float_types(xp)[0])

@@ -1,6 +1,6 @@
 """The signal chain as pure functions over many worlds at once, for arrays of numpy, JAX or PyTorch.
 
-The contact forces come from anywhere, for example from a simulator that runs thousands of worlds on a graphics card:
+The contact forces may have any source, for example a simulator that runs thousands of worlds on a graphics card:
 
     functions = ChainFunctions(parameters, rate_hz=1000.0, namespace=jax.numpy)
     state = functions.settle(forces)                         # forces: (worlds, texels) [N]
@@ -35,8 +35,8 @@ class ChainState(NamedTuple):
     """The state of the signal chain of n texels.
 
     Attributes:
-        filter: States of the low-pass filter of n + 1 + m signals, shape (k, ..., n + 1 + m); the last of the k entries
-            is the filtered sample.  The signals are: force on every texel, total force, and m others [N].
+        filter: States of the low-pass filter of n + 1 + m signals, shape (k, ..., n + 1 + m) [N].  The last of the k
+            entries is the filtered sample.  The signals are the force on every texel, the total force, and m others.
         play: Output of each texel's play operator, which models hysteresis, shape (..., n) [N].
     """
 

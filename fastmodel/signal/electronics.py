@@ -3,12 +3,12 @@
 The force on each texel passes the stages hysteresis, temperature, noise, characteristic, gain, threshold, saturation,
 rounding to whole counts, and 8-bit grey, in this order.  Hysteresis, temperature and noise are off by default.
 
-The characteristic is a function of the force that it was calibrated against.  On a bench, a small tip presses on the
-cover over the centre of a texel, and the applied force is known.  The cover spreads this force, and the texel under the
-tip measures a share of it only.  The force on a texel divided by that share is the applied force.
+The characteristic is a function of the force of its calibration.  On a bench, a small tip presses on the cover over the
+centre of a texel, and the applied force is known.  The cover spreads this force, and the texel under the tip measures
+only a share of it.  The force on a texel divided by that share is the applied force.
 
-All functions take arrays of any library that follows the array API standard, with any number of dimensions before that
-of the texels, and change none of them.
+All functions accept arrays of any library that follows the array API standard, with any number of dimensions before
+that of the texels.  They do not change their arguments.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from fastmodel.signal.array_namespace import Array, as_floats, cast, find_namesp
 
 #: Grey level of white in an 8-bit image [-].
 WHITE = 255
-#: Width of the saturation bend, in counts, below which counts are clipped sharply [-].  Counts are rounded to whole
-#: numbers, so a bend this narrow has no effect.
+#: Width of the saturation bend below which counts are clipped sharply [counts].  Counts are rounded to whole numbers,
+#: so that a narrower bend has no effect.
 _SHARP = 1e-6
 #: Value of `Electronics.calibrated` for a characteristic that is a function of the force on the texel itself.
 TEXEL_FORCE = "texel force"
@@ -61,12 +61,12 @@ class Electronics:
             times the share [N].
         temperature_coefficient: Relative change of the measured force per kelvin; 0 for none [1/K].
         temperature_excess: Temperature minus the temperature at which the characteristic was measured [K].
-        calibrated: The force that the characteristic is a function of.  `"texel force"`: the force on the texel, after
-            spread.  `"through the cover, tip 1 mm"`: the force that a rod with a hemispherical end of 1 mm radius
+        calibrated: Force that is the argument of the characteristic. `"texel force"` is the force on the texel, after
+            spread. `"through the cover, tip 1 mm"` is the force that a rod with a hemispherical end of 1 mm radius
             (`meshes.RoundedTip`), or of another number of millimetres, applies to the cover over a texel's centre.
-        tip_share: Share of the force of that tip that the texel under the tip measures; `softcover derive` computes it
-            by finite elements.  None if it is not known; the characteristic is then applied to the texel force, so that
-            counts are too low, and a running sensor logs a warning [-].
+        tip_share: Share of the tip's force that the texel under the tip measures [-]; `softcover derive` computes it by
+            finite elements.  If it is not known (None), the characteristic is applied to the texel force, so that
+            counts are too low, and a running sensor logs a warning.
     """
 
     rate_hz: float
@@ -137,7 +137,7 @@ class Electronics:
 
     @property
     def applied_share(self) -> float:
-        """Force on a texel over the force that the characteristic is a function of: `tip_share`, or 1 without [-]."""
+        """Force on a texel over the argument of the characteristic [-]: `tip_share`, or 1 if it is None."""
         return 1.0 if self.tip_share is None else self.tip_share
 
     @property
@@ -245,7 +245,7 @@ def grey_levels(values: npt.ArrayLike | Array, full_scale: float) -> Array:
 
 
 def describe_calibration(electronics: Electronics) -> str:
-    """Describe in one sentence what the characteristic was calibrated against and how it is applied."""
+    """Describe in one sentence the force of the characteristic's calibration and the use of the characteristic."""
     if electronics.tip_radius is None:
         return "counts are a function of the force on the texel"
     force = f"counts are a function of the force applied {electronics.calibrated} (radius of its hemispherical end)"

@@ -22,17 +22,17 @@ class Frame:
             known, as for a real sensor.  A texel force may be slightly negative, because the pressure under a nearly
             incompressible cover is negative around the load.  Counts are never negative.
         texel_area: Sensitive area of a texel; None for a real sensor [m2].
-        net_force: Force that all contacts exert on the array, at its sides and back too, in the frame of the array,
-            shape (3,): x along columns, y along rows, z out of the cover, so that a pressing force has a negative z
-            component.  Filtered as the texel forces are, without spread, noise or electronics.  None for a real sensor
-            [N].
-        net_torque: Torque of these contacts about the origin of the array's frame, shape (3,); filtered likewise [N m].
-        tangential: Tangential force that contacts exert on each texel, along x and y of a flat array (in general along
-            the texel's tangents, see `fastmodel.signal.point_spread.find_tangents`), shape (n, 2); filtered, without
-            spread; zero on masked texels.  None for a real sensor [N].
-        tangential_source: Method by which the tangential forces were computed: "contacts of each texel" for the contact
-            methods `boxes` and `area`; "net shear, shared in proportion to pressure" for `cover` and `foundation`.  In
-            this case only the sum of the tangential forces is meaningful, not their distribution.
+        net_force: Force that all contacts exert on the array, including its sides and back, in the frame of the array,
+            shape (3,) [N].  A pressing force has a negative z component.  It is filtered as the texel forces are,
+            without spread, noise or electronics.  None for a real sensor.
+        net_torque: Torque of all contacts about the origin of the array's frame, filtered, shape (3,) [N m]; None for a
+            real sensor.
+        tangential: Tangential force that contacts exert on each texel, along x and y of a flat array or else along the
+            texel's tangents (`fastmodel.signal.point_spread.find_tangents`), shape (n, 2) [N].  It is filtered, without
+            spread, and zero on masked texels.  None for a real sensor.
+        tangential_source: Method of the tangential forces.  It is "contacts of each texel" for the contact methods
+            `boxes` and `area`, and "net shear, shared in proportion to pressure" for `cover` and `foundation`.  With
+            the second method only the sum of the tangential forces is meaningful, not their distribution.
     """
 
     time: float

@@ -92,8 +92,8 @@ class FacetSurface:
             parts: Number of parts along each side of a facet [-].
 
         Returns:
-            Middles of the k parts of each facet, shape (f, k, 3) [m]; area vectors of the parts, shape (f, k, 3) [m2];
-            their edge vectors, shape (f, k, 2, 3) [m].
+            Middles of the k parts of each facet, shape (f, k, 3) [m].  Area vectors of the parts, shape (f, k, 3) [m2].
+            Edge vectors of the parts, shape (f, k, 2, 3) [m].
         """
         count = self.facets.shape[1]
         place, _ = split_facet(count, parts)

@@ -73,7 +73,7 @@ def press_layers(cover: Cover, problem: PressProblem) -> list[Indentation]:
 
     Raises:
         ValueError: If the axis of the indenter is beside the cover.
-        UnsupportedError: If the motion is not along -z, or another strain is asked for than that of the materials.
+        UnsupportedError: If the motion is not along -z, or a strain other than that of the materials is requested.
         PiercedError: If the indenter would pierce the cover.
         IncompletePathError: If the solver stops before the last target; the error has the results that were reached.
     """

@@ -94,7 +94,7 @@ def press(
 
     Raises:
         ValueError: If not exactly one of load and depth is given, it is not positive, or the indenter misses the cover.
-        UnsupportedError: If the solver of this kind of cover cannot do what is asked for.
+        UnsupportedError: If the solver of this kind of cover does not support the request.
         PiercedError: If the indenter would pierce the cover.
         ConvergenceError: If the solver does not converge.  An `IncompletePathError` has the results that were reached.
     """

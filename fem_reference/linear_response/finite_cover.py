@@ -187,9 +187,9 @@ def constrain_parity(
 ) -> tuple[sp.csr_matrix, BoolArray]:
     """Constrain the unknowns that vanish on the planes of symmetry, without a change of the sparsity pattern.
 
-    For a load even in x, the displacement along x is odd in x and vanishes at x = 0; for a load odd in x, the other
+    For a load even in x, the displacement along x is odd in x and vanishes at x = 0.  For a load odd in x, the other
     displacement components and the pressure vanish at x = 0.  A block on a sliding base may also move or rotate as a
-    rigid body without force; one more constrained unknown prevents this motion.
+    rigid body without force.  One more constrained unknown prevents this motion.
 
     Args:
         solid: Quarter x, y >= 0 of a block, with n unknowns.

@@ -1,12 +1,12 @@
 """Linear response of a wide cover whose stiff top layer is under membrane tension.
 
-A foil on a soft layer stretches where an indenter presses it down.  Its tension T, a force per length, resists further
-deflection w with the pressure -T w'' (Timoshenko and Woinowsky-Krieger, Theory of Plates and Shells, section 78).  With
-the compliance C(k) of the cover's top for the pressure cos(k x), the pressure that remains for the layers below, and so
-the response to a load, is divided by 1 + T k^2 C(k).  A uniform T stands for the tension near the contact.
+A foil on a soft layer stretches under an indenter.  Its tension T, a force per length, resists further deflection w
+with the pressure -T w'' (Timoshenko and Woinowsky-Krieger, Theory of Plates and Shells, section 78).  C(k) is the
+compliance of the cover's top for the pressure cos(k x).  The pressure on the layers below, and with it the response to
+a load, is then divided by 1 + T k^2 C(k).  A uniform T represents the tension near the contact.
 
-The stretched foil also drags the soft layer along in the plane, which widens the base pressure far from the contact.
-The empirical term (k l)^2 with a length l stands for this: the response is divided by 1 + T k^2 C(k) + (k l)^2.
+The stretched foil also displaces the soft layer in the plane, which widens the base pressure far from the contact.  The
+empirical term (k l)^2 with a length l represents this effect: the response is divided by 1 + T k^2 C(k) + (k l)^2.
 """
 
 from __future__ import annotations

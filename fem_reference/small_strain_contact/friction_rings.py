@@ -56,9 +56,9 @@ class RingSettings:
     fit: int = 2
     #: Relative tolerance of the conditions of contact and slip [-].
     tolerance: float = 1e-9
-    #: Number of changes of the conditions of the rings after which only the worst ring is changed at a time [-].
+    #: Number of changes of the active set after which only one ring, the one with the largest violation, changes [-].
     all_at_once: int = 40
-    #: Largest number of changes of the conditions of the rings [-].
+    #: Largest number of changes of the active set of rings [-].
     exchanges: int = 2000
     #: Smallest estimated error of a result [-].
     least_error: float = 5e-4
@@ -207,7 +207,7 @@ class RingContact:
         return reached
 
     def _plan_depths(self, last: float, steps: int) -> Iterator[float]:
-        """Yield depths, without end, with which the contact grows evenly and reaches the depth `last` in `steps`."""
+        """Yield depths without end, for even growth of the contact that reaches the depth `last` after `steps`."""
         steps = 1 if self._indenter.is_flat else steps
         for number in itertools.count(1):
             share = number / steps

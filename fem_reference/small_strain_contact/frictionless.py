@@ -263,7 +263,7 @@ class FrictionlessSettings:
     refinements: int = 8
     #: Half width of the contact over that of the grid, along each axis, above which the grid is fine enough [-].
     filled: float = 0.8
-    #: Half width of a new grid over that of the last contact [-].
+    #: Half width of a new grid, over the half width of the contact on the previous grid [-].
     margin: float = 1.1
     #: Smallest ratio of successive half widths of the grid: a grid is at most twenty times smaller than the last [-].
     shrinking: float = 0.05

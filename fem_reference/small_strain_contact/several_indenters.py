@@ -170,8 +170,9 @@ def _constrain_bodies(
         y: y coordinates of the centres of the cells, shape (rows, columns) [m].
 
     Returns:
-        Downward displacement of the indenter at each cell per unit of each motion, shape (k, rows, columns); prescribed
-        force [N] or moment [N m] of each motion, shape (k,); and index of the indenter of each motion, shape (k,).
+        Downward displacement of the indenter at each cell per unit of each motion, shape (k, rows, columns).
+        Prescribed force [N] or moment [N m] of each motion, shape (k,).  Index of the indenter of each motion, shape
+        (k,).
     """
     columns, loads, movers = [], [], []
     for index, body in enumerate(bodies):

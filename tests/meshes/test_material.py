@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshes import Material
+from meshes import Material, material
+from meshes.material import Model, Parameter
 
 
 def make(**change):
@@ -94,3 +95,22 @@ def test_moduli_of_a_linear_material_satisfy_the_relations_of_isotropic_elastici
     assert material.youngs_modulus == pytest.approx(youngs_modulus)
     assert 9 * bulk * shear / (3 * bulk + shear) == pytest.approx(youngs_modulus, rel=1e-9)
     assert (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear)) == pytest.approx(poisson_ratio, abs=1e-9)
+
+
+def test_a_model_may_determine_the_poisson_ratio(monkeypatch):
+    """A foam whose compressibility beta stands for it: nu = beta / (1 + 2 beta)."""
+    foam = Model(
+        parameters={"shear_modulus": Parameter(meaning="shear modulus"), "beta": Parameter(unit="-", meaning="beta")},
+        shear_modulus=lambda each: each.number("shear_modulus"),
+        poisson_ratio=lambda each: each.number("beta") / (1 + 2 * each.number("beta")),
+    )
+    monkeypatch.setattr(material, "MODELS", {**material.MODELS, "foam": foam})
+    made = Material(name="foam", model="foam", parameters={"shear_modulus": 1e5, "beta": 1.0})
+    assert made.poisson_ratio == pytest.approx(1 / 3)
+    assert made.youngs_modulus == pytest.approx(2e5 * 4 / 3)
+    moved = made.with_poisson_ratio(0.4)
+    assert (moved.poisson_ratio, moved.shear_modulus) == (0.4, 1e5)
+    with pytest.raises(ValueError, match=r"determine poisson_ratio, 0.333333; leave it out"):
+        dataclasses.replace(made, poisson_ratio=0.4)
+    with pytest.raises(ValueError, match="poisson_ratio must lie in"):
+        Material(name="rubber", model="neo-hookean", parameters={"shear_modulus": 1e5})

@@ -1,1 +1,1 @@
-"""Determines from recordings under known loads how a real sensor turns force into counts."""
+"""Estimation of the conversion from force to counts of a real sensor, from recordings under known loads."""

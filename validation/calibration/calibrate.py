@@ -1,8 +1,9 @@
 """Calibrates a real sensor: fits the forward model to images under known loads, with confidence intervals.
 
 The share of a load on each texel follows from the cover of the sensor and the pose of the tool, by a contact method of
-the fast model or by finite elements.  Fitted are the poses that are not given, a straight line from texel force to
-counts with a gain per texel, the saturation if the loads reach it, and temperature coefficients if the data allow.
+the fast model or by finite elements.  The fitted parameters are the poses that are not given, a straight line from
+texel force to counts with a gain per texel, the saturation if the loads reach it, and temperature coefficients if the
+data allow.
 """
 
 from __future__ import annotations
@@ -66,10 +67,10 @@ class CalibrationNumbers:
             image [-].  The counts of texels with smaller forces are dominated by noise and by the dead zone.
         largest_extrapolation: Largest credible saturation count over the largest recorded count [-].  A larger fitted
             value describes a slight curvature of the characteristic, not a saturation.
-        evidence: Increase of twice the log likelihood, over the penalty of the Bayesian information criterion, from
+        evidence: Increase of twice the log likelihood, over the penalty of the Bayesian information criterion, above
             which a fit with saturation is preferred [-].
         degree: Degree of the polynomial characteristic, as in the 2015 report [-].
-        every: Number n of which every n-th recording of a placement is left out of the second fit [-].
+        every: Number n; every n-th recording of a placement is left out of the second fit [-].
         fewest_left: Smallest number of recordings that must remain in the second fit [-].
         fewest_loads: Smallest number of different loads to which a straight line is fitted [-].
     """
@@ -112,7 +113,7 @@ class HoldOut(Result):
     predicted: Array = Field(default_factory=lambda: np.empty(0), exclude=True)
 
     def __str__(self) -> str:
-        """Return the score beside that of a line per texel, in words."""
+        """Return in words the score of the forward model, and that of a line per texel."""
         line = self.line_per_texel_percent
         return f"image changed {self.image_changed_percent:.2f} %" + (
             "" if line is None else f", line per texel {line:.2f} %"
@@ -129,15 +130,15 @@ class Calibration(Result):
         threshold: Counts that the firmware subtracts [-].
         estimates: Parameters of the line, dead force, temperature coefficients, saturation, noise, creep and scatter
             between repeats, by name.
-        gains: Gain of every texel of the array, of mean 1 over `texels`, shape (n,); 1 for other texels [-].
-        gain_half_widths: Half width of the interval of each gain, shape (n,); NaN for texels without one [-].
+        gains: Gain of every texel of the array, shape (n,) [-]; the mean over `texels` is 1, and other texels have 1.
+        gain_half_widths: Half width of the interval of each gain, shape (n,) [-]; NaN for texels without a fitted gain.
         texels: Indices of the texels whose gains are determined.
-        poses: Value and half width of the interval of each part of a pose, by the name of the placement and of the part
-            (`x_m`, `y_m`, `yaw_rad`, `tilt_x_rad`, `tilt_y_rad`); the half width is 0 for given parts.
+        poses: Value and half width of the interval of each part of a pose, by the names of the placement and of the
+            part (`x_m`, `y_m`, `yaw_rad`, `tilt_x_rad`, `tilt_y_rad`).  The half width is 0 for given parts.
         residual_rms_counts: Root mean square of predicted minus recorded counts [counts].
         polynomial: Coefficients c0..c5 of the polynomial characteristic [counts/N^k]; None with fewer than seven loads.
         hold_out: Score on recordings that were left out of a second fit; None with too few recordings.
-        notes: Sentences on what the recordings determine.
+        notes: Sentences on which parameters the recordings determine.
         report_line: `sensitivity` [1/N] and `offset` [-] of the straight line in the 2015 report, for comparison.
         left_out: One sentence for each recording that could not be used.
     """
@@ -229,7 +230,7 @@ def calibrate(
         raise ValueError(f"the recordings have several thresholds: {thresholds}; calibrate each on its own")
     fit = fit_characteristic(method, observations, Options(heights=heights))
     uncertainty = estimate_uncertainty(fit)
-    # The gains of the pressed texels get the mean 1, and the sensitivity takes up their mean.
+    # The gains of the pressed texels are scaled to the mean 1; the sensitivity absorbs their mean.
     texels = _find_pressed(fit)
     places = fit.layout.gains[np.isin(fit.layout.gain_texels, texels)]
     values = fit.curve.gains[texels]
@@ -265,7 +266,7 @@ def calibrate(
 
 
 def fit_characteristic(method: ContactMethod, observations: Observations, options: Options) -> ForwardFit:
-    """Fit without and with saturation; return the fit with saturation only if it is far more likely."""
+    """Fit without and with saturation; return the fit with saturation only if it is much more likely."""
     straight = fit_forward(method, observations, options)
     bent = fit_forward(method, observations, replace(options, output_max=None))
     size = int(observations.measured.sum())
@@ -275,7 +276,7 @@ def fit_characteristic(method: ContactMethod, observations: Observations, option
 
 
 def _find_pressed(fit: ForwardFit) -> npt.NDArray[np.intp]:
-    """Return the indices of the fitted texels that carry a fair share of the force in at least one image."""
+    """Return the indices of the fitted texels that carry at least `least_share` of the largest force in an image."""
     forces = compute_forces(fit.method, fit.observations, fit.poses)
     share = forces / np.maximum(forces.max(axis=1, keepdims=True), 1e-12)
     return np.intersect1d(np.flatnonzero((share > NUMBERS.least_share).any(axis=0)), fit.layout.gain_texels)
@@ -286,8 +287,8 @@ def _list_estimates(fit: ForwardFit, mean: float, of_mean: FloatArray, uncertain
 
     Args:
         fit: The fit.
-        mean: Mean of the fitted gains, which the sensitivity takes up [-].
-        of_mean: Derivatives of the logarithm of `mean` by the p parameters, shape (p,).
+        mean: Mean of the fitted gains, which the sensitivity absorbs [-].
+        of_mean: Derivatives of the logarithm of `mean` with respect to the p parameters, shape (p,).
         uncertainty: Covariance of the parameters.
     """
     curve, seen = fit.curve, fit.observations
@@ -361,10 +362,10 @@ def _fit_polynomial(fit: ForwardFit, mean: float) -> FloatArray | None:
 def score_hold_out(fit: ForwardFit, full_scale: float) -> HoldOut | None:
     """Leave out every third recording of each placement in the order of loads, fit again, and score the predictions.
 
-    One recording of each placement whose pose is fitted remains.
+    One recording of each placement with a fitted pose remains.
 
     Args:
-        fit: The fit to all recordings, which says what to fit.
+        fit: Fit to all recordings, which defines the fitted parameters.
         full_scale: Count that is shown white [-].
 
     Returns:
@@ -405,7 +406,7 @@ def _choose_left_out(seen: Observations) -> BoolArray:
         recordings[group] = max(load, recordings.get(group, 0.0))
     out: set[str] = set()
     for number, recordings in enumerate(by_placement.values()):
-        # The first one that is left out changes from placement to placement, so that several loads are left out.
+        # The first omitted recording differs between placements, so that several loads are left out.
         first = (1 + number) % min(NUMBERS.every, len(recordings))
         if len(recordings) > 1:
             out.update(sorted(recordings, key=recordings.__getitem__)[first :: NUMBERS.every])
@@ -430,7 +431,7 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
 
     Args:
         calibration: Result of the calibration.
-        sensor: The sensor file that is copied; it is unchanged unless `out` names the same file.
+        sensor: Sensor file that is copied.  It is not changed unless `out` names the same file.
         out: The file to write; an existing file is replaced.
         polynomial: Whether to write the polynomial of degree 5 instead of the straight line.
 
@@ -448,7 +449,7 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
         raise InputError(f"{source}: cannot be read: {error}; accepted: a sensor file (`softcover init`)") from error
     kept = {name: value for name, value in tables.get("electronics", {}).items() if name not in _CHARACTERISTIC}
     tables["electronics"] = {**kept, **calibration.electronics(polynomial=polynomial)}
-    # `parse` raises InputError if the sensor file describes another array; nothing has been written yet.
+    # `parse` raises InputError if the sensor file describes another array; no file has been written yet.
     parse(tables, source=source)
     notes = "".join(f"# {name} {each}, from {each.fitted_on}\n" for name, each in calibration.estimates.items())
     head = f"# electronics calibrated; {calibration.confidence:.0%} intervals:\n{notes}\n"
@@ -517,7 +518,7 @@ def calibrate_recordings(
         paths: Recordings, or one data-set file, which states tool, pose, threshold and window itself.
         sensor: The sensor; its cover gives the share of each texel.
         keys: Tool, pose, pressed array, threshold and window of the recordings.
-        moved: Whether each recording has a pose of its own.
+        moved: Whether each recording has its own pose.
         method: Contact method: `default`, one of `fastmodel.METHODS`, or `reference` for finite elements.
         heights: Whether a seating height is fitted to each texel.
         tip: Radius of a rounded tip on one texel, whose slope is fitted per trial; None for an array [m].
@@ -540,7 +541,7 @@ def calibrate_recordings(
     images, left_out = _read_images(paths, sensor, keys, moved=moved, method="" if tip else method, draws=draws)
     found: Calibration | PointLoadCalibration
     if tip is not None and texel is not None:
-        # Recordings with a force channel are a trial each; recordings under single loads are one trial together.
+        # Each recording with a force channel is a trial. Recordings under single loads form one trial together.
         names = [image.file.name for image in images]
         trials = names if len(set(names)) < len(names) else ["all recordings"] * len(names)
         found = calibrate_point_load(observe(images), trials, sensor, radius=tip, texel=texel)
@@ -564,7 +565,7 @@ def _read_images(
         paths: Recordings, or one data-set file.
         sensor: The sensor.
         keys: Options for recordings.
-        moved: Whether each recording has a pose of its own.
+        moved: Whether each recording has its own pose.
         method: Contact method; empty for the finite elements under a tip.
         draws: Whether a picture will be drawn.
 
@@ -575,7 +576,7 @@ def _read_images(
 
     def require_modules(files: Sequence[Path]) -> None:
         needed = [*list_modules(files), *(["matplotlib"] if draws else [])]
-        # The fast model of a built-in sensor is stored; by default finite elements compute the contact.
+        # The fast model of a built-in sensor is stored.  By default finite elements compute the contact.
         if method and sensor is BUILT_IN.get(sensor.name):
             require(*needed, useful=() if method in METHODS else ("skfem",))
         else:
@@ -601,8 +602,8 @@ def choose_method(
 ) -> ContactMethod:
     """Return the contact method of a name.
 
-    The default is finite elements; for fitted tilts, a cover of finite size or a given spread, where they are slow or
-    do not apply, it is the method `cover`, or `area` for a given spread.
+    The default is finite elements.  Where these are slow or do not apply, it is the method `cover` (for fitted tilts or
+    a cover of finite size) or `area` (for a given spread).
     """
     level = all(image.file.placement.tilt is not None for image in images)
     solvable = sensor.spread is None and sensor.cover.size is None and level

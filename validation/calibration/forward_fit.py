@@ -1,10 +1,11 @@
 """Fits the forward model (pose, contact, counts) to mean images under known loads by robust least squares.
 
-Unknown are the poses that are not given, the curve from texel force to counts, and, if wanted, a gain and a seating
-height per texel.  Weak priors keep what the data do not determine near its usual value: gains near one, yaw near zero.
-The weight of an image rises with its load, because an uneven seat misplaces a share of a light load that falls with the
-load.  It falls if the residual is far above that of the others (Huber), so that an unseated weight does not move the
-fit.  The priors are weighed against the residual of the fit itself, which is found by repetition.
+The unknowns are the poses that are not given, the curve from texel force to counts and, if requested, a gain and a
+seating height per texel.  Weak priors keep parameters that the data do not determine near their usual values: gains
+near one, yaw near zero.  The weight of an image increases with its load, because an uneven seat misplaces a share of a
+light load that decreases with the load.  The weight decreases if the residual is far above that of other images
+(Huber), so that an unseated weight does not affect the fit.  The priors are weighted against the residual of the fit,
+which is determined by repetition.
 """
 
 from __future__ import annotations
@@ -41,20 +42,20 @@ class FitNumbers:
         dead_temperature_spread: Spread of the temperature coefficient of the dead force, over the mean texel force
             [1/K].
         band: Mean of the logit of saturation band over largest count [-].
-        band_spread: Spread of that logit [-].
+        band_spread: Spread of the logit of `band` [-].
         level_spread: Spread of the logarithm of the level of a session [-].
         temperature_range: Smallest range of temperature for which temperature coefficients are fitted [K].
         most_confounded: Largest squared correlation of temperature and load for which temperature coefficients are
-            fitted [-].  Above it the two rise together, and the coefficients would describe the load.
+            fitted [-].  Above it temperature and load increase together, and the coefficients would describe the load.
         rounds: Repetitions of the fit, in which the scale of the residual and the weights of the images settle [-].
         tolerance: Tolerance of the solver on cost and parameters [-].
         most_steps: Largest number of steps of the solver in a repetition [-].
         first_scale: First guess of the scale of the residual [counts].
         least_scale: Smallest scale of the residual [counts]: rounding to whole counts.
-        least_emphasis: Smallest load over the largest by which images are weighed [-].
-        huber: Root mean square residual of an image over the median of all, from which its weight falls [-].  Three
-            medians are two standard deviations of a Gaussian error of the whole image: one in 20 sound images loses
-            weight.
+        least_emphasis: Smallest load, over the largest, that is used in the weights of images [-].
+        huber: Root mean square residual of an image, over the median of all images, above which its weight decreases
+            [-].  Three medians are two standard deviations of a Gaussian error of the whole image: one in 20 sound
+            images loses weight.
         outlier: Weight of an image below which it is reported as an outlier [-].
         position_step: Step of finite differences in a position, in pitches [-].
         angle_step: Step of finite differences in an angle [rad].
@@ -100,7 +101,7 @@ class Options:
         gains: Whether a gain is fitted for each texel.
         heights: Whether a seating height is fitted for each texel.
         temperature: Whether temperature coefficients are fitted; None to decide by the range of temperatures.
-        creep: Creep coefficient; None for the median of those measured in the recordings [-].
+        creep: Creep coefficient; None for the median of the coefficients measured in the recordings [-].
         output_max: Largest count after subtraction of the threshold; inf for no saturation; None to fit it [-].
         load_power: Power of the load with which the weight of an image rises [-].
     """
@@ -125,8 +126,8 @@ class Unknown:
         upper: Upper bound.
         mean: Mean of the prior.
         spread: Standard deviation of the prior; inf without a prior.
-        placement: Name of the placement of whose pose the parameter is a part; empty for other parameters.
-        part: Index of that part in `Pose.vector`.
+        placement: Name of the placement to whose pose the parameter belongs; empty for other parameters.
+        part: Index of the parameter in `Pose.vector`.
         texel: Texel of a gain or of a seating height; -1 for other parameters.
         is_gain: Whether the parameter is the logarithm of the gain of a texel.
     """
@@ -151,12 +152,12 @@ class Unknown:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Layout:
-    """The p fitted parameters: parts of poses first, then what all texels share and heights, then gains.
+    """The p fitted parameters: parts of poses, then parameters common to all texels and heights, then gains.
 
     Attributes:
         unknowns: The parameters, p entries.
         guesses: Guessed pose of each placement by its name.
-        fixed: The curve that holds what is not fitted.
+        fixed: Curve with the values of parameters that are not fitted.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -225,7 +226,7 @@ def lay_out(
         options: Parameters that are fitted, and values of the others.
         array: The texels.
         guesses: Guessed pose of each placement.
-        curve: A curve whose level alone is fitted, beside the poses; None to fit a curve that starts as a line.
+        curve: Curve of which only the level is fitted, besides the poses; None to fit a curve that starts as a line.
     """
     fixed = curve or _guess_curve(observations, options, array)
     unknowns = [each for placement, pose in guesses.items() for each in _list_pose(placement, pose, array)]
@@ -246,7 +247,7 @@ def lay_out(
 
 
 def _list_pose(placement: Placement, pose: Pose, array: TexelArray) -> list[Unknown]:
-    """List the parts of a pose that are fitted; a position may leave the texels by no more than a pitch."""
+    """List the fitted parts of a pose; a position may lie at most a pitch outside the texels."""
     limits = [float(np.abs(array.centres[:, part]).max() + array.pitch[part]) for part in (0, 1)]
     #: Name, scale, largest value and spread of each part.
     parts = [
@@ -275,7 +276,7 @@ def _list_pose(placement: Placement, pose: Pose, array: TexelArray) -> list[Unkn
 
 
 def _list_curve(fixed: CountCurve, observations: Observations, options: Options) -> list[Unknown]:
-    """List the parameters that all texels share, for a curve that starts as a line."""
+    """List the parameters common to all texels, for a curve that starts as a line."""
     texel_force = float(observations.loads.mean()) / max(1, int((observations.counts > 0).sum(axis=1).max()))
     unknowns = [
         Unknown(name="ln_sensitivity", start=float(np.log(fixed.sensitivity)), scale=0.3),
@@ -346,10 +347,10 @@ class ForwardFit:
         residual: Weighted residuals over `scale`, shape (r,) [-].
         index: Number of the image of each residual, shape (r,).
         scale: Robust standard deviation of the residuals [counts].
-        levels: Sensitivity over that of `curve` in each placement that was fitted later, by its name [-].
+        levels: Sensitivity over that of `curve`, for each placement that was fitted later, by its name [-].
         rms: Root mean square of predicted minus recorded counts over measured texels [counts].
         weights: Weight of each image, 0..1, shape (m,) [-].
-        robust: Factor of the weight that the residual of the image gives, shape (m,) [-].
+        robust: Factor of the weight due to the residual of the image, shape (m,) [-].
         observations: The images that were fitted.
     """
 
@@ -434,7 +435,7 @@ def _predict(curve: CountCurve, forces: FloatArray, seen: Observations) -> Float
 
 
 def describe_confounding(observations: Observations) -> str:
-    """Say why temperature coefficients cannot be fitted; empty if they can."""
+    """State why temperature coefficients cannot be fitted; empty if they can."""
     warm, loads, least = observations.temperatures, observations.loads, NUMBERS.temperature_range
     if not np.isfinite(warm).all():
         return "the temperature is not known in every recording"
@@ -459,7 +460,7 @@ def fit_forward(
         method: The contact method.
         observations: The images.
         options: Parameters that are fitted, and values of the others.
-        start: An earlier fit, from which the poses start, and whose curve is kept but for its level.
+        start: Earlier fit, which gives the initial poses and the curve, of which only the level is fitted.
 
     Raises:
         ValueError: If there are no images, or their counts do not rise under load; the message names the recordings.
@@ -511,10 +512,10 @@ def fit_forward(
 
 
 def _compare_to_median(rms: FloatArray, loads: FloatArray) -> FloatArray:
-    """Compare the residual of each of m images with that of the others, shape (m,) [-].
+    """Compare the residual of each of m images with that of the other images, shape (m,) [-].
 
-    The error of a sound image is as large as that of the others, or as large a share of the load: the smaller ratio
-    counts.
+    The error of a sound image is similar to that of others, either absolutely or relative to the load.  The smaller
+    ratio is used.
     """
     share = rms / np.maximum(loads, NUMBERS.least_emphasis)
     plain, relative = (each / max(float(np.median(each)), NUMBERS.least_scale) for each in (rms, share))
@@ -526,14 +527,14 @@ def _rms(values: FloatArray) -> float:
 
 
 def fit_placements(fit: ForwardFit, observations: Observations) -> ForwardFit:
-    """Fit the pose and the level of each placement in `observations`; gains and the shape of the curve stay.
+    """Fit the pose and the level of each placement in `observations`; gains and shape of the curve are constant.
 
-    The level is a factor on the sensitivity: counts depend on the history of the rubber and on its temperature, which
+    The level is a factor on the sensitivity.  Counts depend on the history of the rubber and on its temperature, which
     change between sessions.
 
     Args:
         fit: The fitted forward model.
-        observations: Images of placements that were not fitted, or are to be fitted anew.
+        observations: Images of placements that were not fitted, or that are fitted again.
     """
     poses, levels = dict(fit.poses), dict(fit.levels)
     for placement in observations.distinct_placements:
@@ -544,10 +545,10 @@ def fit_placements(fit: ForwardFit, observations: Observations) -> ForwardFit:
 
 
 def borrow_poses(fit: ForwardFit, observations: Observations) -> tuple[ForwardFit, list[str]]:
-    """Give each placement whose pose is neither known nor fitted the pose of the last fitted one of the same indenter.
+    """Give each placement without a known or fitted pose the last fitted pose of the same indenter.
 
     Returns:
-        The fit with these poses, and one sentence for each of them.
+        Fit with these poses, and one sentence for each placement that got one.
 
     Raises:
         ValueError: If no placement of the same indenter was fitted.
@@ -616,7 +617,7 @@ class _Problem:
                 step = NUMBERS.step * each.scale
                 moved[number] += step
                 columns[..., number] = (self._predict(forces, moved) - base) / step
-        # A gain changes the counts of its own texel only, so one difference gives all derivatives.
+        # A gain changes only the counts of its own texel, so that one difference gives all derivatives.
         moved = vector.copy()
         moved[layout.gains] += NUMBERS.step
         slope = (self._predict(forces, moved) - base) / NUMBERS.step

@@ -144,25 +144,25 @@ def join_observations(parts: Sequence[Observations]) -> Observations:
 
 #: Name of the contact method by finite elements.
 REFERENCE = "reference"
-#: Edge of the squares in which the contact forces of finite elements are summed to one force at their centroid, as a
-#: share of the pitch [-].  Fewer points make a fit of the pose faster; the squares are far smaller than a texel.
+#: Edge of the squares in which the contact forces of finite elements are summed to one force at their centroid, over
+#: the pitch [-].  Fewer points make a fit of the pose faster.  The squares are far smaller than a texel.
 _BIN = 0.1
-#: Number of loads at which the contact of an indenter that is not flat is solved; texel forces between them are
-#: interpolated [-].
+#: Number of loads at which the contact of an indenter that is not flat is solved [-].  Texel forces between them are
+#: interpolated.
 _LOADS = 7
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ContactMethod:
-    """A method that computes texel forces, with the forces that it has computed.
+    """A method that computes texel forces, with a cache of computed forces.
 
     Attributes:
         name: Name of the method in tables.
         about: Assumptions of the method, in a few words.
         array: The n texels.
         solve: Function from indenter, load [N] and pose to the force on each texel, shape (n,) [N].
-        gain_error: Largest known error of a texel's share of the load by the method, which passes into the gain of that
-            texel; 0 for finite elements [-].
+        gain_error: Largest known relative error of a texel's share of the load by the method [-]; 0 for finite
+            elements.  It is also an error of the gain of the texel.
     """
 
     name: str
@@ -234,11 +234,11 @@ def make_fast_method(parameters: Parameters, method: str = DEFAULT) -> ContactMe
     )
 
 
-#: Largest relative error of a fitted gain with the contact method `cover` [-]: against finite elements, on simulated
-#: recordings of a box of 16 mm x 12 mm on 8 x 10 texels.
+#: Largest relative error of a fitted gain with the contact method `cover` [-].  It was found against finite elements,
+#: on simulated recordings of a box of 16 mm x 12 mm on 8 x 10 texels.
 _COVER_ERROR = 0.033
-#: Largest relative error of a fitted gain with the other contact methods, on the same recordings [-].  They spread the
-#: force by a Gaussian, which was narrower than a texel.
+#: Largest relative error of a fitted gain with the other contact methods, on the recordings of `_COVER_ERROR` [-].
+#: These methods spread the force by a Gaussian, which was narrower than a texel.
 _SPREAD_ERROR = 0.34
 #: Assumptions of each contact method, by its name.
 _ABOUT = {
@@ -256,7 +256,7 @@ def make_reference_method(cover: Cover, array: TexelArray) -> ContactMethod:
     On a wide cover the contact is the same at every position and yaw, so it is solved once for each load and tilt.
 
     Args:
-        cover: Cover; its materials are linearised and its sides are taken as far away.
+        cover: Cover; its materials are linearised and its side edges are neglected.
         array: The texels.
     """
     from fem_reference import point_spread, press
@@ -392,7 +392,7 @@ class CountCurve:
 
 
 def seat_unevenly(forces: FloatArray, heights: FloatArray) -> FloatArray:
-    """Share the load of each image among texels that an uneven face reaches one after the other.
+    """Divide the load of each image among texels that an uneven face reaches one after the other.
 
     Texel i carries F_i max(0, p - e_i) / p0, where F_i is its force under an even face, p0 the load, e_i its height
     expressed as a load, and p the approach, expressed as a load, at which the sum of the forces is that of the F_i.
@@ -410,8 +410,8 @@ def seat_unevenly(forces: FloatArray, heights: FloatArray) -> FloatArray:
     order = np.argsort(heights)
     sorted_heights, stiffness = heights[order], np.cumsum(share[:, order], axis=1)
     moment = np.cumsum(share[:, order] * sorted_heights, axis=1)
-    # With the first k texels in contact, sum share (p - e) = total gives p; the contact is right if p lies between the
-    # heights of texel k and k + 1.
+    # With the first k texels in contact, sum share (p - e) = total gives p.  The contact is correct if p lies between
+    # the heights of texel k and k + 1.
     approach = np.divide(total + moment, stiffness, out=np.full_like(forces, np.inf), where=stiffness > 0)
     reached = np.minimum.accumulate(approach, axis=1)[:, -1:]
     return np.asarray(share * np.maximum(reached - heights, 0.0))

@@ -1,7 +1,7 @@
 """Calibration with a rounded tip over one texel: slope of counts over the applied force, per trial.
 
-The cover spreads the force of the tip, and the texel under it measures a share.  That share follows from finite
-elements, so that the slope over the force on the texel is the slope over the applied force divided by the share.
+The cover spreads the force of the tip, and the texel under it measures a share, which follows from finite elements.
+The slope over the force on the texel is the slope over the applied force divided by the share.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class PointLoadCalibration(Result):
         texel: Index of the texel under the tip.
         tip_radius: Radius of the tip [m].
         tip_share: Share of the applied force on that texel [-].
-        tip_share_light: That share under light loads [-].
-        tip_share_heavy: That share at `largest_load` [-].
+        tip_share_light: Tip share under light loads [-].
+        tip_share_heavy: Tip share at `largest_load` [-].
         largest_load: Largest load at which the share was computed [N].
         trials: The line of each trial.
         estimates: Mean slope over the applied force and over the texel force, and mean saturation force, with intervals

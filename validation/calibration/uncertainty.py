@@ -1,8 +1,8 @@
 """Estimated quantities with confidence intervals, and what the fitted recordings determine.
 
-All texels of one recording have a common relative error (of the load, of creep, of the history of the rubber), and each
-texel an error of its own in counts.  The two variances are estimated from the residuals by the method of moments, with
-the degrees of freedom that the fit has taken.  The uncertainty then depends on the number of recordings, not on that of
+All texels of one recording have a common relative error (of load, creep, and history of the rubber), and each texel has
+an error of its own in counts.  The two variances are estimated from the residuals by the method of moments, with the
+degrees of freedom used by the fit.  The uncertainty therefore depends on the number of recordings, not on that of
 frames.  Intervals use Student's t with degrees of freedom after Satterthwaite (1946).
 """
 
@@ -21,7 +21,7 @@ from validation.results import Result, result_model
 
 #: Confidence level of all intervals, 0..1 [-].
 CONFIDENCE = 0.95
-#: Smallest number of recordings from which an interval is computed; the scatter of two is too uncertain [-].
+#: Smallest number of recordings for which an interval is computed [-]; the scatter of two recordings is too uncertain.
 FEWEST_RECORDINGS = 3
 
 
@@ -36,9 +36,9 @@ class UncertaintyNumbers:
         clear: Singular value over the largest one, below which the residuals do not measure the relative errors of
             recordings, because other errors of the model are as large [-].
         repetitions: Number of repetitions of the estimate of weights and variance, after which both are constant [-].
-        determined: Standard error over that of the prior, below which the data count as determining a gain [-].
+        determined: Standard error over that of the prior, below which a gain counts as determined by the data [-].
         confounded: Ratio of the standard errors of a position with and without fitted gains, above which position and
-            gains are called confounded [-].
+            gains count as confounded [-].
     """
 
     rounding: float = 12**-0.5
@@ -61,7 +61,7 @@ class Estimate(Result):
         low: Lower end of the interval.
         high: Upper end of the interval.
         unit: Unit of `value`, `low` and `high`.
-        fitted_on: Description of the data that the estimate was computed from.
+        fitted_on: Description of the data of the estimate.
     """
 
     value: float
@@ -186,9 +186,9 @@ def estimate_uncertainty(fit: ForwardFit) -> Uncertainty:
 def _measure_errors(fit: ForwardFit, bread: FloatArray) -> list[tuple[FloatArray, float, float]]:
     """Estimate the variances of relative errors of recordings and of errors of texels from the residuals.
 
-    The residuals are (I - H) e for errors e and the hat matrix H of the fit.  What remains of them after projection on
-    the directions that relative errors of recordings leave gives the variance of the texels.  What they hold in
-    those directions gives the variance of the recordings.  Texels that are predicted to read zero are left out.
+    The residuals are (I - H) e for errors e and the hat matrix H of the fit.  Relative errors of recordings cause
+    residuals in certain directions.  The part of the residuals in these directions gives the variance of the
+    recordings, and the remaining part gives the variance of the texels.  Texels with a prediction of zero are left out.
 
     Returns:
         For the relative errors of recordings [-], then for the errors of texels in an image of weight one: Jacobian^T D
@@ -246,7 +246,7 @@ def _estimate_variance(squares: FloatArray, known: FloatArray) -> tuple[float, f
 
 
 def describe_fit(fit: ForwardFit) -> Iterator[str]:
-    """Yield one sentence for each thing that the fitted recordings determine or leave open."""
+    """Yield one sentence for each property that the fitted recordings determine or leave undetermined."""
     seen = fit.observations
     if fit.layout.gain_texels.size:
         yield from _describe_gains(fit)
@@ -268,7 +268,7 @@ def describe_fit(fit: ForwardFit) -> Iterator[str]:
 
 
 def _describe_gains(fit: ForwardFit) -> Iterator[str]:
-    """Say how many gains the data determine, and what cannot be told from them: the cover's spread, a position."""
+    """Describe how many gains the data determine, and what remains undetermined: the cover's spread, a position."""
     layout = fit.layout
     information = fit.jacobian.T @ fit.jacobian + np.diag(layout.prior)
     variances = np.diag(np.linalg.pinv(information, hermitian=True))

@@ -1,7 +1,7 @@
-"""A bench: one sensor, ready to be pressed by the reference and by all models.
+"""A bench: one sensor with its reference and all models, for the presses of a campaign.
 
-A campaign and the evidence beside its scores ask a bench and never for the kind of its cover.  A bench says by
-`left_out` what it does not compute, and why.
+A campaign and the evidence on its credibility use a bench and never depend on the kind of cover. `left_out` lists what
+a bench does not compute, with reasons.
 """
 
 from __future__ import annotations
@@ -63,11 +63,11 @@ class Bench(ABC):
         comparison: Published models that are scored in the same cases, already fitted; None for none.
     """
 
-    #: Names of the scored models, with a description of each for tables; one is `fast`.
+    #: Names of the scored models, with a description of each for tables.  One of them is `fast`.
     models: ClassVar[Mapping[str, str]]
-    #: Sections of the report that are not computed for this kind of cover, with the reason or the cost, as sentences.
+    #: Sections of the report that are not computed for this kind of cover, each with its reason or cost as a sentence.
     left_out: ClassVar[tuple[str, ...]] = ()
-    #: What readers of the report must know about this kind of cover, a paragraph by the name of the section.
+    #: Information for readers of the report about this kind of cover: a paragraph by the name of the section.
     notes: ClassVar[Mapping[str, str]] = {}
 
     cover: Any
@@ -102,11 +102,11 @@ class Bench(ABC):
 
     @abstractmethod
     def verify(self, results: Sequence[CaseResult]) -> Iterator[tuple[str, Callable[[], Sequence[Check]]]]:
-        """Yield the checks of the solvers: the name of what is verified, and the function that verifies it."""
+        """Yield the checks of the solvers: name of the verified quantity, and function that verifies it."""
 
     @abstractmethod
     def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
-        """Compute how uncertain inputs, such as modulus and position, change the texel forces of a case.
+        """Compute the effect of uncertain inputs, such as modulus and position, on the texel forces of a case.
 
         Args:
             case: The indentation.
@@ -117,7 +117,7 @@ class Bench(ABC):
         """
 
     def score_stages(self, results: Sequence[CaseResult]) -> StageErrors | None:  # noqa: ARG002 -- for others
-        """Score the stages of the fast model; None where that is left out or the model has no cover data."""
+        """Score the stages of the fast model; None where stages are left out or the model has no cover data."""
         return None
 
     @abstractmethod
@@ -173,7 +173,7 @@ class LayeredBench(Bench):
         if self.comparison is None:
             boxes = press(method="boxes")
         else:
-            # The published models read the contacts of the same simulation.
+            # The published models use the contacts of the same simulation.
             scene, published = self.comparison.predict(self.cover, self.parameters, case)
             boxes = scene.boxes
         kept = np.where(array.active, boxes.contact_forces, 0.0)
@@ -236,13 +236,13 @@ def prepare_bench(
     *,
     parameters: Parameters | None = None,
 ) -> Bench:
-    """Return the bench on which cases are scored: that of flat layers, unless another one is registered.
+    """Return the bench on which cases are scored: that of planar layers, unless another one is registered.
 
     Args:
-        derivation: Derivation of a sensor; each other kind of cover registers a function for its own derivations.
-        cases: The cases that will be scored; nothing may be fitted to them.
+        derivation: Derivation of a sensor.  Modules of other kinds of cover register a function for their derivations.
+        cases: Cases that will be scored; no model may be fitted to them.
         progress: Called with the name of each part.
-        parameters: Parameters of the fast model instead of the derived ones; no published model is scored then.
+        parameters: Parameters of the fast model that replace the derived ones; no published model is scored then.
 
     Raises:
         InputError: If the fast model of the sensor cannot be scored.

@@ -1,8 +1,8 @@
-"""Reading of campaign files (TOML): cases, what is compared, and what is required of the fast model.
+"""Reading of campaign files (TOML): cases, compared metrics, and requirements on the fast model.
 
-A fault in a case costs that case: it is left out with a line that names its place in the file, and the others are
-scored.  A fault outside the cases, for example in the acceptance criterion, is an error.  The default campaign is such
-a file in the package.
+A fault in a case only affects that case: it is left out with a line that names its place in the file, and the other
+cases are scored.  A fault outside the cases, for example in the acceptance criterion, is an error.  The default
+campaign is such a file in the package.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from validation.places import Places
 from validation.schema import parse, read_raw
 from validation.schema.campaign import CampaignTables, CaseTable
 
-#: Number of cases of `--quick` if the file marks none [-].
+#: Number of cases of `--quick` if the file marks no case [-].
 _QUICK = 6
 
 
@@ -36,7 +36,7 @@ class Inputs:
         position: Standard uncertainty of the position of the indenter's axis, along x and along y [m].
         yaw: Standard uncertainty of the rotation of the indenter about its axis [rad].
         friction: Upper bound of the friction coefficient, inf for no slip; the lower bound is zero [-].
-        data: Standard uncertainty of measured forces over the force; 0 if finite elements stand for a measurement [-].
+        data: Standard uncertainty of measured forces over the force [-]; 0 if finite elements replace a measurement.
     """
 
     modulus: float = 0.1
@@ -50,11 +50,11 @@ class Inputs:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Criterion:
-    """What is required of the fast model, by the name of the metric, in SI units or as a fraction.
+    """Requirements on the fast model, by the name of the metric, in SI units or as a fraction.
 
     Attributes:
         mean: Largest accepted mean over the cases, including its interval.
-        each: Largest accepted value in every single case; a case may replace it.
+        each: Largest accepted value in every single case; a case may state another value.
     """
 
     mean: Mapping[str, float]
@@ -67,7 +67,7 @@ class Campaign:
 
     Attributes:
         name: Name of the campaign.
-        source: The file, or `built-in`.
+        source: Path of the file, or `built-in`.
         intended_use: Intended use of the fast model, in words.
         criterion: Acceptance criterion.
         inputs: Uncertainty of the inputs.
@@ -108,7 +108,7 @@ def read_campaign(path: Path | None, places: Places) -> Campaign:
     """Read a campaign file, or the default campaign.
 
     Args:
-        path: The file; None for the default campaign.
+        path: Path of the file; None for the default campaign.
         places: Places on the cover, see `find_places`.
 
     Raises:
@@ -129,7 +129,7 @@ def _read_default(name: str) -> dict[str, Any]:
 def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> Campaign:
     """Check the tables of a campaign file and make the campaign.
 
-    What the file leaves out, besides cases, is that of the default campaign.
+    Entries other than cases that are missing in the file are those of the default campaign.
 
     Args:
         data: The tables of the file, as the TOML parser returns them.
@@ -163,7 +163,7 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
 
 
 def _read_cases(listed: Sequence[Any], places: Places) -> tuple[list[Case], list[str], list[str]]:
-    """Read the tables `[[case]]`; return the cases, the names of those of a quick run, and the faults of the others."""
+    """Read the tables `[[case]]`; return the cases, the names of the cases of a quick run, and all faults."""
     cases: list[Case] = []
     quick: list[str] = []
     faults: list[str] = []
@@ -184,13 +184,13 @@ def _read_cases(listed: Sequence[Any], places: Places) -> tuple[list[Case], list
 
 
 def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], bool]:
-    """Read one table `[[case]]`; return a case for each of its loads, and whether a quick run has them."""
+    """Read one table `[[case]]`; return a case for each of its loads, and whether they belong to a quick run."""
     given = data if isinstance(data, Mapping) else {}
     texts = {key: given[key] for key in ("at", "direction", "yaw", "tilt") if isinstance(given.get(key), str)}
     faults = Faults()
     table = faults.read(parse, data, CaseTable, place=("case", number))
     pose = faults.read(lambda: places.find(places.parse({"at": "centre", **texts}, f"case[{number}].")))
-    # The schema and the places may name the same fault.
+    # The schema and the places may report the same fault.
     faults[:] = dict.fromkeys(faults)
     faults.refuse()
     loads = table.all_loads
@@ -207,7 +207,7 @@ def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], b
 
 
 def _check_new(case: Case, cases: Sequence[Case], place_of: Mapping[str, str], place: str) -> None:
-    """Refuse a case with the name or the press of an earlier one: a press that counts twice biases the means."""
+    """Refuse a case with the name or the press of an earlier case, because a repeated press biases the means."""
     for other in cases:
         first = place_of[other.name]
         if other.name == case.name:

@@ -17,12 +17,12 @@ class Case:
 
     Attributes:
         name: Short name, unique in its campaign.
-        indenter: The rigid body that presses on the cover.
+        indenter: Rigid body that presses on the cover.
         shape: The indenter as text, for example `sphere:radius=5mm`.
         load: Applied force along the direction of the motion [N].
-        pose: Where it touches, the direction in which it moves, and how it is turned.
-        path: Ascending loads of the loading path that the load belongs to; empty if it is applied at once [N].
-        compared: Names of the metrics that are pooled over cases, fields of `Score`; empty for all.
+        pose: Position of first touch, direction of motion, and rotation of the indenter.
+        path: Ascending loads of the loading path to which the load belongs [N]; empty if the load is applied at once.
+        compared: Names of the metrics that are pooled over cases, fields of `Score`; empty for all metrics.
         required: Largest accepted value of metrics in this case, by name, in SI units or as a fraction.
     """
 
@@ -41,8 +41,8 @@ class Case:
 
         Args:
             name: Short name of the case.
-            shape: The indenter, for example `sphere:radius=5mm`.
-            load: The load, for example `4.9 N` or `500 g`.
+            shape: Indenter as text, for example `sphere:radius=5mm`.
+            load: Load as text, for example `4.9 N` or `500 g`.
             at: Position of the indenter's axis in the array's frame.
             yaw: Rotation of the indenter about its axis.
 
@@ -68,7 +68,7 @@ class Case:
         return not self.compared or metric in self.compared
 
     def has_shape_of(self, other: Case) -> bool:
-        """Whether two cases have the same indenter, however its text is written."""
+        """Whether two cases have the same indenter, for any form of its text."""
         from fem_reference.result_store import describe
 
         return type(self.indenter) is type(other.indenter) and describe(self.indenter) == describe(other.indenter)
@@ -87,10 +87,10 @@ class Case:
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Case:
-        """Return the case that wrote a dictionary of JSON values.
+        """Create the case from a dictionary of JSON values that `as_json` returned.
 
         Raises:
-            InputError: If the indenter's mesh file is not there any more.
+            InputError: If the indenter's mesh file no longer exists.
         """
         return cls(
             name=values["name"],

@@ -33,14 +33,14 @@ class Comparison:
     """Results of the finite-element model and the fast model for one indentation.
 
     Attributes:
-        sensor: The sensor that is pressed, or the parameters of the sensor's fast model if its cover is not known.
-        case: The indentation.  Its load is the finite elements' force if they were computed.
+        sensor: Description of the pressed sensor, or the parameters of its fast model if the cover is not known.
+        case: Indentation.  If finite elements were computed, its load is their force.
         fem: Result of the finite elements; None unless `models` contains `fem` or a depth was given.
         fast: Result of the fast model; None unless `models` contains `fast`.
         score: Score of the fast model against the finite elements; None unless there are results of both models.
         models: Names of the models that were chosen, some of `MODELS`.
-        wanted: Load [N] or depth [m] that was asked for, under the name `load` or `depth`.
-        stopped: Load or depth at which the finite elements stopped early, and the reason; empty if they did not.
+        wanted: Requested load [N] or depth [m], under the name `load` or `depth`.
+        stopped: Load or depth at which the finite elements stopped early, with the reason; empty if they did not stop.
         note: Reason why a chosen model was left out; empty if none was.
     """
 
@@ -69,7 +69,7 @@ class Comparison:
             models["fast"] = {
                 "texel_forces": image(fast.texel_forces),
                 "contact_forces": image(fast.contact_forces),
-                # With rigid boxes as texels the depth is None: the penetration depends on a setting of MuJoCo.
+                # With rigid boxes as texels the depth is None, because the penetration depends on a setting of MuJoCo.
                 **{name: getattr(fast, name) for name in ("outside", "total_force", "method", "depth", "seconds")},
                 "force": along if fast.force is None else fast.force,
                 "misplaced_force": None if self.score is None else self.score.misplaced_force,
@@ -109,21 +109,23 @@ def compare_models(
         sensor: Description of the sensor that is pressed, or the parameters of its fast model.
         case: The indentation: indenter, pose and load.
         parameters: Parameters of the sensor's fast model; required if `models` contains `fast`.
-        depth: Approach of the indenter, which replaces the load; the fast model's load is then that force [m].
-        friction: Coulomb friction coefficient between indenter and cover for finite elements, inf for no slip; that of
-            the sensor if None.  The fast model has none, which its warnings then say [-].
-        strain: Strains of the finite elements; what the solver prefers if None.
+        depth: Approach of the indenter, which replaces the load [m]; the fast model's load is then the force of the
+            finite elements.
+        friction: Coulomb friction coefficient between indenter and cover for finite elements, inf for no slip [-]; that
+            of the sensor if None.  The fast model has no friction, and a warning states this.
+        strain: Kind of strain of the finite elements; the default of the solver if None.
         accuracy: Wanted relative error of the finite elements; None for the usual grids [-].
         models: Names of the models, some of `MODELS`.
         method: Contact method of the fast model, one of `METHODS`.
         fields: Whether the finite elements also return displacement and stress in the cover.
         as_far: Whether finite elements that stop early give the comparison at the largest load that they reached,
-            without a fast model; its `stopped` says why.
+            without a fast model.  `Comparison.stopped` then states the reason.
         progress: Called with a line of text before each step.
 
     Raises:
         ValueError: If the fast model is chosen without parameters.
-        InputError: If the finite elements are chosen without a description, or cannot do what is asked for.
+        InputError: If the finite elements are chosen without a description of the sensor, or do not support the
+            request.
         ConvergenceError: If the finite-element solver did not converge.
         FastModelError: If the method needs cover data that the sensor's parameters lack.
     """
@@ -140,7 +142,8 @@ def compare_models(
     if "fast" in models and parameters is not None:
         from fastmodel.attachment import choose_method
 
-        choose_method(method, parameters)  # refuses methods that the cover does not have, before the long part
+        # Methods that the cover does not support are refused before the long computation.
+        choose_method(method, parameters)
     if "fem" in models or depth is not None:
         tell("indentation by finite elements")
         options: dict[str, Any] = {"strain": strain, "accuracy": accuracy, "fields": fields, "friction": coefficient}
@@ -174,7 +177,7 @@ def _press_as_far(
     tell: Progress,
     **options: Any,  # noqa: ANN401 -- those of `press`
 ) -> tuple[Indentation, str]:
-    """Return the result at the load or depth, or the one at the largest that was reached and why it stopped there."""
+    """Return the result at the load or depth, or that at the largest one reached and the reason for the stop."""
     from fem_reference.indentation.press import press
 
     target: dict[str, Any] = {"load": case.load} if depth is None else {"depth": depth}

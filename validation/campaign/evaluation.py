@@ -1,4 +1,4 @@
-"""The whole evaluation of a sensor: derive the parameters of its fast model, score the fast model, score recordings.
+"""The whole evaluation of a sensor: derivation of its fast model, and scores of the fast model and of recordings.
 
 The fast model is scored against finite elements in a campaign, a list of indentations (cases), and against recordings
 of a real sensor if there are any.
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from validation.results.report import Report
 
 
-#: Benches of the kinds of covers; their modules register how cases are read, planned and scored.
+#: Benches of the kinds of covers.  Their modules register functions that read, plan and score cases.
 KINDS = (LayeredBench, SolidBench)
 
 
@@ -43,10 +43,10 @@ class Progress(Protocol):
     """A display of progress."""
 
     def __call__(self, stage: str) -> None:
-        """Begin a stage of the work; `stage` is its name."""
+        """Begin a stage of the work with the name `stage`."""
 
     def step(self, done: int, total: int, name: str) -> None:
-        """Show that `done` of `total` steps are finished and that the step `name` comes next."""
+        """Show that `done` of `total` steps are finished, and that step `name` is next."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,8 +54,8 @@ class Evaluation:
     """Results of the evaluation of a sensor, which the report shows.
 
     Attributes:
-        derivation: Point spread function of the cover, fitted kernel and parameters of the fast model; of a curved
-            cover the responses of its texels.
+        derivation: Point spread function of the cover, fitted kernel and parameters of the fast model.  For a curved
+            cover, the responses of its texels.
         verification: Differences between the finite elements and the closed-form layer solution: `radial_profile` is
             the largest difference of base pressure under a point load over the peak pressure, `texel_response` the
             difference of the force on the loaded texel over the load [-].  Empty on a curved cover.
@@ -64,7 +64,7 @@ class Evaluation:
         verdict: Whether the fast model meets the acceptance criterion.
         evidence: Verification, effect of uncertain inputs, error of each stage, and range of the cases.
         recordings: Scores of the fast model against recordings, or None without recordings.
-        recorded: The sensor that made the recordings.
+        recorded: Sensor that made the recordings.
         seconds: Wall time by stage [s].
         versions: Versions of the software by name.
     """
@@ -87,7 +87,7 @@ class Evaluation:
 
     @property
     def report(self) -> Report:
-        """What `report.json` holds, with all numbers of the page."""
+        """Content of `report.json`, with all numbers of the page."""
         from validation.results.report import Report
 
         return Report(
@@ -118,16 +118,17 @@ def evaluate(
 ) -> Evaluation:
     """Derive the parameters of a sensor's fast model, and score the fast model in a campaign (a list of indentations).
 
-    The spread kernel is fitted to the response to one loaded texel before any case is computed, and kept.
+    The spread kernel is fitted to the response to one loaded texel before any case is computed, and then kept.
 
     Args:
         sensor: Array, cover and electronics of the sensor, and friction for the finite elements of the campaign.
         recordings: Recordings under known loads; None for none.
-        recorded: The sensor that made the recordings; `sensor` if None.
+        recorded: Sensor that made the recordings; `sensor` if None.
         campaign: Cases, intended use and acceptance criterion; the default campaign if None.
-        cases: Indentations that replace those of the campaign; None to keep these.
+        cases: Indentations that replace those of the campaign; None for those of the campaign.
         progress: Display of progress.
-        announce: Called once, before the long computations, with a line about what is missing and how long it takes.
+        announce: Function that is called once, before the long computations, with a line about the missing solutions
+            and their computing time.
 
     Raises:
         InputError: If the sensor cannot be evaluated.

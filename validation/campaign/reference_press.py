@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def press_reference(cover: Cover | SolidCover, array: TexelArray, case: Case, *, friction: float = 0.0) -> Indentation:
     """Compute one case by finite elements.
 
-    A load of a path is computed together with the other loads, because slip depends on the loads before.
+    A load of a path is computed together with the other loads, because slip depends on the previous loads.
 
     Args:
         cover: The cover.
@@ -25,7 +25,7 @@ def press_reference(cover: Cover | SolidCover, array: TexelArray, case: Case, *,
 
     Raises:
         ValueError: If the indenter would pierce the cover, or the case does not fit the cover.
-        InputError: If the solver of this kind of cover cannot do what is asked for.
+        InputError: If the solver of this kind of cover does not support the case.
         ConvergenceError: If the solver does not converge.
     """
     from fem_reference.errors import UnsupportedError
@@ -45,7 +45,7 @@ def find_stored_reference(
 ) -> Indentation | None:
     """Return the reference of a case if all its solutions are in the result store; None if one is missing.
 
-    A case that the solver refuses counts as stored, because it takes no time: the result is None as well.
+    A case that the solver refuses counts as stored, because it takes no time.  The result is None.
     """
     from fem_reference import ConvergenceError
     from fem_reference.result_store import NotStoredError, stored_only

@@ -2,7 +2,7 @@
 
 The finite-element solution is the reference.  Simpler contact methods of the fast model and two null models are scored
 for comparison.  The null models are an empty image, and the contact forces on rigid boxes without any spread to other
-texels.  Published models can be scored in the same cases; `validation.published` holds them.
+texels.  Published models can be scored in the same cases (`validation.published`).
 """
 
 from __future__ import annotations
@@ -46,7 +46,8 @@ class Reference(Result):
 
     Attributes:
         texel_forces: Force on each of n texels, along its normal on a curved cover, shape (n,) [N].
-        outside: Force beside the active texels; 0 on a curved cover, where it is the vector `unmeasured` [N].
+        outside: Force on the base outside the active texels [N]; 0 on a curved cover, where `unmeasured` is the
+            corresponding vector.
         total_force: Force on the indenter along its motion [N].
         depth: Approach of the indenter from first touch [m].
         contact_area: Contact area [m2].
@@ -58,11 +59,11 @@ class Reference(Result):
         seconds: Elapsed time of the computation [s].
         grid_values: Quantities on the three grids, coarsest first, in SI units.
         force: Force of the indenter on the cover, shape (3,) [N].
-        moment: Moment of this force about the origin, shape (3,) [N m]; None with friction on flat covers.
+        moment: Moment of `force` about the origin, shape (3,) [N m]; None with friction on flat covers.
         base_force: Force of the cover on the base, shape (3,) [N].
         base_moment: Moment of `base_force` about the origin, shape (3,) [N m]; None on flat covers.
         unmeasured: Part of the base force that no texel measures, shape (3,) [N].
-        found: The whole result of the solver; None in a result that was read from a file.
+        found: Complete result of the solver; None in a result that was read from a file.
     """
 
     texel_forces: Array
@@ -86,7 +87,7 @@ class Reference(Result):
 
     @classmethod
     def of(cls, found: object) -> Reference:
-        """Return the reference that a solver found; a reference is returned as it is."""
+        """Make a reference of a solver's result; a reference is returned unchanged."""
         if isinstance(found, Reference):
             return found
         names = [each.name for each in dataclasses.fields(cls) if each.name != "found"]
@@ -160,7 +161,7 @@ class SkippedCase(Result):
 
     @classmethod
     def of(cls, case: Case, reason: str, *, converged: bool = True) -> SkippedCase:
-        """Return a case as one without scores."""
+        """Make a case without scores from a case."""
         return cls(name=case.name, indenter=case.shape, load=case.load, reason=reason, converged=converged)
 
 
@@ -175,13 +176,13 @@ class RowScores(Result):
         contact: Input from which the model computes texel forces, such as contact points.
         rule: The model in a few words.
         certainty: Source of the equations: published code, a summary, or other publications.
-        total: Whether the forces sum to the load, in words.
+        total: Statement of whether the forces sum to the load.
         not_built: Part of the model that concerns changes in time and is not implemented, in words.
         parameters: Values of all parameters by name, in SI units.
         units: Units of the parameters by name.
         fitted: Names of the fitted parameters.
-        fitted_on: The presses that they were fitted to, as text.
-        fit_misplaced_force: Mean misplaced force over these presses [-].
+        fitted_on: Presses to which the parameters were fitted, as text.
+        fit_misplaced_force: Mean misplaced force over the presses of `fitted_on` [-].
         pooled: Mean over the scored cases with bootstrap interval, by metric.
         skill: Skill of the fast model, 1 - its mean error / mean error of this model [-], by metric (`SKILL_METRICS`).
     """
@@ -237,12 +238,12 @@ class CampaignResult(Result):
 
 
 def texel_error(estimates: Mapping[str, float]) -> float:
-    """Return the estimated error of texel forces [-]: the misplaced force where it is known, or of the largest one."""
+    """Return the estimated error of texel forces [-]: misplaced force if known, else error of the largest one."""
     return estimates.get("misplaced_force", estimates.get("peak_texel", 0.0))
 
 
 def name_texel_error(estimates: Mapping[str, float]) -> str:
-    """Say what `texel_error` is a share of."""
+    """Describe the quantity to which `texel_error` is relative."""
     return "the load, on wrong texels" if "misplaced_force" in estimates else "the peak texel"
 
 
@@ -387,10 +388,10 @@ def _with_interval(mean: float, resampled: FloatArray, level: float, cases: int)
     return Pooled(mean=mean, low=float(low), high=float(high), level=level, cases=cases)
 
 
-#: Whether a requirement is met: `open` if the cases do not decide it.
+#: Status of a requirement; `open` if the cases do not decide it.
 Status = Literal["met", "missed", "open"]
 
-#: Largest error estimate of the reference, over the limit on misplaced force, at which a comparison decides [-].
+#: Largest error estimate of the reference, over the limit on misplaced force, for a decision by comparison [-].
 _RESOLVED = 1 / 3
 #: Verdict if all requirements are met.
 ACCEPTED = "accepted"
@@ -404,7 +405,7 @@ _MEAN = "mean over the cases"
 
 @result_model
 class Finding(Result):
-    """One requirement and what was found.
+    """One requirement and its result.
 
     Attributes:
         metric: Name of the metric, a field of `Score`.
@@ -444,10 +445,10 @@ class Verdict(Result):
 
     Attributes:
         word: `accepted`, `not accepted` or `not decided`.
-        reasons: Sentences without full stop that decide it.
+        reasons: Reasons for the verdict, sentences without full stop.
         findings: Every requirement.
         scored: Number of scored cases [-].
-        cases: Number of cases in the campaign, with those that were left out [-].
+        cases: Number of cases in the campaign, including those left out [-].
     """
 
     word: str = renamed("verdict")
@@ -478,7 +479,7 @@ class Verdict(Result):
     @property
     def short(self) -> str:
         """The verdict in one line of at most 80 characters."""
-        if not self.findings:  # every limit is on single cases, and none is scored
+        if not self.findings:  # every limit is on single cases, and no case is scored
             return f"verdict: {self.word.upper()}, {self.scored} of {self.cases} cases"
         first = next((each for each in self.findings if each.status == "missed"), self.findings[0])
         metric = METRICS[first.metric]
@@ -492,9 +493,9 @@ class Verdict(Result):
 def judge(campaign: Campaign, result: CampaignResult) -> Verdict:
     """Compare the scores of the fast model with the acceptance criterion.
 
-    The model is accepted if every requirement is met and every case is scored, and not accepted if a requirement is
-    missed.  A mean meets its limit if its whole 95 % interval lies at or below it, and misses it if the mean itself
-    lies above.  Between the two nothing is decided.
+    The model is accepted if every requirement is met and every case is scored.  It is not accepted if a requirement is
+    missed.  A mean meets its limit if its whole 95 % interval lies at or below the limit.  It misses the limit if the
+    mean itself lies above.  In between, the requirement is undecided.
 
     Args:
         campaign: The campaign with its criterion.
@@ -515,7 +516,7 @@ def judge(campaign: Campaign, result: CampaignResult) -> Verdict:
 
 
 def _judge(campaign: Campaign, results: Sequence[CaseResult]) -> Iterator[Finding]:
-    """Compare the means with their limits, then every case with its own."""
+    """Compare the means with their limits, and every case with its own limits."""
 
     def find(metric: str, over: str, value: float, *, low: float, high: float, limit: float) -> Finding:
         status: Status = "met" if high <= limit else "missed" if value > limit else "open"

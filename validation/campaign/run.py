@@ -1,7 +1,7 @@
 """Run of a campaign: indentations (cases) are computed by finite elements and by the fast model, which is scored.
 
-A case that a model cannot compute is named and left out.  An interrupted run keeps the cases that are finished.  What
-is missing from the store of results, and about how long it takes, is known before.
+A case that a model cannot compute is named and left out.  An interrupted run keeps the finished cases.  The missing
+solutions in the store of results, and their approximate computing time, are known before the run.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ def run_campaign(
     """Compute every case by finite elements and by all models of a bench, and score the models.
 
     Args:
-        bench: The sensor with its models, already fitted; the campaign changes none of them.
+        bench: Sensor with its models, already fitted; the campaign changes no model.
         cases: The indentations.
-        plan: Which solutions are missing from the store; found out anew if None.
+        plan: Solutions that are missing from the store; determined anew if None.
         progress: Called before each case with (number of cases done, number of all cases, name of the next case and
             time left).
 
@@ -107,7 +107,7 @@ def summarise(
     cases = [result.case for result in results]
 
     def collect(predictions: Sequence[Prediction], metric: str) -> list[float]:
-        """Collect a metric over the cases that compare it; NaN in the others."""
+        """Collect a metric over the cases that compare it; NaN in other cases."""
         return [
             float(getattr(each.score, metric)) if case.compares(metric) else np.nan
             for case, each in zip(cases, predictions, strict=True)
@@ -139,8 +139,9 @@ def summarise(
 
 
 _SOLID = "solid cover"
-#: Time of one missing solution by the kind of problem, on one core of a computer of 2020 [s].  `foil` are covers with a
-#: layer that is much stiffer than another one; `solid` are faces and other bodies that are not round.
+#: Time of one missing solution by the kind of problem, on one core of a computer of 2020 [s]. `foil` is for covers with
+#: a layer that is much stiffer than another one. `solid` is for flat faces and other bodies that are not bodies of
+#: revolution.
 _SECONDS = {
     "small strain": 2.0,
     "finite strain, round": 10.0,
@@ -152,9 +153,9 @@ _SECONDS = {
 }
 #: Ratio of the moduli of two layers above which a cover counts as one with a foil [-].
 _FOIL = 100.0
-#: Time of one case besides the missing solution: fast model, published models, scores [s].
+#: Time of one case besides the missing solution, for fast model, published models and scores [s].
 _PER_CASE = 0.7
-#: Time of everything besides the cases, on a cover of planar layers [s]: fits, verification, uncertainty, the report.
+#: Time of everything besides the cases, on a cover of planar layers: fits, verification, uncertainty, and report [s].
 _REST = 15.0
 #: Time of everything besides the cases, on a solid cover whose texel responses are not in the store [s].
 _SOLID_REST = 150.0
@@ -168,10 +169,10 @@ _LONG = 100.0
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What a campaign has to compute.
+    """Missing solutions and computing times of a campaign.
 
     Attributes:
-        missing: Whether the solution of each case is missing from the store; cases that share one count once.
+        missing: Whether the solution of each case is missing from the store; a shared solution counts once.
         seconds: Expected time of each case [s].
         rest: Expected time of everything besides the cases [s].
     """
@@ -186,7 +187,7 @@ class Plan:
         return sum(self.seconds) + self.rest
 
     def describe(self) -> str:
-        """Say in one line how many solutions are missing and about how long the evaluation takes."""
+        """State in one line how many solutions are missing and how long the evaluation takes."""
         count, cases = sum(self.missing), len(self.missing)
         what = f"{cases} cases, {count} reference solutions missing from the store"
         if not count:
@@ -194,21 +195,21 @@ class Plan:
         return f"{what}; about {format_time(self.total)}"
 
     def describe_left(self, done: int, elapsed: float, name: str) -> str:
-        """Return the name of the next case with the time left, by the time that the finished cases took.
+        """Return the name of the next case with the remaining time, estimated from the finished cases.
 
         Args:
             done: Number of finished cases [-].
-            elapsed: Time that they took [s].
+            elapsed: Time of the finished cases [s].
             name: Name of the next case.
         """
         expected = sum(self.seconds[:done])
-        # The finished cases tell how fast this computer is; before the first the plan is all there is.
+        # The finished cases show the speed of this computer; before the first one only the plan is known.
         factor = elapsed / expected if expected else 1.0
         return f"{name}, about {format_time(factor * sum(self.seconds[done:]))} left"
 
 
 def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Case], *, friction: float = 0.0) -> Plan:
-    """Find out which reference solutions are missing from the store, and how long the cases take.
+    """Determine which reference solutions are missing from the store, and the computing time of the cases.
 
     Args:
         cover: The cover.
@@ -251,7 +252,7 @@ def format_time(seconds: float) -> str:
 
 
 def _share_solution(cover: Cover | SolidCover, case: Case, other: Case) -> bool:
-    """Whether the references of two cases share their solution: the same body and load at two poses of a wide cover."""
+    """Whether the references of two cases share their solution: same body and load at two poses on a wide cover."""
     return (
         cover.size is None
         and (case.load, case.path, case.pose.tilt) == (other.load, other.path, other.pose.tilt)

@@ -34,7 +34,7 @@ CURVED_MODELS: Mapping[str, str] = {
     "no-spread": "null: the same points, their forces on the nearest texels without spread",
     "zeros": "null: an empty image",
 }
-#: Distance over the thickness up to which points of the cover count as touched first by a rigid indenter [-].
+#: Distance over the thickness up to which points of the cover count as first touched by a rigid indenter [-].
 _FIRST = 0.01
 #: Angle between the motion and the normal of the cover above which a direction counts as oblique [rad].
 _OBLIQUE = math.radians(10)
@@ -47,7 +47,7 @@ class SolidBench(Bench):
     """A solid cover.
 
     Attributes:
-        derivation: Responses of the texels, and the Gaussian that is fitted to them.
+        derivation: Responses of the texels, and the Gaussian fitted to them.
     """
 
     models = CURVED_MODELS
@@ -213,7 +213,7 @@ def _(
     *,
     parameters: Parameters | None = None,
 ) -> Bench:
-    del cases  # nothing is fitted to other presses
+    del cases  # No model is fitted to other presses.
     if progress:
         progress("fast model, compliance of the surface")
     sensor = derivation.sensor

@@ -23,7 +23,7 @@ from validation.extras import EXTRAS, MissingExtraError
 
 #: Exit status after success; `docs/json.md` explains all statuses.
 DONE = 0
-#: Exit status if a check failed, or if the acceptance criterion of a campaign is missed or not decided.
+#: Exit status if a check failed, or if the acceptance criterion of a campaign is missed or undecided.
 CHECK_FAILED = 1
 #: Exit status if an input is wrong.
 BAD_INPUT = 2
@@ -31,14 +31,14 @@ BAD_INPUT = 2
 OUTSIDE_FAILED = 3
 #: Exit status if the finite elements did not converge.
 NOT_CONVERGED = 4
-#: Exit status after Ctrl-C: 128 plus 2, the number of the signal, by the convention of shells.
+#: Exit status after Ctrl-C: 128 plus the number of the signal, 2, by the convention of shells.
 INTERRUPTED = 130
-#: Exit status when the reader of the output has gone, as in `softcover materials | head`: 128 plus 13, by the same
-#: convention.
+#: Exit status when the reader of the output has ended, as in `softcover materials | head`: 128 plus the number of the
+#: signal, 13.
 PIPE_CLOSED = 141
 
-#: Errors of the operating system that the text of a path causes, whatever the state of the machine: a name that is too
-#: long, a file where a folder is needed or the other way round, links in a circle.
+#: Errors of the operating system that are due to the text of a path: a name that is too long, a file in place of a
+#: folder or the reverse, or a cycle of links.
 _PATH_FAULTS = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP, errno.EINVAL, errno.EILSEQ}
 #: Largest number of lines in which the faults of an input are printed [-].
 _MOST_LINES = 50
@@ -47,17 +47,16 @@ _COMMANDS = (
     "demo", "derive", "press", "mesh", "view", "validate", "regress", "export", "record", "replay", "import",
     "calibrate", "emulate", "store", "materials", "datasheet", "init", "doctor",
 )  # fmt: skip
-#: Place of a command as `module:name` in the folder `commands`, where it is not a function or an application (if the
-#: command has actions of its own) in the module of its name.
+#: Places of commands as `module:name` in the folder `commands`, for commands that are not in the module of their own
+#: name.
 _PLACES = {"demo": "validate:demo", "replay": "recordings:replay", "import": "recordings:import_recording"}
 
 
 def _convert(wanted: type, tokens: Sequence[Token]) -> object:
-    """Convert the words of one option; cyclopts itself rounds 1.5 to a whole number and accepts nan without a word.
+    """Convert the words of one option. cyclopts itself rounds 1.5 to a whole number and accepts nan silently.
 
     Raises:
-        ValueError: If an option that counts is given anything but a whole number, or one that measures anything but a
-            finite number.
+        ValueError: If an option of a count is not a whole number, or another numeric option is not finite.
     """
     kinds: dict[object, tuple[type[int | float], str]] = {int: (int, "whole"), float: (float, "finite")}
     if wanted in kinds:
@@ -92,13 +91,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run one command of the command line, then end the process with the command's exit status.
 
     Args:
-        arguments: The words after `softcover` on the command line; those of the present process if None.
+        arguments: Words after `softcover` on the command line; those of the present process if None.
 
     Raises:
         SystemExit: Always, with the exit status.
     """
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # the shell closed it: `softcover materials >&-`
+        if getattr(sys, name) is None:  # The shell closed the stream: `softcover materials >&-`.
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 -- open until the end
     try:
         with _interrupt_on_terminate():
@@ -106,7 +105,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:
         _drop_output()
         status = PIPE_CLOSED
-    except OSError:  # the disk behind standard error is full, so that nothing more can be said
+    except OSError:  # The disk behind standard error is full, so that no message can be written.
         if os.environ.get("SOFTCOVER_TRACEBACK"):
             raise
         _drop_output()
@@ -117,7 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 @contextlib.contextmanager
 def _interrupt_on_terminate() -> Iterator[None]:
     """Treat the signal SIGTERM like Ctrl-C, so that a command completes its file and removes its temporary folder."""
-    if threading.current_thread() is not threading.main_thread():  # only the main thread handles signals
+    if threading.current_thread() is not threading.main_thread():  # Only the main thread handles signals.
         yield
         return
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -128,7 +127,7 @@ def _interrupt_on_terminate() -> Iterator[None]:
 
 
 def _run(words: Sequence[str]) -> int:
-    """Run one command, print what went wrong, and return the exit status.
+    """Run one command, print its errors, and return the exit status.
 
     Raises:
         BrokenPipeError: If the program that reads the output has ended.
@@ -144,7 +143,7 @@ def _run(words: Sequence[str]) -> int:
     except BrokenPipeError:
         raise
     except SystemExit as raised:
-        if isinstance(raised.__context__, BrokenPipeError):  # so ends a help page of which only the head is read
+        if isinstance(raised.__context__, BrokenPipeError):  # A help page ends like this if only its head is read.
             raise raised.__context__ from None
         raise
     except Exception as raised:  # noqa: BLE001 -- raised again if it is a programming error
@@ -156,9 +155,9 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _report_error(raised: Exception, words: Sequence[str]) -> int:
-    """Print what went wrong, and return the exit status; raise a programming error again."""
+    """Print an error, and return the exit status; raise a programming error again."""
     cause: BaseException | None = raised if isinstance(raised, ImportError) else None
-    while cause is not None:  # a compiled module turns Ctrl-C while it loads into an ImportError
+    while cause is not None:  # A compiled module turns Ctrl-C during its import into an ImportError.
         if isinstance(cause, KeyboardInterrupt):
             return _report_interrupt()
         cause = cause.__cause__ or cause.__context__
@@ -169,14 +168,14 @@ def _report_error(raised: Exception, words: Sequence[str]) -> int:
     see = f"; see: softcover {_command(words)}--help" if isinstance(error, CycloptsError) else ""
     for line in explanation.lines[:_MOST_LINES]:
         say(f"softcover: {line.removesuffix('.')}{see}" if see else f"softcover: {line}")
-    if (rest := len(explanation.lines) - _MOST_LINES) > 0:  # a damaged file may have a fault in each of its lines
+    if (rest := len(explanation.lines) - _MOST_LINES) > 0:  # A damaged file may have a fault in each of its lines.
         say(f"softcover: ... and {rest} more faults; mend these first")
     forget_notes()
     return explanation.status
 
 
 def _report_interrupt() -> int:
-    """Say that Ctrl-C ended the command, and return the exit status."""
+    """State that Ctrl-C ended the command, and return the exit status."""
     sys.stderr.write("softcover: interrupted\n")
     forget_notes()
     return INTERRUPTED
@@ -194,10 +193,10 @@ def _drop_output() -> None:
 
 
 def _refuse_unusable(words: Sequence[str]) -> None:
-    """Refuse words that no name of a file can hold: NUL, and characters that the file system cannot encode.
+    """Refuse words that cannot be file names: NUL, and characters that the file system cannot encode.
 
     Raises:
-        InputError: If there is such a word; a shell passes none, but programs can.
+        InputError: If there is such a word.  Programs can pass one, a shell cannot.
     """
     faults = []
     for number, word in enumerate(words, start=1):
@@ -212,10 +211,10 @@ def _refuse_unusable(words: Sequence[str]) -> None:
 
 
 def _clarify(error: Exception, words: Sequence[str]) -> Exception:
-    """Replace two kinds of error of the argument parser by errors that name what would be accepted.
+    """Replace two kinds of errors of the argument parser by errors that name the accepted values.
 
     Args:
-        error: An error that a command raised; errors of other kinds are returned as they are.
+        error: Error of a command; errors of other kinds are returned unchanged.
         words: The words after `softcover` on the command line.
     """
     if isinstance(error, UnknownCommandError):
@@ -227,7 +226,7 @@ def _clarify(error: Exception, words: Sequence[str]) -> Exception:
         return InputError(f"unknown {kind} {word!r}; {nearest(word, known)}")
     if isinstance(error, MissingArgumentError) and error.argument is not None:
         name = error.argument.name
-        if error.argument.index is not None:  # given by its place: SENSOR, as in the help
+        if error.argument.index is not None:  # a positional argument: SENSOR, as in the help
             name = name.lstrip("-").upper()
         return InputError(f"{name} is missing; `softcover {_command(words)}--help` has examples")
     return error
@@ -250,7 +249,7 @@ def explain(error: Exception) -> Explanation | None:
     """Explain an error to the user.
 
     Returns:
-        The lines to print and the exit status; None for a programming error, which only a traceback explains.
+        Lines to print and exit status; None for a programming error, which needs a traceback.
     """
     text, status = " ".join(str(error).split()), BAD_INPUT
     match error:
@@ -270,7 +269,7 @@ def explain(error: Exception) -> Explanation | None:
             status = BAD_INPUT if of_path else OUTSIDE_FAILED
         case InputError():
             return Explanation(lines=error.faults, status=status)
-        case CycloptsError() | ValueError():  # all packages of softcover raise subclasses of ValueError for bad input
+        case CycloptsError() | ValueError():  # All packages of softcover raise subclasses of ValueError for bad input.
             pass
         case _:
             return None

@@ -1,4 +1,4 @@
-"""Drawing of tactile images as coloured text: one number per texel on the colour that the report gives it."""
+"""Drawing of tactile images as coloured text: one number per texel, on its colour in the report."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ def draw_heat_map(
 def draw_force_images(array: TexelArray, images: Sequence[tuple[str, FloatArray]], *, width: int = 80) -> Table:
     """Draw images of texel forces in mN as coloured text, with one colour scale for all images.
 
-    The texels are narrowed to their numbers if the images fit side by side then.
+    The width of the texels is reduced to that of their numbers if the images then fit side by side.
 
     Args:
         array: The array of n texels to which all images belong.
         images: Title of each image, and forces on its texels, shape (n,) [N].
-        width: Width of the terminal: the images are drawn side by side if they fit, else one below the other
-            [characters].
+        width: Width of the terminal [characters].  The images are drawn side by side if they fit, else one below the
+            other.
     """
     peak = max(float(np.max(np.abs(forces))) for _, forces in images) or 1.0
     active = np.asarray(array.image(array.active))
@@ -88,7 +88,7 @@ def draw_share_image(image: FloatArray, *, most: int = 4) -> Text:
 
     Args:
         image: Shares, shape (rows, columns) [-].
-        most: Number of texels that are drawn on each side of the largest one, at most [-].
+        most: Largest number of texels that are drawn on each side of the largest one [-].
     """
     row, column = np.unravel_index(int(np.argmax(image)), image.shape)
     part = image[max(0, row - most) : row + most + 1, max(0, column - most) : column + most + 1]

@@ -50,7 +50,7 @@ class LiveImage(contextlib.ExitStack):
             self._live = self.enter_context(live)
         return self
 
-    #: Whether the display is open: always true here, because a user can close a window but not this display.
+    #: Whether the display is open.  It is always true here, because a user can close a window but not this display.
     is_open = True
 
     @property

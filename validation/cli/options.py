@@ -1,6 +1,6 @@
 """Options that several commands have in common, the sensor that they name, and checks of options.
 
-The help of an option that only one command has stands under `Args` in the docstring of the command.
+The help of an option that only one command has is in `Args` of the docstring of the command.
 """
 
 from __future__ import annotations
@@ -33,18 +33,13 @@ Sensor = Annotated[
         help="A sensor file, a built-in sensor (wts-0614-34, sdh2-distal), or a folder that `derive --out` wrote."
     ),
 ]
-#: A text that may begin with a minus sign, so that a negative quantity is refused as such and not as an option.
+#: Text that may begin with a minus sign, so that a negative quantity is refused as a quantity and not as an option.
 Quantity = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 Json = Annotated[
     bool, Parameter(name="--json", help="Print one JSON object on standard output, and nothing else there.")
 ]
 Shape = Annotated[str, Parameter(help="Shape of the indenter, e.g. sphere:radius=5mm or box:size=10mmx10mmx5mm.")]
 Method = Annotated[str, Parameter(help="Contact method of the fast model: default, cover, foundation, area or boxes.")]
-RecordedIndenter = Annotated[str, Parameter(name="--indenter", help="Shape of the indenter; kept in the file.")]
-RecordedLoad = Annotated[
-    Quantity, Parameter(name="--load", help="Force or weight, e.g. 4.9N or 500g; kept in the file.")
-]
-Note = Annotated[str, Parameter(name="--note", help="Any other text to keep in the file.")]
 RecordingFile = Annotated[Path, Parameter(help="A recording: .mcap, .dsa, .csv, .bag, or a folder of ROS 2.")]
 Topic = Annotated[str | None, Parameter(name="--topic", help="Topic that holds the frames, in bags of other programs.")]
 PressedArrayIndex = Annotated[
@@ -54,6 +49,20 @@ PressedArrayIndex = Annotated[
         help="Index of the array if the recording has several, from 0; the one that is pressed most when not given.",
     ),
 ]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Labels:
+    """Options that say how a recording is made; they are kept in its file."""
+
+    indenter: Annotated[str, Parameter(help="Shape of the indenter; kept in the file.")] = ""
+    load: Annotated[Quantity, Parameter(help="Force or weight, e.g. 4.9N or 500g; kept in the file.")] = None
+    note: Annotated[str, Parameter(help="Any other text to keep in the file.")] = ""
+
+
+#: No labels.
+UNLABELLED = Labels()
 
 
 @Parameter(name="*")
@@ -75,7 +84,7 @@ class CoverChanges:
     ] = ()
 
 
-#: The cover of the sensor as it is.
+#: No change of the cover.
 UNCHANGED = CoverChanges()
 
 
@@ -95,8 +104,8 @@ def check_choice(option: str, kind: str, value: str, choices: tuple[str, ...]) -
 
     Args:
         option: Name of the option, for the error message.
-        kind: What the word stands for, for the error message.
-        value: The word that the user gave.
+        kind: Kind of the word, for the error message.
+        value: Word given by the user.
         choices: The accepted words.
 
     Raises:
@@ -107,7 +116,7 @@ def check_choice(option: str, kind: str, value: str, choices: tuple[str, ...]) -
 
 
 def choose_array(recording: Recording, index: int | None) -> int:
-    """Return the index of the array to show: the given one, or the one that is pressed most.
+    """Return the index of the array to show: the given one, or the array with the largest change of counts.
 
     Raises:
         InputError: If the recording has no array of the given index.
@@ -132,7 +141,7 @@ def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:
         The two times [s].
 
     Raises:
-        InputError: If the two are not numbers with 0 <= from < to.
+        InputError: If the text is not two numbers with 0 <= from < to.
     """
     start, _, end = text.partition(":")
     try:
@@ -157,7 +166,7 @@ def read_sensor(
     With `curved` the command derives the fast model of curved covers itself.
 
     Raises:
-        InputError: If the sensor cannot be read, or describes a curved cover, of which `derive` makes parameters.
+        InputError: If the sensor cannot be read, or describes a curved cover, for which `derive` must be used.
     """
     from validation import api
     from validation.sensor_file import SensorDescription
@@ -180,12 +189,12 @@ def read_description(
     Args:
         sensor: Path of a sensor file, or name of a built-in sensor.
         changes: Changes of the cover.
-        curved: Whether the command can treat curved covers.
-        instead: What the user can do with a folder of parameters, for the error message.
+        curved: Whether the command supports curved covers.
+        instead: Alternative for a folder of parameters, for the error message.
 
     Raises:
         InputError: If the sensor cannot be read, is a folder with parameters of the fast model, or has a curved cover
-            that the command cannot treat.
+            that the command does not support.
     """
     from validation import api
 
@@ -197,7 +206,7 @@ def read_description(
 def _check_description(found: SensorDescription, *, curved: bool) -> None:
     """Refuse a curved cover unless `curved`, and print a note on assumed properties of the electronics."""
     if not curved:
-        _ = found.layered_cover  # a solid is refused
+        _ = found.layered_cover  # Solid covers are refused here.
     if assumed := ", ".join(found.assumed_electronics):
         note(
             f"{found.source} does not state all of [electronics]; assumed: {assumed}; counts and images follow from "
@@ -206,11 +215,11 @@ def _check_description(found: SensorDescription, *, curved: bool) -> None:
 
 
 def tell_unused(sensor: SensorDescription | Parameters, more: str = "") -> tuple[str, ...]:
-    """Print what a sensor file states and the fast model does not use, a warning each, and return the sentences.
+    """Print a warning for each entry of a sensor file that the fast model does not use, and return the sentences.
 
     Args:
-        sensor: Result of `read_sensor`; a folder of parameters states nothing that the fast model does not use.
-        more: Text that the printed lines end with.
+        sensor: Result of `read_sensor`.  A folder of parameters has no unused entries.
+        more: Text at the end of the printed lines.
     """
     from validation import api
 

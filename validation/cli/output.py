@@ -38,7 +38,7 @@ def say(message: str) -> None:
 
 
 def note(message: str) -> None:
-    """Keep a message for the user until the command has succeeded; a command with a fault writes its fault only."""
+    """Keep a message for the user until the command has succeeded; a failed command writes only its fault."""
     _notes.append(message)
 
 
@@ -63,7 +63,7 @@ def show(text: str) -> None:
 def show_wrapped(text: str, *, indent: str = "", further: str = "") -> None:
     """Write a paragraph to standard output in lines of at most 80 characters.
 
-    Names, options and addresses are never divided, because users copy them; a longer one has a line of its own.
+    Names, options and addresses are not divided, because users copy them.  A longer one has its own line.
 
     Args:
         text: The paragraph.
@@ -84,7 +84,7 @@ def print_meaning(sentences: Iterable[str]) -> None:
 
 
 def print_json(result: Mapping[str, Any]) -> None:
-    """Write one JSON object to standard output, at once: a program may wait for it while the command still runs."""
+    """Write one JSON object to standard output and flush it, because a program may already wait for it."""
     from validation.json_values import json_text
 
     sys.stdout.write(f"{json_text(result)}\n")
@@ -103,7 +103,7 @@ def make_console() -> Console:
 
 
 def render(table: Table, *, lines: bool = True) -> None:
-    """Print a table on standard output; without `lines` between its columns a wide one fits a narrow terminal."""
+    """Print a table on standard output; without `lines` between its columns a wide table fits a narrow terminal."""
     make_console().print(table.to_rich(lines=lines))
 
 
@@ -132,8 +132,8 @@ def print_table(
 class Progress(contextlib.ExitStack):
     """Shows the current stage of a computation: a moving bar on a terminal, lines of text without one.
 
-    Call the object with the name of a stage of unknown length; call `step` for each item of a stage of known length.
-    A computation that is not finished after half a minute says so, also within a stage that says nothing itself.
+    Call the object with the name of a stage of unknown length.  Call `step` for each item of a stage of known length.
+    If a computation is not finished after half a minute, a line states this, also during a stage without output.
     """
 
     def __init__(self) -> None:
@@ -196,7 +196,7 @@ class Progress(contextlib.ExitStack):
             sys.stderr.write(f"[{now - self._started:5.1f} s]{count} {text}\n")
 
 
-#: Estimated relative error of the finite elements below which they are called good [-].
+#: Estimated relative error of the finite elements below which they count as good [-].
 GOOD_ERROR = 0.01
 
 

@@ -1,7 +1,7 @@
 """The simulation that `softcover view` shows: an indenter comes down on the array, then slides in a circle.
 
-The weight of the indenter rests on the cover.  A guide moves it sideways.  A damper limits its falling speed, so that
-the force on the sensor rises smoothly from zero to the weight.
+The weight of the indenter rests on the cover.  A guide moves it sideways.  A damper limits its speed of descent, so
+that the force on the sensor rises smoothly from zero to the weight.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ RAMP_TIME = 1.0
 REVOLUTION_TIME = 4.0
 #: Radius of the circle on which the indenter slides, over the array's shorter side [-].
 RADIUS_FRACTION = 0.2
-#: Colour of the indenter: red, green, blue and opacity, each 0..1; the array remains visible through the indenter.
+#: Colour of the indenter: red, green, blue and opacity, each 0..1 [-].  The array remains visible through the indenter.
 COLOUR = [0.85, 0.5, 0.2, 0.6]
 
 
@@ -73,7 +73,8 @@ class Scene:
         self._radius = RADIUS_FRACTION * float((np.ptp(array.centres[:, :2], axis=0) + array.texel_size).min())
         body = add_indenter(spec, indenter, load, height=float(array.centres[:, 2].max()) + GAP)
         (vertical,) = body.joints
-        # Newer versions of MuJoCo take the damping of a joint as coefficients of a polynomial, older ones as a number.
+        # Newer versions of MuJoCo represent the damping of a joint by coefficients of a polynomial, older ones by a
+        # number.
         damping = load / FALLING_SPEED
         vertical.damping = [damping, 0.0, 0.0] if np.ndim(vertical.damping) else damping
         for axis in ((1, 0, 0), (0, 1, 0)):
@@ -118,7 +119,7 @@ class Scene:
     def _guide(self, time: float) -> npt.NDArray[np.float64]:
         """Return the prescribed position (x, y) of the indenter's axis at a time, shape (2,) [m].
 
-        The axis is first over the centre of the array, then moves out to the circle while it turns on the circle.
+        The axis starts over the centre of the array, and moves out to the circle while it revolves.
 
         Args:
             time: Simulated time [s].

@@ -32,8 +32,8 @@ ELEVATION = -40.0
 CAMERA_DISTANCE = 2.5
 #: Longest time to wait for a window to open, or for the viewer's threads to end [s].
 TIMEOUT = 30.0
-#: Program that tries to open a hidden window, and exits with the reason if that fails.  It is run in a process of its
-#: own before MuJoCo's viewer is started, because the viewer waits for ever for a window that cannot be opened.
+#: Program that tries to open a hidden window, and exits with the reason of a failure.  It runs in a separate process
+#: before MuJoCo's viewer is started, because the viewer never returns if its window cannot be opened.
 _PROBE = """
 import glfw, sys
 glfw.ERROR_REPORTING = "ignore"
@@ -61,7 +61,7 @@ def find_window_fault() -> str | None:
 class Window(contextlib.ExitStack):
     """The window of MuJoCo's viewer with a simulation, as a context manager.
 
-    Call `find_window_fault` first: the viewer waits for ever if no window can be opened.
+    Call `find_window_fault` first, because the viewer never returns if no window can be opened.
 
     Args:
         scene: The simulation to show.
@@ -81,8 +81,8 @@ class Window(contextlib.ExitStack):
         self._viewer = viewer.launch_passive(
             self._scene.model, self._scene.data, show_left_ui=False, show_right_ui=False
         )
-        # The process may crash if it ends while the viewer's threads draw.  So at the end the window is closed, and
-        # then the process waits for these threads.
+        # The process may crash if it ends while the viewer's threads draw.  At the end the window is therefore closed,
+        # and the process waits for these threads.
         for thread in set(threading.enumerate()) - others:
             self.callback(thread.join, TIMEOUT)
         self.callback(self._viewer.close)
@@ -94,7 +94,7 @@ class Window(contextlib.ExitStack):
 
     @property
     def is_open(self) -> bool:
-        """Whether the user has not closed the window."""
+        """Whether the window is open; a user can close it."""
         return bool(self._viewer.is_running())
 
     @property
@@ -115,7 +115,7 @@ class Window(contextlib.ExitStack):
         parameters = self._scene.sensor.parameters
         scale = Scale(peak=parameters.electronics.output_max)
         image = scale.rgb(counts.reshape(-1, parameters.array.columns)[::-1])
-        pixels = max(1, IMAGE_HEIGHT // max(image.shape))  # texels are equal squares
+        pixels = max(1, IMAGE_HEIGHT // max(image.shape))  # Texels are drawn as equal squares.
         image = image.repeat(pixels, axis=0).repeat(pixels, axis=1)
         rectangle = mujoco.MjrRect(MARGIN, MARGIN, image.shape[1], image.shape[0])
         self._viewer.set_images((rectangle, image))

@@ -1,4 +1,4 @@
-"""All evidence beside the scores: verification, uncertainty, stages, and where the validated range ends."""
+"""Evidence on the credibility of the scores: verification, uncertainty, stages, and limits of the validated range."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from validation.campaign.bench import Bench
 
 T = TypeVar("T")
-#: Progress of the evidence: called with a line of text.
+#: Progress of the evidence: function that receives a line of text.
 Progress = Callable[[str], None]
 #: Metrics of the grouped errors.
 GROUP_METRICS = ("misplaced_force", "image_changed_percent", "centre_of_pressure_m")
@@ -36,11 +36,11 @@ class Evidence(Result):
         inputs: Effects of the uncertain inputs, by name of the case.
         errors: Comparison errors with their uncertainties.
         stages: Errors by stage; None if the fast model has no cover data.
-        groups: Pooled errors of the fast model by load, shape and pose: group, member, metric.
-        domain: Range of the cases, by name: smallest and largest value, in SI units.
-        failed: Reasons why parts are missing, one line each.
-        left_out: Which sections have no meaning for this kind of cover, one sentence each.
-        notes: What readers must know about this kind of cover, by section of the report.
+        groups: Pooled errors of the fast model by group (load, shape, pose), member and metric.
+        domain: Smallest and largest value of each quantity of the cases, by name, in SI units.
+        failed: Reasons for missing parts, one line each.
+        left_out: Sections that have no meaning for this kind of cover, one sentence each.
+        notes: Information for readers about this kind of cover, by section of the report.
     """
 
     checks: tuple[Check, ...] = renamed("code_verification")
@@ -60,11 +60,11 @@ def gather_evidence(
 ) -> Evidence:
     """Verify codes and solutions, propagate the inputs, and score the stages.
 
-    A part that fails is listed with its reason; the others are kept.  After an interruption nothing that needs a new
-    solution is computed.
+    A part that fails is listed with its reason, and the other parts are kept.  After an interruption no new solution is
+    computed.
 
     Args:
-        bench: The sensor that was scored.
+        bench: Sensor that was scored.
         campaign: The campaign with the uncertainties of its inputs.
         result: The scores.
         progress: Called with the name of each part.

@@ -1,4 +1,4 @@
-"""Score by stage: how much of the fast model's error comes from cover, contact, spread and electronics.
+"""Score by stage: contributions of cover, contact, spread and electronics to the error of the fast model.
 
 The stages form a chain from the reference image to the counts.  Each stage replaces one part of the reference by that
 of the fast model, and its error is the misplaced force between the images before and after:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from fastmodel import Parameters
     from fem_reference.indentation.result import Indentation
 
-#: The stages in the order of the chain, with what each replaces.
+#: Stages in the order of the chain, each with the replaced part.
 STAGES: Mapping[str, str] = {
     "cover": "linear cover at zero load instead of finite strain",
     "spread": "tables from cells to texels instead of finite elements, under the reference's contact forces",
@@ -114,7 +114,7 @@ def _score_case(cover: Cover, parameters: Parameters, cells: CoverCells, result:
 def spread_contact(cells: CoverCells, array: TexelArray, reference: Indentation, load: float) -> FloatArray:
     """Spread the reference's contact forces by the fast model's tables from cells to texels, shape (n,) [N].
 
-    As in the fast model, the force on a cell acts uniformly on it.
+    As in the fast model, the force on a cell acts uniformly on the cell.
 
     Args:
         cells: Tables of the cover.
@@ -142,7 +142,7 @@ def spread_contact(cells: CoverCells, array: TexelArray, reference: Indentation,
 
 
 def count_back(parameters: Parameters, forces: FloatArray) -> FloatArray:
-    """Convert texel forces to counts and back, shape (n,) [N]; a force beyond saturation becomes the saturating one.
+    """Convert texel forces to counts and back, shape (n,) [N]; forces beyond saturation become the saturation force.
 
     Args:
         parameters: Parameters with the electronics.
@@ -158,7 +158,7 @@ def count_back(parameters: Parameters, forces: FloatArray) -> FloatArray:
 
 
 def _invert(steps: FloatArray, ladder: FloatArray, counts: FloatArray) -> FloatArray:
-    """Return the middle of the forces that give each count; 0 for the count of no force [N]."""
+    """Return the middle of the force interval of each count [N]; 0 for the count of zero force."""
     steps = np.maximum.accumulate(steps)
     low = np.searchsorted(steps, counts, side="left")
     high = np.searchsorted(steps, counts, side="right") - 1

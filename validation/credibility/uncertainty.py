@@ -1,16 +1,16 @@
 """Input uncertainty of a tactile image, and comparison errors with their validation uncertainty (ASME V&V 20-2009).
 
-Input uncertainty is how far an image changes within the uncertainty of modulus, thickness, pose and friction.  Every
-input is changed by plus and minus its standard uncertainty, one at a time, and half the difference of the two images is
+Input uncertainty is the change of an image within the uncertainties of modulus, thickness, pose and friction.  Every
+input is changed by plus and minus its standard uncertainty, one at a time.  Half the difference of the two images is
 the sensitivity times the uncertainty.  The images come from the small-strain contact on a coarse grid of cells and the
-exact layer solution: a sensitivity needs no finer grid, and covers of rubber have their linear properties at zero load.
-Contributions are added in quadrature (section 3; first-order propagation).
+exact layer solution, because a sensitivity needs no finer grid.  Covers of rubber have their linear properties at zero
+load.  Contributions are added in quadrature (section 3; first-order propagation).
 
-The comparison error of a quantity is E = S - D (sections 1 and 5).  S is the fast model and D the reference.  u_val =
-sqrt(u_num^2 + u_input^2 + u_D^2).  Where the absolute value of E is below u_val, a comparison with these uncertainties
-cannot tell the error of the model from that of inputs, numbers and data.  The two models share their inputs, so that
-u_input cancels in their own comparison; there E stands against u_num alone.  u_val is what remains for a real sensor
-whose cover and pose are known within the stated uncertainties.
+The comparison error of a quantity is E = S - D (sections 1 and 5), with the fast model S and the reference D. The
+validation uncertainty is u_val = sqrt(u_num^2 + u_input^2 + u_D^2).  Where the absolute value of E is below u_val, a
+comparison cannot distinguish the error of the model from those of inputs, numerics and data.  The two models share
+their inputs, so that u_input cancels in their own comparison, and E is compared with u_num alone. u_val applies to a
+real sensor whose cover and pose are known within the stated uncertainties.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from fem_reference.closed_form.layer import TexelResponse
     from fem_reference.linear_response.surface_compliance import SurfaceCompliance
 
-#: Number of cells across the contact [-].  Half as many cells change the propagated uncertainty by less than 2 % of it.
+#: Number of cells across the contact [-].  With half as many cells the propagated uncertainty changes by less than 2 %.
 CELLS = 32
 #: Largest Poisson ratio [-].
 _INCOMPRESSIBLE = 0.5
@@ -91,7 +91,7 @@ class InputUncertainty(Result):
         return math.sqrt(sum(value**2 for value in self.misplaced.values()))
 
     def _misplace(self, effect: FloatArray) -> float:
-        """Half the sum of the absolute changes, with that of the force outside, over the load [-]."""
+        """Half the sum of the absolute changes, including that of the force outside, over the load [-]."""
         return float(np.abs(effect).sum() + abs(effect.sum())) / (2 * self.load)
 
 
@@ -147,7 +147,7 @@ Change = Callable[[Cover, Case, float], tuple[Cover, Case]]
 def list_inputs(cover: Cover, inputs: Inputs) -> Iterator[tuple[str, float, Change]]:
     """List the inputs besides friction: name with unit, standard uncertainty, and the function that changes the input.
 
-    The last argument of the function is the change of the input.  Inputs without uncertainty are left out.
+    The last argument of the function is the change of the input.  Inputs without uncertainty are omitted.
     """
     several = len(cover.layers) > 1
     for index, layer in enumerate(cover.layers):
@@ -170,22 +170,24 @@ def list_inputs(cover: Cover, inputs: Inputs) -> Iterator[tuple[str, float, Chan
 def _spread_modulus(material: Material) -> float:
     """Compute the standard uncertainty of the logarithm of the modulus, uniform over the range of the material [-].
 
-    Sources that state a range with k = 2 are taken as the others, which is the larger uncertainty.
+    Sources that state a range with k = 2 are treated as the others, which gives the larger uncertainty.
     """
     low, high = material.modulus_range
-    if low <= 0:  # has no logarithm: as far below the modulus as the other end is above it
+    # The lower end has no logarithm.  It is taken as far below the modulus, in the logarithm, as the upper end is
+    # above.
+    if low <= 0:
         low = material.youngs_modulus**2 / high
     return math.log(high / low) / 2 * _OF_HALF_WIDTH
 
 
 def _change_layer(index: int, what: str, cover: Cover, case: Case, by: float) -> tuple[Cover, Case]:
-    """Change a layer: the logarithm of its `modulus`, its `poisson` ratio, or its `thickness` over the thickness."""
+    """Change a layer: the logarithm of its `modulus`, its `poisson` ratio, or its relative `thickness`."""
     layer = cover.layers[index]
     material, thickness = linearise_material(layer.material), layer.thickness
     if what == "modulus":
         material = replace(material, parameters={"youngs_modulus": material.youngs_modulus * math.exp(by)})
     elif what == "poisson":
-        # Young's modulus is held; 0.5 is the limit
+        # Young's modulus is constant; the Poisson ratio is limited to 0.5.
         material = replace(material, poisson_ratio=min(max(material.poisson_ratio + by, 0.0), _INCOMPRESSIBLE))
     else:
         thickness *= 1 + by
@@ -208,7 +210,7 @@ def _find_effects(cover: Cover, array: TexelArray, case: Case, inputs: Inputs) -
         high, low = (simulate_image(each, array, moved) for each, moved in changed)
         span = 2 * uncertainty
         if name.startswith("Poisson ratio"):
-            # At the limit of 0.5 only one side is left, and the difference spans less than two uncertainties.
+            # At the limit of 0.5 only one side is possible, and the difference spans less than two uncertainties.
             above, below = (sum(layer.material.poisson_ratio for layer in each.layers) for each, _ in changed)
             span = max(above - below, np.finfo(float).eps)
         yield name, (high - low) * uncertainty / span
@@ -231,7 +233,7 @@ def simulate_image(cover: Cover, array: TexelArray, case: Case) -> FloatArray:
 
 @lru_cache(maxsize=256)
 def _solve_cells(cover: Cover, indenter: Indenter, load: float, count: int) -> FloatArray:
-    """Solve the contact on a number of cells across it, which poses share.
+    """Solve the contact on a given number of cells across it; the solution is shared by all poses.
 
     Returns:
         Rows x, y [m] and force [N] of m cells in the frame of the indenter, shape (3, m).
@@ -260,10 +262,10 @@ def _tabulate_response(cover: Cover, size: tuple[float, float]) -> TexelResponse
 
 
 def _find_friction_effect(cover: Cover, array: TexelArray, case: Case, friction: float) -> FloatArray | None:
-    """Compute the change of the image by one standard deviation of a friction between zero and a bound.
+    """Compute the change of the image by one standard deviation of the friction, between zero and an upper bound.
 
-    Friction needs finite elements.  A body of revolution is pressed as it is.  For any other flat face a cylinder of
-    the same area and load is pressed, because the effect is small and similar.  Other bodies have no such substitute.
+    Friction needs finite elements.  A body of revolution is pressed itself.  Any other flat face is replaced by a
+    cylinder of the same area and load, because the effect is small and similar.  Other bodies have no substitute.
 
     Returns:
         The change, shape (n,) [N]; None without a substitute, or if the solver fails.
@@ -314,7 +316,7 @@ class ComparisonError(Result):
     Attributes:
         case: Name of the case.
         quantity: Name of the quantity with its unit.
-        factor: Factor from SI units to this unit [-].
+        factor: Factor from SI units to the unit of the quantity [-].
         fast: Value of the fast model, S, in SI units.
         reference: Value of the reference, D, in SI units.
         u_num: Standard uncertainty of the numerical solutions, in SI units.
@@ -355,12 +357,12 @@ class ComparisonError(Result):
 
     @property
     def resolved_here(self) -> bool:
-        """Whether the comparison of the two models, which share their inputs, shows an error of the fast model."""
+        """Whether the comparison of the two models, which share their inputs, resolves an error of the fast model."""
         return abs(self.error) > self.u_num
 
     @property
     def resolved(self) -> bool:
-        """Whether a comparison with all uncertainties would show this error."""
+        """Whether a comparison with all uncertainties would resolve this error."""
         return abs(self.error) > self.u_val
 
 
@@ -372,8 +374,8 @@ def compare_quantities(
     Args:
         array: The array.
         result: The scored case.
-        inputs: Effects of the uncertain inputs on its image.
-        data: Standard uncertainty of measured forces, over the force; 0 for the reference as data [-].
+        inputs: Effects of the uncertain inputs on the image of the case.
+        data: Standard uncertainty of measured forces, over the force [-]; 0 if the reference is the data.
     """
     reference, fast = result.reference.texel_forces, result.predictions["fast"].texel_forces
     estimate = texel_error(result.reference.error_estimate) / _COVERAGE
@@ -381,16 +383,17 @@ def compare_quantities(
     sums = np.ones(array.count)
     peak = np.zeros(array.count)
     peak[np.argmax(reference)] = 1.0
-    # The quantities are weighted sums of the texel forces; those of a centre of pressure are divided by their sum.
+    # The quantities are weighted sums of the texel forces.  Those of a centre of pressure are divided by the sum of the
+    # forces.
     weights = {"largest texel [mN]": peak, "all texels [mN]": sums}
-    # The values S and D, u_num and u_input of each quantity.
+    # Values S and D, u_num and u_input of each quantity.
     found: dict[str, tuple[float, float, float, float]] = {}
     for name, weight in weights.items():
         value = float(weight @ reference)
         u_num = math.hypot(estimate * value, _ITERATION * load)
         found[name] = (float(weight @ fast), value, u_num, _add_squares(inputs.of(weight.dot)))
     if min(reference.sum(), fast.sum(), inputs.image.sum()) > 0:
-        # The shares of all texels have the relative error of the largest; the lever is the width of the image.
+        # The shares of all texels have the relative error of the largest one; the lever arm is the width of the image.
         width = max((value for value in second_moments(reference, positions) if not math.isnan(value)), default=0.0)
         u_num = math.hypot(estimate, _ITERATION) * width
         ours, true, middle = (centre_of_pressure(each, positions) for each in (fast, reference, inputs.image))

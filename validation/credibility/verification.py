@@ -1,6 +1,6 @@
 """Verification of codes and of solutions, with observed orders of accuracy.
 
-The solvers stand against closed forms on several grids, and against a finer mesh of a solid cover.  Every check runs
+The solvers are compared with closed forms on several grids, and with a finer mesh of a solid cover.  Every check runs
 when the report is made, on the cover of the sensor, and every error is computed anew.  The observed order p is the
 slope of the logarithm of the error over that of the element size, by least squares.  The solutions of the cases are
 listed on three grids, each with its observed order and its estimated error.
@@ -53,7 +53,7 @@ class Check(Result):
     """One solver against one closed-form solution.
 
     Attributes:
-        name: Quantity and solver that are compared.
+        name: Compared quantity and solver.
         exact: The closed-form solution and its source.
         sizes: Element sizes of the grids over that of the coarsest, coarsest first [-].
         errors: Relative error on each grid [-].
@@ -89,7 +89,7 @@ class Check(Result):
 
     @property
     def passed(self) -> bool:
-        """Whether the result is accurate, and the error falls as it should or is at the level of the tolerance."""
+        """Whether the result is accurate, and the error converges as expected or is within the tolerance."""
         falls = self.order >= self.least_order or max(self.errors) < self.tolerance
         return bool(self.result <= self.tolerance and falls)
 
@@ -99,7 +99,7 @@ def verify_code(cover: Cover, array: TexelArray) -> tuple[Check, ...]:
 
     Args:
         cover: The cover; its layers have their linear elastic properties at zero load.
-        array: The array, whose texels the last check integrates over.
+        array: Array whose texels are used in the last check.
 
     Raises:
         ValueError: If the cover has free side edges.
@@ -159,8 +159,8 @@ def check_point_load(cover: Cover) -> Check:
 def check_contact(cover: Cover, array: TexelArray) -> list[Check]:
     """Compare forces under a flat cylinder and a ball at small strain with integral equations.
 
-    Compared are the total force and the largest texel force.  On covers with a stiff top layer an indenter may have to
-    pull, which the closed form does not solve; its checks are left out then.
+    The total force and the largest texel force are compared.  On covers with a stiff top layer the contact may require
+    tension, which the closed form does not solve; its checks are omitted then.
     """
     from fem_reference.closed_form.contact import indent
     from fem_reference.finite_strain.loading_path import LoadingPath
@@ -210,7 +210,7 @@ def check_bonded_disk() -> Check:
     from fem_reference.closed_form.disk import bonded_disk
 
     exact = bonded_disk(_DISK_RADIUS / 4)
-    # force over area and strain, in units of the shear modulus, over Young's modulus, which is 3
+    # Force over area and strain in units of the shear modulus, over Young's modulus, which is 3.
     errors = [
         abs(compress_disk(_DISK_RADIUS, count) / (np.pi * _DISK_RADIUS**2) / 3 / exact - 1) for count in _DISK_ELEMENTS
     ]
@@ -269,8 +269,8 @@ _SHELL_MESHES = ((0.8, 3), (0.55, 4), (0.4, 5))
 _SHELL_ERROR = 5e-3
 #: Smallest accepted order of convergence of the texel forces on the shell [-].
 _SHELL_ORDER = 1.0
-#: Smallest accepted order of convergence of the reference against a finer mesh: that of the contact pressure at a sharp
-#: edge [-].
+#: Smallest accepted order of convergence of the reference against a finer mesh [-]; that of the contact pressure at a
+#: sharp edge.
 _LEAST_ORDER = 0.7
 
 
@@ -321,10 +321,10 @@ def check_shell(material: Material, thickness: float) -> Check:
 def check_finer_mesh(
     cover: SolidCover, array: TexelArray, meshes: tuple[SolidMesh, ...], results: Sequence[CaseResult], friction: float
 ) -> list[Check]:
-    """Compare a case on each mesh of the reference with the same case on a finer mesh; empty if there is none.
+    """Compare a case on each mesh of the reference with the same case on a finer mesh; empty without a finer mesh.
 
-    The case with the smallest contact is taken, of those with a round indenter and of the others: edges converge more
-    slowly.
+    Two cases are used: those with the smallest contact among round indenters and among the others, because edges
+    converge more slowly.
 
     Args:
         cover: The cover.
@@ -378,7 +378,7 @@ class Convergence(Result):
         case: Name of the case.
         quantity: Name of the quantity.
         unit: Unit of the printed values.
-        factor: Factor from SI units to this unit [-].
+        factor: Factor from SI units to the unit of the printed values [-].
         values: The quantity on the three grids, coarsest first, in SI units.
         result: The value of the result, which may be extrapolated or corrected; NaN if not known.
         order: Observed order of convergence [-]; NaN if the values do not converge monotonically.
@@ -440,7 +440,7 @@ def observe_order(values: Sequence[float], sizes: Sequence[float]) -> float:
         sizes: Element sizes of the grids, descending.
 
     Returns:
-        The order; NaN if the values do not converge monotonically, or with an order out of 0.05..10.
+        The order; NaN if the values do not converge monotonically, or if the order is outside 0.05..10.
     """
     coarse, fine = values[0] - values[1], values[1] - values[2]
     if coarse * fine <= 0:

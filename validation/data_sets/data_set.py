@@ -1,7 +1,7 @@
 """Description of a data set: recordings under known loads, read from a data-set file (TOML).
 
-A fault of the file itself (unknown key, bad quantity) is an error.  A fault of one series, file or split costs that
-series, file or split: it is kept as a line in `DataSet.problems`, and the rest is used.
+A fault of the file itself (unknown key, bad quantity) is an error.  A fault of one series, file or split only affects
+that series, file or split: it is kept as a line in `DataSet.problems`, and the rest is used.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from validation.schema.data_set import (
 )
 from validation.text.indenter import read_indenter
 
-#: First and last time after loading between which frames are averaged, if the file does not say [s].
+#: First and last time after loading between which frames are averaged, if the file does not state them [s].
 DEFAULT_WINDOW = (6.0, 9.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class DataFile:
-    """One recording of a data set and how to read it.
+    """One recording of a data set, and its options for reading.
 
     Attributes:
         path: The file.
@@ -49,11 +49,11 @@ class DataFile:
         load: Load [N], or the word `labels` (of the recording) or `force` (channel of the recording).
         temperature: Temperature that replaces that of the recording [degC]; None to use that of the recording.
         placement: Pose of the indenter.
-        array: Index of the pressed array; None for the one that is pressed most.
-        threshold: Counts that the firmware subtracted; None for what the labels of the recording say [-].
+        array: Index of the pressed array; None for the array with the largest change of counts.
+        threshold: Counts that the firmware subtracted [-]; None for the value in the labels of the recording.
         window: First and last time after loading between which frames are averaged [s].
         temperature_channel: Index of the temperature sensor, negative ones from the end.
-        uses: Uses that are allowed for the recording: `fit`, `score`.
+        uses: Permitted uses of the recording: `fit`, `score`.
     """
 
     path: Path
@@ -95,7 +95,8 @@ class DataSet:
 def build_data_set(tables: DataSetTables, *, source: Path, folder: Path) -> DataSet:
     """Find the recordings of a data set.
 
-    Series without recordings are problems of the data set if others have some; a data set without any has no files.
+    Series without recordings are listed as problems if other series have recordings.  A data set without any recording
+    has no files.
 
     Args:
         tables: Tables of the data-set file.
@@ -125,10 +126,10 @@ def build_data_set(tables: DataSetTables, *, source: Path, folder: Path) -> Data
 
 
 def propose_splits(files: Sequence[DataFile]) -> tuple[SplitTable, ...]:
-    """Return the splits of a data set that names none.
+    """Return the splits for a data set that names none.
 
-    Series that may only be scored are predicted from those that may be fitted; if there are none, the heavier half of
-    the known loads of each series is predicted from the lighter half.
+    Series that may only be scored are predicted from series that may be fitted.  Without such series, the heavier half
+    of the known loads of each series is predicted from the lighter half.
     """
     fitted = list(dict.fromkeys(file.series for file in files if "fit" in file.uses))
     scored = list(dict.fromkeys(file.series for file in files if file.uses == ("score",)))
@@ -141,7 +142,7 @@ def propose_splits(files: Sequence[DataFile]) -> tuple[SplitTable, ...]:
         loads = sorted({file.load for file in files if file.series == series and not isinstance(file.load, str)})
         if len(loads) > 1:
             half = len(loads) // 2
-            # The fields are read from texts with a unit; these loads are numbers already.
+            # Quantities are read from text with a unit; these loads are numbers already.
             light = SelectionTable.model_construct(series=series, most=loads[half - 1])
             heavy = SelectionTable.model_construct(series=series, least=loads[half])
             about = f"{series}: light loads to heavy ones"
@@ -205,7 +206,7 @@ def _match_patterns(series: SeriesTable, folder: Path, problems: list[str]) -> I
 def _build_file(
     path: Path, table: FileTable | None, series: SeriesTable, keys: dict[str, Any], indenter: Indenter, *, name: str
 ) -> DataFile:
-    """Describe one recording of a series; the keys of its own table come before those of the series."""
+    """Describe one recording of a series; the keys of its own table take precedence over those of the series."""
     own = {key: value for key, value in dict(table or {}).items() if value is not None}
     by_name = [load for pattern, load in series.loads.items() if fnmatch.fnmatchcase(path.name, pattern)]
     merged = keys | ({"load": by_name[0]} if by_name else {}) | own
@@ -247,10 +248,10 @@ def describe_files(
         paths: Recordings, or one data-set file.
         keys: Options for recordings; a data-set file states its own.  Without a tool, the labels of each name it.
         sensor: Array that was recorded, for CSV files that state no layout.
-        moved: Whether each recording has a pose of its own.
+        moved: Whether each recording has its own pose.
 
     Raises:
-        InputError: If a data-set file stands beside other files, or no tool is named.
+        InputError: If a data-set file is given together with other files, or no tool is named.
         RecordingError: If a data set has no recording.
     """
     if any(path.suffix == ".toml" for path in paths):
@@ -322,7 +323,7 @@ def find_data_set(recordings: str | Path | None = None, data_set: str | Path | N
 
 
 def describe_unused_recordings() -> str | None:
-    """Say in a sentence that the folder of the environment variable is not used; None if the variable is not set."""
+    """State in a sentence that the folder of the environment variable is not used; None if the variable is not set."""
     folder = os.environ.get(ENVIRONMENT_VARIABLE)
     if not folder:
         return None
@@ -369,10 +370,11 @@ def _built_in(name: str) -> Path:
 
 
 def _list_folders(named: Path | None, source: Path, tables: DataSetTables, variable: str | None) -> list[Path]:
-    """List the folders in which recordings are looked for, the first choice first.
+    """List the folders that are searched for recordings, in order of preference.
 
-    A folder on the command line is the only one.  Otherwise it is the key `path` of the data-set file, or the folder
-    of that file; for a built-in data set, or if that folder holds no recording, the folder of the environment variable.
+    A folder on the command line is the only one.  Otherwise it is the key `path` of the data-set file, or the folder of
+    that file.  For a built-in data set, or if that folder holds no recording, it is the folder of the environment
+    variable.
     """
     if named is not None:
         return [named]

@@ -23,13 +23,13 @@ _APPLIED_SHARE = 0.5
 _FINAL_PERIOD = 2.0
 #: Smallest number of frames at rest at the start of a recording [-].
 _FLAT_FRAMES = 4
-#: Smallest change of the first principal component of the counts that counts as a change of the load, over the standard
+#: Smallest change of the first principal component of the counts that indicates a change of the load, over the standard
 #: deviation of its noise [-].
 _STEP_OVER_NOISE = 6.0
 #: Quantile, over the frames, of the change of the first principal component that counts as the whole change [-].
 _WHOLE = 0.95
 #: Number of steps of the power iteration for the first principal component [-].  Few steps suffice, because a change of
-#: the load changes the counts far more than anything else.
+#: the load affects the counts far more than anything else.
 _POWERS = 10
 #: Longest time from the last frame at rest to half of the whole change [s].
 _STEP_TIME = 1.0
@@ -38,11 +38,11 @@ _SHORTEST_CREEP = 2.0
 
 
 def find_rest(times: FloatArray, counts: FloatArray) -> int:
-    """Count the frames at the start of a recording that show the sensor at rest, before a load is put on or removed.
+    """Count the frames at rest at the start of a recording, before a load is applied or removed.
 
-    The largest change of the image over time (first principal component) must stay within its noise and then exceed it
-    by a factor, and reach half of its size within one second.  A recording that begins under load creeps: it changes
-    fastest at its start, and has no such part.
+    The largest change of the image over time (first principal component) must first stay within its noise, then exceed
+    the noise by a factor, and reach half of its size within one second.  A recording that begins under load creeps.  It
+    changes fastest at its start and has no frames at rest.
 
     Args:
         times: Times of the frames, shape (frames,) [s].
@@ -54,13 +54,13 @@ def find_rest(times: FloatArray, counts: FloatArray) -> int:
     if len(times) < 2 * _FLAT_FRAMES:
         return 0
     centred = counts - np.median(counts, axis=0)
-    image = centred[np.argmax(np.abs(centred).sum(axis=1))]  # the frame that differs most from the median
+    image = centred[np.argmax(np.abs(centred).sum(axis=1))]  # The frame that differs most from the median.
     for _ in range(_POWERS):
         image = centred.T @ (centred @ image)
         image = image / max(float(np.linalg.norm(image)), np.finfo(float).tiny)
     main = centred @ image
     moved = np.abs(main - np.median(main[:_FLAT_FRAMES]))
-    # The standard deviation of one frame, from the median of the differences between successive ones.
+    # The standard deviation of one frame follows from the median of the differences between successive frames.
     noise = max(1.4826 * float(np.median(np.abs(np.diff(main)))) / np.sqrt(2), 1.0)
     beyond = moved > _STEP_OVER_NOISE * noise
     if not beyond.any() or beyond[:_FLAT_FRAMES].any():
@@ -115,7 +115,8 @@ class ImageNumbers:
     Attributes:
         fewest_frames: Smallest number of frames from which the noise about a straight trend can be estimated [-].
         most_images: Largest number of images that a recording with a force channel is divided into [-].
-        zero_share: Counts at rest over the counts that a load adds, both summed, above which the zero is not zero [-].
+        zero_share: Sum of counts at rest, over the sum of counts that a load adds, above which the zero is rejected
+            [-].
         unloaded: Share of the largest force of a channel below which a frame counts as unloaded [-].
     """
 
@@ -142,7 +143,7 @@ class Image:
         creep: Relative growth of the counts per unit of ln(time), with the threshold added back; NaN if unknown [-].
         threshold: Counts that the firmware subtracted [-].
         noise: Standard deviation of a texel's counts about a straight trend, over texels that are never zero [counts].
-        full_scale: Largest count of the array as the recording states it [-].
+        full_scale: Largest count of the array according to the recording [-].
         sha256: SHA-256 hash of the file.
     """
 
@@ -160,7 +161,7 @@ class Image:
 
     @property
     def case(self) -> str:
-        """Name that repeats of one load in one series and placement share."""
+        """Name shared by repeated recordings of one load in one series and placement."""
         return f"{self.file.placement.name} {self.load:.3g} N"
 
 
@@ -192,17 +193,13 @@ def read_images(data_set: DataSet, array: TexelArray) -> tuple[list[Image], list
 
 
 def observe(images: Sequence[Image]) -> Observations:
-    """Collect images as observations that the forward model is fitted to, or predicts."""
+    """Collect images as observations for the fit of the forward model or its predictions."""
+    columns = {"loads": "load", "temperatures": "temperature", "ages": "age", "thresholds": "threshold"}
+    columns |= {name: name for name in ("counts", "measured", "creep")}
     return Observations(
-        loads=np.array([image.load for image in images]),
-        counts=np.array([image.counts for image in images]),
-        measured=np.array([image.measured for image in images]),
+        **{name: np.array([getattr(image, one) for image in images]) for name, one in columns.items()},
         placements=tuple(image.file.placement for image in images),
         groups=tuple(image.file.name for image in images),
-        temperatures=np.array([image.temperature for image in images]),
-        ages=np.array([image.age for image in images]),
-        thresholds=np.array([image.threshold for image in images]),
-        creep=np.array([image.creep for image in images]),
     )
 
 
@@ -284,7 +281,7 @@ def _divide_by_force(recording: Recording, file: DataFile, counts: FloatArray) -
     """Divide frames with a force channel into consecutive ones, each with its mean load [N].
 
     Raises:
-        RecordingError: If there is no force channel, or the counts at rest are not zero.
+        RecordingError: If the load is not constant or too short, or the counts at rest are not zero.
     """
     if not len(recording.forces):
         raise RecordingError(f"{file.path}: has no force channel; add one with `softcover import --force`")
@@ -339,7 +336,7 @@ def _check_rest(file: DataFile, rest: FloatArray, pressed: FloatArray) -> None:
     """Refuse a recording whose counts at rest are not zero, or whose counts fall under load.
 
     A texel is above zero at rest if its mean exceeds three standard deviations and one count, the resolution.  Such
-    texels matter if their counts add up to more than a hundredth of what the load changes.
+    texels are relevant if their counts add up to more than a hundredth of the change due to the load.
 
     Args:
         file: The recording, for messages.

@@ -54,7 +54,7 @@ def score_counts(
     Args:
         recorded: Recorded counts of the n texels, shape (n,) [-].
         predicted: Predicted counts, shape (n,) [-].
-        full_scale: Largest count as stated in the recording, which becomes white [-].
+        full_scale: Largest count according to the recording, shown as white [-].
         array: The texels.
         measured: Texels to compare, shape (n,); the active ones when not given.
     """
@@ -121,8 +121,8 @@ def find_best_null(rows: Sequence[RecordingRow]) -> RecordingRow:
 def compare_with_nulls(rows: Sequence[RecordingRow]) -> str:
     """State whether the first model with texel gains predicts the scored recordings better than the best null model.
 
-    The change of the image by both is subtracted case by case, because both fail in the same cases; the interval is
-    that of the mean difference over the cases, by bootstrap.
+    The changes of the image by both models are subtracted case by case, because both have large errors in the same
+    cases.  The interval is that of the mean difference over the cases, by bootstrap.
 
     Args:
         rows: Rows of the table of scores of one split.

@@ -40,14 +40,14 @@ from validation.sensor_file import SensorDescription
 
 #: Function from load [N] and temperature [degC] to predicted counts of the n texels, shape (n,) [-].
 Predictor = Callable[[float, float], FloatArray]
-#: Function from the fitted images, the images that place the indenter (or None), and the largest count to a predictor.
+#: Function from the fitted images, the images that determine the poses (or None), and the largest count to a predictor.
 NullModel = Callable[[Observations, Observations | None, float], Predictor]
 
 
 def fit_pattern(fitted: Observations, placed: Observations | None, output_max: float) -> Predictor:
     """Return a predictor that multiplies a mean image by a quadratic in the load, fitted to the sizes of the images.
 
-    With placing images, the pattern is their mean, and the quadratic is scaled to their sums of counts.
+    With placing images, the pattern is their mean, and the quadratic is scaled to the sums of their counts.
     """
     pattern = fitted.counts.mean(axis=0)
     size = fitted.counts @ pattern / max(float(pattern @ pattern), 1e-9)
@@ -67,7 +67,7 @@ def fit_polynomials(
 
     Args:
         fitted: Fitted images.
-        placed: Images that place the indenter; fitted as well.
+        placed: Images that determine the pose of the indenter; they are fitted as well.
         output_max: Largest count [-].
         degree: Degree of the polynomial [-].
         temperature: Whether each coefficient is a linear function of the temperature.
@@ -116,8 +116,8 @@ FAST = "fast model"
 _MOST_LINES = 5
 #: Candidates for the load power if every scored load exceeds every fitted load [-].  The load power is the exponent of
 #: the load in the weight of a fitted image.  An uneven seat of the indenter misplaces a smaller share of a heavier
-#: load, so the heaviest images predict still heavier ones best, and a large power is right; with an even seat all
-#: images are equally good.  The better candidate is chosen; the last one is taken if the images do not allow a choice.
+#: load.  The heaviest images then predict still heavier loads best, and a large power is right.  With an even seat all
+#: images are equally good.  The better candidate is chosen; if the images do not allow a choice, the last one.
 _EXTRAPOLATION_POWERS = (1.0, 8.0)
 #: Load power if the scored loads lie within the fitted ones and seating heights are fitted [-].  The heights explain
 #: the images of light loads.
@@ -202,7 +202,7 @@ class _SplitTable:
         """Divide the images into fitted, placing and scored ones.
 
         Raises:
-            InputError: If a side is empty, a recording stands on two sides, or a pose cannot be known.
+            InputError: If a group is empty, a recording is in two groups, or a pose is unknown.
         """
         self.split, self._sensor = split, sensor
         self.rows: list[RecordingRow] = []
@@ -220,8 +220,8 @@ class _SplitTable:
         self._images: dict[str, npt.NDArray[np.uint8]] = {}
         self._shown = max(self._scored, key=lambda image: image.load)
         heavier = min(each.load for each in self._scored) > max(each.load for each in self._fitted)
-        # A seating height belongs to the seat of the indenter, so it says nothing about another placement; and the
-        # heavy loads, whose weight an extrapolation raises, do not show it.
+        # A seating height belongs to the seat of the indenter and does not apply to another placement.  It is also not
+        # visible at heavy loads, whose weight an extrapolation increases.
         seats = {image.file.placement.name for image in self._fitted}
         self._seated = not heavier and all(image.file.placement.name in seats for image in self._scored)
         self._power = None if heavier else _SEATED_POWER if self._seated else _UNSEATED_POWER
@@ -249,9 +249,9 @@ class _SplitTable:
     def add_repeats(self) -> None:
         """Add rows with the differences between repeated recordings of one load, if there are any.
 
-        These differences are the smallest error that any model can be expected to reach.  In the second row, the later
-        recording is scaled to the sum of the earlier one: creep and warming multiply all texels by one factor, so what
-        remains is scatter.
+        These differences are the smallest error that a model can be expected to reach.  In the second row, the later
+        recording is scaled to the sum of the earlier one.  Creep and warming multiply all texels by one factor, so that
+        the remaining difference is scatter.
         """
         plain: dict[str, list[CountScore]] = {}
         scaled: dict[str, list[CountScore]] = {}
@@ -268,7 +268,8 @@ class _SplitTable:
     def add_model(self, name: str, method: ContactMethod) -> None:
         """Add rows for the forward model with a contact method: without gains and heights of texels, and with them.
 
-        The model is fitted to the fitted recordings, and the scored placements to the placing ones.
+        The model is fitted to the fitted recordings.  The poses of the scored placements are fitted to the placing
+        recordings.
         """
         electronics, scored, shown = self._sensor.electronics, observe(self._scored), self._shown
         options = Options(output_max=float(electronics.output_max), heights=self._seated)
@@ -353,11 +354,11 @@ class _SplitTable:
 
 
 def choose_power(method: ContactMethod, fitted: Observations, options: Options) -> float:
-    """Choose the power of the load in the weights of images with which the heaviest fitted load is predicted best.
+    """Choose the load power for the weights of images that predicts the heaviest fitted load best.
 
     Args:
         method: The contact method.
-        fitted: The fitted images; no scored image takes part.
+        fitted: Fitted images; scored images are not used.
         options: Options of the fit.
     """
     light = fitted.loads < fitted.loads.max() * (1 - _SAME_LOAD)
@@ -374,10 +375,10 @@ def choose_power(method: ContactMethod, fitted: Observations, options: Options) 
 
 
 def _check_sides(split: SplitTable, fitted: Sequence[Image], placed: Sequence[Image], scored: Sequence[Image]) -> None:
-    """Check that no side of a split is empty and that no recording stands on two sides.
+    """Check that no group of a split is empty and that no recording is in two groups.
 
     Raises:
-        InputError: With the fault.
+        InputError: If a group is empty or a recording is in two groups.
     """
     fault = ""
     for side, found in (("score", scored), ("place", placed), ("fit", fitted)):

@@ -1,4 +1,4 @@
-"""What a derivation of any kind of cover has, and the choice of the derivation by the type of the cover."""
+"""Interface of the derivations of all kinds of cover, and the choice of a derivation by the type of the cover."""
 
 from __future__ import annotations
 
@@ -37,29 +37,29 @@ class Derivation(Protocol):
 
     @property
     def maps(self) -> Mapping[str, FloatArray]:
-        """Forces on the n texels under a unit force over one of them, shape (n,) [-], by a caption.
+        """Forces on the n texels under a unit force over one of them, shape (n,) [-], by caption.
 
-        The last two are those under a uniform load and those of the fitted Gaussian.
+        The last two entries are the forces under a uniform load and those of the fitted Gaussian.
         """
 
     @property
     def own_share(self) -> Mapping[str, float]:
-        """Share of a load over the middle texel that this texel measures, by the load: `point` and `uniform` [-]."""
+        """Share of a load over the middle texel that this texel measures [-], for the loads `point` and `uniform`."""
 
     @property
     def verification(self) -> Mapping[str, float]:
-        """Differences of the response from closed forms, by name [-]; empty where none is known."""
+        """Differences of the response from closed forms, by name [-]; empty if no closed form is known."""
 
     @property
     def result(self) -> Responses:
-        """The results that are written to files."""
+        """Results that are written to files."""
 
     def explain(self) -> Iterator[str]:
         """Yield sentences that explain the results to the user."""
 
 
 def describe_provenance(sensor: SensorDescription) -> dict[str, Any]:
-    """Return where the parameters of a fast model come from, for any kind of cover."""
+    """Return the provenance of the parameters of a fast model, for any kind of cover."""
     from importlib.metadata import version
 
     return {

@@ -1,18 +1,19 @@
-"""What presses by finite elements add to a derivation: range, tables under load, contact stiffness, calibration tip.
+"""Additions to a derivation by presses with finite elements: range, tables under load, contact stiffness, tip share.
 
 The range is where the fast model agrees with the finite elements.  Finite elements press a ball of one pitch radius
-over the middle of a texel, and beside it.  At finite strain, a stiff foil on a soft layer stretches.  The foil's
-tension is fitted to the base pressure at every depth of that path, and the fast model gets tables at these loads.  Then
-the fast model repeats the path, and the larger of its misplaced forces at the two points gives the range.  Contacts on
-fewer cells than the fast model resolves are not counted, because it warns of them, unless all contacts are so small.
+over the middle of a texel, and at a second position next to it.  At finite strain, a stiff foil on a soft layer
+stretches.  The foil's tension is fitted to the base pressure at every depth of this loading path, and the fast model
+gets tables at these loads.  Then the fast model repeats the path, and the larger of its misplaced forces at the two
+positions gives the range.  Contacts on fewer cells than the fast model resolves are not counted, because it warns about
+them, unless all contacts are so small.
 
 The contact stiffnesses of the fast model are fitted to the depth of a sphere that presses on the cover.
 
 A characteristic that was calibrated through the cover gives counts as a function of the force that a small tip applies
 to the cover over the centre of a texel.  The fast model computes the force on the texel, which is a share of the
-applied force.  Finite elements press the tip, a rod with a hemispherical end, to several depths.  The contact grows
-with the load and the share falls.  The share that is used is the slope of the least-squares line through zero of the
-force on the texel over the applied force, from zero to the load at which the counts saturate.
+applied force.  Finite elements press the tip, a rod with a hemispherical end, to several depths.  As the load
+increases, the contact grows and the share decreases.  The share used is the slope of the least-squares line through
+zero of the force on the texel over the applied force, from zero load to saturation of the counts.
 """
 
 from __future__ import annotations
@@ -51,10 +52,10 @@ _SMALL_DEPTHS = (0.05, 0.1, 0.15, 0.18, 0.2, 0.22, 0.24, 0.27, 0.3)
 #: Largest depth over the radius of the ball [-].
 _LARGEST_DEPTH = 0.5
 #: Distance of the second position of the ball from the centre of a texel along x and y, over the size of the texel [-].
-#: This position is neither on the grid of texels nor on that of the fast model's cells.
+#: This position lies neither on the grid of texels nor on that of the fast model's cells.
 _BESIDE = (0.3, 0.4)
-#: Smallest useful effect of a fitted stretch: the part of the force on wrong texels that it removes at one depth [-].
-#: If the effect is smaller at all depths, the tables under load are left out.
+#: Smallest useful effect of a fitted stretch: part of the force on wrong texels that it removes at one depth [-].  If
+#: the effect is smaller at all depths, the tables under load are omitted.
 _USEFUL = 0.02
 #: Bounds of the two fitted parameters of the stretch [-]: natural logarithms of the tension over thickness times mean
 #: shear modulus, and of the length over the thickness.
@@ -91,7 +92,7 @@ class BallPresses:
 
 
 def press_ball_on_array(cover: Cover, array: TexelArray, progress: Progress | None) -> BallPresses:
-    """Press a ball of one pitch radius by finite elements over the centre of the middle active texel, and beside it.
+    """Press a ball of one pitch radius by finite elements over the middle active texel, and next to its centre.
 
     Args:
         cover: A laterally wide cover.
@@ -142,10 +143,10 @@ def _choose_points(array: TexelArray) -> FloatArray:
 def add_stretch(
     cells: CoverCells, cover: Cover, array: TexelArray, spread: PointSpread, presses: BallPresses
 ) -> CoverCells:
-    """Add tables under load to the fast model's cells, if the stretch of the cover's top moves much of the force.
+    """Add tables under load to the fast model's cells, if the stretch of the cover's top changes the forces noticeably.
 
-    A depth at which the fitted stretch does not bring the base pressure nearer to that of the finite elements is left
-    out.  The minimiser may stop at its largest number of evaluations; what counts is what remains misplaced.
+    A depth at which the fitted stretch does not bring the base pressure closer to that of the finite elements is
+    omitted.  The minimiser may stop at its largest number of evaluations; only the remaining misplaced force is used.
 
     Args:
         cells: Compliance and influence of the cover without load.
@@ -183,14 +184,14 @@ def _fit_stretches(cover: Cover, response: StretchedResponse, path: BallPath) ->
     """Fit the stretch at each of n depths of a path to the base pressure.
 
     Returns:
-        The n stretches, and the part of the force that each moves to where the finite elements have it [-].
+        The n stretches, and the part of the force that each stretch moves to its place in the finite elements [-].
     """
     from scipy.optimize import minimize
 
     from fem_reference.linear_response.membrane_tension import Stretch
 
     radius = response.radius
-    ring = np.pi * radius * np.gradient(radius)  # half the area of a ring, because misplaced force counts once
+    ring = np.pi * radius * np.gradient(radius)  # Half the area of a ring, because misplaced force is counted once.
     yielding = sum(layer.thickness / layer.material.shear_modulus for layer in cover.layers)
 
     def read(logarithms: FloatArray) -> Stretch:
@@ -300,16 +301,16 @@ def _find_limit(load: FloatArray, misplaced: FloatArray, limit: float) -> float:
     return float(np.interp(limit, misplaced[[first - 1, first]], load[[first - 1, first]]))
 
 
-#: Radius of the sphere that presses on the cover: an object of the size of a fingertip [m].
+#: Radius of the sphere that presses on the cover, similar to a fingertip [m].
 _SPHERE_RADIUS = 5e-3
 #: Radii of the contact area between sphere and cover for which force and depth are computed, over the thickness of the
 #: cover [-].
 _CONTACTS_BY_THICKNESS = (0.25, 0.5, 0.75, 1.0, 1.5)
-#: Largest radius of the contact area, over the radius of the sphere.  The closed-form solution replaces the sphere by a
-#: paraboloid, which is acceptable up to about this ratio [-].
+#: Largest radius of the contact area, over the radius of the sphere [-].  The closed-form solution replaces the sphere
+#: by a paraboloid, which is acceptable up to about this ratio.
 _LARGEST_CONTACT = 0.8
-#: Radii of the contact area over the radius of the sphere, for thick covers.  There the limit `_LARGEST_CONTACT` leaves
-#: fewer than three of the radii in `_CONTACTS_BY_THICKNESS` [-].
+#: Radii of the contact area over the radius of the sphere, for thick covers [-].  On these the limit `_LARGEST_CONTACT`
+#: leaves fewer than three of the radii in `_CONTACTS_BY_THICKNESS`.
 _CONTACTS_BY_RADIUS = (0.2, 0.4, _LARGEST_CONTACT)
 
 
@@ -377,7 +378,7 @@ class TipShare:
     Attributes:
         radius: Radius of the hemispherical end of the tip [m].
         share: Force on the texel over the applied force, fitted over the range of loads [-].
-        largest_load: Largest load of the range: that of saturation, or of the deepest press that finite elements at
+        largest_load: Largest load of the range: load of saturation, or of the deepest press that finite elements at
             small strain compute [N].
         saturation_load: Load at which the counts saturate; None for a characteristic that never does [N].
         lightest: Share under a point load, the limit for light loads [-].
@@ -397,8 +398,8 @@ def compute_tip_share(
 ) -> TipShare | None:
     """Press the calibration tip of a sensor over the centre of the middle active texel by finite elements.
 
-    The materials are linearised, as everywhere in a derivation.  For a cover with free side edges, the pressure under
-    the tip is that on a wide cover, and the force on the texel follows from the response of the cover itself.
+    The materials are linearised, as in all parts of a derivation.  For a cover with free side edges, the pressure under
+    the tip is that on a wide cover, and the force on the texel follows from the response of the cover with its edges.
 
     Args:
         cover: The cover.
@@ -459,7 +460,7 @@ def find_middle(array: TexelArray) -> int:
 def find_saturation(electronics: Electronics) -> float | None:
     """Return the smallest force on a texel of gain one from which counts saturate, None if they never do [N].
 
-    The force is that which the characteristic is a function of.
+    The force is the argument of the characteristic.
     """
     coefficients = np.array(electronics.characteristic or (electronics.offset, electronics.sensitivity))
     coefficients[0] -= electronics.output_max + electronics.threshold

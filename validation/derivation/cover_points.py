@@ -14,15 +14,15 @@ from meshes import Material, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.solid_mesh import SolidMesh, compute_volume, measure_area
 
-#: Largest number of nodes of the top, middles of edges included, on which the fast model is derived [-].  One solution
-#: per node is needed, and the compliance between all pairs of nodes is stored.
+#: Largest number of nodes of the top, including midpoints of edges, for the derivation of the fast model [-].  One
+#: solution per node is needed, and the compliance between all pairs of nodes is stored.
 MOST_NODES = 5000
 #: Reason why a solid cover has no fast model of contact, for messages.
 TOO_FINE = "the meshes of this cover are too fine for the fast model"
 
 
 def choose_mesh(meshes: tuple[SolidMesh, ...]) -> SolidMesh | None:
-    """Choose the mesh on which the fast model is derived: the second of three, or a coarser one; None if all are large.
+    """Choose the mesh for the fast model: the second of three, or a coarser one; None if all are too large.
 
     Args:
         meshes: Meshes of the cover, coarsest first.
@@ -47,11 +47,11 @@ def derive_fast_model(meshes: tuple[SolidMesh, ...], texels: TexelArray, materia
 def derive_points(mesh: SolidMesh, texels: TexelArray, material: Material) -> CoverPoints:
     """Compute the arrays of the fast model on the nodes of the top of one mesh, or read them from the store.
 
-    The forces of the fast model are those of the reference's pressures (`pressure_shapes`), one around each node of the
-    top.  The cost is one solution per node of the top and per texel.
+    The forces of the fast model are the pressure shapes of the reference (`pressure_shapes`), one around each node of
+    the top.  The cost is one solution per node of the top and per texel.
 
     Args:
-        mesh: Mesh of the cover; its top is the surface on which the fast model solves contact.
+        mesh: Mesh of the cover; the fast model solves the contact on its top.
         texels: Texels on the base of the mesh.
         material: Material; hyperelastic materials are linearised at zero load.
 

@@ -6,7 +6,7 @@ from validation.sensor_file import SensorDescription
 
 __all__ = ["KINDS", "Derivation", "derive"]
 
-#: Derivations of the kinds of covers; their modules register how they are computed.
+#: Derivations of the kinds of covers.  Their modules register the functions that compute them.
 KINDS = (layers.LayeredDerivation, solid.SolidDerivation)
 
 

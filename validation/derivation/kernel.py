@@ -1,11 +1,11 @@
-"""The spread of a flat cover in the forms that the fast model takes: a fitted Gaussian kernel, and tables of cells.
+"""The spread of a flat cover in the forms that the fast model uses: a fitted Gaussian kernel, and tables of cells.
 
-Finite elements give the response of the texels to loads on the cover (`Influence`).  A Gaussian kernel is fitted to it;
-resolution and sensitivities describe the kernel.  The contact method `cover` divides each texel into small cells.  The
-response of a laterally wide cover is the same everywhere, so two kernels describe it: the compliance, which is the
-displacement of the cover's top around a loaded cell, and the influence, which is the force on a texel per unit force on
-a cell.  Near free side edges the influence depends on the position; there the influence is a table with one entry per
-cell and texel.  The compliance remains that of the wide cover, which is stiffer than the real cover near its sides.
+Finite elements give the response of the texels to loads on the cover (`Influence`).  A Gaussian kernel is fitted to it
+and described by resolution and sensitivities.  The contact method `cover` divides each texel into small cells.  The
+response of a laterally wide cover is the same everywhere, so that two kernels describe it.  The compliance is the
+displacement of the cover's top around a loaded cell.  The influence is the force on a texel per unit force on a cell.
+Near free side edges the influence depends on the position, and is a table with one entry per cell and texel.  The
+compliance is still that of the wide cover, which is stiffer than the real cover near its sides.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from fem_reference.linear_response.point_spread import PointSpread
     from fem_reference.linear_response.surface_compliance import SurfaceCompliance
 
-#: Finite-element response of the texels to loads on the cover.  For a wide cover it is one radial profile; for a cover
+#: Finite-element response of the texels to loads on the cover.  For a wide cover it is one radial profile.  For a cover
 #: with free side edges it is a separate solution for each texel.
 Influence: TypeAlias = "PointSpread | SolidInfluence"
 
-#: Number of rows and of columns of the grid on which the kernel is fitted if the texels of the array do not form a
-#: regular grid: more than any kernel has [-].
+#: Number of rows and of columns of the grid for the fit of the kernel, if the texels of the array do not form a regular
+#: grid [-].  It is larger than any kernel.
 _GRID_SIZE = 15
 
 
@@ -66,8 +66,8 @@ def fit_kernel(influence: Influence, array: TexelArray) -> Fit:
 def uncut_sigma(influence: Influence, grid: TexelArray) -> float:
     """Fit a Gaussian that is not truncated at a kernel width, and return its standard deviation along x [pitches].
 
-    This sigma is a smooth function of the cover's thickness and materials.  The sigma of the truncated kernel is not:
-    it jumps where the kernel's width `ksize`, a number of texels, jumps.
+    This sigma is a smooth function of the cover's thickness and materials.  The sigma of the truncated kernel is not,
+    because it changes discontinuously with the kernel's width `ksize`, a number of texels.
 
     Args:
         influence: Finite-element response of the texels to loads on the cover.
@@ -100,8 +100,8 @@ _ALIGNMENTS = 8
 #: Number of texels on each side of the middle of the long row of texels on which separations are tried: enough for
 #: twelve pitches between the loads [-].
 _HALF_ROW = 24
-#: Smallest depth of a dip between two peaks that counts as a dip, over the largest value: above errors of rounding and
-#: interpolation [-].
+#: Smallest relative depth of a dip between two peaks, over the largest value, that counts as a dip [-].  It is above
+#: errors of rounding and interpolation.
 _SMALLEST_DIP = 1e-3
 
 
@@ -153,8 +153,8 @@ def _shifted_response(single: FloatArray, steps: int) -> FloatArray:
     """Return the forces on a row of n texels under a unit point load to the right of the row's middle [-].
 
     Args:
-        single: Forces on the n texels under a unit load at each position within the middle pitch, shape
-            (positions, n) [-].
+        single: Forces on the n texels under a unit load at each position within the middle pitch, shape (positions, n)
+            [-].
         steps: Distance of the load from the middle of the row, in steps between these positions [-].
     """
     texels, alignment = divmod(steps, _ALIGNMENTS)
@@ -166,7 +166,7 @@ def _has_dip(values: FloatArray) -> bool:
     rising = np.maximum.accumulate(values)
     falling = np.maximum.accumulate(values[::-1])[::-1]
     lower_peak = np.minimum(rising, falling)
-    # The two peaks must exceed half the maximum, because a single load too causes a shallow ring around its peak.
+    # The two peaks must exceed half the maximum, because a single load also causes a shallow ring around its peak.
     return bool(np.any((lower_peak > values.max() / 2) & (lower_peak - values > _SMALLEST_DIP * values.max())))
 
 
@@ -234,14 +234,14 @@ def _poisson_slope(cover: Cover, grid: TexelArray, spread: PointSpread, layer: i
 
     def sigma_at(poisson_ratio: float) -> float:
         changed = _with_poisson_ratio(cover, layer, poisson_ratio)
-        # The changed cover is solved by the closed-form layer solution at the same radii: two more finite-element
+        # The changed cover is solved by the closed-form layer solution at the same radii.  Two more finite-element
         # solutions would triple the computing time.
         response = point_response(changed, spread.radius)
         return uncut_sigma(dataclasses.replace(spread, pressure_per_force=response, coarse=()), grid)
 
     low, high = sigma_at(middle - _POISSON_STEP), sigma_at(middle + _POISSON_STEP)
     slope = (high - low) / (2 * _POISSON_STEP)
-    if ratio == middle:  # at the middle of an interval a parabola has the slope of its chord over the interval
+    if ratio == middle:  # At the middle of an interval a parabola has the slope of its chord over the interval.
         return slope
     return slope + (ratio - middle) * (high - 2 * sigma_at(middle) + low) / _POISSON_STEP**2
 
@@ -256,7 +256,7 @@ def _scaled_array(array: TexelArray, factor: float) -> TexelArray:
 def _with_poisson_ratio(cover: Cover, layer: int, poisson_ratio: float) -> Cover:
     """Return a copy of the cover with another Poisson ratio in one layer."""
     layers = list(cover.layers)
-    material = dataclasses.replace(layers[layer].material, poisson_ratio=poisson_ratio)
+    material = layers[layer].material.with_poisson_ratio(poisson_ratio)
     layers[layer] = dataclasses.replace(layers[layer], material=material)
     return dataclasses.replace(cover, layers=tuple(layers))
 
@@ -281,8 +281,8 @@ def gauss_points(size: tuple[float, float], order: int) -> tuple[FloatArray, Flo
 _CELL_SIZE = 0.45
 #: Least and greatest number of cells of the contact grid along one pitch of the texels [-].
 _CELLS_PER_PITCH = (4, 12)
-#: Radius of the kernels, over the decay length of the cover's response: at larger distances the response is negligible
-#: [-].
+#: Radius of the kernels, over the decay length of the cover's response [-].  At larger distances the response is
+#: negligible.
 _KERNEL_RADIUS = 8.0
 
 
@@ -382,11 +382,11 @@ def influence_kernel(array: TexelArray, spread: PointSpread, count: int, reach: 
 def _mean_over_cells(
     influence: Callable[[FloatArray], FloatArray], x: FloatArray, y: FloatArray, cell: tuple[float, float]
 ) -> FloatArray:
-    """Average the force on each of n texels over the place of a unit force within each cell.
+    """Average the force on each of n texels over the position of a unit force within each cell.
 
     Args:
-        influence: Function from m positions, shape (m, 2), to the forces on texels under a unit point load at each of
-            them, shape (m, n).
+        influence: Function from m positions, shape (m, 2) [m], to the forces on texels under a unit point load at each
+            position, shape (m, n) [-].
         x: x coordinates of the cells' centres, any shape [m].
         y: y coordinates of the cells' centres, same shape [m].
         cell: Edge lengths of a cell along x and y [m].

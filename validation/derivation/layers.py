@@ -96,8 +96,8 @@ class LayeredDerivation:
     def outside(self) -> tuple[float, float]:
         """Forces that no texel measures under a unit point load and a unit uniform load over the middle texel [-].
 
-        For a wide cover they are integrated over the radius, independently of the texel forces: that the two add up to
-        the load is a check.
+        For a wide cover they are integrated over the radius, independently of the texel forces.  The sum of both must
+        be the load, which is a check.
         """
         array, influence = self.sensor.array, self.influence
         centre = array.centres[array.middle, :2]
@@ -286,7 +286,7 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
             "calibration_tip": None if tip is None else dataclasses.asdict(tip),
         },
         surface=cells,
-        # The response to a point load: radius [m] and pressure per force [1/m2].
+        # Response to a point load: radius [m] and pressure per force [1/m2].
         tables={}
         if profile is None
         else {
@@ -312,7 +312,7 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
 
 @contextmanager
 def _told(tell: Progress, what: str) -> Iterator[None]:
-    """Tell why a part is missing if finite elements or the fast model cannot compute it."""
+    """State why a part is missing if finite elements or the fast model cannot compute it."""
     from fem_reference.errors import ConvergenceError
 
     try:

@@ -111,7 +111,7 @@ class SolidDerivation:
     def parameters(self) -> Parameters:
         """Parameters of the fast model: texels, compliance and influence of the surface, and the electronics.
 
-        Without a mesh small enough for the compliance, the tabulated spread of loads on texels stands alone.
+        If no mesh is small enough for the compliance, the parameters have only the tabulated spread of loads on texels.
         """
         from fastmodel.parameters import Parameters
         from fastmodel.signal.point_spread import Tabulated

@@ -91,10 +91,10 @@ def shift_poisson_ratio(cover: Cover, sign: int) -> Cover:
     def shift(layer: Layer) -> Layer:
         material = layer.material
         ratio = float(np.clip(material.poisson_ratio + sign * material.poisson_spread, 0, NUMBERS.incompressible))
-        moduli = dict(material.parameters)
         if material.small_strain_only:
-            moduli["youngs_modulus"] = 2 * material.shear_modulus * (1 + ratio)
-        return replace(layer, material=replace(material, poisson_ratio=ratio, parameters=moduli))
+            moduli = {"youngs_modulus": 2 * material.shear_modulus * (1 + ratio)}
+            return replace(layer, material=replace(material, poisson_ratio=ratio, parameters=moduli))
+        return replace(layer, material=material.with_poisson_ratio(ratio))
 
     return replace(cover, layers=tuple(map(shift, cover.layers)))
 

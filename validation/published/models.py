@@ -1,9 +1,9 @@
 """The fit of the published models to a few presses that are never scored.
 
-Protocol of the fit, the same for all models: the mean misplaced force over the calibration presses is minimised over
-the logarithms of the fitted parameters, by a scan around the parameters as shipped and the method of Nelder and Mead
-from the best point of the scan.  Where the score is the same over a range of a parameter, its smallest value counts.
-All presses are by bodies of revolution, whose finite-element solution takes seconds on any cover.
+The protocol of the fit is the same for all models.  The mean misplaced force over the calibration presses is minimised
+over the logarithms of the fitted parameters, by a scan around the published parameters and the method of Nelder and
+Mead from the best point of the scan.  Where the score is constant over a range of a parameter, the smallest value of
+the range is used.  All presses use bodies of revolution, whose finite-element solution takes seconds on any cover.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ _PRESSES = (
 )
 #: Smallest number of presses to which a model is fitted [-].
 _FEWEST = 2
-#: First value of a foundation's stiffness under a cover of incompressible material, which has none [Pa/m].
+#: Start value of a foundation's stiffness under a cover of incompressible material, for which it is undefined [Pa/m].
 _START_STIFFNESS = 1e9
-#: Number of points of the scan before the fit: its logarithm to base 2, minus the number of fitted parameters [-].
+#: Binary logarithm of the number of points of the scan before the fit, minus the number of fitted parameters [-].
 _SCAN = 3
 #: Largest distance of a point of the scan from the start value, in the natural logarithm of each parameter [-].
 _SCAN_RANGE = 3.0
@@ -48,9 +48,9 @@ _SIMPLEX = 0.1
 _EVALUATIONS = 50
 #: Tolerance of a fit in the natural logarithm of each parameter, and in the mean misplaced force [-].
 _TOLERANCE = 1e-4
-#: Share of a score by which another one may differ and still count as the same [-].
+#: Relative difference of two scores below which they count as equal [-].
 _SAME_SCORE = 1e-6
-#: Step of the values of a parameter that the score leaves open, in its natural logarithm [-].
+#: Step of the values of a parameter in the search for a range of equal scores, in its natural logarithm [-].
 _TIE_STEP = 0.01
 #: Variant of a model with the parameters that its authors published.
 AS_SHIPPED = "as shipped"
@@ -60,10 +60,10 @@ AS_FITTED = "as fitted"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibrationPress:
-    """A press that models are fitted to.
+    """A press to which models are fitted.
 
     Attributes:
-        scene: The press as the models see it.
+        scene: Press with the inputs of the models.
         reference: Result of the finite elements.
     """
 
@@ -78,9 +78,9 @@ class Row:
     Attributes:
         model: The model.
         parameters: Values of all parameters by name, in SI units.
-        fitted: Names of the fitted parameters; empty as shipped.
-        cases: Calibration presses that they were fitted to.
-        error: Mean misplaced force over these presses; NaN as shipped without presses [-].
+        fitted: Names of the fitted parameters; empty for published parameters.
+        cases: Calibration presses of the fit.
+        error: Mean misplaced force over the calibration presses [-]; NaN for published parameters without presses.
     """
 
     model: Model
@@ -127,7 +127,7 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ComparisonModels:
-    """The published models as rows, ready to be scored on one cover and array.
+    """The published models as rows, for scoring on one cover and array.
 
     Attributes:
         rows: The rows.
@@ -170,12 +170,12 @@ def prepare_models(
     Args:
         cover: The cover.
         parameters: Parameters of the fast model.
-        cases: The cases that will be scored; no calibration press has an indenter of theirs.
+        cases: Cases that will be scored; no calibration press has one of their indenters.
         friction: Coulomb friction coefficient between indenter and cover in the finite elements, inf for no slip [-].
 
     Returns:
-        The rows; None for an array that is not a regular grid or a cover with side edges, which the models do not take.
-        Without two calibration presses there are no rows as fitted.
+        The rows; None for an array that is not a regular grid or a cover with side edges, which the models do not
+        support.  With fewer than two calibration presses there are no fitted rows.
     """
     if not parameters.array.regular or cover.size is not None:
         return None
@@ -212,10 +212,11 @@ def choose_calibration(array: TexelArray, cases: Sequence[Case]) -> list[Case]:
 def check_disjoint(fitted: Sequence[Case], scored: Sequence[Case]) -> None:
     """Check that no case is both fitted and scored.
 
-    One indenter has the same contact at every pose on a wide cover, so it must not be in both, whatever the pose.
+    On a wide cover one indenter has the same contact at every pose.  It must therefore not be both fitted and scored,
+    at any pose.
 
     Raises:
-        ValueError: If an indenter is in both.
+        ValueError: If an indenter is both fitted and scored.
     """
     for case in scored:
         if any(case.indenter == other.indenter for other in fitted):
@@ -223,12 +224,12 @@ def check_disjoint(fitted: Sequence[Case], scored: Sequence[Case]) -> None:
 
 
 def make_rows(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -> list[Row]:
-    """Make the rows of a model: as shipped if its parameters are known, as fitted if it has any to fit.
+    """Make the rows of a model: with published parameters if known, and with fitted ones if any can be fitted.
 
     Args:
         model: The model.
         cover: The cover.
-        presses: The calibration presses; no fit to fewer than two.
+        presses: Calibration presses; with fewer than two nothing is fitted.
     """
     shipped, rows = model.find_shipped(cover), []
     if shipped is not None:
@@ -266,7 +267,7 @@ def fit_model(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -
 
     Args:
         model: The model.
-        cover: The cover, for the first value of a stiffness.
+        cover: Cover, for the start value of a stiffness.
         presses: The presses.
     """
     from scipy.optimize import minimize
@@ -305,12 +306,12 @@ def fit_model(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -
 
 
 def _break_ties(vector: FloatArray, lowest: FloatArray, error: Callable[[FloatArray], float]) -> FloatArray:
-    """Move each parameter that the score leaves open over a range to the smallest value of this range.
+    """Move each parameter with a range of equal scores to the smallest value of this range.
 
     Args:
         vector: Logarithms of the fitted parameters.
-        lowest: Smallest value of each.
-        error: Score of a vector.
+        lowest: Smallest value of each parameter.
+        error: Function that returns the score of a vector.
     """
     vector = vector.copy()
     best = error(vector)

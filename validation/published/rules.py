@@ -1,9 +1,9 @@
-"""Published models: from one press, as a model sees it, to forces on the texels.
+"""Published models, which compute the forces on the texels from the inputs of one press.
 
-Some take the forces from the contact points of the physics engine on box texels.  Others read the penetration of the
-rigid indenter.  The last spread a fine map of the contact by a function of the distance; the map is that of an elastic
-foundation under the rigid indenter: `pressure` is uniform over the area of contact, `depth` is proportional to the
-penetration; each carries the load.  Equations and sources: docs/comparison-models.md.
+The first models use the forces at the contact points of the physics engine on box texels.  Others use the penetration
+of the rigid indenter.  The last models spread a fine map of the contact by a function of the distance.  The map is that
+of an elastic foundation under the rigid indenter and carries the load.  For `pressure` it is uniform over the area of
+contact, for `depth` it is proportional to the penetration.  Equations and sources: docs/comparison-models.md.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SUMMARY = "from a summary of its code"
 SECONDARY = "paper not read: from equations in secondary sources"
 #: Source of an implementation: the report that describes the model.
 REPORT = "from the report; unit of the filter's cut-off and handling of borders unknown"
-#: Source of an implementation: none, the model was made for this comparison.
+#: Source of an implementation: none, because the model was made for this comparison.
 OWN = "our own, for comparison"
 #: Input of a model: forces at the contact points of the physics engine.
 POINTS = "engine's contact points"
@@ -44,7 +44,7 @@ class Parameter:
         shipped: Published value of the parameter.  None if it is unknown, or if it is a fitted stiffness whose
             published value is that of the cover.
         unit: Unit of the parameter; empty for none.
-        start: First value for a fit; None starts from the published value.
+        start: Start value for a fit; None for the published value.
         fitted: Whether the parameter is fitted; a fitted parameter must be positive.
     """
 
@@ -74,8 +74,8 @@ class Model:
         certainty: Source of the implementation, such as `CODE`.
         predict: Function of a scene and of the parameters by name, which returns the forces.
         parameters: The parameters by name.
-        total: Sum of the forces in words, if the model itself does not make it the load.
-        in_time: Published filters, dampers and noise, which have no effect on a held load and are not built.
+        total: Sum of the forces in words, if the model itself does not make it equal to the load.
+        in_time: Published filters, dampers and noise, which have no effect on a held load and are not implemented.
     """
 
     name: str
@@ -100,14 +100,14 @@ class Model:
 
     @property
     def start(self) -> dict[str, float]:
-        """First values of a fit that are not the published ones, by name."""
+        """Start values of a fit other than the published values, by name."""
         return {name: each.start for name, each in self.parameters.items() if each.start is not None}
 
     def find_shipped(self, cover: Cover) -> Values | None:
         """Return the parameters as shipped for a cover; None if they are unknown or undefined.
 
-        A stiffness without a published value is that of the cover under a uniform pressure; a cover of incompressible
-        material has none.
+        A stiffness without a published value is that of the cover under a uniform pressure.  It is undefined for a
+        cover of incompressible material.
         """
         values = {name: each.shipped for name, each in self.parameters.items()}
         if "stiffness" in self.fitted and values["stiffness"] is None:
@@ -172,7 +172,7 @@ for _sigma, _x, _y in ((0.5, 3, 3), (0.8, 3, 3), (1.0, 3, 5), (1.0, 5, 5), (0.8,
         "sum on boxes, separable Gaussian of unit sum",
         REPORT,
         in_time="Butterworth filter before the Gaussian",
-        # One of them is fitted.
+        # Only one of the standard deviations is fitted.
         sigma=Parameter(shipped=_sigma, unit="pitches", fitted=(_sigma, _x) == (0.8, 5)),
         ksize_x=_given(_x, "texels"),
         ksize_y=_given(_y, "texels"),
@@ -226,7 +226,7 @@ def predict_cover_response(scene: Scene) -> Forces:
 def predict_mean_3x3(scene: Scene, *, counts_per_newton: float, most_counts: float) -> Forces:
     """schunk_simulated_tactile_sensors: bin the contact forces, take the mean of 3 x 3 texels, clip the counts.
 
-    The mean divides by 9 at the edges too, so that force is lost there.
+    The mean divides by 9 also at the edges, so that force is lost there.
 
     Args:
         scene: The press.
@@ -258,16 +258,16 @@ def predict_normalised_gaussian(scene: Scene, *, distance: float, angle: float, 
 
     Args:
         scene: The press.
-        distance: s_d [m].
-        angle: s_a [-].
-        least_force: Texel forces below this are set to zero [N].
+        distance: Standard deviation s_d of the distance [m].
+        angle: Standard deviation s_a of the cosine difference [-].
+        least_force: Force below which a texel force is set to zero [N].
     """
     contacts, array = scene.contacts, scene.array
     pushing = contacts.forces > 0
     apart = np.linalg.norm(contacts.points[pushing, None] - array.centres, axis=-1)
     turned = 1 - contacts.normals[pushing] @ array.normals.T
     exponent = -(apart**2) / (2 * distance**2) - turned**2 / (2 * angle**2)
-    # the common factor of a contact's weights cancels in their sum
+    # The common factor of a contact's weights cancels in their sum.
     weights = np.exp(exponent - exponent.max(axis=1, keepdims=True))
     weights /= weights.sum(axis=1, keepdims=True)
     texels = contacts.forces[pushing] @ weights
@@ -298,7 +298,7 @@ def predict_touch_grid(scene: Scene, *, field_of_view: float) -> Forces:
     back = max(width, height) / np.tan(np.radians(field_of_view))
     x, y, z = (contacts.points - centre + [0, 0, back]).T
     azimuth, elevation = np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))
-    # a point on an edge belongs to the bin below the edge, as in the plugin
+    # A point on an edge belongs to the bin below the edge, as in the plugin.
     column = np.searchsorted(np.linspace(-1, 1, array.columns + 1) * np.arctan(width / back), azimuth) - 1
     row = np.searchsorted(np.linspace(-1, 1, array.rows + 1) * np.arctan(height / back), elevation) - 1
     inside = (column >= 0) & (column < array.columns) & (row >= 0) & (row < array.rows)
@@ -350,8 +350,8 @@ _ROBWORK_PRESSURE = 250e3
 def predict_robwork(scene: Scene, *, modulus: float, mask: float) -> Forces:
     """RobWorkSim, later code: springs in shares of the load, spread by a mask of 3 x 3 texels, scaled to the load.
 
-    One offset between indenter and array is searched in steps, for which the mean pressure equals the modulus times the
-    mean strain of a cover of 2 mm.  The texels then share the load by depth.
+    One offset between indenter and array is searched in steps.  At this offset the mean pressure equals the modulus
+    times the mean strain of a cover of 2 mm.  The load is then shared among the texels in proportion to depth.
 
     Args:
         scene: The press.
@@ -386,7 +386,7 @@ def robwork_mask(width: float) -> FloatArray:
     """
     at = 4 * (np.arange(15) / 15 - 0.5) / width
     weights = np.maximum(1.224299065420561 / (1 + at[:, None] ** 2 + at**2) - 0.3476635514018692, 0.0)
-    if not weights.any():  # narrower than its samples
+    if not weights.any():  # kernel narrower than its samples
         return np.pad([[1.0]], 1)
     blocks = weights.reshape(3, 5, 3, 5).sum(axis=(1, 3))
     return np.asarray(blocks / blocks.sum())
@@ -406,7 +406,7 @@ def predict_foundation(scene: Scene, *, stiffness: float) -> Forces:
 
     Args:
         scene: The press.
-        stiffness: k, pressure per depth [Pa/m].
+        stiffness: Pressure per depth k [Pa/m].
     """
     points, gaps, area = scene.map
     depth = _sink(find_foundation_approach(gaps, stiffness * area, scene.load), gaps)
@@ -461,9 +461,9 @@ def predict_taxels(scene: Scene, *, stiffness: float, exponent: float, crosstalk
 
     Args:
         scene: The press.
-        stiffness: k [N/m^e].
-        exponent: e [-].
-        crosstalk: a [-].
+        stiffness: Stiffness k of a texel [N/m^e].
+        exponent: Exponent e of the depth [-].
+        crosstalk: Weight a of the Gaussian part [-].
         sigma: Standard deviation of the Gaussian, which has a unit sum [pitches].
     """
     texels, outside = _compress(scene, stiffness, exponent)
@@ -488,7 +488,7 @@ def predict_penalty(scene: Scene, *, stiffness: float) -> Forces:
 
     Args:
         scene: The press.
-        stiffness: k_n [N/m].
+        stiffness: Stiffness k_n of a texel [N/m].
     """
     return Forces(*_compress(scene, stiffness))
 
@@ -519,8 +519,8 @@ def _compress(scene: Scene, stiffness: float, exponent: float = 1.0) -> tuple[Fl
 
     Args:
         scene: The press.
-        stiffness: k [N/m^e].
-        exponent: e [-].
+        stiffness: Stiffness k of a texel [N/m^e].
+        exponent: Exponent e of the depth [-].
     """
     gaps = scene.texel_gaps
     if exponent == 1:
@@ -595,7 +595,7 @@ def predict_low_pass(scene: Scene, *, stiffness: float, depth: float) -> Forces:
     Args:
         scene: The press.
         stiffness: Pressure per depth of the foundation that gives the area of contact [Pa/m].
-        depth: h [m].
+        depth: Depth h of the texels [m].
     """
     points, forces = _press_uniformly(scene, stiffness)
     texels = half_space_shares(scene.array, points, depth) @ forces
@@ -631,7 +631,7 @@ def half_space_shares(array: TexelArray, points: FloatArray, depth: float) -> Fl
     Args:
         array: The n texels.
         points: Positions of the loads, shape (m, 2) [m].
-        depth: h [m].
+        depth: Depth h of the texels [m].
 
     Returns:
         Shares, shape (n, m) [-].

@@ -1,4 +1,4 @@
-"""What the published models take from one press: MuJoCo's contacts on box texels, and the rigid indenter's geometry."""
+"""Inputs of the published models from one press: MuJoCo's contacts on box texels, and the rigid indenter's geometry."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from validation.campaign.case import Case
 
 #: Cells of the contact map per texel pitch [-].
 CELLS_PER_PITCH = 12
-#: Grid on which contact points of several steps are merged if the indenter does not come to rest [m].
+#: Spacing of the grid on which contact points of several steps are merged if the indenter does not come to rest [m].
 _MERGE = 1e-5
 
 
@@ -30,7 +30,7 @@ class Forces(NamedTuple):
 
     Attributes:
         texels: Force on each texel, shape (n,) [N].
-        outside: Force that no texel measures, by the model itself [N].
+        outside: Force that no texel measures according to the model [N].
     """
 
     texels: FloatArray
@@ -56,7 +56,7 @@ class Contacts(NamedTuple):
 
 
 class ContactMap(NamedTuple):
-    """The rigid indenter over cells smaller than a texel, those under its outline only.
+    """The rigid indenter over cells smaller than a texel, only those under its outline.
 
     Attributes:
         points: Positions (x, y) of the cells in the array's frame, shape (m, 2) [m].
@@ -71,14 +71,14 @@ class ContactMap(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
-    """One press of a rigid indenter under a held load, as the published models see it.
+    """One press of a rigid indenter under a held load, with the inputs of the published models.
 
     Attributes:
         case: Indenter, pose and load.
         cover: The cover.
         array: The n texels, on a regular planar grid.
         boxes: The press on rigid box texels in MuJoCo, with the spread of the fast model's parameters.
-        contacts: MuJoCo's contact points of that press.
+        contacts: MuJoCo's contact points of the press on the box texels.
         response: Share of a point load on the cover that a texel receives (exact layer solution).
         texel_gaps: Height of the indenter over each texel's centre, inf beside the indenter, shape (n,) [m].
         map: The indenter over a fine grid.
@@ -133,15 +133,15 @@ def make_scene(cover: Cover, parameters: Parameters, case: Case, response: Texel
 
 
 def find_approach(gaps: FloatArray, law: Callable[[FloatArray], FloatArray], load: float) -> float:
-    """Find how deep a rigid indenter sinks until the forces at its points carry the load [m].
+    """Find the depth of a rigid indenter at which the forces at its points carry the load [m].
 
     Args:
-        gaps: Height of the indenter over each point before it sinks, inf beside it, shape (m,) [m].
-        law: Force at points that are a given depth inside the indenter [N], increasing without limit.
+        gaps: Height of the indenter over each point before contact, inf beside it, shape (m,) [m].
+        law: Function from depths of points inside the indenter [m] to forces [N], increasing without limit.
         load: Applied force [N].
 
     Returns:
-        The approach; NaN if no point is under the indenter, so that nothing carries the load.
+        The approach; NaN if no point is under the indenter, so that no point carries the load.
     """
     from scipy.optimize import brentq
 
@@ -169,7 +169,7 @@ def find_foundation_approach(gaps: FloatArray, stiffness: float, load: float) ->
     under = np.sort(gaps[np.isfinite(gaps)])
     if not under.size:
         return float("nan")
-    # with the first m springs in contact the approach is (load / stiffness + sum of their gaps) / m
+    # With the first m springs in contact the approach is (load / stiffness + sum of their gaps) / m.
     approaches = (load / stiffness + np.cumsum(under)) / np.arange(1, under.size + 1)
     beyond = np.append(under[1:], np.inf)
     return float(approaches[np.argmax(approaches <= beyond)])
@@ -192,7 +192,7 @@ def bin_on_texels(array: TexelArray, points: FloatArray, forces: FloatArray) -> 
 def _map_contact(array: TexelArray, case: Case) -> ContactMap:
     reach = float(np.hypot(*case.indenter.footprint))
     spacing = np.array(array.pitch) / CELLS_PER_PITCH
-    # cells that divide each texel evenly, around the indenter's axis
+    # Cells divide each texel evenly and lie around the indenter's axis.
     low = np.floor((np.array(case.pose.at) - reach) / spacing)
     count = (np.ceil((np.array(case.pose.at) + reach) / spacing) - low).astype(int)
     x, y = np.meshgrid(*((low[i] + np.arange(count[i]) + 0.5) * spacing[i] for i in (0, 1)))

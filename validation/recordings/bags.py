@@ -1,8 +1,8 @@
 """Reads tactile frames and forces from ROS 1 and ROS 2 recordings (bags) of other programs.
 
-Messages with frames are recognised by their layout: images (mono8, mono16); messages with rows, columns and data under
-any of the names that public tactile drivers use; lists of such messages (`tactile_matrix` of the SDH-2 driver);
-multi-arrays with two dimensions.  The z component of a wrench is taken as the reading of a force sensor.
+Messages with frames are recognised by their layout.  Accepted are images (mono8, mono16); messages with rows, columns
+and data under any of the names that public tactile drivers use; lists of such messages (`tactile_matrix` of the SDH-2
+driver); and multi-arrays with two dimensions.  The z component of a wrench is the reading of a force sensor.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _PIXEL_TYPES = {"mono8": "u1", "8UC1": "u1", "mono16": "u2", "16UC1": "u2"}
 
 @dataclass(frozen=True, kw_only=True)
 class _Limits:
-    """What a bag of another program may hold and need at most.
+    """Limits on the content of a bag of another program, and on the memory to read it.
 
     Attributes:
         size: Size of a bag with all its files [bytes].
@@ -77,7 +77,7 @@ def read(
 
     Args:
         path: The file or folder.
-        topic: Topic with the tactile frames; may be left out if only one topic has tactile frames.
+        topic: Topic with the tactile frames; not needed if only one topic has tactile frames.
         rows: Number of texels along y, for messages that do not state the number [-].
         columns: Number of texels along x, for messages that do not state the number [-].
 
@@ -148,9 +148,9 @@ def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
 
 @contextlib.contextmanager
 def _open_bag(path: Path) -> Iterator[Iterator[tuple[str, int, object]]]:
-    """Open a bag for its messages in order of time: topic, time [ns] and content, without those of unknown type.
+    """Yield the messages of a bag in order of time: topic, time [ns] and content, without messages of unknown type.
 
-    Errors of the library, and those that messages of odd types cause where they are used, become errors of the file.
+    Errors of the library, and errors caused by unusual types of messages, become errors of the file.
 
     Raises:
         RecordingError: If the bag is missing, damaged or larger than is accepted.
@@ -251,7 +251,7 @@ def _find_attribute(message: object, names: Sequence[str]) -> object:
 def _read_image(path: Path, name: str, message: Any) -> Iterator[_ArrayFrame]:  # noqa: ANN401 -- a type made at run time
     pixel = np.dtype(_PIXEL_TYPES[message.encoding]).newbyteorder(">" if message.is_bigendian else "<")
     rows, columns, step = int(message.height), int(message.width), int(message.step)
-    if rows * columns > MOST_TEXELS:  # the picture of a camera
+    if rows * columns > MOST_TEXELS:  # the image of a camera
         return
     if step < columns * pixel.itemsize or len(message.data) != rows * step:
         raise RecordingError(
@@ -295,10 +295,10 @@ def _measure_bag(path: Path) -> int:
 
 @contextlib.contextmanager
 def _limit_memory(path: Path, size: int) -> Iterator[None]:
-    """Limit what this process may add to its memory, and the size of files that it writes, while a bag is read.
+    """Limit the additional memory of this process, and the size of files that it writes, while a bag is read.
 
-    The limits are those of the operating system, so they hold whatever a library unpacks; they count for all threads.
-    They are set on Linux only.
+    The limits are enforced by the operating system, so that they hold for content unpacked by any library.  They count
+    for all threads.  They are set on Linux only.
 
     Args:
         path: The bag, for the error message.

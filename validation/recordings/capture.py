@@ -15,7 +15,7 @@ from validation.weiss.protocol import MatrixInfo, Reading
 from validation.weiss.sensor import Chunk, LinkLostError, NoAnswerError, PortError, Sensor, SensorError
 from validation.weiss.stream import DeviceClock, Gap, Residual
 
-#: Errors of optional questions, such as the temperature: the recording goes on without the answer.
+#: Errors of optional requests, such as the temperature.  The recording continues without the answer.
 _UNANSWERED = (SensorError, NoAnswerError)
 _SECONDS_PER_NANOSECOND = 1e-9
 
@@ -26,14 +26,14 @@ class RecordingStoppedError(PortError):
 
 @dataclass(frozen=True, kw_only=True)
 class Captured:
-    """Summary of a recording that was just made.
+    """Summary of a finished recording.
 
     Attributes:
         path: The file of the recording.
         frames: Number of frames in the file [-].
         gaps: Number of gaps: places in the stream where frames or bytes are missing or wrong [-].
         seconds: Time from the first frame to the last, by the clock of the host [s].
-        residual: How far the arrival times of the frames lie from their stamps, which follow the device's clock.
+        residual: Deviation of the arrival times of the frames from their stamps, which follow the device's clock.
         ended: `done` if the requested duration was over, `interrupted` if the user pressed Ctrl-C.
     """
 
@@ -65,8 +65,8 @@ def record(
 
     Args:
         sensor: An open sensor.
-        path: The file to write; it must not exist.
-        setup: How the sensor is loaded; the properties that the sensor reports are added.
+        path: File to write; it must not exist.
+        setup: Conditions of the recording, such as the load; the properties that the sensor reports are added.
         seconds: Duration of the recording; until Ctrl-C if not given [s].
         run_length: Whether to request run-length encoded frames.
         interval_ms: Time between frames; 0 for the shortest time that the device supports [ms].
@@ -189,7 +189,7 @@ class _Session:
 
 
 def _ask_mask(sensor: Sensor) -> BoolArray | None:
-    """Read which texels of a device exist; None if the device does not tell this in the assumed form."""
+    """Read which texels of a device exist; None if the device does not report this in the assumed form."""
     with suppress(*_UNANSWERED):
         return sensor.read_mask()
     return None

@@ -36,7 +36,7 @@ FrameArray = npt.NDArray[np.int16]
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What a file may hold at most, several times what an SDH-2 hand sends in an hour.
+    """Limits on the content of a file, several times what an SDH-2 hand sends in an hour.
 
     Attributes:
         cells: Number of rows, and of columns, of an array; the arrays of an SDH-2 hand have at most 14 [-].
@@ -66,7 +66,7 @@ class Limits:
 
 LIMITS = Limits()
 
-#: Largest accepted full scale of an array [counts]: counts are stored as signed 16 bit numbers.
+#: Largest accepted full scale of an array [counts].  Counts are stored as signed 16-bit numbers.
 _LARGEST_FULL_SCALE = int(np.iinfo(np.int16).max)
 #: Number of hexadecimal digits of one token of a frame, an IEEE-754 single-precision number.
 _TOKEN_DIGITS = 8
@@ -79,8 +79,8 @@ _MILLIMETRE = 1e-3
 #: Duration of a millisecond [s].
 _MILLISECOND = 1e-3
 
-#: Child elements of each XML element, by the path of the parent; all are required but those in `_OPTIONAL`.  Elements
-#: in `_COUNT_OF` may occur any number of times, the others exactly once.
+#: Child elements of each XML element, by the path of the parent.  All are required except those in `_OPTIONAL`.
+#: Elements in `_COUNT_OF` may occur any number of times, the others exactly once.
 _SCHEMA: Mapping[str, tuple[str, ...]] = {
     "": ("root",),
     "root": ("sensor", "data", "temperatures", "joint_angles"),
@@ -132,7 +132,7 @@ class _Element:
 
 
 class _Reader:
-    """Reads the XML of one file as a stream, checks it against the schema and collects what complete elements hold."""
+    """Reads the XML of one file as a stream, checks it against the schema and collects complete elements."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -299,7 +299,7 @@ class _Reader:
                     self._fail(f"more temperatures than the {most} accepted")
 
     def _add_stamp(self, kind: str, fields: Mapping[str, str]) -> None:
-        """Read the time stamp of an element [ms], which must not be smaller than that of the one before."""
+        """Read the time stamp of an element [ms], which must not be smaller than the previous one."""
         stamp, before = self._read_whole(fields, "time_stamp"), self._stamps[kind]
         if before and stamp < before[-1]:
             self._fail(f"time stamp {stamp} ms; expected {before[-1]} ms, the one before, or later")
@@ -357,12 +357,12 @@ class _Reader:
         if (len(self._frames) + 1) * len(limits) > LIMITS.values:
             self._fail(f"more than the {LIMITS.values} values accepted, frames times texels")
         try:
-            with np.errstate(invalid="ignore"):  # converting a signalling NaN warns
+            with np.errstate(invalid="ignore"):  # Conversion of a signalling NaN gives a warning.
                 tokens = np.frombuffer(bytes.fromhex("".join(text.split())), dtype=">f4").astype(np.float64)
         except ValueError:
             self._fail(f"frame_data is not hexadecimal tokens of {_TOKEN_DIGITS} digits")
         # NaN and infinity fail these comparisons.  The number of texels is checked before runs of zeros are expanded,
-        # so that a damaged token cannot claim much memory.
+        # so that a damaged token cannot allocate much memory.
         if not (np.abs(tokens) <= _LARGEST_FULL_SCALE).all() or (tokens != np.rint(tokens)).any():
             self._fail("a token is not a whole number of counts or zeros")
         runs = np.where(tokens < 0, -tokens, 1).astype(np.int64)

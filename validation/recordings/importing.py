@@ -17,15 +17,16 @@ from validation.recordings.recording import Recording, RecordingError, Setup
 
 #: List of the formats that `open_recording` accepts, for error messages.
 ACCEPTED = "accepted: .dsa, .csv, .mcap, .bag (ROS 1), a folder with a ROS 2 recording"
-#: Optional module that reads files of each kind; the others need none.
+#: Optional module that reads files of each kind; files of other kinds need none.
 _MODULES = {".mcap": "mcap", ".bag": "rosbags", ".db3": "rosbags"}
-#: Smallest first time of a file of forces from which its times count as times since 1970 [s]; smaller times count from
-#: the first frame.  Since 1970, the value is a date in 1973, before any recording; as a duration, it is three years.
+#: Smallest first time of a file of forces for which its times count as times since 1970 [s]; smaller times count from
+#: the first frame.  As a time since 1970, the value is a date in 1973, before any recording.  As a duration, it is
+#: three years.
 _EPOCH_TIMES = 1e8
-#: Largest time without readings of the force sensor at the start, and at the end, of the frames [s].
+#: Longest time without readings of the force sensor, at the start or at the end of the frames [s].
 _UNCOVERED_TIME = 0.5
 _SECONDS_PER_NANOSECOND = 1e-9
-#: Latest time since 1970 that a message of ROS can state, 19 January 2038 [s].
+#: Latest time since 1970 that a ROS message can state, 19 January 2038 [s].
 _LATEST = 2**31 - 1
 
 
@@ -72,7 +73,7 @@ def open_recording(
 
 
 def list_modules(paths: Iterable[str | Path]) -> tuple[str, ...]:
-    """List the optional modules that read recordings, by the ends of their names; each once."""
+    """List the optional modules that read recordings, from the endings of their names, without duplicates."""
     return tuple(dict.fromkeys(_MODULES[end] for path in paths if (end := Path(path).suffix.lower()) in _MODULES))
 
 
@@ -166,7 +167,7 @@ def _find_start(recording: Recording) -> int:
     """
     every = np.concatenate([recording.times, recording.force_times, recording.temperature_times, [0.0]])
     earliest, latest = float(every.min()), float(every.max())
-    # In whole microseconds; rounded down, the earliest reading would lie before 1970.
+    # Whole microseconds, not rounded down, because the earliest reading would otherwise lie before 1970.
     start = max(round(recording.started.timestamp() * 1_000_000), math.ceil(-earliest * 1_000_000))
     last = start * 1e-6 + latest
     if not 0 <= last <= _LATEST:

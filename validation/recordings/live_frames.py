@@ -1,7 +1,7 @@
 """Yields frames of a sensor on a port, of a recording or of a simulation, all as objects of type `fastmodel.Frame`.
 
-Because the type is the same, a program can use any of the three sources.  `softcover emulate` sends simulated frames
-through an emulated Weiss sensor.
+The type is the same for all three sources, so that a program can use any of them. `softcover emulate` sends simulated
+frames through an emulated Weiss sensor.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _LARGEST_LIFT = 0.95
 def stream_frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:
     """Yield the frames of a real sensor when they arrive.
 
-    Lost frames are not reported; they can be recognised by longer steps between the times of the other frames.
+    Lost frames are not reported.  They can be recognised by longer steps between the times of successive frames.
 
     Args:
         sensor: An open sensor.
@@ -51,11 +51,11 @@ def stream_frames(sensor: Sensor, *, reconnect: float = 0.0) -> Iterator[Frame]:
 
 
 def replay_frames(recording: Recording, *, array: int | None = None) -> Iterator[Frame]:
-    """Yield the frames of one array of a recording, without waiting between them; with forces if it was simulated.
+    """Yield the frames of one array of a recording, without waiting; with forces if the array was simulated.
 
     Args:
         recording: A recording opened by any reader of `validation.recordings`.
-        array: Index of the array in the recording; the one that is pressed most if not given.
+        array: Index of the array in the recording; the array with the largest change of counts if not given.
     """
     recorded = recording.arrays[find_pressed_array(recording) if array is None else array]
     for number, time in enumerate(recording.times.tolist()):

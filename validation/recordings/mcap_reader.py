@@ -1,8 +1,8 @@
 """Reads the MCAP files that `mcap_writer` writes, complete or truncated, and refuses damaged ones.
 
 The reader checks the checksum of each chunk (group of messages), the checksum over all data of a complete file, and the
-sequence numbers of the frames.  A file without its end, as a killed recorder leaves it, is read up to its last complete
-chunk, and the recording is marked as not complete.
+sequence numbers of the frames.  A killed recorder leaves a file without an end.  Such a file is read up to its last
+complete chunk, and the recording is marked as not complete.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ MAGIC = b"\x89MCAP0\r\n"
 _RECORD_HEAD_SIZE = 9
 #: Code of the kind of the last record (footer) of a complete MCAP file.
 _FOOTER = 0x02
-#: Largest number of bytes that a chunk may unpack to; the chunks that this program writes hold about 1 MiB.
+#: Largest number of bytes that a chunk may unpack to.  Chunks written by this program hold about 1 MiB.
 MOST_CHUNK_BYTES = 2**26
 #: Largest memory that unpacking may need besides the result [bytes].
 _MOST_WINDOW = 2**27
-#: Largest size of a record that is read [bytes].  A damaged length field could otherwise claim all memory; the chunks
-#: that this program writes hold about 1 MiB.
+#: Largest size of a record that is read [bytes].  A damaged length field could otherwise allocate all memory.  Chunks
+#: written by this program hold about 1 MiB.
 _LARGEST_RECORD = 2**27
 
 
@@ -79,7 +79,7 @@ def read(path: str | Path) -> Recording:
             )
         try:
             content = mcap_writer.load_types().deserialize_cdr(message.data, kind)
-        except Exception as error:  # the libraries raise many kinds of exceptions on damaged messages
+        except Exception as error:  # The libraries raise many kinds of exceptions on damaged messages.
             raise RecordingError(f"{path}: damaged: a message of {topic} cannot be read") from error
         before.append(_Received(content, message.sequence, message.log_time, message.publish_time))
     return _make_recording(path, messages, complete=complete)
@@ -154,8 +154,8 @@ def _make_recording(path: Path, messages: _Messages, *, complete: bool) -> Recor
     labels, arrays = mcap_writer.decode_labels(str(messages[mcap_writer.SETUP_TOPIC][-1].content.data), path)
     names = mcap_writer.name_topics(len(arrays))
     series = [messages[f"/{name}/frame"] for name in names]
-    # A recorder that was killed between the frames of two arrays leaves one frame more of the first arrays than of the
-    # others; the additional frames are left out.
+    # A recorder that was killed between the frames of two arrays leaves one more frame of the first arrays.  The
+    # additional frames are left out.
     count = min(len(frames) for frames in series)
     clocks = series[0][:count]
     # In a file without frames, times count from the start of the recording.
@@ -307,11 +307,11 @@ def unpack_records(chunk: Chunk, budget: Budget) -> Iterator[McapRecord]:
 
     Args:
         chunk: The chunk.
-        budget: Limits of what is unpacked from the file.
+        budget: Limits on the content unpacked from the file.
 
     Raises:
-        RecordingError: If the chunk unpacks to another size than stated or than is accepted, fails its checksum, ends
-            in the middle of a record, or exceeds the budget.
+        RecordingError: If the chunk unpacks to a size other than stated or larger than accepted, fails its checksum,
+            ends in the middle of a record, or exceeds the budget.
     """
     from mcap.stream_reader import breakup_chunk
 
@@ -330,7 +330,7 @@ def unpack_records(chunk: Chunk, budget: Budget) -> Iterator[McapRecord]:
 
 def _unpack(chunk: Chunk) -> bytes:
     """Return the unpacked content of a chunk; never more than one byte beyond the stated size is unpacked."""
-    # The libraries that the package mcap unpacks with.
+    # libraries with which the package mcap unpacks
     from mcap.stream_reader import lz4, zstandard  # type: ignore[attr-defined]
 
     size = chunk.uncompressed_size

@@ -4,9 +4,9 @@ Five times a second, one thread closes a chunk (group of messages) and passes it
 second, another thread forces the file to the disk (fsync).  A killed recorder leaves a valid file without index and
 footer: `mcap_reader.read` reads such a file, and `mcap_reader.recover` completes it.
 
-The messages are ROS 2 messages in their binary format, CDR.  Images, diagnostics, temperatures and forces use standard
+The messages are ROS 2 messages in their binary format, CDR. Images, diagnostics, temperatures and forces use standard
 types, so that Foxglove and ROS 2 tools display them.  No standard type holds a frame with the clocks of host and
-device; the type of this program is defined in every file, as is usual in ROS 2 recordings.
+device.  The type of this program is therefore defined in every file, as is usual in ROS 2 recordings.
 
 Labels (set-up, arrays, serial number and clocks) are a JSON object, in a message and in the metadata of the file.
 """
@@ -95,15 +95,15 @@ _WARNING = 1
 FORMAT = "softcover-recording/1"
 #: Largest accepted number of characters of the labels [-].
 _MOST_CHARACTERS = 2**20
-#: Number of faults above which none of them is named [-].
+#: Number of faults above which no fault is named [-].
 _MOST_FAULTS = 1000
 
-#: A length [m] or an angle [rad]; larger ones must have a wrong unit.
+#: A length [m] or an angle [rad]; values beyond the limits indicate a wrong unit.
 _Coordinate = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 _Pair = tuple[_Coordinate, _Coordinate]
 _Triple = tuple[_Coordinate, _Coordinate, _Coordinate]
 _Nanoseconds = Annotated[int, Field(ge=0, le=LATEST)]
-#: Truth values, which the file holds as a text of the digits 0 and 1.
+#: Booleans, stored in the file as text of the digits 0 and 1.
 _Mask = Annotated[Any, PlainValidator(lambda text: np.array([digit == "1" for digit in text]))]
 
 
@@ -279,7 +279,7 @@ def encode(kind: str, /, **fields: object) -> bytes:
 
     Args:
         kind: ROS 2 type of the message.
-        fields: Values of the fields of the message; a mapping stands for a message within the message.
+        fields: Values of the fields of the message; a mapping represents a message within the message.
     """
     return bytes(load_types().serialize_cdr(_make_message(kind, fields), kind))
 
@@ -303,7 +303,7 @@ def _make_header(time_ns: int, name: str) -> Mapping[str, object]:
 
 
 def _make_numbers(values: npt.ArrayLike, label: str = "") -> Mapping[str, object]:
-    """Return the fields of an array of numbers, whose first dimension is labelled with their meaning."""
+    """Return the fields of an array of numbers; its first dimension has a label with their meaning."""
     numbers = np.asarray(values, dtype=np.float64)
     sizes = numbers.shape if label else ()
     sides: list[Mapping[str, object]] = [
@@ -374,7 +374,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         except OSError as error:
             raise self._abandon_file(error) from error
         # Flush and fsync run in separate threads.  On a slow disk, fsync may block for seconds.  During this time,
-        # finished chunks must still be passed to the operating system; otherwise they are lost if this process ends.
+        # finished chunks must still be passed to the operating system, because they are lost if this process ends.
         tasks = ((_FLUSH_INTERVAL, self._flush), (_SYNC_INTERVAL, lambda: os.fsync(self._file.descriptor)))
         self._threads = [threading.Thread(target=self._repeat, args=task, daemon=True) for task in tasks]
         for thread in self._threads:

@@ -31,7 +31,7 @@ BoolArray = npt.NDArray[np.bool_]
 DEFAULT_PITCH = 3.4e-3
 #: Largest count that is assumed if a file does not state it: that of a 12 bit converter [-].
 DEFAULT_FULL_SCALE = 4095
-#: Change of a count from which a texel counts as pressed during a recording, as a share of the full scale [-].
+#: Change of a count over the full scale, above which a texel counts as pressed during a recording [-].
 _PRESSED_SHARE = 0.02
 #: Tolerance of a coordinate of a texel centre when two arrays are compared [m].
 _SAME_POSITION = 1e-6
@@ -41,13 +41,13 @@ NANOSECOND = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What may be read from one recording in total.
+    """Limits on the content read from one recording.
 
     Attributes:
         kept: Number of bytes that may be kept of a recording, besides a multiple of the size of the file.
         ratio: Number of bytes that may be kept for each byte of the file [-].  Frames of an idle sensor unpack to 30
             times their size in the file.
-        records: Number of records that may be unpacked, besides one for each byte of the file [-]; reading so many
+        records: Number of records that may be unpacked, besides one for each byte of the file [-].  Reading this number
             takes seconds.
         message: Memory that a kept message takes besides its data [bytes].
     """
@@ -62,9 +62,9 @@ LIMITS = Limits()
 
 #: Largest accepted number of texel arrays in a recording [-].
 MOST_ARRAYS = 64
-#: Largest full scale: counts are kept as signed numbers of 32 bits [-].
+#: Largest full scale [-].  Counts are kept as signed 32-bit numbers.
 MOST_FULL_SCALE = 2**31 - 1
-#: Latest time, in the year 2262, the largest that 64 bits hold [ns since 1970].
+#: Latest time, in the year 2262 [ns since 1970].  It is the largest that 64 bits hold.
 LATEST = 2**63 - 1
 
 
@@ -74,16 +74,16 @@ class RecordingError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """Describes how a recording was made.
+    """Conditions of a recording.
 
     Attributes:
         indenter: The indenter as text in the notation of the command line, e.g. `box:size=10.5mmx10.5mmx5mm`.
         load: Load on the array, the weight or force of the indenter [N]; None if unknown.
-        note: Any other remark.
-        source: Port or file that the frames came from.
+        note: Further remarks.
+        source: Port or file of the frames.
         source_sha256: SHA-256 hash of the source file, hexadecimal; empty for a port.
         device: Properties that the sensor reported: type, serial, firmware, threshold, gain, temperature.
-        other: Other labels of the file by key, such as those of a CSV file whose keys this program does not know.
+        other: Other labels of the file by key, such as unknown keys of a CSV file.
     """
 
     indenter: str = ""
@@ -91,7 +91,7 @@ class Setup:
     note: str = ""
     source: str = ""
     source_sha256: str = ""
-    #: How the labels of a file are read.
+    #: Options for reading the labels of a file.
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", strict=True)
 
     device: Mapping[str, str | bool | int | float] = field(default_factory=dict)
@@ -99,12 +99,12 @@ class Setup:
 
     @classmethod
     def read(cls, indenter: str, load: str | None, note: str) -> Self:
-        """Read how a recording is made.
+        """Read the conditions of a recording from text.
 
         Args:
             indenter: Shape of the indenter, for example `sphere:radius=5mm`; empty if unknown.
             load: Load or weight with its unit; None if unknown.
-            note: Any other text.
+            note: Further remarks.
 
         Raises:
             InputError: If the indenter or the load cannot be read.
@@ -148,7 +148,7 @@ class SimulatedForces:
     tangential_source: str = ""
 
     def select(self, number: int) -> dict[str, Any]:
-        """Return the values of one frame by the names that `Frame` gives them, without those that are not there."""
+        """Return the values of one frame by their names in `Frame`, without missing values."""
         names = ("texel_forces", "net_force", "net_torque", "tangential")
         values = {name: getattr(self, name)[number].copy() for name in names}
         given = {name: value for name, value in values.items() if not np.isnan(value).any()}
@@ -162,7 +162,7 @@ class RecordedArray:
     Attributes:
         texels: The array of n texels; texels that the hardware lacks are not active.
         enabled: Whether each texel was switched on during the recording (the dynamic mask), shape (n,).
-        counts: Counts of each texel in each frame, shape (frames, n) [-]; negative if a zero was subtracted (tared).
+        counts: Counts of each texel in each frame, shape (frames, n) [-]; negative if a zero was subtracted (tare).
         full_scale: Largest count that the converter of the sensor can give [-].
         offset: Number that MCAP files add to the counts, because they hold no negative numbers [-].
         unit: Name of the unit of the counts in the file.
@@ -182,7 +182,7 @@ class RecordedArray:
     simulated: SimulatedForces | None = None
 
     def make_frame(self, number: int, time: float) -> Frame:
-        """Make the frame of a number, with grey levels whose white is `full_scale`, and forces if there are any.
+        """Make the frame of an index, with grey levels whose white is `full_scale`, and forces if there are any.
 
         Args:
             number: Index of the frame.
@@ -218,7 +218,7 @@ class Recording:
         temperatures: Temperatures of all channels at each reading, shape (readings, channels) [degC].
         temperature_times: Time of each temperature reading from the first frame, shape (readings,) [s].
         setup: Indenter, load and notes of the recording.
-        gaps: One line for each place where frames are missing, as noticed during the recording.
+        gaps: One line for each place where frames are missing, noted during the recording.
         complete: Whether the file was closed properly.  If the recorder was killed, up to half a second is missing.
         host_monotonic: Time at which each frame arrived on the monotonic clock of the host, shape (frames,) [ns]; empty
             or 0 if unknown.
@@ -297,11 +297,11 @@ def make_array(
 
 
 def find_pressed_array(recording: Recording) -> int:
-    """Return the index of the array that is pressed most.
+    """Return the index of the array with the largest load.
 
     This is the array with the texel whose count changes most during the recording.  If no count changes by more than
-    `_PRESSED_SHARE` of the full scale, it is the array with the texel that stands farthest above the median of its
-    array, so that a load that rests on an array from the first frame to the last is found as well.
+    `_PRESSED_SHARE` of the full scale, it is the array with the texel whose count is farthest above the median of its
+    array.  A load that rests on an array during the whole recording is then found as well.
     """
     arrays = [(array.counts.astype(np.int64), array.full_scale) for array in recording.arrays]
     changes = [float(np.ptp(counts, axis=0).max(initial=0)) / scale if counts.size else 0.0 for counts, scale in arrays]
@@ -351,10 +351,10 @@ def open_recorded(path: Path) -> IO[bytes]:
 
 
 class Budget:
-    """Limits of what is read from one recording: total number of records, total unpacked bytes, and range of times."""
+    """Limits on the content read from one recording: numbers of records and unpacked bytes, and range of times."""
 
     def __init__(self, path: Path, size: int) -> None:
-        """Begin with what a recording of a given size may hold [bytes]."""
+        """Start with the limits for a recording of a given size [bytes]."""
         self._path = path
         self._bytes, self._records = LIMITS.kept + LIMITS.ratio * size, LIMITS.records + size
 
@@ -362,7 +362,7 @@ class Budget:
         """Count unpacked bytes and records.
 
         Raises:
-            RecordingError: If they are more in total than a recording of its size holds.
+            RecordingError: If the total exceeds the limit for a recording of its size.
         """
         self._bytes -= size
         self._records -= records
@@ -378,7 +378,7 @@ class Budget:
             times: Times that the message states [ns since 1970].
 
         Raises:
-            RecordingError: If the messages are more than a recording of its size holds, or a time is impossible.
+            RecordingError: If the messages exceed the limit for a recording of its size, or a time is impossible.
         """
         self.spend(size=size + LIMITS.message)
         if not 0 <= min(times) <= max(times) <= LATEST:

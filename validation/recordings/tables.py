@@ -2,12 +2,13 @@
 
 The header line names the columns: `time` [s], then optionally `force` [N] and `temperature` [degC], then one column per
 texel, row by row, x fastest.  Lines of the form `# key = value` before the header may give `rows`, `columns`, `pitch`
-[m], `full_scale`, `indenter`, `load` [N] and `note`.  Other keys are kept as they are (`Setup.other`): letters, digits,
-spaces and `_ - . [ ] /`, a letter first.  Every other line that starts with `#` is a comment.
+[m], `full_scale`, `indenter`, `load` [N] and `note`.  Other keys are kept unchanged (`Setup.other`).  A key consists of
+letters, digits, spaces and `_ - . [ ] /`, and starts with a letter.  Every other line that starts with `#` is a
+comment.
 
 Counts may be negative (a zero was subtracted) and may have fractions (means of several frames).  Fractions are rounded
-to whole counts, and the label `counts rounded` states by how much; values whose rounding would change them by more than
-1 % of the largest value are refused.
+to whole counts, and the label `counts rounded` states the largest change.  Values are refused if rounding would change
+them by more than 1 % of the largest value.
 """
 
 from __future__ import annotations
@@ -48,14 +49,14 @@ _KEYS = frozenset({"rows", "columns", "pitch", "full_scale", "indenter", "load",
 MOST_CHARACTERS = 2**18
 #: Largest accepted number of numbers in a file [-]; enough for 15 minutes of 84 texels at 271 frames/s.
 MOST_VALUES = 25_000_000
-#: Largest accepted number in a column of times [s], forces [N] or temperatures [degC].  Later times, in nanoseconds, do
-#: not fit into 64 bits.
+#: Largest accepted number in a column of times [s], forces [N] or temperatures [degC].  Larger times, in nanoseconds,
+#: do not fit into 64 bits.
 _LARGEST = 9e9
-#: Least and greatest accepted pitch; others must have a wrong unit [m].
+#: Smallest and largest accepted pitch [m]; other values indicate a wrong unit.
 _PITCHES = (1e-6, 1.0)
 #: Largest accepted number of keys in a file [-].
 _MOST_KEYS = 64
-#: Label that states how much counts were rounded.
+#: Label that states the largest change of counts by rounding.
 _ROUNDED = "counts rounded"
 #: Largest accepted change of a count by rounding, over the largest count [-].
 _MOST_ROUNDED = 0.01
@@ -306,8 +307,8 @@ def _read_numbers(place: str, cells: list[str], header: list[str]) -> list[float
     """Parse and check the numbers of one line below the header.
 
     Raises:
-        RecordingError: If the line has another number of columns than the header, a text is not a finite number, or a
-            number is larger than any that a sensor gives.
+        RecordingError: If the number of columns differs from the header, a text is not a finite number, or a number is
+            larger than any value of a sensor.
     """
     if len(cells) != len(header):
         raise RecordingError(f"{place}: {len(cells)} columns; expected {len(header)} as in the first line")
@@ -323,7 +324,7 @@ def _read_numbers(place: str, cells: list[str], header: list[str]) -> list[float
 
 
 def _parse_number(text: str) -> float:
-    """Convert a text to a number; the underscores that `float` skips are no part of one."""
+    """Convert text to a number; underscores, which `float` skips, are refused."""
     return float(text.replace("_", "x"))
 
 
@@ -353,7 +354,7 @@ def _find_shape(
     """Return the numbers of rows and columns of the array.
 
     Arguments take precedence over the lines `# key = value` of the file, and these over the array of the sensor.  If
-    only one of the two numbers is known, the other follows from the number of texels.
+    only one of the two numbers is known, the other one follows from the number of texels.
     """
     rows = rows or int(table.read_note("rows", 1, MOST_TEXELS, whole=True) or 0)
     columns = columns or int(table.read_note("columns", 1, MOST_TEXELS, whole=True) or 0)

@@ -1,7 +1,7 @@
 """The stored values of a sensor's quantities, and their comparison with new ones.
 
-A baseline is a JSON file that people read and review: one line for each number or row of an image, sorted by name, with
-unit and tolerance.
+A baseline is a JSON file for review by people: one line for each number or row of an image, sorted by name, with unit
+and tolerance.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 #: Packages whose versions a baseline states, because values depend on them.
 _PACKAGES = ("softcover", "mujoco", "numba", "numpy", "scipy")
-#: Smallest tolerance of a number, in its unit; it stands for rounding in files where the number is zero.
+#: Smallest tolerance of a number, in its unit.  It allows for rounding where the number is zero.
 _LEAST = 1e-9
 _OPTION = "--baseline"
 
@@ -84,16 +84,16 @@ class Baseline:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A quantity that differs from its stored value by more than its tolerance, or that only one side has.
+    """A quantity that differs from its stored value by more than its tolerance, or that only one set has.
 
     Attributes:
         quantity: Title of the quantity.
         text: Description of the change and its size, in one line.
         label: Label of the number that changed most, and for an image its column; empty for a single number.
-        before: That number in the baseline; None if the quantity is not there, or has another form.
-        now: The number measured; None if the quantity was not measured, or has another form.
+        before: Stored value of this number; None if the quantity is not in the baseline, or has another form.
+        now: Measured value of this number; None if the quantity was not measured, or has another form.
         unit: Unit of the numbers.
-        tolerance: Largest difference that counts as none.
+        tolerance: Largest difference that is no change.
     """
 
     quantity: str
@@ -143,11 +143,11 @@ def read_baseline(path: Path, sensor: str) -> Baseline:
 def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -> list[Change]:
     """List the quantities that changed, in the order of their titles.
 
-    Tolerances are those of the stored baseline.  A quantity that only one side has counts as changed.
+    Tolerances are those of the stored baseline.  A quantity that exists in only one of the two sets counts as changed.
 
     Args:
         stored: The stored baseline.
-        measured: The readings of now.
+        measured: New readings.
         failures: Reasons why quantities could not be measured, by group.
     """
     changes = []
@@ -164,7 +164,7 @@ def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -
 
 
 def measure_changes(stored: Baseline, measured: Baseline) -> dict[str, float]:
-    """Return the largest change of each quantity over its tolerance [-], by title; infinity where it has none."""
+    """Return the largest change of each quantity over its tolerance [-], by title; infinity if not comparable."""
     ratios = {}
     for title in sorted({*stored.readings, *measured.readings}):
         before, now = stored.readings.get(title), measured.readings.get(title)
@@ -189,15 +189,15 @@ def _list_changes(before: Reading, now: Reading) -> list[tuple[float, str, float
 
 
 def merge(stored: Baseline | None, measured: Baseline, changes: Sequence[Change]) -> Baseline:
-    """Return the baseline to store: new values of what changed, stored values of all else, stored tolerances.
+    """Return the baseline to store: new values of changed quantities, stored values of all others, stored tolerances.
 
-    Values within tolerance stay, so that the difference of two files shows only what changed, and a slow drift adds up
-    until it is noticed.
+    Values within tolerance are kept.  The difference of two files then shows only changed quantities, and a slow drift
+    adds up until it is noticed.
 
     Args:
         stored: The stored baseline; None if there is none.
-        measured: The readings of now.
-        changes: Differences between the two, see `compare`.
+        measured: New readings.
+        changes: Differences between stored and new values, see `compare`.
     """
     if stored is None:
         return measured
@@ -264,7 +264,7 @@ def _describe_form(reading: Reading) -> str:
 
 
 def _format_tolerance(reading: Reading) -> float | str:
-    """Return a tolerance as a baseline states it."""
+    """Return a tolerance in the format of a baseline."""
     return f"{100 * reading.tolerance:.3g}{OF_VALUE}" if reading.relative else reading.tolerance
 
 
@@ -277,10 +277,10 @@ def _unpack_rows(numbers: Mapping[str, tuple[float, ...]]) -> Any:  # noqa: ANN4
 
 @dataclass(frozen=True, kw_only=True)
 class Regression:
-    """What a regression check found.
+    """Result of a regression check.
 
     Attributes:
-        now: The readings of now.
+        now: New readings.
         stored: The stored baseline; None if there is none yet.
         failures: Reasons why quantities could not be measured, by group.
         seconds: Duration of the check [s].
@@ -293,7 +293,7 @@ class Regression:
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """Each quantity that left its tolerance, or that only one side has."""
+        """Quantities outside their tolerance, or in only one of the two sets."""
         return () if self.stored is None else tuple(compare(self.stored, self.now, self.failures))
 
     @property
@@ -303,7 +303,7 @@ class Regression:
 
     @property
     def other_versions(self) -> list[str]:
-        """Packages whose version is another one than in the baseline."""
+        """Packages whose version differs from that in the baseline."""
         then = {} if self.stored is None else self.stored.versions
         pairs = ((name, then.get(name, "none"), version) for name, version in self.now.versions.items())
         return [f"{name} {old} -> {version}" for name, old, version in pairs if old != version]
@@ -327,8 +327,8 @@ def check_sensor(
     A fault in the baseline is reported before the long computation.
 
     Args:
-        source: Description of a sensor, or parameters of its fast model, of which what needs finite elements is left
-            out.
+        source: Description of a sensor, or parameters of its fast model.  With parameters, quantities that need finite
+            elements are left out.
         path: The baseline file.
         update: Whether the baseline is written.
         seed: Seed of the noise [-].

@@ -1,10 +1,10 @@
 """Experiments of the regression check that need no finite elements, each from a sensor to readings by name.
 
-Electronics: forces on all texels at once, which bypass contact, filter and point spread.  Metrics: scores of fixed
-images and pooled scores of fixed numbers.  Contact methods: an off-centre H and a ball on the sensor, and a block on
-fixed oblong texels.  Running sensors in MuJoCo: under load step, ramp and noise, a ball of known weight rests on the
-middle texel, and a further force on the ball is prescribed at every step.  Several sensors read the same simulation,
-each with another filter or other electronics.
+The experiments are in four groups.  Electronics: forces on all texels at once, which bypass contact, filter and point
+spread.  Metrics: scores of fixed images and pooled scores of fixed numbers.  Contact methods: an off-centre H and a
+ball on the sensor, and a block on fixed oblong texels.  Running sensors in MuJoCo: under load step, ramp and noise, a
+ball of known weight rests on the middle texel, and a further force on the ball is prescribed at every step.  Several
+sensors read the same simulation, each with another filter or other electronics.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ from validation.metrics import score, score_images
 from validation.regression.reading import Readings, Subject, find_unit, list_rows, read
 
 #: Smallest force at which the characteristic is evaluated, small enough for any sensor [N].  It must not depend on the
-#: sensitivity of the sensor: a change of the sensitivity would then not be seen.
+#: sensitivity of the sensor, because a change of the sensitivity would then not be detected.
 _LIGHTEST = 1e-6
 #: Largest force at which the characteristic is evaluated, large enough for any sensor [N].
 _HEAVIEST = 1e6
 #: Number of forces from smallest to largest, at a constant ratio [-].
 _FORCES = 241
-#: Number of bisections between two of these forces in the search for a level of output [-].
+#: Number of bisections between two forces of the sequence in the search for a level of output [-].
 _BISECTIONS = 60
 #: Levels of output over the largest output, at which the force is measured [-].
 _LEVELS = (0.01, 0.25, 0.5, 0.75, 0.99)
-#: Electronics of the stages.  Each stage changes these numbers only.
+#: Electronics of the stages.  Each stage changes some of these numbers.
 _LINE = Electronics(rate_hz=100.0, sensitivity=500.0, offset=-20.0, output_max=1000, bits=10)
 #: Forces on the texels of the stages, light to beyond the largest count, then unloading [N].
 _LOADING = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.2, 1.6, 1.9, 2.0, 2.1, 3.0)
@@ -141,7 +141,7 @@ _SHAPE = (7, 5)
 _IMAGE_PITCH = (3e-3, 4e-3)
 #: Load of the two images [N].
 _LOAD = 4.0
-#: Force outside the texels in the reference and in the prediction [N].
+#: Force outside the texels in the reference and in the prediction, in this order [N].
 _OUTSIDE = (0.30, 0.42)
 #: Errors of the first model in five cases [-].
 _ERRORS = (0.02, 0.05, 0.01, 0.08, 0.03)
@@ -218,12 +218,12 @@ _COLUMNS = 5
 _PITCH = (3e-3, 4.5e-3)
 #: Number of contact cells per pitch on the fixed cover [-].
 _CELLS = 4
-#: Number of cells beyond the edge of a texel whose forces act on the texel [-].
+#: Number of cells beyond the edge of a texel within which forces act on the texel [-].
 _REACH = 6
 #: Standard deviation of the force at the base of the fixed cover under a point load [m].
 _WIDTH = 1.2e-3
-#: Distance below which the compliance of the fixed cover no longer rises like that of a half-space under a point load
-#: [m].
+#: Distance below which the compliance of the fixed cover is limited, in contrast to that of a half space under a point
+#: load [m].
 _NEAR = 0.5e-3
 #: Thickness of the fixed cover [m].
 _THICKNESS = 2e-3
@@ -240,7 +240,7 @@ _BLOCK_LOAD = 3.0
 
 
 def lay_letter_h(array: TexelArray) -> tuple[LetterH, float, tuple[float, float], float]:
-    """Choose an H that fits an array: the shape, its load [N], position [m] and rotation [rad].
+    """Choose an H for an array: its shape, load [N], position [m] and rotation [rad].
 
     On a WTS 0614-34 the H measures 11.2 x 16 mm.  No symmetry of the array maps its position to itself.
     """
@@ -261,7 +261,7 @@ def list_methods(parameters: Parameters) -> tuple[str, ...]:
 def lay_flat(parameters: Parameters) -> Parameters:
     """Return parameters that press on boxes, for experiments on the signal alone.
 
-    A cover whose contact takes no boxes is left out, and its array is laid flat.
+    A cover whose contact does not use boxes is left out, and its array is flattened.
     """
     array = parameters.array
     if "boxes" in list_methods(parameters):
@@ -271,7 +271,7 @@ def lay_flat(parameters: Parameters) -> Parameters:
 
 
 def find_origin(array: TexelArray) -> FloatArray:
-    """Return the point from which indenters are placed, shape (3,) [m]: of a curved array the middle texel's centre."""
+    """Return the reference point of indenters, shape (3,) [m]; on a curved array the middle texel's centre."""
     return np.zeros(3) if array.planar else array.centres[array.middle]
 
 
@@ -301,7 +301,7 @@ def press_oblong(subject: Subject) -> Readings:  # noqa: ARG001 -- every experim
 
 
 def measure_spread(subject: Subject) -> Readings:
-    """Measure where the point spread of the sensor brings the force on the middle and on the last texel."""
+    """Measure the distribution of the force on the middle and on the last texel by the point spread of the sensor."""
     array = subject.parameters.array
     operator = subject.parameters.spread.operator(array)
     row, column = divmod(array.middle, array.columns)
@@ -364,13 +364,13 @@ def _press(
     yaw: float = 0.0,
     among: Container[str] = tuple(METHODS),
 ) -> Readings:
-    """Press an indenter along the normal of the middle texel by several contact methods, and take forces and depth.
+    """Press an indenter along the normal of the middle texel by several contact methods; return forces and depth.
 
     Args:
         parameters: The sensor.
         indenter: The indenter.
         load: Load [N].
-        origin: Point from which `at` is counted, shape (3,) [m].
+        origin: Reference point of `at`, shape (3,) [m].
         at: Position of the axis along the tangent axes of the middle texel [m].
         yaw: Rotation of the indenter [rad].
         among: Names of the contact methods.
@@ -381,7 +381,7 @@ def _press(
     pose = Pose.facing(origin + np.array(at) @ tangents, -normal, spin=yaw)
     for method in (each for each in list_methods(parameters) if each in among):
         pressed = indent(parameters, indenter, load=load, pose=pose, method=method)
-        # before spread, which has quantities of its own
+        # Forces before spread, because the spread has its own quantities.
         forces = pressed.texel_forces if method in SPREADING else pressed.contact_forces
         readings |= {
             f"{method}, force of each texel": read(list_rows(array.image(forces)), "mN", "1 % of largest"),
@@ -406,7 +406,7 @@ _STEP = 0.15
 #: Smallest duration of the simulation after the load step, over the period of the cut-off of the sensor's own filter
 #: [-].
 _PERIODS = 5.0
-#: Cut-off frequency of the filters that are measured besides the sensor's own one [Hz].
+#: Cut-off frequency of the filters that are measured in addition to the sensor's own filter [Hz].
 _CUTOFF = 20.0
 #: Orders of the filters with the cut-off frequency `_CUTOFF` [-].
 _ORDERS = (1, 2, 3, 4)
@@ -414,9 +414,9 @@ _ORDERS = (1, 2, 3, 4)
 _FRAMES = 8
 #: Smallest number of noisy counts; their standard deviation then has a relative error of 0.7 % [-].
 _SAMPLES = 10_000
-#: Standard deviation of the noise that is measured besides the sensor's own one [N].
+#: Standard deviation of the noise that is measured in addition to the sensor's own noise [N].
 _NOISE = 0.1
-#: Electronics with a count per millinewton, which neither saturate nor reach zero in these experiments.
+#: Electronics with one count per millinewton, which neither saturate nor reach zero in these experiments.
 _WIDE = Electronics(rate_hz=1 / _TIMESTEP, sensitivity=1000.0, offset=20_000.0, output_max=2**20, bits=24)
 #: Half width of the hysteresis of the sensor that is reset [N].
 _PLAY = 0.5
@@ -424,7 +424,7 @@ _PLAY = 0.5
 _RESET_LOADS = (1.0, 3.0, 1.0)
 #: Time for which the H rests before its image is taken [s].
 _LETTER_TIME = 0.25
-#: Grey level that stands for the mean force on a texel below the H, 0..255 [-].
+#: Grey level of the mean force on a texel below the H, 0..255 [-].
 _LETTER_GREY = 120.0
 _NAME = "sensor"
 
@@ -445,7 +445,7 @@ class _Recorded:
 
 
 def measure_load_step(subject: Subject) -> Readings:
-    """Measure rise time and overshoot of the total force after a load step, with the own filter and with fixed ones."""
+    """Measure rise time and overshoot of the total force after a load step, with the sensor's and fixed filters."""
     parameters = lay_flat(subject.parameters)
     own = parameters.filter
     period = 0.0 if own is None else 1.0 / own.cutoff_hz
@@ -470,7 +470,7 @@ def measure_load_step(subject: Subject) -> Readings:
 
 
 def measure_frames(subject: Subject) -> Readings:
-    """Measure times of frames, and by how much the forces in them lag behind a load that rises at a constant rate."""
+    """Measure the times of frames, and the lag of their forces behind a load that increases at a constant rate."""
     parameters = lay_flat(subject.parameters)
     rate = parameters.electronics.rate_hz
     rest, ramp = round(_REST / _TIMESTEP), max(round(_FRAMES / rate / _TIMESTEP), _FRAMES) + 1
@@ -615,7 +615,7 @@ def _build(
 
 
 def _bind(sensor: Sensor, model: mujoco.MjModel) -> Sensor:
-    """Bind a sensor without warnings of limited accuracy: measurements of two versions are compared, not with truth."""
+    """Bind a sensor without warnings of limited accuracy, because two versions are compared with each other."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", OptionWarning)
         return sensor.bind(model)

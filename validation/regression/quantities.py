@@ -1,8 +1,8 @@
 """All experiments of a regression check, and their measurement.
 
-To guard one more number, let an experiment return its reading under a new name.  `docs/regression.md` explains the
-quantities and the choice of their tolerances.  The experiments here need finite elements: derived parameters, results
-of the cases, and accuracy of the fast model.
+To guard a further number, let an experiment return its reading under a new name. `docs/regression.md` explains the
+quantities and the choice of their tolerances.  The experiments of this module need finite elements: derived parameters,
+results of the cases, and accuracy of the fast model.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _METRICS: Mapping[str, float] = {
 
 
 def measure_derivation(subject: Subject) -> Readings:
-    """Take the fitted Gaussian, the response of the cover, its stiffness and the estimated errors of the derivation."""
+    """Collect the fitted Gaussian, the response of the cover, its stiffness and the errors of the derivation."""
     found = subject.derivation
     if found is None:
         return {}
@@ -110,7 +110,7 @@ def compare_shipped(subject: Subject) -> Readings:
 
 
 def measure_reference(subject: Subject) -> Readings:
-    """Take the results of the finite elements in all cases, relative to the load where that is possible."""
+    """Collect the results of the finite elements in all cases, relative to the load where possible."""
     campaign = subject.campaign
     if campaign is None:
         return {}
@@ -131,7 +131,7 @@ def measure_reference(subject: Subject) -> Readings:
 
 
 def measure_accuracy(subject: Subject) -> Readings:
-    """Take the scores of the fast model against the finite elements in all cases, and means of other methods."""
+    """Collect the scores of the fast model against finite elements in all cases, and means of other methods."""
     campaign = subject.campaign
     if campaign is None:
         return {}
@@ -191,7 +191,7 @@ def measure(
         progress: Called with the name of each group before its experiment.
 
     Returns:
-        The readings by title of the quantity, without quantities that do not apply to the sensor; and by group why it
+        Readings by title of the quantity, without quantities that do not apply to the sensor, and reasons why groups
         could not be measured.
     """
     readings: dict[str, Reading] = {}
@@ -200,7 +200,7 @@ def measure(
         progress(group)
         try:
             found = experiment(subject)
-        except ValueError as error:  # all packages raise subclasses of it for input that they cannot compute
+        except ValueError as error:  # All packages raise subclasses of ValueError for inputs that they cannot compute.
             failures[group] = " ".join(str(error).split())
             continue
         for name, reading in found.items():

@@ -1,4 +1,4 @@
-"""What a regression check takes: a sensor, and readings, which are values of quantities with unit and tolerance."""
+"""Input and output of a regression check: a sensor, and readings (values with unit and tolerance)."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from validation.derivation.derive import Derivation
 if TYPE_CHECKING:
     from validation.campaign.results import CampaignResult
 
-#: Value of a quantity, in SI units: a number, numbers by label, or an image as rows of numbers by label.  None where
-#: the quantity does not apply to a sensor.
+#: Value of a quantity, in SI units: a number, numbers by label, or an image as rows of numbers by label.  None if the
+#: quantity does not apply to a sensor.
 Value = float | Mapping[str, float | Sequence[float]] | None
 #: Factors from SI units to the units of the baseline.
 _FACTORS: Mapping[str, float] = MappingProxyType(
@@ -63,7 +63,7 @@ class Subject:
 
 
 def describe_sensor(name: str, array: TexelArray, *, derived: bool) -> str:
-    """Describe in one line what must be equal in two measurements that are compared: name, texels, and origin.
+    """Describe in one line the properties that must be equal in two compared measurements: name, texels, and origin.
 
     Args:
         name: Name of the sensor.
@@ -81,7 +81,7 @@ class Reading:
 
     Attributes:
         unit: Unit of the numbers.
-        tolerance: Largest difference of two numbers that counts as none: in the unit, or a share of the stored number.
+        tolerance: Largest difference of two numbers that is no change, in the unit or as a share of the stored number.
         relative: Whether the tolerance is a share [-].
         numbers: Numbers by label; a quantity of one number has the label "".  An image has one label per row.
     """
@@ -97,7 +97,8 @@ class Reading:
         return {label: len(row) for label, row in self.numbers.items()}
 
 
-#: What an experiment returns: readings by name of the quantity, None for one that does not apply to the sensor.
+#: Return value of an experiment: readings by name of the quantity, None for a quantity that does not apply to the
+#: sensor.
 Readings = dict[str, Reading | None]
 
 
@@ -107,8 +108,8 @@ def read(value: Value, unit: str, tolerance: float | str) -> Reading | None:
     Args:
         value: The value in SI units.
         unit: Unit in the baseline.
-        tolerance: Largest difference that counts as none: a number in the unit, or a text: `1 % of each`, of every
-            number by itself, or `1 % of largest`, of the largest absolute number of the quantity.
+        tolerance: Largest difference that is no change: a number in the unit, or a text.  The text is `1 % of each` for
+            every number by itself, or `1 % of largest` for the largest absolute number of the quantity.
     """
     if value is None:
         return None
@@ -138,7 +139,7 @@ def _round(number: float, tolerance: float) -> float:
 
 
 def find_unit(metric: str) -> str:
-    """Return the unit of a metric in the baseline, which its name says."""
+    """Return the unit of a metric in the baseline, from the name of the metric."""
     kinds = {"_m": "mm", "image": "% of white", "pixels": "texels"}
     return next((unit for part, unit in kinds.items() if metric.startswith(part) or metric.endswith(part)), "%")
 

@@ -1,6 +1,7 @@
 """Figures: plots for the report and for files, pictures of the cases, and the files of a derivation.
 
-What only one kind of cover has is registered by the type of its derivation; a new kind has none at first.
+Plots and files that only one kind of cover has are registered by the type of its derivation.  A new kind of cover has
+none at first.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 
-#: Most cases of which a picture is drawn, which takes a second or two each [-].
+#: Largest number of cases with a picture [-]; each picture takes a second or two.
 _MOST_PICTURES = 24
 #: Colour of each scored model in the figures.
 _COLOURS = {"fast": "#2b6cb0", "area": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
 _COLOURS |= {"gaussian": _COLOURS["area"], "rigid": _COLOURS["boxes"]}
-#: A plot: a function that draws it.
+#: Function that draws a plot.
 Draw = Callable[["Axes"], None]
 
 
@@ -55,7 +56,7 @@ class Pictures:
 
 
 def render_svg(draw: Draw) -> str:
-    """Draw a plot as an SVG element without a ground, in which black is the colour of the page's text."""
+    """Draw a plot as an SVG element without background, in which black becomes the colour of the page's text."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
@@ -66,7 +67,7 @@ def render_svg(draw: Draw) -> str:
         metadata = dict.fromkeys(("Creator", "Date", "Format", "Type"))
         figure.savefig(out, format="svg", transparent=True, metadata=metadata)
     _, start, rest = out.getvalue().partition("<svg")
-    # Several plots stand in one page: names of groups would not be unique.
+    # A page holds several plots, so that names of groups would not be unique.
     return re.sub(r'<g id="[^"]*"', "<g", start + rest).replace("#000000", "currentColor")
 
 
@@ -138,13 +139,13 @@ def find_outline(array: TexelArray, result: CaseResult) -> FloatArray | None:
     points = result.reference.found.contact_points[:, :2]
     try:
         return np.asarray(points[ConvexHull(points).vertices])
-    except (QhullError, ValueError):  # fewer than three cells in contact, or all of them on one line
+    except (QhullError, ValueError):  # Fewer than three cells are in contact, or all of them lie on one line.
         return np.asarray(points)
 
 
 @singledispatch
 def draw_cases(derivation: object, evaluation: Evaluation, folder: Path) -> Pictures:
-    """Draw the reference of each case in three dimensions, as files in a folder, where a flat image shows too little.
+    """Draw the reference of each case in three dimensions, as files in a folder, if a flat image is not enough.
 
     Raises:
         OSError: If the folder cannot be written.
@@ -214,14 +215,14 @@ def draw_derivation(derivation: object, folder: Path, picture: str) -> tuple[str
 def _(derivation: SolidDerivation, folder: Path, picture: str) -> tuple[str, ...]:
     """Write the mesh, `responses.npz`, and pictures where possible.
 
-    `responses.npz` holds the nodes of the top and the force on each texel per unit force vector on each of them.
+    `responses.npz` holds the nodes of the top and the force on each texel per unit force vector on each node.
     """
     from meshes.bounded_file import pack_npz
     from meshes.solids import write_mesh
     from validation.scene.cover_scene import show_mesh
     from validation.scene.draw import write_scene
 
-    del picture  # three-dimensional ones are PNG
+    del picture  # Three-dimensional pictures are PNG files.
     grid = derivation.responses.finest
     arrays = {"points": grid.top.nodes, "normals": grid.top.normals, "influence": grid.influence}
     (folder / "responses.npz").write_bytes(pack_npz(arrays))

@@ -33,10 +33,10 @@ def trace_stress(material: Material) -> tuple[FloatArray, FloatArray]:
 
 
 def compute_stress(material: Material, strain: FloatArray) -> FloatArray:
-    """Compute the nominal stress in uniaxial tension, of rubbers as if they were incompressible.
+    """Compute the nominal stress in uniaxial tension; rubbers are treated as incompressible.
 
-    With the stretch l = 1 + strain the lateral stretches are l^(-1/2); the stress is the derivative of the strain
-    energy by l.
+    With the stretch l = 1 + strain the lateral stretches are l^(-1/2).  The stress is the derivative of the strain
+    energy with respect to l.
 
     Args:
         material: The material.

@@ -1,6 +1,6 @@
-"""The report's page: what its template shows, which are tables, tiles, images and notes.
+"""The report's page: content of its template, which are tables, tiles, images and notes.
 
-What a column of a table prints stands at the field of the result that it shows.
+The printed form of a table column is defined with the corresponding field of the result.
 """
 
 from __future__ import annotations
@@ -46,9 +46,8 @@ from validation.render.table import Cell, Table, interval, number, tabulate, tab
 from validation.report.figures import Pictures, draw_campaign, draw_cases, find_outline, plot_responses, render_svg
 from validation.results import Column, columns
 
-#: Name of the division of the recordings into fitted and scored weights whose score is shown at the top of the page:
-#: the parameters are fitted to light weights and scored on heavy ones.  This extrapolation separates a model from a
-#: mere table of values.
+#: Name of the split of recordings whose score is shown at the top of the page.  In this split the parameters are fitted
+#: to light weights and scored on heavy ones.  This extrapolation separates a model from a table of values.
 _TILE_SPLIT = "heavier"
 #: Models whose images are shown next to the recorded image; the image of the best null model follows them.
 _SHOWN = (FAST, f"{FAST}, texel gains", "reference, texel gains")
@@ -72,7 +71,7 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         "verdict": evaluation.verdict,
         "plan": evaluation.plan,
         "evidence": evidence,
-        # A section without a note, or without a table, shows none.
+        # The template shows nothing for a section without a note or table.
         "notes": defaultdict(str, evidence.notes),
         "tables": defaultdict(lambda: None, list_tables(evaluation)),
         "calibration": describe_calibration(derivation.parameters.electronics),
@@ -201,7 +200,7 @@ def _draw_example(example: RecordingExample, array: TexelArray, names: tuple[str
 _STATUS = {"met": "met", "missed": "missed", "open": "not decided"}
 #: Words for the kinds of rows that are not models of the sensor.
 _KINDS = {"null": "null", "floor": "repeatability"}
-#: How each range of the validated domain is printed.
+#: Printed form of each range of the validated domain.
 _RANGES = {
     "load_N": Column(heading="load", unit="N"),
     "depth_over_thickness": Column(
@@ -220,7 +219,7 @@ _COMPARED = (*SKILL_METRICS, "centre_of_pressure_m")
 
 
 def list_tables(evaluation: Evaluation) -> dict[str, Table]:
-    """Return the tables of the page by name; one without rows is left out."""
+    """Return the tables of the page by name; tables without rows are left out."""
     campaign, evidence = evaluation.campaign, evaluation.evidence
     found = (
         _tabulate_requirements(evaluation),
@@ -340,7 +339,7 @@ def _tabulate_cases(campaign: CampaignResult) -> Table:
 
 
 def _tabulate_published(campaign: CampaignResult) -> Table:
-    """Tabulate our models and the published ones; no rows if none of the latter was scored."""
+    """Tabulate the models of this package and the published ones; no rows if no published model was scored."""
     kinds = {name: "null model" if text.startswith("null") else "ours" for name, text in campaign.models.items()}
     rows = [
         [
@@ -492,8 +491,8 @@ def name_limits(evidence: Evidence) -> dict[str, Any]:
     """Return the errors of the fast model by cause.
 
     Returns:
-        `stage`: name of the stage with the largest mean error; `error`: this error [%]; `hidden`: mean error by the
-        electronics [%]; `inputs`: mean misplaced force by uncertain inputs [%].
+        `stage` is the name of the stage with the largest mean error; `error` is this error [%]; `hidden` is the mean
+        error by the electronics [%]; `inputs` is the mean misplaced force by uncertain inputs [%].
     """
     if (stages := evidence.stages) is None:
         return {}

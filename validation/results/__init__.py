@@ -1,8 +1,7 @@
-"""Results as models: frozen dataclasses that write JSON and read it back, and whose fields say how they are printed.
+"""Results as models: frozen dataclasses that are written to JSON and read back, with the printed form of their fields.
 
-A field that tables show carries a `Column`: its heading, unit, format and meaning stand beside its type and nowhere
-else.  NaN and infinity become null in JSON; a field of type `Number` reads null as NaN, a field of type `Bound` as
-infinity.
+A field that tables show has a `Column`, which holds its heading, unit, format and meaning.  NaN and infinity become
+null in JSON. A field of type `Number` reads null as NaN, a field of type `Bound` as infinity.
 """
 
 from __future__ import annotations
@@ -24,27 +23,27 @@ from validation.json_values import to_json_values
 
 T = TypeVar("T")
 
-#: What stands in a table for a number that does not exist.
+#: Text in a table for a number that does not exist.
 DASH = "\u2013"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Column:
-    """How a quantity is printed in tables.
+    """Printed form of a quantity in tables.
 
     Attributes:
-        heading: Heading of its column.
+        heading: Heading of the column.
         unit: Printed unit; empty for none.
         factor: Factor from the value, in SI units or as a fraction, to the printed unit.
         decimals: Number of printed decimals; None to print significant digits.
-        digits: Number of significant digits where `decimals` is None.
+        digits: Number of significant digits if `decimals` is None.
         meaning: Explanation in a few words.
-        shown: Whether tables of all columns have it.
+        shown: Whether the column is in tables of all columns.
         small: Smaller second line, a format of the result, such as `against: {0.exact}`.
         parts: Headings of the columns of a tuple of numbers.
-        words: Printed words by value; empty for numbers and for texts that are printed as they are.
+        words: Printed words by value; empty for numbers and for texts that are printed unchanged.
         alarms: Values whose words are emphasised.
-        factor_field: Name of the field that holds the factor, where rows differ in it.
+        factor_field: Name of the field with the factor, if rows have different factors.
     """
 
     heading: str
@@ -93,7 +92,7 @@ class _Array:
 
 
 class Unread:
-    """Schema of an object that is kept as it is, is not written, and is not read."""
+    """Schema of an object that is kept unchanged, and is neither written nor read."""
 
     def __get_pydantic_core_schema__(  # noqa: D105 -- as pydantic names it
         self, source: object, handler: GetCoreSchemaHandler
@@ -114,10 +113,10 @@ Bound = Annotated[float, BeforeValidator(lambda value: math.inf if value is None
 
 
 def renamed(key: str) -> Any:  # noqa: ANN401 -- as `pydantic.Field`
-    """Return the description of a required field that has another name in JSON.
+    """Return the description of a required field with another name in JSON.
 
     Args:
-        key: The name in JSON.
+        key: Name in JSON.
     """
     return Field(validation_alias=key, serialization_alias=key)
 
@@ -128,7 +127,7 @@ class Result:
     Subclasses are decorated with `result_model`.
     """
 
-    #: Properties that are written beside the fields, as pairs of key in JSON and name; they are not read.
+    #: Properties that are written in addition to the fields, as pairs of key in JSON and name.  They are not read.
     computed: ClassVar[tuple[tuple[str, str], ...]] = ()
     #: Columns of properties, by name.
     printed: ClassVar[Mapping[str, Column]] = {}
@@ -155,7 +154,7 @@ class Result:
         return type(self) is type(other) and isinstance(other, Result) and self.as_json() == other.as_json()
 
     def __hash__(self) -> int:
-        """Results hold arrays: only the identity of their type is cheap and equal for equal ones."""
+        """Hash of the type only, because results hold arrays; it is equal for equal results."""
         return hash(type(self))
 
 
@@ -174,7 +173,7 @@ def columns(cls: type[Result]) -> dict[str, Column]:
     return {**fields, **cls.printed}
 
 
-#: A nested value that is kept as JSON has it.
+#: Nested value in its JSON form.
 JsonObject = Annotated[Mapping[str, Any], BeforeValidator(to_json_values)]
 
 

@@ -1,4 +1,4 @@
-"""What a derivation found, as it is written to `derive.json` and below `derive` in `report.json`."""
+"""Results of a derivation, as in `derive.json` and below `derive` in `report.json`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from validation.results import Array, Column, JsonObject, Number, Result, result
 
 @result_model
 class Kernel(Result):
-    """The Gaussian kernel that is fitted to the force on texels under uniform pressure over one of them.
+    """Gaussian kernel fitted to the force on texels under uniform pressure over one texel.
 
     Attributes:
         sigma_x, sigma_y: Standard deviations [pitches].
@@ -35,11 +35,11 @@ class Kernel(Result):
 
 @result_model
 class SurfaceKernel(Result):
-    """The Gaussian in surface coordinates that is fitted to the responses to uniform loads on all texels.
+    """Gaussian in surface coordinates, fitted to the responses to uniform loads on all texels.
 
     Attributes:
         sigma_m: Standard deviations along the two axes of the surface [m].
-        residual: Load that it puts on wrong texels, mean over the loaded texels [-].
+        residual: Share of a load on wrong texels, mean over the loaded texels [-].
     """
 
     sigma_m: Annotated[
@@ -55,7 +55,7 @@ class PointResponse(Result):
 
     Attributes:
         radius_m: Distances from the load, shape (m,) [m].
-        pressure_per_force: Pressure over force there, shape (m,) [1/m2].
+        pressure_per_force: Pressure over force at these distances, shape (m,) [1/m2].
     """
 
     radius_m: Array
@@ -64,17 +64,17 @@ class PointResponse(Result):
 
 @result_model
 class Responses(Result):
-    """Response of the n texels under a cover, and the fast model's parameters that are fitted to it.
+    """Response of the n texels under a cover, and the parameters of the fast model fitted to it.
 
-    A part that a kind of cover does not have is None.
+    Attributes that do not apply to a kind of cover are None.
 
     Attributes:
         sensor: Name of the sensor.
         cover: Layers, base and size.
-        texel_response: Of planar layers the force on texels per unit point load over the middle one, shape (rows,
-            columns); of a solid the force on each texel (column) per unit point force above each texel (row), shape
-            (n, n) [-].
-        texel_response_uniform: As `texel_response`, for a force that is spread evenly over the loaded texel [-].
+        texel_response: For planar layers, the force on texels per unit point load over the middle texel, shape (rows,
+            columns) [-].  For a solid, the force on each texel (column) per unit point force above each texel (row),
+            shape (n, n) [-].
+        texel_response_uniform: Response as `texel_response`, for a force distributed evenly over the loaded texel [-].
         psf: The fitted kernel of planar layers.
         gaussian: The fitted Gaussian of a solid.
         texel_response_outside: Force of `texel_response` that no texel measures [-].
@@ -83,17 +83,17 @@ class Responses(Result):
         resolution: Two-point separation at the base; NaN if there is no dip, None with free side edges [m].
         resolution_on_array: Two-point separation in images of this array, for the worst position of the two points
             relative to the texels [m].
-        sensitivity: Change of sigma by thickness [pitches/m] and Poisson ratio [pitches].
+        sensitivity: Derivatives of sigma with respect to thickness [pitches/m] and Poisson ratio [pitches].
         depth: Fits to the depth of a ball; None with free side edges.
         validity: Range of the fast model, or `not stated`.
         calibration: Force of the characteristic, and the share of a calibration tip's force on a texel.
-        texels: Centres [m], normals, size [m] and whether they are active, of a solid.
+        texels: Centres [m], normals [-], size [m] and active state of the texels of a solid.
         above_m: Points of the surface above the texels, shape (n, 3) [m].
         meshes: Hash, origin and quality of each mesh.
-        notes: What users must know about the mesh, one sentence each.
+        notes: Information on the mesh for users, one sentence each.
         error_estimate: Estimated relative errors by name [-].
         undetermined: Parameters that the data do not determine, one sentence each.
-        warnings: Reasons why a response is not what its name says, one sentence each.
+        warnings: Reasons why a response deviates from its definition, one sentence each.
         assumed_electronics: Properties of the electronics that the sensor file does not state.
         seconds: Wall time [s].
     """
@@ -150,25 +150,25 @@ class Responses(Result):
 
     @property
     def sigma_by_thickness(self) -> float | None:
-        """Change of sigma by thickness [pitches/m]."""
+        """Derivative of sigma with respect to thickness [pitches/m]."""
         return (self.sensitivity or {}).get("thickness")
 
     @property
     def sigma_by_poisson_ratio(self) -> float | None:
-        """Change of sigma by Poisson ratio [pitches]."""
+        """Derivative of sigma with respect to Poisson ratio [pitches]."""
         return (self.sensitivity or {}).get("poisson_ratio")
 
     @property
     def foundation_modulus(self) -> float | None:
-        """Modulus of an elastic foundation that is fitted to the depth of a ball [N/m3]."""
+        """Modulus of an elastic foundation fitted to the depth of a ball [N/m3]."""
         return None if self.depth is None else float(self.depth["foundation"]["modulus"])
 
     @property
     def load_2_percent(self) -> float | None:
-        """Load of a ball up to which the fast model misplaces at most 2 % of it [N]."""
+        """Load of a ball up to which the fast model misplaces at most 2 % of the load [N]."""
         return None if isinstance(self.validity, str) else self.validity["load_2_percent"]
 
     @property
     def load_5_percent(self) -> float | None:
-        """Load of a ball up to which the fast model misplaces at most 5 % of it [N]."""
+        """Load of a ball up to which the fast model misplaces at most 5 % of the load [N]."""
         return None if isinstance(self.validity, str) else self.validity["load_5_percent"]

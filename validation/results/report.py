@@ -1,4 +1,4 @@
-"""The report as one model: what `report.json` holds, written and read back."""
+"""The report as one model: content of `report.json`, written and read back."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class Report(Result):
 
     Attributes:
         verdict: Whether the fast model meets the acceptance criterion.
-        campaign_file: The campaign as its file describes it.
+        campaign_file: Content of the campaign file.
         sensor: Name of the sensor.
         cover_assumed: Whether thickness and material of the cover are assumed, not measured.
         friction: Friction between indenter and cover in the finite elements, as text.
-        derive: Response of the cover to a point load, and the parameters of the fast model that are fitted to it.
-        verification: Relative differences of this response from closed-form solutions, by name [-].
-        campaign: Scores of the fast model and of the models that it is compared with.
+        derive: Response of the cover to a point load, and the parameters of the fast model fitted to it.
+        verification: Relative differences of the response of the cover from closed-form solutions, by name [-].
+        campaign: Scores of the fast model and of the models for comparison.
         evidence: Code and solution verification, effect of uncertain inputs, error of each stage of the fast model, and
             the range of the cases.
         recordings: Scores on recordings of real sensors; None if there are no recordings.
@@ -57,14 +57,14 @@ def read_report(path: Path | str) -> Report:
     """Read a `report.json`.
 
     Args:
-        path: The file.
+        path: Path of the file.
 
     Returns:
-        The report, equal to the one that wrote the file.
+        The report, equal to the report that was written.
 
     Raises:
         InputError: If the file is no report; one line per fault, with its place.
-        OSError: If it cannot be read.
+        OSError: If the file cannot be read.
     """
     try:
         return Report.from_json(parse_json(read_bytes(Path(path), most=_MOST_BYTES)))

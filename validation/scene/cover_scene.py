@@ -1,4 +1,4 @@
-"""What a picture of a cover shows: its deformed body with values at the nodes, its texels and the forces on them."""
+"""Content of a picture of a cover: its deformed body with values at the nodes, its texels and the forces on them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from meshes.solids.solid_mesh import SolidMesh
 
 @dataclass(frozen=True, kw_only=True)
 class _Numbers:
-    """Constants of the scenes; all chosen for the eye."""
+    """Constants of the scenes; chosen for good visibility."""
 
     #: Number of steps in which half a turn of an axisymmetric solution is drawn [-].
     turn: int = 48
     #: Distance from the contact to which a wide cover is drawn, over its thickness [-].
     surroundings: float = 4.0
-    #: Largest stress of one layer over that of another layer above which the scale of colours is logarithmic [-].
+    #: Largest stress of one layer, over that of another layer, above which the colour scale is logarithmic [-].
     uneven: float = 20.0
 
 
@@ -51,16 +51,17 @@ class CoverScene:
         cells: Nodes of e elements in the order of VTK: hexahedra, shape (e, 8), or tetrahedra, shape (e, 4).
         thickness: Thickness of the cover [m].
         surface: Values that colour the surface, shape (n,); None for none.
-        surface_label: Name and unit of these values.
+        surface_label: Name and unit of `surface`.
         inside: Values that colour the section, shape (n,); None for none.
-        inside_label: Name and unit of these values.
+        inside_label: Name and unit of `inside`.
         logarithmic: Whether the scale of the section's colours is logarithmic.
         texels: Texels; None for none.
         texel_forces: Forces on the n texels, shape (n,) [N]; None for none.
         touched: Point of the undeformed cover where the indenter touches it, shape (3,) [m]; None without an indenter.
         direction: Unit vector of the load, shape (3,) [-].
         title: Text above the picture.
-        limits: Largest distance from `touched` along x and y that is drawn [m]; infinite for the whole cover.
+        limits: Largest distance from `touched` along x and y within which the cover is drawn [m]; infinite for the
+            whole cover.
     """
 
     position: FloatArray
@@ -182,7 +183,7 @@ def show_mesh(mesh: SolidMesh, texels: TexelArray | None = None, *, title: str =
 
 
 def split_cells(mesh: SolidMesh) -> IntArray:
-    """Return the elements of a mesh for VTK: each hexahedron of 27 nodes as 8 of 8 nodes, tetrahedra as they are."""
+    """Return the elements of a mesh for VTK: each hexahedron of 27 nodes as 8 of 8 nodes; tetrahedra unchanged."""
     return np.asarray(mesh.cells[:, _PARTS].reshape(-1, 8)) if mesh.is_hexahedral else mesh.cells
 
 
@@ -190,7 +191,7 @@ def average_pressure(facets: IntArray, forces: FloatArray, areas: FloatArray) ->
     """Spread nodal forces to facets and return the mean pressures around the nodes.
 
     The force of a node is divided equally among its facets.  The corner of a flat triangle with quadratic shape
-    functions has no area of its own, so forces over nodal areas would be no pressures.
+    functions has no area of its own.  Forces over nodal areas would therefore be no pressures.
 
     Args:
         facets: Indices of the nodes of f facets, shape (f, a).
@@ -210,14 +211,14 @@ def average_pressure(facets: IntArray, forces: FloatArray, areas: FloatArray) ->
 
 
 def _is_uneven(fields: CoverFields) -> bool:
-    """Return whether the largest stresses of the layers differ so much that one layer would have no colours."""
+    """Return whether the largest stresses of the layers differ too much for a linear scale of colours."""
     stress = fields.von_mises
     largest = [stress[np.unique(fields.cells[fields.layer == layer])].max() for layer in np.unique(fields.layer)]
     return bool(max(largest) > _NUMBERS.uneven * min(largest))
 
 
 def _revolve(fields: CoverFields) -> CoverFields:
-    """Turn an axisymmetric solution by a whole turn about its axis, to hexahedra."""
+    """Revolve an axisymmetric solution by a full turn about its axis, to hexahedra."""
     axis = fields.position[np.argmin(fields.position[:, 0])] * [1.0, 1.0, 0.0]
     angles = np.linspace(0.0, 2 * np.pi, 2 * _NUMBERS.turn + 1)
     c, s, zero = np.cos(angles), np.sin(angles), np.zeros_like(angles)

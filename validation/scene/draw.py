@@ -25,7 +25,7 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class _Style:
-    """Sizes and colours of the pictures; all chosen for the eye."""
+    """Sizes and colours of the pictures; chosen for good visibility."""
 
     #: Width of one view [pixels].
     width: int = 800
@@ -39,26 +39,27 @@ class _Style:
     force_map: str = "viridis"
     #: Colour of surfaces without values.
     plain: str = "#b9c4cf"
-    #: Share of the values above which they are drawn in the last colour [-]; stresses are infinite at sharp edges.
+    #: Quantile of the values that has the last colour [-]; larger values have the same colour.  Stresses are infinite
+    #: at sharp edges.
     highest: float = 0.999
     #: Smallest value over the largest one on a logarithmic scale of colours [-].
     decades: float = 1e-4
     #: Largest number of intervals of a ruled edge [-].
     intervals: int = 8
-    #: Accepted lengths of an interval of a ruled edge, except for a power of ten [-].
+    #: Accepted lengths of an interval of a ruled edge, up to a factor of a power of ten [-].
     steps: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
-    #: Largest length by which the cover may extend beyond the end of a ruled edge, over an interval [-].
+    #: Largest length by which the cover may extend beyond the end of a ruled edge, over the length of an interval [-].
     slack: float = 0.1
     #: Factors by which displacements can be enlarged [-].  The largest factor is used for which no displacement exceeds
     #: `most_moved`.
     factors: tuple[int, ...] = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-    #: Largest displacement that is drawn, over the thickness [-].
+    #: Largest displacement in the picture, over the thickness [-].
     most_moved: float = 0.35
-    #: Share of the light that comes from all sides [-]; colours on faces in the shade must be readable.
+    #: Fraction of ambient light [-].  Colours on faces in the shade must be readable.
     ambient: float = 0.5
     #: Height of the bar of the largest texel force, over the largest edge of the array [-].
     bar: float = 0.3
-    #: Share of the height of a view within which the ruled box lies [-]; the rest is for title, labels and colours.
+    #: Fraction of the height of a view within which the ruled box lies [-].  The rest is for title, labels and colours.
     tall: float = 0.7
     #: Share of the width of a view within which the ruled box lies [-].
     wide: float = 0.8
@@ -66,7 +67,7 @@ class _Style:
     raised: float = 0.1
     #: Distance of the title of a colour bar from its labels [pixels].
     apart: int = 12
-    #: Negative force, over the largest force, up to which the colours of forces begin at zero [-].
+    #: Magnitude of a negative force, over the largest force, up to which the colour scale of forces begins at zero [-].
     hardly: float = 0.02
 
 
@@ -110,7 +111,7 @@ def write_picture(scene: CoverScene, path: Path) -> None:
 def write_gltf(scene: CoverScene, path: Path) -> None:
     """Write the deformed cover, with its colours, and the texel forces to one glTF file in metres.
 
-    Displacements are to scale.
+    Displacements are not enlarged.
 
     Args:
         scene: Scene to write.
@@ -124,7 +125,7 @@ def write_gltf(scene: CoverScene, path: Path) -> None:
     with open_plotter() as plotter:
         surface = _crop(make_grid(scene), scene, 1.0).warp_by_vector("displacement")
         surface = surface.extract_surface(algorithm="dataset_surface")
-        # Viewers of glTF know colours of points, not values on a scale.
+        # Viewers of glTF support colours of points, not values with a colour scale.
         if scene.surface is None:
             plotter.add_mesh(surface, color=_STYLE.plain)
         else:
@@ -183,7 +184,7 @@ def _draw_surface(plotter: Any, scene: CoverScene) -> None:
     factor = _find_factor(scene)
     grid = _crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES)
     surface = _add_coloured(plotter, grid, scene, "surface", _STYLE.pressure_map)
-    if scene.touched is not None:  # an arrow of the load whose tip lies where the indenter touches
+    if scene.touched is not None:  # Arrow of the load, with its tip at the point of first touch.
         size = 0.35 * float(np.ptp(surface.points, axis=0).max())
         tip = _MILLIMETRES * (scene.touched - 0.05 * scene.thickness * scene.direction)
         arrow = import_pyvista().Arrow(
@@ -250,14 +251,14 @@ def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: b
         counts.append(count)
     longest = float(np.diff(np.reshape(bounds, (3, 2))).max())
     if (bounds[5] - bounds[4]) / longest * _STYLE.intervals < (counts[2] - 1) / 2:
-        counts[2] = 2  # no room for more than its ends
+        counts[2] = 2  # no room for more than the end marks
     ruled = plotter.show_bounds(
         bounds=bounds, location="outer", ticks="outside",
         xtitle="x [mm]", ytitle="y [mm]", ztitle="z [mm]" if height else " ",
         color="#404040", font_size=12, n_xlabels=counts[0], n_ylabels=counts[1], n_zlabels=counts[2],
         minor_ticks=False, fmt="%.4g", show_zlabels=height,
     )  # fmt: skip
-    ruled.SetZAxisVisibility(height)  # pyvista 0.49 shows the axis in spite of its option `show_zaxis`
+    ruled.SetZAxisVisibility(height)  # pyvista 0.49 shows the axis although its option `show_zaxis` is off.
     for bar in plotter.scalar_bars.values():
         bar.SetVerticalTitleSeparation(_STYLE.apart)
     corners = np.array(list(product(*np.reshape(bounds, (3, 2)))))
@@ -274,7 +275,7 @@ def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: b
 
 
 def _round_edge(low: float, high: float) -> tuple[float, float, int]:
-    """Round the ends of an edge outwards to multiples of a round interval; returns them and the number of marks."""
+    """Round the ends of an edge outwards to multiples of a round interval; return them and the number of marks."""
     least = max(high - low, 1e-9) / _STYLE.intervals
     power = 10.0 ** np.floor(np.log10(least))
     step = power * min(each for each in _STYLE.steps if each * power >= least * (1 - 1e-9))
@@ -293,7 +294,7 @@ def _find_view(scene: CoverScene) -> FloatArray:
 
 
 def _is_round(scene: CoverScene) -> bool:
-    """Return whether the texels look in several directions."""
+    """Return whether the texels face in several directions."""
     return scene.texels is not None and not scene.texels.planar
 
 
@@ -310,7 +311,7 @@ def _find_section(scene: CoverScene) -> tuple[FloatArray, FloatArray]:
 
 
 def _crop(grid: Any, scene: CoverScene, length: float) -> Any:
-    """Cut a wide cover off at some distance from the contact."""
+    """Cut off a wide cover at a distance from the contact."""
     if scene.touched is None or not np.isfinite(scene.limits):
         return grid
     for axis, sign in product((0, 1), (1.0, -1.0)):
@@ -356,7 +357,7 @@ def _bar(title: str) -> dict[str, Any]:
 def write_scene(scene: CoverScene | None, folder: Path) -> tuple[str, ...]:
     """Write `cover.png`, `cover.gltf` and, for ParaView, `cover.vtu`.
 
-    Without pyvista nothing is written, without a renderer no picture; one line of warning says so.
+    Without pyvista no file is written, without a renderer no picture.  One line of warning states this.
 
     Args:
         scene: Scene to draw; None for nothing.

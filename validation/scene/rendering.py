@@ -1,8 +1,7 @@
-"""Finds out whether this machine can draw in three dimensions, before VTK is asked to: it crashes where it cannot.
+"""Determines whether this machine can draw in three dimensions before VTK is used, because VTK may crash.
 
-VTK draws without a display by EGL or OSMesa.  If their libraries are missing, or the drivers below them, the process
-ends by a segmentation fault.  So the libraries are looked for first, and then a program in a process of its own draws a
-small picture.
+Without a display VTK draws by EGL or OSMesa.  If their libraries or drivers are missing, the process ends with a
+segmentation fault.  The libraries are therefore searched first.  Then a separate process draws a small picture.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ _LIBRARIES = {
     "vtkEGLRenderWindow": ("libEGL.so.1", "libEGL.so"),
     "vtkOSOpenGLRenderWindow": ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"),
 }
-#: Variable of the environment with which VTK chooses its window.
+#: Environment variable that selects VTK's window.
 _CHOICE = "VTK_DEFAULT_OPENGL_WINDOW"
 #: Program that draws a small picture and ends with status 0 if that works.
 _PROBE = """
@@ -36,7 +35,7 @@ _TIMEOUT = 120.0
 
 
 class RenderingError(OSError):
-    """No picture can be drawn on this machine; the message says what is missing."""
+    """No picture can be drawn on this machine; the message names the missing part."""
 
 
 def import_pyvista() -> Any:  # noqa: ANN401 -- its types differ between versions
@@ -75,7 +74,7 @@ def open_plotter(**options: Any) -> Iterator[Any]:  # noqa: ANN401 -- its types 
 
 @cache
 def find_window_without_display() -> str:
-    """Find the kind of VTK's window that draws into memory; empty where VTK needs no choice.
+    """Find the kind of VTK's window that draws into memory; empty if VTK needs no choice.
 
     Raises:
         RenderingError: If this machine can draw no picture.
@@ -111,7 +110,7 @@ def _is_library(name: str) -> bool:
 
 
 def _try_to_draw(window: str) -> str | None:
-    """Draw a small picture in a process of its own; return why that failed, None if it did not."""
+    """Draw a small picture in a separate process; return the reason of a failure, None if it succeeds."""
     environment = os.environ | ({_CHOICE: window} if window else {})
     slow = f"no picture within {_TIMEOUT:g} s"
     return try_program(_PROBE, _TIMEOUT, slow=slow, silent="the picture is empty", environment=environment)

@@ -1,10 +1,10 @@
 """One schema for all files that users write: tables in a declarative form, read with all faults listed.
 
-Each format is a class derived from `Table`, in a module of its own.  `read` reads a file, `parse` checks tables that
-were read already.  Quantities with units become numbers in SI units.  Faults become one `InputError` with one line per
-fault: the file, the place in it such as `cover.layer[2].thickness`, what is wrong, and what would be accepted.
+Each format is a class derived from `Table`, in a module of its own. `read` reads a file, and `parse` checks parsed
+tables.  Quantities with units become numbers in SI units.  Faults become one `InputError` with one line per fault: the
+file, the place in it such as `cover.layer[2].thickness`, the fault, and what would be accepted.
 
-`python -m validation.schema FOLDER` writes a JSON Schema of each format, with which editors complete keys.
+`python -m validation.schema FOLDER` writes a JSON Schema of each format, which editors use to complete keys.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
     from pydantic_core import ErrorDetails
 
-#: Largest number of faults that are listed; a list of wrong numbers would fill the terminal [-].
+#: Largest number of faults that are listed [-].  A list of wrong numbers would otherwise fill the terminal.
 _MOST_FAULTS = 20
 #: Largest number of characters of a value that a message repeats [-].
 _LONGEST = 80
@@ -41,7 +41,7 @@ class Table(BaseModel):
 
     Attributes:
         MOST_BYTES: Largest accepted size of a file that holds the table [bytes].
-        IS_JSON: Whether such a file is in JSON; else it is in TOML.
+        IS_JSON: Whether the file is in JSON; otherwise it is in TOML.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -53,7 +53,7 @@ class Table(BaseModel):
 
         Returns:
             One pair per fault: the key at which it is reported, or an empty text for the whole table, and a sentence
-            that says what is wrong.
+            that states the fault.
         """
         return ()
 
@@ -65,9 +65,9 @@ def read(path: Path, schema: type[T], *, hint: str = "") -> T:
     """Read a file in TOML or JSON.
 
     Args:
-        path: The file.
-        schema: The tables of its format.
-        hint: Other names that are accepted, for the message that the file does not exist.
+        path: Path of the file.
+        schema: Tables of the file's format.
+        hint: Other accepted names, for the message that the file does not exist.
 
     Raises:
         InputError: If the file does not exist, exceeds the limits on size and depth, or has faults; one line per fault.
@@ -77,7 +77,7 @@ def read(path: Path, schema: type[T], *, hint: str = "") -> T:
 
 
 def read_raw(path: Path, schema: type[Table], *, hint: str = "") -> dict[str, Any]:
-    """Read a file as `read` does, but return its content as it is, without a check of keys and values."""
+    """Read a file as `read` does, but return its content without a check of keys and values."""
     if not path.exists():
         raise InputError(f"{path}: no such file{hint and f' {hint}'}")
     try:
@@ -95,9 +95,9 @@ def parse(data: object, schema: type[T], *, source: str = "", place: Sequence[in
     """Check the tables of a file and convert their values.
 
     Args:
-        data: The content, as the parser of TOML or JSON returns it.
+        data: Content of the file, as returned by the parser of TOML or JSON.
         schema: The tables of the format.
-        source: The file; every line about a fault begins with it.
+        source: Name of the file, with which every line about a fault begins.
         place: Place of the tables in the file: keys and indices, from the outermost.
 
     Raises:
@@ -123,14 +123,14 @@ def format_place(place: Sequence[int | str]) -> str:
     for part in place:
         if isinstance(part, int):
             text += f"[{part}]"
-        elif "[" not in part:  # names with a bracket are those of the members of a union, not keys
+        elif "[" not in part:  # Names with a bracket are those of the members of a union, not keys.
             key = part if _BARE_KEY.fullmatch(part) else json.dumps(part)
             text += f".{key}" if text else key
     return text
 
 
 def _list_own_faults(table: Table, place: str) -> Iterator[str]:
-    """Yield one line per fault that a table, or a table in it, finds between several of its keys."""
+    """Yield one line per fault between several keys of a table, for the table and its subtables."""
     for key, text in table.list_faults():
         where = ".".join(filter(None, (place, key)))
         yield f"{where}: {text}" if where else text
@@ -151,7 +151,7 @@ def _list_faults(error: ValidationError, schema: type[Table], place: Sequence[in
     found = error.errors(include_url=False)
     for details in found:
         if details["type"] == "too_short" and any(details["loc"] == each["loc"][:-1] for each in found):
-            continue  # the list is too short only because its entries have faults
+            continue  # The list is too short only because its entries have faults.
         where = format_place([*place, *details["loc"]])
         for text in _explain(details, schema):
             line = f"{where}: {text}" if where else text
@@ -195,7 +195,7 @@ def _show_example(place: Sequence[int | str], field: FieldInfo) -> str:
 
 
 def _follow(schema: type[Table], place: Sequence[int | str]) -> type[Table]:
-    """Return the class of the table at a place; indices, keys of free tables and members of unions are passed over."""
+    """Return the class of the table at a place.  Indices, keys of free tables and members of unions are skipped."""
     found = schema
     tables: list[type[Table]] = []
     for part in place:
@@ -209,7 +209,7 @@ def _follow(schema: type[Table], place: Sequence[int | str]) -> type[Table]:
 
 
 def _find_tables(annotation: Any, metadata: Sequence[Any] = ()) -> Iterator[type[Table]]:  # noqa: ANN401 -- a type
-    """Yield the classes of tables in an annotation, those first that its metadata name."""
+    """Yield the classes of tables in an annotation, starting with those named by its metadata."""
     for item in metadata:
         if (table := getattr(item, "table", None)) is not None:
             yield table

@@ -1,7 +1,7 @@
 """Write a JSON Schema of each file format into a folder: `python -m validation.schema FOLDER`.
 
-Editors that know JSON Schema complete keys and show their meaning.  The schemas are of draft 4, which the language
-server Taplo for TOML reads.
+Editors with support for JSON Schema complete keys and show their meaning.  The schemas use draft 4, which the language
+server Taplo for TOML supports.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ _ENTRY = re.compile(r"^    (?:    )?(\w+): (.+?)(?=^    (?:    )?\w+: |\Z)", re.
 
 
 class _Generator(GenerateJsonSchema):
-    """Generator of a JSON Schema of the file as users write it.
+    """Generator of a JSON Schema of the file in its written form.
 
-    Optional keys can be left out but are never null.  Defaults in SI units are dropped where a file holds a text with a
+    Optional keys can be left out but are never null.  Defaults in SI units are dropped if the file has text with a
     unit.
     """
 
     def nullable_schema(self, schema: Any) -> dict[str, Any]:  # noqa: ANN401 -- a schema of pydantic
-        """Return the schema of the value itself."""
+        """Return the schema of the value without null."""
         return self.generate_inner(schema["schema"])
 
     def default_schema(self, schema: Any) -> dict[str, Any]:  # noqa: ANN401 -- a schema of pydantic
-        """Return the schema of the value, without a default in SI units where a text is expected."""
+        """Return the schema of the value, without a default in SI units if text is expected."""
         found = super().default_schema(schema)
         default = found.get("default")
         is_plain = isinstance(default, str | bool | int) or (isinstance(default, float) and "type" in found)
@@ -72,11 +72,11 @@ def _list_tables(table: type[Table]) -> Iterator[type[Table]]:
 
 
 def _describe(part: dict[str, Any], inherited: Sequence[str]) -> None:
-    """Move the lines of docstrings about keys to the keys themselves, and drop titles, which repeat names.
+    """Move the lines of docstrings about keys to the keys, and drop titles, because they repeat names.
 
     Args:
         part: JSON Schema of a table, whose description is the docstring of its class.
-        inherited: Docstrings of the classes from which that class is derived.
+        inherited: Docstrings of the base classes of that class.
     """
     text, _, attributes = part.get("description", "").partition("\n\nAttributes:\n")
     part.pop("title", None)

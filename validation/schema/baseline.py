@@ -56,7 +56,7 @@ class ReadingTable(Table):
 
     Attributes:
         unit: Unit of the numbers.
-        tolerance: Largest difference that counts as none: in the unit, or a share such as "0.5 % of value".
+        tolerance: Largest difference that is no change, in the unit or as a share such as "0.5 % of value".
         value: A number, or numbers or lists of numbers by label.
     """
 

@@ -1,4 +1,4 @@
-"""Tables of a campaign file: cases, what is compared, and what is required of the fast model."""
+"""Tables of a campaign file: cases, compared metrics, and requirements on the fast model."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from validation.schema.types import (
 METRICS = tuple(field.name for field in dataclasses.fields(Score))
 #: Metrics that count or compare areas: their limits are plain numbers.
 _PLAIN = ("pixels_changed", "pixels_changed_line", "pixels_lit_line", "active_area_iou")
-#: Metrics that are no errors, so that no limit from above makes sense.
+#: Metrics that are no errors, so that an upper limit has no meaning.
 _NOT_ERRORS = ("pixels_lit_line", "active_area_iou")
 #: Largest number of loads in one table [-].
 _MOST_LOADS = 100
 #: Largest number of cases [-].
 _MOST_CASES = 1000
-#: Keys of a case of which the file must give exactly one.
+#: Keys of a case of which exactly one must be given.
 _LOADS = ("load", "loads", "path")
 
 
@@ -56,7 +56,7 @@ class _LimitsBase(Table):
     @model_validator(mode="wrap")
     @classmethod
     def _keep_order(cls, data: Any, handler: Callable[[Any], Self]) -> Self:  # noqa: ANN401 -- content of a file
-        """Keep the order of the file, in which reports list the limits."""
+        """Keep the order of the file, which reports use for the limits."""
         made = handler(data)
         made._order = tuple(data) if isinstance(data, Mapping) else ()  # noqa: SLF001 -- of this class
         return made
@@ -78,7 +78,7 @@ else:
 
 
 class RequiredTable(Table):
-    """What is required of the fast model.
+    """Requirements on the fast model.
 
     Attributes:
         mean: Largest accepted mean of each metric over the cases, including its interval.
@@ -104,7 +104,7 @@ class InputsTable(Table):
         position: Uncertainty of the position of the indenter's axis, along x and along y.
         yaw: Uncertainty of the rotation of the indenter about its axis.
         friction: Upper bound of the friction coefficient, or "no-slip"; the lower bound is zero.
-        data: Relative uncertainty of measured forces; 0 if finite elements stand for a measurement.
+        data: Relative uncertainty of measured forces; 0 if finite elements replace a measurement.
     """
 
     modulus: Annotated[float, percentage(1)] | None = None
@@ -117,7 +117,7 @@ class InputsTable(Table):
 
 
 class LoadsForTable(Table):
-    """The cover for which the loads are written; they are scaled for the stiffness of another curved cover.
+    """Cover for which the loads are written; for another curved cover the loads are scaled by stiffness.
 
     Attributes:
         modulus: Young's modulus.
@@ -133,15 +133,15 @@ class CaseTable(Table):
 
     Attributes:
         name: Short name, unique in the campaign.
-        indenter: The rigid body that presses on the cover.
-        load: The load.
-        loads: Loads that are each applied at once.
+        indenter: Rigid body that presses on the cover.
+        load: Load on the indenter.
+        loads: Loads that are applied separately, each at once.
         path: Ascending loads of one loading path.
         at: A named place, or the coordinates of the indenter's axis.
         direction: On a curved cover, the direction of the motion: a name, or three numbers.
         yaw: Rotation of the indenter about its axis.
         tilt: Rotations about the x and y axes of the indenter's frame.
-        compared: Metrics that are pooled over cases; all when left out.
+        compared: Metrics that are pooled over cases; all metrics when left out.
         required: Largest accepted values in this case, which replace those of the campaign.
         quick: Whether `--quick` runs the case.
     """
@@ -161,11 +161,11 @@ class CaseTable(Table):
 
     @property
     def all_loads(self) -> list[float]:
-        """The loads, of whichever key is given [N]."""
+        """Loads of the key that is given [N]."""
         return [self.load] if self.load is not None else self.loads or self.path or []
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
-        """Yield what is wrong with the loads, and limits on metrics that are not compared."""
+        """Yield faults of the loads, and limits on metrics that are not compared."""
         given = [key for key in _LOADS if getattr(self, key) is not None]
         if len(given) != 1:
             found = " and ".join(given) or "nothing"
@@ -188,15 +188,15 @@ def _require_nothing(schema: dict[str, Any]) -> None:
 
 
 class CampaignTables(Table):
-    """Cases in which the fast model is scored, its intended use, and what is required of it.
+    """Cases in which the fast model is scored, its intended use, and the requirements on it.
 
     Attributes:
         name: Name of the campaign.
-        intended_use: What the fast model is to be used for.
-        required: The acceptance criterion.
+        intended_use: Intended use of the fast model.
+        required: Acceptance criterion.
         inputs: Standard uncertainties of the inputs.
         loads_for: The cover for which the loads are written.
-        case: The cases.
+        case: Cases of the campaign.
     """
 
     model_config = ConfigDict(json_schema_extra=_require_nothing)

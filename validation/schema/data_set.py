@@ -14,7 +14,7 @@ from validation.text.quantity import Kind, read_quantity
 
 #: Tolerance of the limits of a selection by load [-].
 _SAME_LOAD = 1e-6
-#: Word of a data-set file for a pose that is found from the recordings.
+#: Word of a data-set file for a pose that is fitted to the recordings.
 FITTED = "fitted"
 #: Word of a data-set file for loads from the labels of each recording.
 LABELS = "labels"
@@ -67,13 +67,13 @@ _Uses = Annotated[tuple[Annotated[str, choice("fit", "score")], ...], OneOrMore(
 
 
 class CommonKeys(Table):
-    """Keys that stand in the data-set file for all series, or in a series for that series.
+    """Keys of a data-set file that apply to all series, or to one series if they stand in it.
 
     Attributes:
-        indenter: The indenter, such as "box:size=10mmx10mmx5mm".
-        load: Load, or where it is stated: "labels" of each recording, or its "force" channel.
-        array: Index of the pressed array; the one that is pressed most when left out.
-        threshold: Counts that the firmware subtracted; what the labels say when left out.
+        indenter: Indenter, such as "box:size=10mmx10mmx5mm".
+        load: Load, or its source: "labels" of each recording, or its "force" channel.
+        array: Index of the pressed array; the array with the largest change of counts when left out.
+        threshold: Counts that the firmware subtracted; the value in the labels when left out.
         window: First and last time after loading between which frames are averaged, in seconds.
         temperature_channel: Index of the temperature sensor, negative ones from the end.
         at: Position of the indenter's axis, or "fitted".
@@ -97,7 +97,7 @@ class FileTable(Table):
 
     Attributes:
         path: Path of the recording.
-        load: Load, or where it is stated.
+        load: Load, or its source.
         temperature: Temperature in degrees Celsius that replaces that of the recording.
         at: Position of the indenter's axis, or "fitted".
         yaw: Rotation of the indenter about its axis, or "fitted".
@@ -121,7 +121,7 @@ class SeriesTable(CommonKeys):
         file: Recordings with keys of their own.
         loads: Loads by pattern of the names of recordings.
         placement: Name of the placement; series with the same name share a pose.
-        use: What the recordings may be used for.
+        use: Permitted uses of the recordings.
     """
 
     name: str = Field(examples=["room"])
@@ -168,7 +168,7 @@ class SplitTable(Table):
         fit: Recordings to which electronics, gains and poses are fitted.
         score: Recordings that are scored.
         place: Recordings to which only the poses of the scored recordings are fitted.
-        about: What the split tests.
+        about: Purpose of the split.
     """
 
     name: str = Field(examples=["warmer"])
@@ -184,10 +184,10 @@ class DataSetTables(CommonKeys):
     Attributes:
         series: Recordings that belong together.
         split: Divisions into fitted and scored recordings.
-        name: Name of the data set; that of the file when left out.
-        source: Where the recordings were published.
+        name: Name of the data set; the name of the file when left out.
+        source: Publication of the recordings.
         sensor: Sensor file or built-in sensor that made the recordings.
-        path: Folder of the recordings, from that of the file.
+        path: Folder of the recordings, relative to the folder of the file.
     """
 
     MOST_BYTES: ClassVar[int] = 2**22
@@ -200,7 +200,7 @@ class DataSetTables(CommonKeys):
     path: str | None = None
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
-        """Yield names of series and splits that stand twice."""
+        """Yield names of series and splits that occur twice."""
         for key, tables in (("series", self.series), ("split", self.split)):
             names = [table.name for table in tables]
             yield from ((key, f"the name {name!r} stands twice; each needs its own") for name in _find_twice(names))

@@ -39,7 +39,7 @@ class UncertaintyTable(Table):
 
     Attributes:
         force: Standard uncertainty of each force, independent of the others.
-        zero: Standard uncertainty of the zero of depth, which has one error for all points.
+        zero: Standard uncertainty of the zero of depth; its error is the same for all points.
     """
 
     force: Force | None = None
@@ -83,7 +83,7 @@ class Measurement(Table):
 
     @property
     def fitted(self) -> npt.NDArray[np.bool_]:
-        """Whether the moduli are fitted to each point; the others are scored, shape (n,)."""
+        """Whether each point is used to fit the moduli, shape (n,); the other points are scored."""
         return np.array([each.use == "fit" for each in self._points])
 
     def list_faults(self) -> Iterator[tuple[str, str]]:

@@ -32,7 +32,7 @@ from validation.schema.types import (
 )
 from validation.text.quantity import read_quantity
 
-#: Largest radius of a calibration tip: one that is wider presses on several texels of any array [m].
+#: Largest radius of a calibration tip [m].  A wider tip presses on several texels of any array.
 _WIDEST_TIP = 0.02
 #: Form of the key `calibrated` for a characteristic of the force that a tip applies through the cover: a number and a
 #: unit follow.
@@ -68,7 +68,7 @@ def _refuse_other_degrees(coefficients: list[float]) -> list[float]:
 
 
 def _read_calibration(value: object) -> str:
-    """Read what a characteristic was calibrated against, and return it as `Electronics.calibrated` has it."""
+    """Read the force of the characteristic's calibration, and return it in the form of `Electronics.calibrated`."""
     if value == TEXEL_FORCE:
         return TEXEL_FORCE
     accepted = f"accepted: '{TEXEL_FORCE}' or 'through the cover, tip 1 mm' (radius of the tip's hemispherical end)"
@@ -91,7 +91,7 @@ _MASK_JSON = {"type": "array", "items": {"anyOf": [{"type": "string"}, {"type": 
 
 
 def _allow_positions_in_json(schema: dict[str, Any]) -> None:
-    """Say in a JSON Schema that `positions` replaces the keys of a grid."""
+    """State in a JSON Schema that `positions` replaces the keys of a grid."""
     schema["anyOf"] = [{"required": schema.pop("required")}, {"required": ["positions"]}]
 
 
@@ -123,7 +123,7 @@ class ArrayTable(Table):
     name: str | None = None
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
-        """Yield that one of rows and columns is missing beside positions."""
+        """Yield a fault if only one of rows and columns is given with positions."""
         if (self.rows is None) != (self.columns is None):
             yield "", "give both rows and columns, or leave both out: the image is then one row of texels"
 
@@ -141,9 +141,9 @@ class FlatCoverTable(Table):
 
     Attributes:
         layer: Layers from bottom to top.
-        base: How the bottom is held: glued ("bonded", when left out), or sliding without friction.
+        base: Support of the bottom: glued ("bonded", when left out), or sliding without friction.
         size: Size along x and y, centred on the array, with free side edges; infinitely wide when left out.
-        free_edges: Is refused with an explanation.
+        free_edges: Refused, with an explanation.
     """
 
     layer: Annotated[list[LayerTable], Field(min_length=1)]
@@ -185,7 +185,7 @@ class CurvedCoverTable(Table):
     base_distance: Length | None = None
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
-        """Yield keys that are missing or do not go together."""
+        """Yield faults of missing keys and of keys that exclude each other."""
         own = self.mesh is not None and self.mesh.lower().endswith(".npz")
         if self.mesh is not None:
             if self.surface is not None or self.thickness is not None:
@@ -244,7 +244,7 @@ class SpreadTable(Table):
 
 
 class ElectronicsTable(Table):
-    """Conversion of texel forces to counts; what is left out is assumed and labelled so.
+    """Conversion of texel forces to counts; missing values are assumed and labelled as assumed.
 
     Attributes:
         rate: Frames per second.
@@ -253,7 +253,7 @@ class ElectronicsTable(Table):
         output_max: Counts at saturation; 2^bits - 1 when left out.
         bits: Bits of the converter.
         noise: Standard deviation of the noise on each texel force.
-        threshold: Counts that the firmware subtracts; less becomes 0.
+        threshold: Counts that the firmware subtracts; negative results become 0.
         saturation_band: Counts below output_max over which the curve bends into saturation.
         characteristic: Coefficients c0..c5 of counts = sum of c_k force^k, instead of sensitivity.
         gains: One factor for each texel.
@@ -273,7 +273,7 @@ class ElectronicsTable(Table):
     calibrated: Annotated[str, Read(_read_calibration)] = TEXEL_FORCE
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
-        """Yield two characteristics, and a largest output that the converter cannot have."""
+        """Yield faults of two characteristics, and of a largest output that the converter cannot have."""
         largest = 2**self.bits - 1
         if self.sensitivity is not None and self.characteristic is not None:
             yield "", "give either sensitivity (a line, '2665.7 1/N') or characteristic (c0..c5 [1/N^k]), not both"

@@ -7,6 +7,7 @@ JSON Schema of the format.
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
@@ -31,9 +32,9 @@ class Limits:
     """Limits on values in all files.
 
     Attributes:
-        longest: Greatest length, such as a pitch or a thickness [m]; greater ones must have a wrong unit.
-        shortest: Least positive length [m]; an atom is larger.
-        exponent: Greatest absolute exponent of the Ogden model [-]; larger ones overflow at moderate stretches.
+        longest: Largest length, such as a pitch or a thickness [m]; larger values indicate a wrong unit.
+        shortest: Smallest positive length [m], about the size of an atom.
+        exponent: Largest absolute exponent of the Ogden model [-]; larger values overflow at moderate stretches.
         number: Greatest absolute value of a plain number [-].
         entries: Largest number of entries in a list [-].
         name: Largest number of characters of a name [-].
@@ -59,7 +60,8 @@ class Read:
     """Annotation: a function reads the value of the file.
 
     Attributes:
-        read: Converts the value, and raises a `ValueError` that says what is wrong and what would be accepted.
+        read: Function that converts the value, and raises a `ValueError` that states the fault and what would be
+            accepted.
         json: JSON Schema of the value.
     """
 
@@ -81,7 +83,7 @@ class TableOr:
 
     Attributes:
         table: Class of the table.
-        read: Converts the value, given a function that reads a table.
+        read: Function that converts the value, given a function that reads a table.
         json: JSON Schema of the shorter form; empty if there is none.
     """
 
@@ -100,7 +102,9 @@ class TableOr:
 
 @dataclass(frozen=True, eq=False)
 class OneByOne:
-    """Annotation of a list of 1 to `most` tables that are checked later, one by one; a fault rejects only its table.
+    """Annotation of a list of 1 to `most` tables that are checked later, one by one.
+
+    A fault only rejects its own table.
 
     Attributes:
         table: Class of the tables.
@@ -128,7 +132,7 @@ class OneByOne:
 
 
 class OneOrMore:
-    """Annotation of a list; a file can give a list of one entry as the entry alone."""
+    """Annotation of a list.  A file can give a list of one entry as the entry alone."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
         """Return the schema of the list."""
@@ -202,8 +206,8 @@ def text(read: Callable[..., Any], example: str) -> Read:
     """Make the annotation of a text that a function of `validation.text` reads.
 
     Args:
-        read: The function; it takes the text and, as `place`, the start of its error messages.
-        example: A text that it accepts.
+        read: Function that reads the text; its arguments are the text and, as `place`, the start of error messages.
+        example: An accepted text.
     """
 
     def convert(value: object) -> Any:  # noqa: ANN401 -- what the function returns
@@ -221,7 +225,7 @@ def read_percentage(value: object) -> float:
     """Read a percentage such as `3 %`, and return it as a fraction [-].
 
     Raises:
-        ValueError: If the value is no percentage from 0 on.
+        ValueError: If the value is not a percentage of 0 or more.
     """
     number = str(value).strip().removesuffix("%") if isinstance(value, str) and value.rstrip().endswith("%") else ""
     try:
@@ -299,12 +303,12 @@ PoissonRatio = Annotated[float, number(0, 0.5, " (0.5 is incompressible)")]
 
 
 class _MaterialTable(Table):
-    """A material model and its parameters; each model needs its own parameters and refuses those of other models.
+    """A material model and its parameters.  Each model requires its own parameters and refuses those of other models.
 
     Attributes:
         model: Name of the material model.
-        poisson_ratio: Poisson ratio at small strain; 0.5, incompressible, when left out, except for linear-elastic.
-        hardness: Shore hardness such as "30 shore-a", which stands for the modulus.
+        poisson_ratio: Poisson ratio at small strain; 0.5 (incompressible) when left out, except for linear-elastic.
+        hardness: Shore hardness such as "30 shore-a", which replaces the modulus.
         name: Name of the material in tables.
         source: Origin of the parameters.
         spread: Relative spread of the modulus between sources.
@@ -347,12 +351,14 @@ class _MaterialTable(Table):
             listed = ", ".join(f"{name} [{each.unit}]" for name, each in wanted.items())
             terms = " (one number, or a list with one for each term)" if MODELS[self.model].has_terms else ""
             names = ", ".join(sorted(given)) or "nothing"
-            raise ValueError(f"{self.model} takes {listed}{terms} and poisson_ratio, not {names}")
+            ratio = "" if MODELS[self.model].poisson_ratio else " and poisson_ratio"
+            raise ValueError(f"{self.model} takes {listed}{terms}{ratio}, not {names}")
+        left_out = math.nan if MODELS[self.model].poisson_ratio else 0.5
         return Material(
             name=self.name or self.model,
             model=self.model,
             parameters=given,
-            poisson_ratio=0.5 if self.poisson_ratio is None else self.poisson_ratio,
+            poisson_ratio=left_out if self.poisson_ratio is None else self.poisson_ratio,
         )
 
 
@@ -388,7 +394,7 @@ MaterialTable: type[_MaterialTable] = create_model(
 
 
 def read_material_name(value: str) -> Material:
-    """Return the material of the catalogue with a name, in any case and with any separators.
+    """Return the material of the catalogue by its name, with any case and separators.
 
     Raises:
         ValueError: If the name is unknown.

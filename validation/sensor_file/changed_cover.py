@@ -133,7 +133,8 @@ def _change_material(material: Material, change: dict[str, Any]) -> Material:
         ValueError: If the material model has no such parameter.
     """
     kept = {} if {"model", "hardness"} & set(change) else dict(material.parameters)
-    values = {"model": material.model, "poisson_ratio": material.poisson_ratio, **kept, **change}
+    ratio = None if MODELS[material.model].poisson_ratio else material.poisson_ratio
+    values = {"model": material.model, "poisson_ratio": ratio, **kept, **change}
     scaled = "youngs_modulus" in change and "model" not in change and material.model != "linear-elastic"
     modulus = values.pop("youngs_modulus") if scaled else 0.0
     made = MaterialTable.model_construct(**values).make()
@@ -169,8 +170,8 @@ def _convert(key: str, text: str) -> object:
         except ValueError:
             return part
 
-    if key == "poisson_ratio":
-        return read_number(text)
-    if key == "alpha":
-        return [read_number(part) for part in text.split("/")]
-    return text.split("/") if key == "mu" else text
+    used = [(model.has_terms, model.parameters[key].unit) for model in MODELS.values() if key in model.parameters]
+    is_number = key == "poisson_ratio" or any(unit == "-" for _, unit in used)
+    if any(has_terms for has_terms, _ in used):
+        return [read_number(part) for part in text.split("/")] if is_number else text.split("/")
+    return read_number(text) if is_number else text

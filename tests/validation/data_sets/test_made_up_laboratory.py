@@ -108,38 +108,21 @@ def test_the_model_is_ahead_of_every_null_model(monkeypatch, folder):
     assert shift == pytest.approx([MOVED.x - HOME.x, MOVED.y - HOME.y], abs=0.2e-3)
 
 
-def test_each_fault_costs_a_line_and_the_rest_is_scored(monkeypatch, folder):
-    foreign = (folder / "cold" / "1.csv").read_text().replace("# pitch = 0.005", "# pitch = 0.004")
-    (folder / "cold" / "foreign.csv").write_text(foreign)
-    (folder / "cold" / "damaged.mcap").write_bytes((folder / "cold" / "0.mcap").read_bytes()[:900])
-    (folder / "empty").mkdir()
-    text = (
-        FILE.split('[[split]]\nname = "third', maxsplit=1)[0]
-        + """
-[[series]]
-name = "empty"
-files = "empty/*"
+def test_a_split_that_cannot_be_scored_costs_a_line_and_the_rest_is_scored(monkeypatch, folder):
+    """Faults of series and recordings are tested where they are read."""
+    splits = """
 [[split]]
 name = "overlap"
 fit = "cold"
 score = { series = "cold", least = "12 N" }
 [[split]]
-name = "of the empty folder"
+name = "of nothing"
 fit = "cold"
-score = "empty"
+score = { series = "cold", least = "99 N" }
 """
-    )
-    try:
-        found = score_file(monkeypatch, folder, text)
-    finally:
-        (folder / "cold" / "foreign.csv").unlink()
-        (folder / "cold" / "damaged.mcap").unlink()
-    assert len(found.problems) == 5
-    told = "\n".join(found.problems)
-    assert "series 'empty': no recordings" in told
-    assert "foreign.csv: the pressed array" in told
-    assert "damaged.mcap" in told
-    assert "split 'overlap': cold 4.mcap, cold 5.csv, cold 6.mcap and others would be scored, and is fitted" in told
-    assert "split 'of the empty folder': no usable recording to score" in told
+    found = score_file(monkeypatch, folder, FILE.split('[[split]]\nname = "third', maxsplit=1)[0] + splits)
+    overlap, nothing = found.problems
+    assert "split 'overlap': cold 4.mcap, cold 5.csv, cold 6.mcap and others would be scored, and is fitted" in overlap
+    assert "split 'of nothing': no usable recording to score" in nothing
     assert {row.split for row in found.rows} == {"heavier"}
     assert found.row("heavier", score.FAST, texel_gains=True).pooled["image_changed_percent"].mean < 1

@@ -116,19 +116,6 @@ def test_texels_far_from_the_base_are_named(tmp_path):
     assert "2 of 2 texels are far from the base" in line
 
 
-def test_texels_in_the_frame_of_a_robot_are_read_in_their_unit(tmp_path):
-    """A texel may be more than 1000 mm from the origin."""
-    write_ball(tmp_path)
-    ball = trimesh.load(tmp_path / "outer.stl")
-    ball.apply_translation([1500.0, 0.0, 0.0])
-    ball.export(tmp_path / "outer.stl")
-    path = write_sensor(tmp_path)
-    (tmp_path / "texels.csv").write_text("x,y,z\n1500,0,8\n1503,0,7.5\n")
-    assert load(path).array.centres[0] == pytest.approx([1.5, 0.0, 8e-3], abs=2e-4)
-    path.write_text(path.read_text().replace('unit = "mm"\nproject', "project"))
-    assert "is farther than 1000 m from the origin; state the unit" in refuse(path)
-
-
 def test_one_texel_needs_its_size_only(tmp_path):
     write_ball(tmp_path)
     path = write_sensor(tmp_path)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.support.sensor_text import GOOD
 from validation.errors import InputError
-from validation.sensor_file import BUILT_IN, load, parse, read_template
+from validation.sensor_file import BUILT_IN, load, parse
 
 
 def test_everything_is_si(sensor):
@@ -31,13 +31,6 @@ def test_cover_of_limited_size_holds_its_texels_and_keeps_its_size_under_another
     masked = GOOD.replace("rows = 3", "rows = 3\nmask = ['10', '10', '10']\ntexel_size = '3 mm'")
     with_mask = sensor(masked.replace("[electronics]", "[cover]\nsize = ['6.4 mm', '9.8 mm']\n[electronics]"))
     assert load(with_mask).cover.size == pytest.approx((6.4e-3, 9.8e-3))
-
-
-def test_template_is_a_sensor_whose_electronics_are_assumed(sensor):
-    description = load(sensor(read_template()))
-    assert description.array.count == 24
-    assert description.cover.thickness == pytest.approx(2e-3)
-    assert description.assumed_electronics == ("100 frames/s", "1000 counts per N on a texel")
 
 
 def test_electronics_may_be_left_out_in_part_or_whole(sensor):

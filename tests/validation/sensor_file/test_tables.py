@@ -43,11 +43,6 @@ def test_ogden_of_several_terms(material):
     assert found.poisson_ratio == 0.5
 
 
-def test_ogden_of_one_term_needs_no_list(material):
-    found = material('{ model = "ogden", mu = "150 kPa", alpha = 3, poisson_ratio = 0.49 }')
-    assert (found.terms("mu"), found.terms("alpha"), found.poisson_ratio) == ((150e3,), (3.0,), 0.49)
-
-
 @pytest.mark.parametrize("name", MATERIALS)
 def test_every_name_of_the_library(material, name):
     assert material(f'"{name}"') == MATERIALS[name]

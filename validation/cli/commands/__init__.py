@@ -1,5 +1,5 @@
 """The commands of `softcover`, one or a few related commands per module.
 
-The list of all commands imports every module of this folder, so only packages that load fast may be imported at the top
-of a module.
+The list of all commands imports every module of this folder.  Only packages with a short import time may therefore be
+imported at the top of a module.
 """

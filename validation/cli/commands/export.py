@@ -8,7 +8,7 @@ from validation.cli.options import UNCHANGED, CoverChanges, Json, Quantity, Sens
 from validation.cli.output import Progress, print_json, say
 from validation.errors import Faults
 
-#: What to do with a written file, by format.
+#: Next step for the user after a file is written, by format.
 _NEXT = {
     "mjcf": "look at it: python -m mujoco.viewer --mjcf={path}; put it on a robot: fastmodel.attach(spec, body, "
     "fastmodel.load('{out}')), which also computes texel forces and counts",

@@ -43,10 +43,10 @@ if TYPE_CHECKING:
     from validation.sensor_file import SensorDescription
 
 
-#: Share of the force on wrong texels below which the fast model is called good [-].  `softcover derive` states the
-#: range of loads for this share.
+#: Share of the force on wrong texels below which the fast model counts as good [-]. `softcover derive` states the range
+#: of loads for this share.
 GOOD_MISPLACED = 0.02
-#: Share of the force on wrong texels below which the fast model is called usable [-].  `softcover derive` states the
+#: Share of the force on wrong texels below which the fast model counts as usable [-]. `softcover derive` states the
 #: range of loads for this share.
 USABLE_MISPLACED = 0.05
 
@@ -248,7 +248,7 @@ def _format_vector(values: FloatArray) -> str:
 
 
 def _explain_comparison(comparison: Comparison) -> Iterator[str]:
-    """Yield sentences about how far the two models agree, and how accurate the finite elements are."""
+    """Yield sentences on the agreement of the two models, and on the accuracy of the finite elements."""
     score, fem, fast = comparison.score, comparison.fem, comparison.fast
     if score is not None:
         share = score.misplaced_force

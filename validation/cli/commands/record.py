@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from validation.cli.live_image import LiveImage
-from validation.cli.options import Json, Note, RecordedIndenter, RecordedLoad, check_range
+from validation.cli.options import UNLABELLED, Json, Labels, check_range
 from validation.cli.output import print_json, say
 from validation.errors import InputError
 
@@ -22,9 +22,7 @@ def record(
     *,
     out: Path = Path(),
     seconds: float | None = None,
-    indenter: RecordedIndenter = "",
-    load: RecordedLoad = None,
-    note: Note = "",
+    labels: Labels = UNLABELLED,
     threshold: int | None = None,
     gain: int | None = None,
     tare: bool = False,
@@ -57,7 +55,8 @@ def record(
     """
     from validation import api
 
-    check_range("--interval-ms", interval_ms, 0xFFFF)  # interval and threshold have 16 bits in the protocol, gain has 8
+    # Interval and threshold have 16 bits in the protocol, the gain has 8 bits.
+    check_range("--interval-ms", interval_ms, 0xFFFF)
     check_range("--threshold", threshold, 0xFFFF)
     check_range("--gain", gain, 0xFF)
     check_range("--seconds", seconds)
@@ -67,7 +66,7 @@ def record(
     path = out if out.suffix == ".mcap" else out / time.strftime("touch-%Y%m%d-%H%M%S.mcap")
     with LiveImage(quiet=json) as live:
         done = api.record(
-            port, path, seconds=seconds, indenter=indenter, load=load, note=note, threshold=threshold, gain=gain,
+            port, path, **vars(labels), seconds=seconds, threshold=threshold, gain=gain,
             tare=tare, run_length=run_length, interval_ms=interval_ms, reconnect=reconnect, baud_rate=baud_rate,
             on_start=lambda matrix: live.set_up(matrix.columns, matrix.full_scale), on_event=_make_display(live),
         )  # fmt: skip
@@ -82,7 +81,7 @@ def record(
 
 
 def _make_display(live: LiveImage) -> Callable[[Reading | Gap], None]:
-    """Make a function that counts frames and gaps, and shows the latest frame whenever the live image is due."""
+    """Make a function that counts frames and gaps, and shows the latest frame when the live image is due."""
     frames = gaps = shown = 0
     start = then = time.monotonic()
 

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from validation.cli.live_image import LiveImage
 from validation.cli.options import (
+    UNLABELLED,
     Json,
-    Note,
+    Labels,
     PressedArrayIndex,
-    RecordedIndenter,
-    RecordedLoad,
     RecordingFile,
     Topic,
     check_range,
@@ -79,9 +78,7 @@ def import_recording(
     file: RecordingFile,
     *,
     out: Path | None = None,
-    indenter: RecordedIndenter = "",
-    load: RecordedLoad = None,
-    note: Note = "",
+    labels: Labels = UNLABELLED,
     topic: Topic = None,
     force: Path | None = None,
     force_delay: float = 0.0,
@@ -109,8 +106,9 @@ def import_recording(
     from validation.recordings import mcap_reader
     from validation.recordings.importing import add_forces, open_recording, relabel, save
     from validation.recordings.recording import Setup
+    from validation.recordings.tables import PITCH_ASSUMED
 
-    setup = Setup.read(indenter, load, note)
+    setup = Setup.read(**vars(labels))
     if force_delay and force is None:
         raise InputError("--force-delay: is for the force sensor's recording; name that with --force, or leave it out")
     if not abs(force_delay) <= _MOST_DELAY:
@@ -133,14 +131,7 @@ def import_recording(
         print_json({**_list_facts(recording), "out": str(target)})
     else:
         say(f"wrote {target}: {len(recording.times)} frames of {len(recording.arrays)} arrays")
-    tell_assumed_pitch(recording)
-
-
-def tell_assumed_pitch(recording: Recording) -> None:
-    """Note the pitch that was assumed, if the file states none: loads on texels and positions depend on it."""
-    from validation.recordings.tables import PITCH_ASSUMED
-
-    if pitch := recording.setup.other.get(PITCH_ASSUMED):
+    if pitch := recording.setup.other.get(PITCH_ASSUMED):  # loads on texels and positions depend on it
         note(
             f"{recording.path} states no pitch; assumed: {pitch}. If that is wrong, so are loads on texels: "
             "write for example `# pitch = 0.004` [m] before its first line"
@@ -182,7 +173,7 @@ def _list_facts(recording: Recording) -> dict[str, Any]:
 
 
 def _list_forces(forces: SimulatedForces) -> dict[str, Any]:
-    """Return the largest forces and pressure of a simulated array as JSON values; None for those not recorded."""
+    """Return the largest forces and pressure of a simulated array as JSON values; None if not recorded."""
     import numpy as np
 
     largest = {

@@ -80,7 +80,7 @@ def regress(
 
 
 def _check_options(baseline: Path, junit: Path | None, out: Path | None, seed: int, *, update: bool) -> None:
-    """Refuse options that cannot be carried out, before the long computation."""
+    """Refuse options that cannot be executed, before the long computation."""
     clashing = [name for name, path in (("--junit", junit), ("--out", out)) if update and path is not None]
     faults = [f"{option}, --update: give one of the two; --update checks nothing" for option in clashing]
     if seed < 0:

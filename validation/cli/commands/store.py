@@ -18,7 +18,7 @@ from validation.errors import InputError
 if TYPE_CHECKING:
     from fem_reference.result_store import Entry
 
-#: Largest number of elements of a list that is printed in full; of a longer list only the number is printed [-].
+#: Largest number of elements of a list that are printed; of a longer list only the number is printed [-].
 _LONGEST_LIST = 3
 
 store = App(
@@ -149,11 +149,11 @@ def prune_entries(
 
 
 def _choose(found: Sequence[Entry], *, age: float, keep_latest: int, kept: str | None) -> list[Entry]:
-    """Choose the stored results to remove: damaged ones, and those that all conditions choose.
+    """Choose the stored results to remove: damaged ones, and those that meet all conditions.
 
     Args:
-        found: All stored results, the newest first.
-        age: Least age of an undamaged result that is removed [s].
+        found: All stored results, newest first.
+        age: Smallest age of an undamaged result that is removed [s].
         keep_latest: Number of the newest undamaged results that are kept [-].
         kept: Version of the code whose results are kept; None for none.
     """
@@ -197,7 +197,7 @@ def _describe_inputs(inputs: Mapping[str, Any]) -> str:
     """Describe the inputs of a stored result in one line of text."""
     try:
         parts = [text for name, value in inputs.items() if (text := _format_input(name, value))]
-    except (ArithmeticError, LookupError, TypeError, ValueError):  # an entry that this program did not write
+    except (ArithmeticError, LookupError, TypeError, ValueError):  # an entry written by another program
         return "unknown"
     return ", ".join(parts) or "unknown"
 

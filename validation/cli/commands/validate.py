@@ -112,8 +112,8 @@ def validate(
         _compare_measured_force(measured, json=json)
         return DONE
     description = read_description(sensor, cover, curved=True)
-    # Recordings belong to one sensor.  Those of the environment variable may be of another sensor, so only recordings
-    # that the user names are used.
+    # Recordings belong to one sensor.  The environment variable may name recordings of another sensor, so that only
+    # recordings named by the user are used.
     if recordings is None and data_set is None and (sentence := describe_unused_recordings()):
         note(sentence)
     return _evaluate(
@@ -125,7 +125,7 @@ def _evaluate(sensor: SensorDescription, out: Path, *, json: bool, **options: An
     """Evaluate a sensor, write the report, print a summary, and return the exit status.
 
     Args:
-        sensor: The sensor to evaluate.
+        sensor: Sensor to evaluate.
         out: Folder of the report.
         json: Whether to print the numbers as JSON instead of tables.
         **options: Options of `validation.validate`.
@@ -185,7 +185,7 @@ def _print(evaluation: Evaluation) -> None:
 
 
 def _tabulate(campaign: CampaignResult) -> Table:
-    """Make the table of our models, the null models and the best published ones, ten rows at most."""
+    """Make the table of the models of this package, the null models and the best published ones, ten rows at most."""
     from validation.metrics import METRICS
     from validation.render.table import Cell, Table
 
@@ -207,8 +207,8 @@ def _tabulate(campaign: CampaignResult) -> Table:
 def _compare_measured_force(measured: str, *, json: bool) -> None:
     """Compare the finite elements with forces that were measured at known depths, and print the comparison.
 
-    The moduli are fitted to some of the points, and the others are scored, with the uncertainty of the comparison, both
-    without slip and without friction.
+    The moduli are fitted to some of the points, and the other points are scored, with the uncertainty of the
+    comparison.  This is done without slip and without friction.
 
     Args:
         measured: A file of measured forces, or the name of a built-in measurement.
@@ -249,7 +249,7 @@ def _show_measured(comparison: ForceComparison, given: Measurement) -> None:
 
 
 def _describe_moduli(given: Measurement, row: Row) -> str:
-    """Describe the fitted moduli with their 95 % interval: the shear modulus of a single layer, else the factor."""
+    """Describe the fitted moduli with their 95 % interval: shear modulus of a single layer, or factor on all moduli."""
     layers = given.cover.layers
     unit, label = (layers[0].material.shear_modulus / 1e6, "MPa") if len(layers) == 1 else (1.0, "times those given")
     what = "shear modulus" if len(layers) == 1 else "moduli"

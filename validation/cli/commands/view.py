@@ -30,9 +30,9 @@ from validation.render import escape
 if TYPE_CHECKING:
     from validation.cli.view_scene import Scene
 
-#: Places where the live image can be shown, as the user names them.
+#: Places for the live image, as named by the user.
 DISPLAYS = ("auto", "window", "terminal")
-#: Simulated time without a terminal: the indenter comes down and slides once around its circle [s].
+#: Simulated time without a terminal [s].  The indenter comes down and slides once around its circle.
 _UNWATCHED_SECONDS = 5.0
 
 
@@ -140,7 +140,7 @@ def _play(scene: Scene, seconds: float | None, place: str) -> None:
 
     Args:
         scene: The simulation.
-        seconds: Simulated time at which to stop; None for no end, or 5 s if the image is shown nowhere [s].
+        seconds: Simulated time at which to stop [s]; None for no end, or for 5 s if the image is not shown.
         place: Where the live image is shown: `window`, `terminal` or `nowhere`.
     """
     if seconds is None:
@@ -164,7 +164,7 @@ def _play(scene: Scene, seconds: float | None, place: str) -> None:
             if display.is_due:
                 display.show(scene.sensor.frame().counts, _describe_state(scene))
                 if scene.data.time < now:
-                    # The simulated time went back: the user reset the simulation in the viewer's window.
+                    # The simulated time decreased, because the user reset the simulation in the viewer's window.
                     scene.restart()
                     start = time.monotonic()
 
