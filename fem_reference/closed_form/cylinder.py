@@ -385,7 +385,7 @@ class CylinderLayer:
         return self.core_radius + self.thickness
 
     def transfer(self, orders: npt.ArrayLike) -> HarmonicTransfer:
-        """Compute the response to tractions of orders m >= 0, shape (n,): see `harmonic.transfer_cylinder`."""
+        """Compute the response to tractions of orders m >= 0, shape (n,): see `transfer_cylinder`."""
         m = np.asarray(orders, dtype=float)
         return transfer_cylinder(m, self.core_radius, self.outer_radius, self.material)
 
@@ -523,7 +523,7 @@ class CylinderResponse:
         return _turn(np.einsum("nij,nj->ni", response, self._expand(self.terms)), -1)
 
     def _expand(self, count: int) -> ComplexArray:
-        """Expand the loads, with the phases of `harmonic.transfer_cylinder`, shape (count, 2) [Pa]."""
+        """Expand the loads, with the phases of `transfer_cylinder`, shape (count, 2) [Pa]."""
         total = np.zeros((count, 2), dtype=complex)
         radius = self.layer.outer_radius
         for load in self.loads:

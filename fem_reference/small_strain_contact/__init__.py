@@ -1,5 +1,6 @@
-"""Frictionless contact of rigid indenters with a cover at small strain, from the compliance of the cover's top.
+"""Contact of rigid indenters with a cover at small strain.
 
-`frictionless` presses one indenter and `several_indenters` presses several at once, both with `constrained_solver`.
-`free_edges` adds the compliance due to the free side edges of a cover of limited size.
+`frictionless` presses one indenter and `several_indenters` presses several at once, both with `constrained_solver`,
+from the compliance of the cover's top.  `free_edges` adds the compliance due to the free side edges of a cover of
+limited size.  `friction_rings` (in the r-z plane) and `no_slip` (flat faces) add friction.
 """

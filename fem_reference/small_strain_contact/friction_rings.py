@@ -5,7 +5,7 @@ rings, from one factorisation.  The contact is then solved for the tractions of 
 in steps, because slip depends on the loading history.  In each step an active set of open, sticking and sliding rings
 is found: no ring pulls, open rings do not penetrate, sticking rings do not move along the indenter, and the shear of
 sliding rings is the coefficient of friction times the pressure and opposes the slip (Wriggers, Computational Contact
-Mechanics, 2006, sections 4.2 and 5.2).  The solution corrects the accurate frictionless one, see `correction`.
+Mechanics, 2006, sections 4.2 and 5.2).  The solution corrects the accurate frictionless one, see `correct_path`.
 """
 
 from __future__ import annotations
