@@ -151,6 +151,7 @@ class BlockReactions:
         symmetric: Whether x = 0 and y = 0 are planes of symmetry; the mesh then ends at the plane.
         pose: Pose of the indenter in the frame of the mesh.
         free: Whether the whole cover is meshed, with free side faces, in the frame of the array.
+        order: Polynomial order of the elements [-].
     """
 
     lines: Sequence[FloatArray]
@@ -159,6 +160,7 @@ class BlockReactions:
     symmetric: tuple[bool, bool]
     pose: Pose
     free: bool
+    order: int = 2
 
     def describe(self, *, rubs: bool, **numbers: Any) -> GridSolution:  # noqa: ANN401 -- of `GridSolution`
         """Return the solution for the whole cover.
@@ -178,9 +180,10 @@ class BlockReactions:
 
     def recover_base(self) -> NodalBase | GaussBase:
         """Compute the pressure on the whole base from its reactions."""
-        lines = [Line(edges=nodes[::2], order=2) for nodes in self.lines]
+        lines = [Line(edges=nodes[:: self.order], order=self.order) for nodes in self.lines]
+        nodal = self.free and self.order == 2  # noqa: PLR2004 -- the pressure at nodes is quadratic between them
         places, values = list(self.lines), recover_pressure(lines, self.forces)
-        if not self.free:
+        if not nodal:
             places = [gauss_points(line.edges, 2)[0] for line in lines]
             values = lines[0].at(places[0]) @ values @ lines[1].at(places[1]).T
         for axis, mirror in enumerate(self.symmetric):
@@ -189,7 +192,7 @@ class BlockReactions:
                 image = np.flip(np.delete(values, slice(first), axis), axis)
                 places[axis] = np.concatenate([-places[axis][first:][::-1], places[axis]])
                 values = np.concatenate([image, values], axis)
-        return (NodalBase if self.free else GaussBase)(x=places[0], y=places[1], pressure=values)
+        return (NodalBase if nodal else GaussBase)(x=places[0], y=places[1], pressure=values)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

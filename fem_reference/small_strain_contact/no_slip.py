@@ -240,6 +240,7 @@ def press_face(cover: Cover, face: FlatPunch, pose: Pose, grid: FaceGrid) -> lis
             symmetric=symmetric,
             pose=pose,
             free=cover.size is not None,
+            order=grid.order,
         )
         size = grid.edge if lines.on_lines else 1 / grid.across
         solution = reactions.describe(
