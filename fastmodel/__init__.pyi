@@ -12,6 +12,8 @@ from .bench import (
 from .check import OptionWarning as OptionWarning
 from .contact.bodies import add_geoms as add_geoms
 from .contact.boxes import AreaTexels as AreaTexels, BoxTexels as BoxTexels
+from .contact.interface import TexelContact as TexelContact
+from .contact.mesh import MeshContact as MeshContact
 from .contact.plate import CoverContact as CoverContact, Foundation as Foundation, Plate as Plate
 from .errors import FastModelError as FastModelError
 from .fitting.contact_stiffness import fit_contact as fit_contact

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Literal, cast
 
 from meshes import Indenter
@@ -44,7 +45,6 @@ class PressRequest:
         sensor: Description of the sensor, or parameters of its fast model.
         indenter: The indenter.
         shape: The indenter as text.
-        places: Places on the cover.
         pose: Place, direction and rotations of the indenter.
         load: Force along the motion [N]; None if the depth is given.
         depth: Approach of the indenter from first touch [m]; None if the load is given.
@@ -58,7 +58,6 @@ class PressRequest:
     sensor: SensorDescription | Parameters
     indenter: Indenter
     shape: str
-    places: Places
     pose: PoseText
     load: float | None
     depth: float | None
@@ -80,13 +79,16 @@ class PressRequest:
         unused = self.depth is None and self.accuracy is None and not self.friction
         return "compute the fast model alone: --model fast" if stored and unused and "fast" in self.models else ""
 
-    def find_case(self) -> Case:
-        """Return the case; a solid cover is meshed to locate its place.
+    def find_case(self, progress: Progress | None = None) -> Case:
+        """Return the case; a cover that is a solid is meshed for its place.
+
+        Args:
+            progress: Called with a line of text before each step.
 
         Raises:
             InputError: If the cover cannot be meshed, or the place is not on it.
         """
-        pose = self.places.find(self.pose)
+        pose = _find_places(self.sensor, progress).find(self.pose)
         return Case(name="press", indenter=self.indenter, shape=self.shape, load=self.load or 0.0, pose=pose)
 
     def run(self, *, fields: bool = False, as_far: bool = False, progress: Progress | None = None) -> Comparison:
@@ -103,8 +105,9 @@ class PressRequest:
             PiercedError: If the indenter would pierce the cover.
             ConvergenceError: If the finite elements do not converge.
         """
-        case, parameters = self.find_case(), None
+        case, parameters = self.find_case(progress), None
 
+        @cache
         def find() -> Parameters:
             return find_parameters(self.sensor, progress)
 
@@ -134,7 +137,7 @@ class PressRequest:
         """
         from validation.press_files import trace_curve
 
-        cover, case = find_cover(self.sensor), self.find_case()
+        cover, case = find_cover(self.sensor), self.find_case(progress)
         friction = getattr(self.sensor, "friction", 0.0) if self.friction is None else self.friction
         with name_unsupported(self.sensor, self.friction):
             return trace_curve(
@@ -206,16 +209,16 @@ def read_request(
         faults.append("--curve: give the folder for the curve, for example --out curve")
     faults.refuse()
     return PressRequest(
-        sensor=sensor, indenter=shape, shape=indenter, places=places, pose=placed, load=force[0], depth=force[1],
+        sensor=sensor, indenter=shape, shape=indenter, pose=placed, load=force[0], depth=force[1],
         friction=coefficient, strain=cast("Literal['small', 'finite'] | None", strain), accuracy=wanted, models=chosen,
         method=method,
     )  # fmt: skip
 
 
-def _find_places(sensor: SensorDescription | Parameters | None) -> Places:
+def _find_places(sensor: SensorDescription | Parameters | None, progress: Progress | None = None) -> Places:
     """Return the places of a press; those on a flat array if the sensor could not be read."""
     if isinstance(sensor, SensorDescription):
-        found = find_places(sensor.cover, sensor)
+        found = find_places(sensor.cover, sensor, progress)
         return FlatPlaces(array=sensor.array, whole=True) if isinstance(found, FlatPlaces) else found
     array = BUILT_IN["wts-0614-34"].array if sensor is None else sensor.array
     return FlatPlaces(array=array, whole=sensor is not None)

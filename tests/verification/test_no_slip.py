@@ -122,16 +122,28 @@ def test_a_cylinder_in_three_dimensions_stiffens_like_the_integral_equations():
     assert sticks.total_force / slides.total_force == pytest.approx(exact, rel=5e-3)
 
 
+@pytest.fixture
+def reactions(monkeypatch):
+    """The reactions on the base of every block that is solved, as they come."""
+    seen, real = [], no_slip.BlockReactions
+
+    def keep(**values):
+        seen.append(real(**values))
+        return seen[-1]
+
+    monkeypatch.setattr(no_slip, "BlockReactions", keep)
+    return seen
+
+
 @pytest.mark.parametrize(("at", "elements"), [((0, 0), 4), ((1e-4, 2e-4), 5)])
-def test_a_round_face_without_a_plane_of_symmetry_has_60_percent_of_the_elements_across(at, elements):
+def test_a_round_face_without_a_plane_of_symmetry_has_60_percent_of_the_elements_across(at, elements, reactions):
     """The mesh of a symmetric face holds a quarter of it."""
     grid = FaceGrid(through=1, edge=0.08, growth=1.2, across=4)
-    lines = no_slip._Lines(cover=cover(0.3), face=Cylinder(radius=THICKNESS), pose=Pose.planar(at=at), grid=grid)
-    for axis in (0, 1):
-        line = lines.across(axis)
-        under = line[np.abs(line - at[axis] / THICKNESS) < 1 + 1e-6]
-        assert len(under) == elements + 1
-        np.testing.assert_allclose(np.diff(under), np.ptp(under) / elements)
+    press_face(cover(0.3), Cylinder(radius=THICKNESS), Pose.planar(at=at), grid)
+    for axis, line in enumerate(reactions[0].lines):
+        under = line[np.abs(line - at[axis]) < THICKNESS * (1 + 1e-6)]
+        assert len(under) == grid.order * elements + 1
+        np.testing.assert_allclose(np.diff(under), np.ptp(under) / (grid.order * elements))
 
 
 def test_a_face_that_would_pull_a_stiff_foil_is_solved_with_separation():
@@ -185,11 +197,14 @@ def test_elements_of_order_three_stiffen_alike_without_slip(size):
 
 
 @pytest.mark.parametrize("nu", [0.3, pytest.param(0.49, marks=pytest.mark.slow)])
-def test_a_sliding_base_carries_the_load_of_a_face_without_slip(nu):
+def test_a_sliding_base_carries_the_load_of_a_face_without_slip(nu, reactions):
     """The outer boundary must not press a sliding cover onto its base."""
     rubber = Material(
         name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=nu, source="assumed"
     )
     cover = Cover(layers=(Layer(thickness=2e-3, material=rubber),), base="sliding")
-    for face, _ in press_face(cover, Box(size=(4e-3, 4e-3, 4e-3)), Pose(), no_slip.FACE_GRIDS[0]):
+    faces = press_face(cover, Box(size=(4e-3, 4e-3, 4e-3)), Pose(), no_slip.FACE_GRIDS[0])
+    for (face, _), block in zip(faces, reactions, strict=True):
+        whole = block.forces.sum() * (1 + block.symmetric[0]) * (1 + block.symmetric[1])
+        assert whole == pytest.approx(face.total_force, rel=1e-6)
         assert face.base.forces(ARRAY, Pose()).sum() == pytest.approx(face.total_force, rel=5e-3)

@@ -140,9 +140,7 @@ def compare_models(
         tell("indentation by finite elements")
         options: dict[str, Any] = {"strain": strain, "accuracy": accuracy, "fields": fields, "friction": coefficient}
         with name_unsupported(sensor, friction):
-            fem, stopped = _press_as_far(sensor, case, depth, tell, **options)
-        if stopped and not as_far:
-            raise IncompletePathError(stopped, [fem])
+            fem, stopped = _press_as_far(sensor, case, depth, tell, as_far=as_far, **options)
         models = ("fem",) if stopped else models
         case = dataclasses.replace(case, load=fem.total_force)
     model = None
@@ -174,6 +172,8 @@ def _press_as_far(
     case: Case,
     depth: float | None,
     tell: Progress,
+    *,
+    as_far: bool,
     **options: Any,  # noqa: ANN401 -- those of `press`
 ) -> tuple[Indentation, str]:
     """Return the result at the load or depth, or that at the largest one reached and the reason for the stop."""
@@ -186,7 +186,7 @@ def _press_as_far(
             progress=lambda text: tell(f"finite elements, {text}"),
         ), ""  # fmt: skip
     except IncompletePathError as error:
-        if not error.reached:
+        if not as_far or not error.reached:
             raise
         return error.reached[-1], str(error)
 

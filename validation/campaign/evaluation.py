@@ -24,7 +24,7 @@ from validation.campaign.run import plan_cases, run_campaign
 from validation.campaign.solid_bench import SolidBench
 from validation.credibility.evidence import Evidence, gather_evidence
 from validation.derivation.derive import Derivation, derive
-from validation.errors import InputError
+from validation.errors import InputError, at
 from validation.places import find_places
 from validation.sensor_file import SensorDescription
 from validation.text.friction import describe_friction
@@ -147,7 +147,8 @@ def evaluate(
     clock.append(time.perf_counter())
     plan = campaign or read_plan(None, sensor, progress)
     plan = plan if cases is None else dataclasses.replace(plan, cases=tuple(cases))
-    cost = plan_cases(sensor.cover, sensor.array, plan.cases, friction=sensor.friction)
+    with at(f"{sensor.source}: "):
+        cost = plan_cases(sensor.cover, sensor.array, plan.cases, friction=sensor.friction)
     if announce:
         announce(cost.describe())
     derivation = derive(sensor, progress=progress)

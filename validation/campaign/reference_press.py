@@ -35,8 +35,9 @@ def press_reference(cover: Cover | SolidCover, array: TexelArray, case: Case, *,
     try:
         results = press_path(cover, array, case.indenter, loads=loads, pose=case.pose, friction=friction)
     except UnsupportedError as error:
-        key = "contact.friction" if error.argument == "friction" else error.argument
-        raise InputError(f"{key}: {error}") from None
+        if error.argument != "friction":
+            raise
+        raise InputError(f"contact.friction: {error}") from None
     return results[loads.index(case.load)]
 
 
@@ -53,5 +54,7 @@ def find_stored_reference(
     try:
         with stored_only():
             return press_reference(cover, array, case, friction=friction)
+    except InputError:
+        raise
     except (NotStoredError, ValueError, ConvergenceError):
         return None

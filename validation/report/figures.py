@@ -136,7 +136,8 @@ def find_outline(array: TexelArray, result: CaseResult) -> FloatArray | None:
 
     if not array.planar:
         return None
-    points = result.reference.found.contact_points[:, :2]
+    found = result.reference.found
+    points = found.contact_points[found.contact_forces.any(axis=1), :2]
     try:
         return np.asarray(points[ConvexHull(points).vertices])
     except (QhullError, ValueError):  # Fewer than three cells are in contact, or all of them lie on one line.
