@@ -61,6 +61,23 @@ class Faults(list[str]):
             raise InputError(*self)
 
 
+def check_choice(place: str, kind: str, word: str, known: Iterable[str]) -> None:
+    """Refuse a word that is not among the accepted ones.
+
+    Args:
+        place: Option or key that holds the word; the message begins with it.
+        kind: Kind of the word, for the message.
+        word: Word given by the user.
+        known: The accepted words.
+
+    Raises:
+        InputError: If the word is unknown; the message names the nearest accepted word and lists all.
+    """
+    names = list(known)
+    if word not in names:
+        raise InputError(f"{place}: unknown {kind} {word!r}; {nearest(word, names)}")
+
+
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return the hint of an error message on an unknown name.
 

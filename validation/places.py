@@ -17,8 +17,8 @@ from meshes.solids.solid_mesh import measure_thickness
 from meshes.solids.texels import tangent_axes
 from validation.cover_meshes import make_meshes
 from validation.errors import Faults, InputError, nearest
-from validation.text.indenter import read_tilt, read_yaw
-from validation.text.quantity import read_quantities, read_quantity
+from validation.text.indenter import read_angles, read_tilt, read_yaw
+from validation.text.quantity import read_quantities
 
 if TYPE_CHECKING:
     from fem_reference.curved_cover.facet_surface import FacetSurface
@@ -240,6 +240,20 @@ class SolidPlaces:
         return make_meshes(self.sensor, self.progress)[-1]
 
     @cached_property
+    def top(self) -> FacetSurface:
+        """Touchable surface of the mesh."""
+        from fem_reference.curved_cover.responses import find_top
+
+        return find_top(self.mesh)
+
+    @cached_property
+    def above(self) -> FloatArray:
+        """Point of the top above each of n texels along the texel's normal, shape (n, 3) [m]."""
+        from fem_reference.curved_cover.responses import find_above
+
+        return find_above(self.top, self.sensor.array)
+
+    @cached_property
     def thickness(self) -> float:
         """Mean thickness of the mesh [m]."""
         return measure_thickness(self.mesh)
@@ -252,10 +266,7 @@ class SolidPlaces:
         lies less than half a pitch from it. `edge`, also called `corner`, lies above the texel farthest from it. `side`
         lies above the texel whose normal differs most from that of the middle.
         """
-        from fem_reference.curved_cover.responses import find_above, find_top
-
-        texels, middle = self.sensor.array, find_middle(self.sensor.array)
-        above = find_above(find_top(self.mesh), texels)
+        texels, middle, above = self.sensor.array, find_middle(self.sensor.array), self.above
         far = np.where(texels.active, np.linalg.norm(texels.centres - texels.centres[middle], axis=1), -1.0)
         turned = np.where(texels.active, -texels.normals @ texels.normals[middle], -2.0)
         beside = (np.array([_OFF_GRID_X, -_OFF_GRID_Y]) * texels.pitch) @ tangent_axes(texels.normals)[middle]
@@ -299,12 +310,10 @@ class SolidPlaces:
         If no place is given, it is the point above a texel: the one nearest to the middle of all active texels, among
         those with a top above them.
         """
-        from fem_reference.curved_cover.responses import find_above, find_top
-
-        top, texels, thickness = find_top(self.mesh), self.sensor.array, self.thickness
+        top, texels, thickness = self.top, self.sensor.array, self.thickness
         if at is None:
-            middle = self._find_covered(top, prefix)
-            wanted = find_above(top, texels)[[middle]]
+            middle = self._find_covered(prefix)
+            wanted = self.above[[middle]]
         else:
             wanted = np.array([at if len(at) == 3 else (*at, thickness)])  # noqa: PLR2004 -- x, y and z
         weights, distance = top.locate(wanted)
@@ -320,12 +329,12 @@ class SolidPlaces:
         normal = texels.normals[middle] if at is None else (weights @ top.normals)[0]
         return point, normal / np.linalg.norm(normal)
 
-    def _find_covered(self, top: FacetSurface, prefix: str) -> int:
+    def _find_covered(self, prefix: str) -> int:
         """Return the index of the active texel, with a top above it, nearest to the middle of the active texels."""
         from fem_reference.curved_cover.responses import find_uncovered
 
         texels = self.sensor.array
-        covered = texels.active & ~find_uncovered(top, texels, self.thickness)
+        covered = texels.active & ~find_uncovered(self.top, texels, self.thickness)
         if not covered.any():
             raise InputError(
                 f"{prefix}at: is needed: no texel has a surface of the cover above it along its normal; write for "
@@ -393,10 +402,7 @@ def _read_direction(text: str, place: str) -> str | Vector:
 
 
 def _read_tilt(text: str, place: str) -> tuple[float, float]:
-    parts = text.split(",")
-    if len(parts) != 2:  # noqa: PLR2004 -- about x and y
-        raise InputError(f"{place}: {text[:_LONGEST]!r} is not two angles about x and y; write for example 0deg,45deg")
-    x, y = (read_quantity(part, "angle", place=place) for part in parts)
-    if max(abs(x), abs(y)) > _MOST_TILT:
+    tilt = read_angles(text, place=place, example="0deg,45deg")
+    if max(map(abs, tilt)) > _MOST_TILT:
         raise InputError(f"{place}: {text!r}: at most {math.degrees(_MOST_TILT):g} deg about either axis are accepted")
-    return x, y
+    return tilt

@@ -14,11 +14,12 @@ from validation.campaign.comparison import (
     METHODS,
     MODELS,
     Comparison,
+    choose_friction,
     compare_models,
     find_cover,
     name_unsupported,
 )
-from validation.errors import Faults, InputError, nearest
+from validation.errors import Faults, InputError, check_choice
 from validation.parameters import find_parameters
 from validation.places import FlatPlaces, Places, PoseText, find_places
 from validation.sensor_file import BUILT_IN, SensorDescription
@@ -138,7 +139,7 @@ class PressRequest:
         from validation.press_files import trace_curve
 
         cover, case = find_cover(self.sensor), self.find_case(progress)
-        friction = getattr(self.sensor, "friction", 0.0) if self.friction is None else self.friction
+        friction = choose_friction(self.sensor, self.friction)
         with name_unsupported(self.sensor, self.friction):
             return trace_curve(
                 cover, self.sensor.array, case.indenter, points=points, load=self.load, depth=self.depth,
@@ -192,9 +193,8 @@ def read_request(
     if strain not in (None, *STRAINS):
         faults.append(f"--strain: {str(strain)[:40]!r} is neither of {' and '.join(STRAINS)}")
     coefficient = faults.read(_read_friction, friction, used=needs_reference)
-    if method not in METHODS:
-        faults.append(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")
-    elif method != "default" and known and ("fast" not in chosen or curve is not None):
+    faults.read(check_choice, "--method", "contact method", method, METHODS)
+    if method in METHODS[1:] and known and ("fast" not in chosen or curve is not None):
         reason = "--curve is computed by finite elements" if curve is not None else "--model names the finite elements"
         faults.append(
             f"--method: {reason} alone; leave --method out, which chooses how the fast model computes contact"
@@ -226,8 +226,10 @@ def _find_places(sensor: SensorDescription | Parameters | None, progress: Progre
 
 def _read_models(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(","))
-    if unknown := [f"--model: unknown model {name!r}; {nearest(name, MODELS)}" for name in names if name not in MODELS]:
-        raise InputError(*unknown)
+    faults = Faults()
+    for name in names:
+        faults.read(check_choice, "--model", "model", name, MODELS)
+    faults.refuse()
     return names
 
 

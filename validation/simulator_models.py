@@ -10,7 +10,7 @@ from pathlib import Path
 
 from fastmodel import Gaussian, Parameters
 from fastmodel.errors import FastModelError
-from validation.errors import Faults, InputError, nearest
+from validation.errors import Faults, InputError, check_choice
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 
@@ -48,10 +48,8 @@ def read_options(form: str, method: str, mass: str | None) -> float | None:
     from validation.campaign.comparison import METHODS
 
     faults = Faults()
-    if form not in FORMATS:
-        faults.append(f"--format: unknown format {form!r}; {nearest(form, FORMATS)}")
-    if method not in METHODS:
-        faults.append(f"--method: unknown contact method {method!r}; {nearest(method, METHODS)}")
+    faults.read(check_choice, "--format", "format", form, FORMATS)
+    faults.read(check_choice, "--method", "contact method", method, METHODS)
     if not faults and form == "gazebo" and method != METHODS[0]:
         faults.append("--method: the Gazebo plugin block has one method of its own; use --format mjcf with --method")
     kilograms = None if mass is None else faults.read(_read_mass, mass, form)

@@ -86,11 +86,11 @@ _ON_BOUNDARY = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NodalBase(Base):
-    """Base pressure at the nodes of the base: the biquadratic field whose nodal forces are the base reactions.
+class _GridBase(Base):
+    """Base pressure at the points of a grid.
 
     Attributes:
-        x: Positions along x in the frame of the mesh, which is that of the array, ascending, shape (m,) [m].
+        x: Positions along x in the frame of the mesh, ascending, shape (m,) [m].
         y: Positions along y, shape (n,) [m].
         pressure: Pressure at the grid points, shape (m, n) [Pa].
     """
@@ -98,6 +98,13 @@ class NodalBase(Base):
     x: FloatArray
     y: FloatArray
     pressure: FloatArray
+
+
+class NodalBase(_GridBase):
+    """Base pressure at the nodes of the base: the biquadratic field whose nodal forces are the base reactions.
+
+    The frame of the mesh is that of the array.
+    """
 
     def forces(self, array: TexelArray, pose: Pose) -> FloatArray:  # noqa: ARG002 -- solved for one pose
         """Integrate the pressure over the texels and over the rest of the base, see `Base.forces`."""
@@ -112,19 +119,11 @@ class NodalBase(Base):
         return np.append(force, whole[0] @ self.pressure @ whole[1] - force.sum())
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GaussBase(Base):
+class GaussBase(_GridBase):
     """Base pressure at the two Gauss points per element along x and along y, where its error vanishes.
 
-    Attributes:
-        x: Positions along x in the frame of the mesh, which is that of the indenter, ascending, shape (m,) [m].
-        y: Positions along y, shape (n,) [m].
-        pressure: Pressure at the grid points, shape (m, n) [Pa].
+    The frame of the mesh is that of the indenter.
     """
-
-    x: FloatArray
-    y: FloatArray
-    pressure: FloatArray
 
     def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
         """Integrate a spline of the pressure over the texels and over the rest of the base, see `Base.forces`."""

@@ -45,7 +45,7 @@ from validation.calibration.uncertainty import (
 from validation.data_sets.data_set import describe_files
 from validation.data_sets.images import Image, observe, read_images
 from validation.data_sets.score import fit_polynomials
-from validation.errors import InputError, nearest
+from validation.errors import InputError, check_choice
 from validation.extras import require
 from validation.metrics import score_images
 from validation.output_folder import write_text
@@ -533,9 +533,7 @@ def calibrate_recordings(
     """
     if keys.threshold is not None and keys.threshold < 0:
         raise InputError(f"--threshold: must be 0 or more, not {keys.threshold:g}")
-    accepted = ("default", *METHODS, REFERENCE)
-    if method not in accepted:
-        raise InputError(f"--method: unknown contact method {method!r}; {nearest(method, accepted)}")
+    check_choice("--method", "contact method", method, ("default", *METHODS, REFERENCE))
     if (tip is None) != (texel is None):
         raise InputError("--tip, --texel: give both to calibrate one texel with a rounded tip, or neither")
     images, left_out = _read_images(paths, sensor, keys, moved=moved, method="" if tip else method, draws=draws)

@@ -132,7 +132,7 @@ def compare_models(
     """
     tell, stopped, note = progress or (lambda _: None), "", ""
     wanted = {"load": case.load} if depth is None else {"depth": depth}
-    coefficient = getattr(sensor, "friction", 0.0) if friction is None else friction
+    coefficient = choose_friction(sensor, friction)
     fem, fast, score = None, None, None
     if "fast" in models and parameters is None:
         raise ValueError("the fast model needs its parameters")
@@ -189,6 +189,11 @@ def _press_as_far(
         if not as_far or not error.reached:
             raise
         return error.reached[-1], str(error)
+
+
+def choose_friction(sensor: SensorDescription | Parameters, given: float | None) -> float:
+    """Return the given coefficient of friction; that of the sensor file if None, else 0 [-]."""
+    return getattr(sensor, "friction", 0.0) if given is None else given
 
 
 def find_cover(sensor: SensorDescription | Parameters) -> Any:  # noqa: ANN401 -- a cover of any kind

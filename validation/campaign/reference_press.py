@@ -25,7 +25,7 @@ def press_reference(cover: Cover | SolidCover, array: TexelArray, case: Case, *,
 
     Raises:
         ValueError: If the indenter would pierce the cover, or the case does not fit the cover.
-        InputError: If the solver of this kind of cover does not support the case.
+        InputError: If the solver of this kind of cover does not support the friction.
         ConvergenceError: If the solver does not converge.
     """
     from fem_reference.errors import UnsupportedError
@@ -46,7 +46,10 @@ def find_stored_reference(
 ) -> Indentation | None:
     """Return the reference of a case if all its solutions are in the result store; None if one is missing.
 
-    A case that the solver refuses counts as stored, because it takes no time.  The result is None.
+    The result is also None for a case that the solver refuses, except for its friction, which concerns all cases.
+
+    Raises:
+        InputError: If the solver of this kind of cover does not support the friction.
     """
     from fem_reference import ConvergenceError
     from fem_reference.result_store import NotStoredError, stored_only

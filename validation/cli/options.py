@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from validation.cli.output import note, say
-from validation.errors import InputError, nearest
+from validation.errors import InputError
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -97,22 +97,6 @@ def check_range(option: str, value: float | None, most: float = math.inf) -> Non
     if value is not None and not 0 <= value <= most:
         accepted = "0 or more" if most == math.inf else f"0..{most}"
         raise InputError(f"{option}: accepted: {accepted}, not {value:g}")
-
-
-def check_choice(option: str, kind: str, value: str, choices: tuple[str, ...]) -> None:
-    """Refuse the value of an option that is not among the accepted words.
-
-    Args:
-        option: Name of the option, for the error message.
-        kind: Kind of the word, for the error message.
-        value: Word given by the user.
-        choices: The accepted words.
-
-    Raises:
-        InputError: If the word is unknown; the message names the nearest choice and lists all.
-    """
-    if value not in choices:
-        raise InputError(f"{option}: unknown {kind} {value!r}; {nearest(value, choices)}")
 
 
 def choose_array(recording: Recording, index: int | None) -> int:

@@ -55,6 +55,8 @@ SHAPES = {name: shape for name, (shape, _) in _SHAPES_AND_EXAMPLES.items()}
 _EXAMPLES = {name: example for name, (_, example) in _SHAPES_AND_EXAMPLES.items()}
 #: Largest accepted number of characters of an indenter, which a prism of about a thousand corners needs [-].
 _LONGEST = 20_000
+#: Largest number of characters of a faulty tilt that a message repeats [-].
+_SHOWN = 100
 #: Pattern of a comma before the name of a parameter; commas inside values do not match.
 _PARAMETER_COMMA = re.compile(r",(?=\s*[a-z]+\s*(?:=|,|$))")
 
@@ -184,14 +186,29 @@ def read_tilt(text: str, *, place: str = "--tilt") -> tuple[float, float]:
     Raises:
         InputError: If the text is not two angles, or an angle is larger than the solvers accept.
     """
-    parts = text.split(",")
-    if len(parts) != 2:  # noqa: PLR2004
-        raise InputError(f"{place}: {text!r} is not two angles about x and y; write for example 2deg,0deg")
-    about_x, about_y = (read_quantity(part, "angle", place=place) for part in parts)
+    tilt = read_angles(text, place=place, example="2deg,0deg")
     try:
-        tilt_indenter(Sphere(radius=1.0), (about_x, about_y))
+        tilt_indenter(Sphere(radius=1.0), tilt)
     except ValueError as error:
         raise InputError(f"{place}: {error}") from None
+    return tilt
+
+
+def read_angles(text: str, *, place: str, example: str) -> tuple[float, float]:
+    """Parse two angles with their units about the x and y axes of an indenter, of any size [rad].
+
+    Args:
+        text: The text.
+        place: Option or key that holds the text; error messages begin with it.
+        example: Accepted text, for error messages.
+
+    Raises:
+        InputError: If the text is not two angles.
+    """
+    parts = text.split(",")
+    if len(parts) != 2:  # noqa: PLR2004 -- about x and y
+        raise InputError(f"{place}: {text[:_SHOWN]!r} is not two angles about x and y; write for example {example}")
+    about_x, about_y = (read_quantity(part, "angle", place=place) for part in parts)
     return about_x, about_y
 
 

@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.cli.options import check_choice, check_range, read_time_span
-from validation.errors import Faults, InputError
+from validation.cli.options import check_range, read_time_span
+from validation.errors import Faults, InputError, check_choice
 
 SECONDS = st.floats(0, 1e6, allow_nan=False)
 

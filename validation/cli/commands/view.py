@@ -18,13 +18,12 @@ from validation.cli.options import (
     Method,
     Sensor,
     Shape,
-    check_choice,
     check_range,
     read_sensor,
     tell_unused,
 )
 from validation.cli.output import Progress, describe_vector, make_console, print_json, say
-from validation.errors import Faults, InputError
+from validation.errors import Faults, InputError, check_choice
 from validation.render import escape
 
 if TYPE_CHECKING:
