@@ -161,7 +161,7 @@ def sink(gaps: FloatArray, law: Callable[[FloatArray], FloatArray], load: float)
     while miss(under.min() + high) < 0:
         high *= 4
     approach = float(brentq(miss, under.min(), under.min() + high, xtol=1e-12, rtol=1e-10))
-    return np.maximum(approach - gaps, 0.0)
+    return np.asarray(np.maximum(approach - gaps, 0.0))
 
 
 def sink_springs(gaps: FloatArray, stiffness: float, load: float) -> FloatArray:
@@ -181,7 +181,7 @@ def sink_springs(gaps: FloatArray, stiffness: float, load: float) -> FloatArray:
     # With the first m springs in contact the approach is (load / stiffness + sum of their gaps) / m.
     approaches = (load / stiffness + np.cumsum(under)) / np.arange(1, under.size + 1)
     beyond = np.append(under[1:], np.inf)
-    return np.maximum(approaches[np.argmax(approaches <= beyond)] - gaps, 0.0)
+    return np.asarray(np.maximum(approaches[np.argmax(approaches <= beyond)] - gaps, 0.0))
 
 
 def bin_on_texels(array: TexelArray, points: FloatArray, forces: FloatArray) -> FloatArray:
