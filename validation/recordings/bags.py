@@ -244,7 +244,7 @@ def _find_shape(message: object) -> tuple[int, int] | None:
 
 
 def _find_attribute(message: object, names: Sequence[str]) -> object:
-    """Return the value of the first of `names` that is a field of the message; None if the message has none of these fields."""
+    """Return the value of the first of `names` that is a field of the message; None if there is no such field."""
     return next((getattr(message, name) for name in names if hasattr(message, name)), None)
 
 

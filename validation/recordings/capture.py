@@ -135,7 +135,7 @@ class _Session:
     @property
     def seconds(self) -> float:
         """Time from the first recorded frame to the last [s]."""
-        return (self._last - self._first) * _SECONDS_PER_NANOSECOND
+        return (self._last - self._first) * NANOSECOND
 
     def run(
         self, writer: RecordingWriter, seconds: float | None, *, run_length: bool, interval_ms: int, reconnect: float
