@@ -503,7 +503,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         self._file.close()
 
     def _register(self, topic: str) -> None:
-        """Write the description of a topic to the file, and before the first topic of a message type that of the type."""
+        """Write the description of a topic to the file, and that of its message type if the type is new in the file."""
         kind = find_kind(topic) or ""
         if kind not in self._schemas:
             definition = load_types().generate_msgdef(kind, ros_version=2)[0].encode()
