@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, singledispatch
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -21,16 +22,17 @@ from validation.text.indenter import read_angles, read_tilt, read_yaw
 from validation.text.quantity import read_quantities
 
 if TYPE_CHECKING:
+    from fastmodel import Parameters
     from fem_reference.curved_cover.facet_surface import FacetSurface
     from meshes.solids import SolidMesh
     from validation.schema.campaign import LoadsForTable
     from validation.sensor_file import SensorDescription
 
-#: First offset of an indenter from symmetry lines of the texels, over the pitch [-]; 0.7 mm on a pitch of 3.4 mm.  It
-#: is the offset of `off grid` along x and of `edge` along y.
+#: Offset of the place `off grid` along x, and of the place `edge` along y, from lines of symmetry of the texels, over
+#: the pitch [-].  It is 0.7 mm on a pitch of 3.4 mm.
 _OFF_GRID_X = 0.206
-#: Second offset of an indenter from symmetry lines of the texels, over the pitch [-]; 1.1 mm on a pitch of 3.4 mm.  It
-#: is the offset of `off grid` along y and of `corner` along x and y.
+#: Offset of the place `off grid` along y, and of the place `corner` along x and y, from lines of symmetry of the
+#: texels, over the pitch [-].  It is 1.1 mm on a pitch of 3.4 mm.
 _OFF_GRID_Y = 0.324
 #: Directions of motion by name.
 DIRECTIONS = ("normal", "oblique x", "oblique y")
@@ -40,12 +42,12 @@ _OBLIQUE = math.radians(30)
 _MOST_TILT = math.radians(80)
 #: Largest distance of a wanted place from the top of a solid cover, over its thickness [-].
 _OFF_TOP = 1.0
-#: Component of a direction: a number without unit.
+#: Pattern of one component of a direction vector: a number without unit.
 _NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*")
 #: Largest length of a text that is parsed or repeated in a message [characters].
 _LONGEST = 100
 
-#: A vector.
+#: Components of a direction along x, y and z in the frame of the array [-].
 Vector = tuple[float, float, float]
 Progress = Callable[[str], None]
 
@@ -69,24 +71,55 @@ class PoseText:
     prefix: str = "--"
 
 
-class Places(Protocol):
-    """Places on a cover, and the default campaign of its kind."""
+class Places(ABC):
+    """Places on the cover of a sensor; each kind of cover has a subclass.
 
-    @property
-    def default(self) -> str:
-        """Name of the file with the default campaign."""
+    A pose is read in two steps.  `parse` checks its texts at once.  `find` locates it on the cover, which may take
+    minutes.
+    """
+
+    #: Name of the file with the default campaign for this kind of cover.
+    default: ClassVar[str]
 
     def parse(self, texts: Mapping[str, str], prefix: str) -> PoseText:
-        """Read `at`, `direction`, `yaw` and `tilt`, each of which may be missing, without computations.
+        """Read the texts of a pose without computations.
 
         Args:
-            texts: Texts by key.
+            texts: Texts by key: `at`, `direction`, `yaw` and `tilt`, each of which may be missing.
             prefix: Text before the keys in messages.
 
         Raises:
             InputError: With one line per fault.
         """
+        readers: dict[str, Callable[..., Any]] = {
+            "at": self.read_at,
+            "direction": self.read_direction,
+            "yaw": read_yaw,
+            "tilt": self.read_tilt,
+        }
+        faults = Faults()
+        found = {key: faults.read(readers[key], text.strip(), place=f"{prefix}{key}") for key, text in texts.items()}
+        faults.refuse()
+        return PoseText(**found, prefix=prefix)
 
+    @abstractmethod
+    def read_at(self, text: str, *, place: str) -> str | tuple[float, ...]:
+        """Read the position of first touch: the name of a place, or coordinates [m].
+
+        Args:
+            text: The text.
+            place: Option or key that holds the text; error messages begin with it.
+        """
+
+    @abstractmethod
+    def read_direction(self, text: str, *, place: str) -> str | Vector:
+        """Read the direction of the indenter's motion: a name in `DIRECTIONS`, or a vector of any length."""
+
+    @abstractmethod
+    def read_tilt(self, text: str, *, place: str) -> tuple[float, float]:
+        """Read the rotations of the indenter about its x and y axes [rad]."""
+
+    @abstractmethod
     def find(self, pose: PoseText) -> Pose:
         """Locate place and direction on the cover, which may require meshes.
 
@@ -94,37 +127,17 @@ class Places(Protocol):
             InputError: If the place is not on the cover.
         """
 
+    @abstractmethod
     def scale_loads(self, table: LoadsForTable, source: str) -> float:
-        """Return the factor on the loads of a campaign that is written for another cover.
+        """Return the factor on the loads of a campaign that is written for another cover [-].
+
+        Args:
+            table: Modulus and thickness of the cover for which the campaign is written.
+            source: Path of the campaign file, for error messages.
 
         Raises:
             InputError: If loads are not scaled for this kind of cover.
         """
-
-
-def parse_pose(
-    texts: Mapping[str, str],
-    prefix: str,
-    *,
-    at: Callable[[str, str], str | tuple[float, ...]],
-    direction: Callable[[str, str], str | Vector],
-    tilt: Callable[[str, str], tuple[float, float]],
-) -> PoseText:
-    """Read the keys of a pose, each by a function of the text and its place in messages.
-
-    Raises:
-        InputError: With one line per fault.
-    """
-    readers: dict[str, Callable[[str, str], Any]] = {
-        "at": at,
-        "direction": direction,
-        "yaw": lambda text, place: read_yaw(text, place=place),
-        "tilt": tilt,
-    }
-    faults = Faults()
-    found = {key: faults.read(readers[key], text.strip(), f"{prefix}{key}") for key, text in texts.items()}
-    faults.refuse()
-    return PoseText(**found, prefix=prefix)
 
 
 def read_place(text: str, place: str, names: tuple[str, ...], counts: tuple[int, ...]) -> str | tuple[float, ...]:
@@ -132,9 +145,9 @@ def read_place(text: str, place: str, names: tuple[str, ...], counts: tuple[int,
 
     Args:
         text: The text.
-        place: Place of the text in messages.
+        place: Option or key that holds the text; error messages begin with it.
         names: Accepted names.
-        counts: Accepted numbers of coordinates; the usual number is last.
+        counts: Accepted numbers of coordinates [-]; error messages ask for the last number.
     """
     if text in names:
         return text
@@ -149,7 +162,7 @@ def read_place(text: str, place: str, names: tuple[str, ...], counts: tuple[int,
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FlatPlaces:
+class FlatPlaces(Places):
     """Places on planar layers, pressed along -z.
 
     Attributes:
@@ -159,7 +172,7 @@ class FlatPlaces:
 
     array: TexelArray
     whole: bool = False
-    default: str = "default.toml"
+    default = "default.toml"
 
     @property
     def named(self) -> dict[str, tuple[float, float]]:
@@ -181,27 +194,18 @@ class FlatPlaces:
             "corner": (right - _OFF_GRID_Y * pitch_x, top - _OFF_GRID_Y * pitch_y),
         }
 
-    def parse(self, texts: Mapping[str, str], prefix: str) -> PoseText:
-        """Read the texts of a pose; see `Places`."""
-        return parse_pose(
-            texts,
-            prefix,
-            at=self._read_at,
-            direction=self._read_direction,
-            tilt=lambda text, place: read_tilt(text, place=place),
-        )
-
     def find(self, pose: PoseText) -> Pose:
         """Return the pose; see `Places`."""
         at = self.named[pose.at] if isinstance(pose.at, str) else pose.at or (0.0, 0.0)
         return Pose.planar((at[0], at[1]), pose.yaw, pose.tilt)
 
     def scale_loads(self, table: LoadsForTable, source: str) -> float:
-        """Refuse to scale the loads; see `Places`."""
+        """Refuse a campaign whose loads are to be scaled, because only loads on curved covers are; see `Places`."""
         del table
         raise InputError(f"{source}: loads_for: is for curved covers; remove it, and write the loads as they are")
 
-    def _read_at(self, text: str, place: str) -> str | tuple[float, ...]:
+    def read_at(self, text: str, *, place: str) -> str | tuple[float, ...]:
+        """Read the name of a place, or its coordinates x and y [m]; see `Places`."""
         at = read_place(text, place, tuple(self.named), (2,))
         if self.whole and not isinstance(at, str):
             half = np.array(self.array.texel_size) / 2
@@ -213,15 +217,19 @@ class FlatPlaces:
                 raise InputError(f"{place}: {given} is not on the array; accepted: {accepted}")
         return at
 
-    @staticmethod
-    def _read_direction(text: str, place: str) -> str:
+    def read_direction(self, text: str, *, place: str) -> str:
+        """Refuse every direction but `normal`, which is -z; see `Places`."""
         if text != DIRECTIONS[0]:
             raise InputError(f"{place}: is for curved covers; a flat one is pressed along -z, `tilt` turns the body")
         return text
 
+    def read_tilt(self, text: str, *, place: str) -> tuple[float, float]:
+        """Read the tilt within the limit of the solvers for planar layers [rad]; see `Places`."""
+        return read_tilt(text, place=place)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SolidPlaces:
+class SolidPlaces(Places):
     """Places on the top of a solid cover.
 
     Attributes:
@@ -232,16 +240,16 @@ class SolidPlaces:
 
     sensor: SensorDescription
     progress: Progress | None = field(default=None, repr=False)
-    default: str = "curved.toml"
+    default = "curved.toml"
 
     @cached_property
     def mesh(self) -> SolidMesh:
-        """Finest mesh of the cover."""
+        """Finest mesh of the solid cover."""
         return make_meshes(self.sensor, self.progress)[-1]
 
     @cached_property
     def top(self) -> FacetSurface:
-        """Touchable surface of the mesh."""
+        """Surface of the finest mesh that an indenter can touch."""
         from fem_reference.curved_cover.responses import find_top
 
         return find_top(self.mesh)
@@ -278,18 +286,34 @@ class SolidPlaces:
             "side": above[int(np.argmax(turned))],
         }
 
-    def parse(self, texts: Mapping[str, str], prefix: str) -> PoseText:
-        """Read the texts of a pose; see `Places`."""
+    def read_at(self, text: str, *, place: str) -> str | tuple[float, ...]:
+        """Read the name of a place, or coordinates [m]: x, y and z; over a planar array also x and y; see `Places`."""
         names = ("middle", "centre", "texel", "off grid", "edge", "corner", "side")
-        # In a plane two coordinates suffice.
-        counts = (2, 3) if self.sensor.array.planar else (3,)
-        return parse_pose(
-            texts,
-            prefix,
-            at=lambda text, place: read_place(text, place, names, counts),
-            direction=_read_direction,
-            tilt=_read_tilt,
-        )
+        return read_place(text, place, names, (2, 3) if self.sensor.array.planar else (3,))
+
+    def read_direction(self, text: str, *, place: str) -> str | Vector:
+        """Read the name of a direction relative to the normal of the cover, or three numbers; see `Places`."""
+        if text in DIRECTIONS:
+            return text
+        example = f"{'--direction=' if place == '--direction' else ''}0,0.5,-1"
+        parts = text.split(",")
+        if len(text) > _LONGEST or len(parts) != 3 or not all(map(_NUMBER.fullmatch, parts)):  # noqa: PLR2004
+            raise InputError(
+                f"{place}: unknown direction {text[:_LONGEST]!r}; {nearest(text[:_LONGEST], DIRECTIONS)}, or three "
+                f"numbers such as {example}"
+            )
+        x, y, z = map(float, parts)
+        if not 0 < max(abs(x), abs(y), abs(z)) < math.inf:
+            raise InputError(f"{place}: {text!r} must be finite and not zero; write for example {example}")
+        return (x, y, z)
+
+    def read_tilt(self, text: str, *, place: str) -> tuple[float, float]:
+        """Read the tilt, at most 80 degrees about either axis [rad]; see `Places`."""
+        tilt = read_angles(text, place=place, example="0deg,45deg")
+        if max(map(abs, tilt)) > _MOST_TILT:
+            most = f"at most {math.degrees(_MOST_TILT):g} deg about either axis are accepted"
+            raise InputError(f"{place}: {text!r}: {most}")
+        return tilt
 
     def find(self, pose: PoseText) -> Pose:
         """Find the nearest point of the top, and the direction there; see `Places`."""
@@ -299,16 +323,22 @@ class SolidPlaces:
         return replace(Pose.facing(point, towards / np.linalg.norm(towards), spin=pose.yaw), tilt=pose.tilt)
 
     def scale_loads(self, table: LoadsForTable, source: str) -> float:
-        """Return modulus times squared thickness of the cover, over the campaign's product; see `Places`."""
+        """Return the factor on the loads: E t^2 of this cover over E t^2 of the campaign's cover; see `Places`.
+
+        E is Young's modulus and t the thickness.
+        """
         del source
         cover = self.sensor.cover
         return cover.layers[0].material.youngs_modulus * cover.thickness**2 / (table.modulus * table.thickness**2)
 
     def _touch(self, at: tuple[float, ...] | None, prefix: str) -> tuple[FloatArray, FloatArray]:
-        """Return the point of the top nearest to a place, and the normal there; above a texel, the normal of the texel.
+        """Find the point of first touch on the top of the cover, and the unit normal there.
 
-        If no place is given, it is the point above a texel: the one nearest to the middle of all active texels, among
-        those with a top above them.
+        Args:
+            at: Wanted coordinates [m], from which the nearest point of the top is taken.  If None, the point lies above
+                a texel, along whose normal it is touched: the texel nearest to the middle of all active texels, among
+                the texels with a top above them.
+            prefix: Text before `at` in messages.
         """
         top, texels, thickness = self.top, self.sensor.array, self.thickness
         if at is None:
@@ -344,11 +374,13 @@ class SolidPlaces:
 
 
 @singledispatch
-def find_places(cover: object, sensor: SensorDescription, progress: Progress | None = None) -> Places:
-    """Return the places on a cover: those on planar layers, unless another function is registered for the cover.
+def find_places(cover: object, sensor: SensorDescription | Parameters, progress: Progress | None = None) -> Places:
+    """Return the places on the cover of a sensor.
+
+    The places are those on planar layers, unless another function is registered for the type of the cover.
 
     Args:
-        cover: The cover of the sensor.
+        cover: The cover of the sensor; None if it is not known.
         sensor: The sensor.
         progress: Called with a line of text before each step.
     """
@@ -375,34 +407,14 @@ def find_middle(texels: TexelArray, among: BoolArray | None = None) -> int:
 
 
 def _turn_aside(direction: str | Vector, normal: FloatArray) -> FloatArray:
-    """Return a direction as a vector: against the normal of the cover, turned towards a tangent axis by its name."""
+    """Return the direction of an indenter's motion as a vector of any length, shape (3,) [-].
+
+    The direction `normal` is against the normal of the cover.  The directions `oblique x` and `oblique y` are turned
+    from it by 30 degrees towards the first and the second tangent axis of the cover.
+    """
     if not isinstance(direction, str):
         return np.array(direction, dtype=float)
     if direction == DIRECTIONS[0]:
         return -normal
     aside = tangent_axes(normal[None])[0][DIRECTIONS.index(direction) - 1]
     return np.asarray(aside * math.sin(_OBLIQUE) - normal * math.cos(_OBLIQUE))
-
-
-def _read_direction(text: str, place: str) -> str | Vector:
-    """Read a direction: a name, relative to the normal of the cover, or three numbers."""
-    if text in DIRECTIONS:
-        return text
-    example = f"{'--direction=' if place == '--direction' else ''}0,0.5,-1"
-    parts = text.split(",")
-    if len(text) > _LONGEST or len(parts) != 3 or not all(map(_NUMBER.fullmatch, parts)):  # noqa: PLR2004
-        raise InputError(
-            f"{place}: unknown direction {text[:_LONGEST]!r}; {nearest(text[:_LONGEST], DIRECTIONS)}, or three numbers "
-            f"such as {example}"
-        )
-    x, y, z = map(float, parts)
-    if not 0 < max(abs(x), abs(y), abs(z)) < math.inf:
-        raise InputError(f"{place}: {text!r} must be finite and not zero; write for example {example}")
-    return (x, y, z)
-
-
-def _read_tilt(text: str, place: str) -> tuple[float, float]:
-    tilt = read_angles(text, place=place, example="0deg,45deg")
-    if max(map(abs, tilt)) > _MOST_TILT:
-        raise InputError(f"{place}: {text!r}: at most {math.degrees(_MOST_TILT):g} deg about either axis are accepted")
-    return tilt

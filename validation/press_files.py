@@ -5,14 +5,14 @@ from __future__ import annotations
 import csv
 import logging
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshes import Indenter, TexelArray
+from meshes import TexelArray
 from meshes.bounded_file import pack_npz
 from meshes.solids import write_mesh
 from validation.cover_meshes import MESH_FILE
@@ -298,50 +298,3 @@ class LoadCurve:
         axes.grid(alpha=0.3)
         axes.legend(frameon=False)
         figure.savefig(path, dpi=150)
-
-
-def trace_curve(
-    cover: Any,  # noqa: ANN401 -- a cover of any kind
-    array: TexelArray,
-    indenter: Indenter,
-    *,
-    points: int,
-    load: float | None = None,
-    depth: float | None = None,
-    progress: Callable[[str], None] | None = None,
-    **options: Any,  # noqa: ANN401 -- those of `press_path`
-) -> LoadCurve:
-    """Press an indenter in equal steps up to a load or depth; results before an early stop are kept.
-
-    Only loading is computed.  Unloading retraces the curve without friction, and is not computed with friction.
-
-    Args:
-        cover: Cover that is pressed.
-        array: Array with the texels under the cover.
-        indenter: Indenter with its shape.
-        points: Number of results [-].
-        load: Load at the last result [N].  Give either `load` or `depth`.
-        depth: Depth at the last result [m].
-        progress: Called with a line of text before each solve.
-        **options: Further arguments of `press_path`: pose, friction and accuracy.
-
-    Raises:
-        ValueError: If the number of points is not positive, or as for `press_path`.
-        IncompletePathError: If not even the first result is reached.
-    """
-    from fem_reference import IncompletePathError, press_path
-
-    if points < 1:
-        raise ValueError(f"a curve needs at least one point, not {points}")
-    control, last = ("loads", load) if depth is None else ("depths", depth)
-    call: Callable[..., list[Indentation]] = press_path
-    if last is None or (load is not None and depth is not None):
-        raise ValueError("give either a load or a depth, not both")
-    targets = [last * (i + 1) / points for i in range(points)]
-    try:
-        found, stopped = call(cover, array, indenter, **{control: targets}, progress=progress, **options), ""
-    except IncompletePathError as error:
-        found, stopped = error.reached, str(error)
-        if not found:
-            raise
-    return LoadCurve(indentations=found, wanted=points, stopped=stopped)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from meshes import Indenter
 from validation.campaign.case import Case
@@ -127,24 +127,36 @@ class PressRequest:
         )  # fmt: skip
 
     def trace(self, points: int, progress: Progress | None = None) -> LoadCurve:
-        """Compute a curve of load over depth by finite elements.
+        """Compute a curve of load over depth in equal steps by finite elements; points before an early stop are kept.
+
+        Only loading is computed.  Without friction, unloading retraces the curve.
 
         Args:
-            points: Number of points, the last at the load or depth of the press.
+            points: Number of points, at least 1; the last has the load or depth of the press [-].
             progress: Called with a line of text before each step.
 
         Raises:
             InputError: As for `run`, or if the cover is not known.
+            IncompletePathError: If not even the first point is reached.
         """
-        from validation.press_files import trace_curve
+        from fem_reference import IncompletePathError, press_path
+        from validation.press_files import LoadCurve
 
-        cover, case = find_cover(self.sensor), self.find_case(progress)
-        friction = choose_friction(self.sensor, self.friction)
-        with name_unsupported(self.sensor, self.friction):
-            return trace_curve(
-                cover, self.sensor.array, case.indenter, points=points, load=self.load, depth=self.depth,
-                pose=case.pose, friction=friction, strain=self.strain, accuracy=self.accuracy, progress=progress,
-            )  # fmt: skip
+        cover, case, stopped = find_cover(self.sensor), self.find_case(progress), ""
+        control, last = ("loads", self.load) if self.depth is None else ("depths", self.depth)
+        options: dict[str, Any] = {control: [(last or 0.0) * (i + 1) / points for i in range(points)]}
+        try:
+            with name_unsupported(self.sensor, self.friction):
+                found = press_path(
+                    cover, self.sensor.array, case.indenter, pose=case.pose, strain=self.strain,
+                    friction=choose_friction(self.sensor, self.friction), accuracy=self.accuracy, progress=progress,
+                    **options,
+                )  # fmt: skip
+        except IncompletePathError as error:
+            found, stopped = error.reached, str(error)
+            if not found:
+                raise
+        return LoadCurve(indentations=found, wanted=points, stopped=stopped)
 
 
 def read_request(
@@ -188,8 +200,8 @@ def read_request(
     sensor = faults.read(find_sensor, known and needs_reference)
     shape = faults.read(read_indenter, indenter)
     texts = {name: text for name, text in pose.items() if text is not None}
-    places = _find_places(sensor)
-    placed = faults.read(places.parse, texts, "--")
+    # Without the sensor it is not known how places on its cover are written.
+    placed = None if sensor is None else faults.read(_find_places(sensor).parse, texts, "--")
     if strain not in (None, *STRAINS):
         faults.append(f"--strain: {str(strain)[:40]!r} is neither of {' and '.join(STRAINS)}")
     coefficient = faults.read(_read_friction, friction, used=needs_reference)
@@ -215,13 +227,10 @@ def read_request(
     )  # fmt: skip
 
 
-def _find_places(sensor: SensorDescription | Parameters | None, progress: Progress | None = None) -> Places:
-    """Return the places of a press; those on a flat array if the sensor could not be read."""
-    if isinstance(sensor, SensorDescription):
-        found = find_places(sensor.cover, sensor, progress)
-        return FlatPlaces(array=sensor.array, whole=True) if isinstance(found, FlatPlaces) else found
-    array = BUILT_IN["wts-0614-34"].array if sensor is None else sensor.array
-    return FlatPlaces(array=array, whole=sensor is not None)
+def _find_places(sensor: SensorDescription | Parameters, progress: Progress | None = None) -> Places:
+    """Return the places of a press; on planar layers the axis of the indenter must lie over the array."""
+    places = find_places(sensor.cover if isinstance(sensor, SensorDescription) else None, sensor, progress)
+    return replace(places, whole=True) if isinstance(places, FlatPlaces) else places
 
 
 def _read_models(text: str) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 
 import numpy as np
@@ -13,13 +14,22 @@ from meshes import Pose, Sphere, TexelArray
 from tests.support.rubber import make_cover
 from validation.campaign.case import Case
 from validation.campaign.comparison import compare_models
-from validation.press_files import trace_curve, write_press, write_vtu
+from validation.press_files import write_press, write_vtu
+from validation.pressing import read_request
 from validation.scene.rendering import RenderingError
 from validation.sensor_file import BUILT_IN
 
 ARRAY = TexelArray.grid(4, 4, pitch=3.4e-3)
 BALL = Sphere(radius=4e-3)
 TOUCH = ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "200g", "--model", "fem")
+
+
+def trace(points, **options):
+    """Trace a curve on a cover of small strain."""
+    sensor = dataclasses.replace(
+        BUILT_IN["wts-0614-34"], array=ARRAY, cover=make_cover(0.45, "linear-elastic"), source="a test"
+    )
+    return read_request(lambda _: sensor, "sphere:radius=4mm", models="fem", pose={}, **options).trace(points)
 
 
 def refuse_to_draw():
@@ -97,7 +107,7 @@ def test_a_path_that_stops_early_keeps_what_it_reached(monkeypatch, tmp_path):
         return real(cover, array, indenter, depths=depths, **options)
 
     monkeypatch.setattr(fem_reference, "press_path", stop, raising=False)
-    curve = trace_curve(make_cover(0.45, "linear-elastic"), ARRAY, BALL, points=5, depth=0.4e-3)
+    curve = trace(5, depth="0.4mm")
     assert curve.stopped == "no convergence beyond 0.25 mm"
     assert [each.depth for each in curve.indentations] == pytest.approx([0.08e-3, 0.16e-3])
     assert curve.write(tmp_path)[0] == "curve.csv"
@@ -108,7 +118,7 @@ def test_a_curve_follows_the_accuracy_and_keeps_warnings(monkeypatch, tmp_path):
     monkeypatch.setattr(
         "fem_reference.indentation.layered.LayerPress.count_refinements", lambda *_: 0
     )  # only the usual grids
-    curve = trace_curve(make_cover(0.45, "linear-elastic"), ARRAY, BALL, points=2, load=0.2, accuracy=1e-9)
+    curve = trace(2, load="0.2N", accuracy=1e-9)
     rows = curve.as_json()["curve"]
     assert all("wanted, but the feasible grids reach" in row["warnings"][-1] for row in rows)
     assert [sentence[:8] for sentence in curve.warnings] == ["at 0.1 N", "at 0.2 N"]
