@@ -309,8 +309,9 @@ def create_finite_strain_energy(material: Material, unit: float = 1.0) -> Energy
     return create_energy(material, unit)
 
 
-#: Homogeneous deformations of incompressible material by name: logarithms of the principal stretches, over that of the
-#: stretch that is stated.  Planar compression is planar tension along another axis.
+#: Homogeneous deformations by name: principal logarithmic strains of an incompressible material over the strain along
+#: the first axis.  Axes that deform in the opposite sense are free of stress.  Planar compression is planar tension
+#: along another axis.
 _MODES = {
     "uniaxial tension": (1.0, -0.5, -0.5),
     "uniaxial compression": (-1.0, 0.5, 0.5),
@@ -318,16 +319,23 @@ _MODES = {
     "equibiaxial compression": (-1.0, -1.0, 2.0),
     "planar tension": (1.0, -1.0, 0.0),
 }
-#: Modes in which the thickness of a pressed cover shrinks, and the exponent of their stretch in the thickness [-].
-_SQUEEZING = {"uniaxial compression": 1.0, "equibiaxial tension": -2.0, "planar tension": -1.0}
+#: Modes in which the thickness of a pressed cover shrinks; the thickness is then along the most shortened axis.
+_SQUEEZING = ("uniaxial compression", "equibiaxial tension", "planar tension")
+#: Components of the deformation gradient in the frame of the principal stretches.
+_DIAGONAL: Places = ((0, 0), (1, 1), (2, 2))
+#: Largest number of Newton steps for the strain of the axes that are free of stress [-].
+_NEWTON_STEPS = 50
+#: Largest change of that strain in one Newton step [-].
+_LARGEST_STEP = 0.5
+#: Change of that strain below which Newton's method ends [-].
+_SMALLEST_STEP = 1e-12
 
 
 def find_unstable_stretches(material: Material) -> dict[str, float]:
-    """Find the stretches at which an incompressible material loses its stability.
+    """Find the stretches along the loaded axis at which a material loses its stability.
 
     A material is stable as long as true stress rises with logarithmic strain (Drucker's criterion, as finite-element
-    programs apply it to fits of rubber).  The volume is held constant, so that the result is exact for Poisson ratio
-    0.5.
+    programs apply it to fits of rubber).  The lateral axes are free of stress, see `measure_stress`.
 
     Args:
         material: Material; `linear-elastic` is always stable.
@@ -336,14 +344,20 @@ def find_unstable_stretches(material: Material) -> dict[str, float]:
         The stretch nearest to 1 at which stability is lost, by kind of deformation, for the kinds that lose it at
         stretches between 1/8 and 8 [-].
     """
+    return {mode: float(stretches[0]) for mode, stretches in _find_unstable_states(material).items()}
+
+
+def _find_unstable_states(material: Material) -> dict[str, FloatArray]:
+    """Find the principal stretches at which a material loses its stability, by kind of deformation, shape (3,) [-]."""
     if material.small_strain_only:
         return {}
     strain = np.linspace(0, np.log(_SETTINGS.largest), _SETTINGS.stretches)[1:]
     out = {}
     for mode, direction in _MODES.items():
-        falls = np.flatnonzero(np.diff(measure_stress(material, strain, np.array(direction))) <= 0)
+        stress, stretches = measure_stress(material, strain, np.array(direction))
+        falls = np.flatnonzero(np.diff(stress / stretches.prod(axis=1)) <= 0)
         if falls.size:
-            out[mode] = float(np.exp(direction[0] * strain[falls[0]]))
+            out[mode] = stretches[falls[0]]
     return out
 
 
@@ -364,22 +378,46 @@ def warn_of_instability(material: Material, thickness: float) -> str:
         material: Material of a layer.
         thickness: Thickness of the pressed cover over the undeformed thickness [-].
     """
-    found = find_unstable_stretches(material)
-    beyond = [mode for mode, power in _SQUEEZING.items() if mode in found and thickness < found[mode] ** power]
-    if not beyond:
+    found = _find_unstable_states(material)
+    if not any(mode in found and thickness < found[mode].min() for mode in _SQUEEZING):
         return ""
     return f"{describe_instability(material)}; the cover is pressed to {thickness:.0%} of its thickness, beyond that"
 
 
-def measure_stress(material: Material, strain: FloatArray, direction: FloatArray) -> FloatArray:
-    """Compute the derivative of the stored energy along principal logarithmic strains `strain * direction` [Pa].
+def measure_stress(material: Material, strain: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Compute the stress in a homogeneous deformation whose lateral axes are free of stress.
+
+    An incompressible material deforms by the logarithmic strains `strain * direction`.  In a compressible one the axes
+    whose direction is opposite to that of the first axis share the strain at which their stress vanishes.
 
     Args:
         material: Material with a stored energy.
         strain: Strains, shape (n,) [-].
-        direction: Principal strains per strain, with sum 0, shape (3,) [-].
+        direction: Principal logarithmic strains at constant volume over the strain, with sum 0, shape (3,) [-].
+
+    Returns:
+        Derivative of the stored energy with respect to the strain, shape (n,) [Pa], and principal stretches, shape
+        (n, 3) [-].
     """
-    stretch = np.exp(np.outer(strain, direction))
-    F = stretch[:, :, None] * np.eye(3)
-    first = create_energy(material).isochoric(F, volume_ratio(F, EVERY_PLACE)).stress.reshape(-1, 3, 3)
-    return np.asarray((np.einsum("nii->ni", first) * stretch) @ direction)
+    energy, bulk = create_energy(material), material.bulk_modulus
+    logarithms = np.outer(strain, direction)
+    lateral = direction * direction[0] < 0
+    for _ in range(_NEWTON_STEPS):
+        stretches = np.exp(logarithms)
+        F = stretches[:, :, None] * np.eye(3)
+        J = volume_ratio(F, _DIAGONAL)
+        found = energy.isochoric(F, J)
+        first, second = found.stress, found.tangent
+        if np.isinf(bulk):
+            break
+        pressure = bulk * (J.value - 1)
+        first = first + pressure[:, None] * J.first
+        second = second + bulk * J.first[:, :, None] * J.first[:, None, :] + pressure[:, None, None] * J.second
+        slope = (first * stretches)[:, lateral].sum(axis=1)
+        curve = slope + np.einsum("ni,nij,nj->n", stretches * lateral, second, stretches * lateral)
+        # An unstable material can have a negative curvature; its absolute value keeps the step downhill.
+        step = np.clip(slope / np.maximum(np.abs(curve), _SMALLEST_STEP * bulk), -_LARGEST_STEP, _LARGEST_STEP)
+        if np.abs(step).max(initial=0.0) < _SMALLEST_STEP:
+            break
+        logarithms[:, lateral] -= step[:, None]
+    return np.asarray((first * stretches) @ direction), stretches

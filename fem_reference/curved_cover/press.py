@@ -41,8 +41,7 @@ from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import Control, Units, name_part
 from fem_reference.indentation.finite_strain import choose_solid_fillet, state_rounding
-from fem_reference.indentation.problem import PressProblem
-from fem_reference.indentation.result import Indentation, warn_of_errors
+from fem_reference.indentation.result import Indentation, PressProblem, warn_of_errors
 from meshes import Cover, Layer, Material, SolidCover, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.facets import area_vectors, facet_shape

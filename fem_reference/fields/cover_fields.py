@@ -7,9 +7,7 @@ layer).  The stress may be discontinuous between layers, so that the nodes on an
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -101,18 +99,6 @@ class CoverFields:
             displacement=self.displacement @ turn.T,
             stress=np.einsum("ij,njk,lk->nil", turn, self.stress, turn),
         )
-
-    def pack(self, key: str) -> dict[str, Any]:
-        """Return the arrays by name, each name with the prefix `key`, for the result store."""
-        return {f"{key}_{name}": getattr(self, name) for name in self.__dataclass_fields__}
-
-    @classmethod
-    def unpack(cls, data: Mapping[str, Any], key: str) -> CoverFields | None:
-        """Build fields from arrays that `pack` returned; None if there are none with this prefix."""
-        if f"{key}_position" not in data:
-            return None
-        arrays = {name: data[f"{key}_{name}"] for name in cls.__dataclass_fields__}
-        return cls(**arrays | {"axisymmetric": bool(arrays["axisymmetric"])})
 
 
 def recover_fields(

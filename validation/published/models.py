@@ -20,8 +20,9 @@ from meshes import Cover, Pose, TexelArray
 from meshes.array_types import FloatArray
 from validation.campaign.case import Case
 from validation.metrics import misplaced_force
-from validation.published.rules import PUBLISHED, Model, foundation_stiffness
-from validation.published.scene import Forces, Scene, Values, make_scene
+from validation.published.model import Model, Values, foundation_stiffness
+from validation.published.rules import PUBLISHED
+from validation.published.scene import Forces, Scene, make_scene
 
 if TYPE_CHECKING:
     from fastmodel import Parameters

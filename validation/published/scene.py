@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -53,6 +53,11 @@ class Contacts(NamedTuple):
     forces: FloatArray
     texels: IntArray
     depths: FloatArray
+
+    @property
+    def pushes(self) -> FloatArray:
+        """Component of the contact forces along the array's normal, shape (m,) [N]."""
+        return self.forces * self.normals[:, 2]
 
 
 class ContactMap(NamedTuple):
@@ -132,22 +137,22 @@ def make_scene(cover: Cover, parameters: Parameters, case: Case, response: Texel
     )
 
 
-def find_approach(gaps: FloatArray, law: Callable[[FloatArray], FloatArray], load: float) -> float:
-    """Find the depth of a rigid indenter at which the forces at its points carry the load [m].
+def sink(gaps: FloatArray, law: Callable[[FloatArray], FloatArray], load: float) -> FloatArray:
+    """Press a rigid indenter into an array of points until the forces at the points carry the load.
 
     Args:
-        gaps: Height of the indenter over each point before contact, inf beside it, shape (m,) [m].
+        gaps: Height of the indenter over each point before contact, inf beside the indenter, shape (m,) [m].
         law: Function from depths of points inside the indenter [m] to forces [N], increasing without limit.
         load: Applied force [N].
 
     Returns:
-        The approach; NaN if no point is under the indenter, so that no point carries the load.
+        Depth of each point inside the indenter, shape (m,) [m]; all zero if no point is under the indenter.
     """
     from scipy.optimize import brentq
 
     under = gaps[np.isfinite(gaps)]
     if not under.size:
-        return float("nan")
+        return np.zeros_like(gaps)
 
     def miss(approach: float) -> float:
         return float(law(np.maximum(approach - under, 0.0)).sum()) - load
@@ -155,24 +160,28 @@ def find_approach(gaps: FloatArray, law: Callable[[FloatArray], FloatArray], loa
     high = 1e-6
     while miss(under.min() + high) < 0:
         high *= 4
-    return float(brentq(miss, under.min(), under.min() + high, xtol=1e-12, rtol=1e-10))
+    approach = float(brentq(miss, under.min(), under.min() + high, xtol=1e-12, rtol=1e-10))
+    return np.asarray(np.maximum(approach - gaps, 0.0))
 
 
-def find_foundation_approach(gaps: FloatArray, stiffness: float, load: float) -> float:
-    """Find the approach as `find_approach` does, for equal linear springs; exact, by the sorted gaps [m].
+def sink_springs(gaps: FloatArray, stiffness: float, load: float) -> FloatArray:
+    """Press a rigid indenter into equal linear springs, as `sink` does, without iteration.
 
     Args:
-        gaps: Height of the indenter over each spring, inf beside it, shape (m,) [m].
+        gaps: Height of the indenter over each spring before contact, inf beside the indenter, shape (m,) [m].
         stiffness: Stiffness of each spring [N/m].
         load: Applied force [N].
+
+    Returns:
+        Depth of each spring, shape (m,) [m]; all zero if no spring is under the indenter.
     """
     under = np.sort(gaps[np.isfinite(gaps)])
     if not under.size:
-        return float("nan")
+        return np.zeros_like(gaps)
     # With the first m springs in contact the approach is (load / stiffness + sum of their gaps) / m.
     approaches = (load / stiffness + np.cumsum(under)) / np.arange(1, under.size + 1)
     beyond = np.append(under[1:], np.inf)
-    return float(approaches[np.argmax(approaches <= beyond)])
+    return np.asarray(np.maximum(approaches[np.argmax(approaches <= beyond)] - gaps, 0.0))
 
 
 def bin_on_texels(array: TexelArray, points: FloatArray, forces: FloatArray) -> FloatArray:
@@ -187,6 +196,20 @@ def bin_on_texels(array: TexelArray, points: FloatArray, forces: FloatArray) -> 
     inside = ((cell >= 0) & (cell < (array.columns, array.rows))).all(axis=1)
     index = cell[inside, 1] * array.columns + cell[inside, 0]
     return np.bincount(index, forces[inside], array.count).astype(np.float64)
+
+
+def convolve(array: TexelArray, texels: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Convolve the image of texel forces with a kernel, zero beyond the edges of the array, shape (n,) [N].
+
+    Args:
+        array: The n texels, on a regular grid.
+        texels: Force on each texel, shape (n,) [N].
+        kernel: Weights, odd numbers of rows and columns [-].
+    """
+    from scipy.ndimage import convolve as convolve_image
+
+    image = texels.reshape(array.rows, array.columns)
+    return np.asarray(convolve_image(image, kernel, mode="constant")).ravel()
 
 
 def _map_contact(array: TexelArray, case: Case) -> ContactMap:
@@ -254,7 +277,3 @@ class _RecordingReader(BoxReader):
             mujoco.mj_contactForce(self._model, data, k, force)
             forces[k] = force[0]
         return Contacts(np.array(found.pos), normals, forces, texels.max(axis=1), -np.array(found.dist))
-
-
-#: Values of a model's parameters by name, in SI units.
-Values = Mapping[str, float]

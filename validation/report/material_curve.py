@@ -33,10 +33,10 @@ def trace_stress(material: Material) -> tuple[FloatArray, FloatArray]:
 
 
 def compute_stress(material: Material, strain: FloatArray) -> FloatArray:
-    """Compute the nominal stress in uniaxial tension; rubbers are treated as incompressible.
+    """Compute the nominal stress in uniaxial tension, without lateral stress.
 
-    With the stretch l = 1 + strain the lateral stretches are l^(-1/2).  The stress is the derivative of the strain
-    energy with respect to l.
+    The stress is the derivative of the strain energy with respect to the stretch l = 1 + strain.  The lateral stretches
+    are l^(-1/2) in incompressible rubber; in a compressible material they follow from its Poisson ratio and energy.
 
     Args:
         material: The material.
@@ -48,7 +48,8 @@ def compute_stress(material: Material, strain: FloatArray) -> FloatArray:
     if material.small_strain_only:
         return material.youngs_modulus * strain
     stretch = 1 + strain
-    return measure_stress(material, np.log(stretch), np.array([1.0, -0.5, -0.5])) / stretch
+    stress, _ = measure_stress(material, np.log(stretch), np.array([1.0, -0.5, -0.5]))
+    return stress / stretch
 
 
 def write_curve(material: Material, path: Path) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from fem_reference.materials import describe_instability, find_unstable_stretches, warn_of_instability
 from meshes import Material
@@ -35,3 +37,29 @@ def test_a_result_is_warned_of_beyond_the_stretch():
     rubber = make_mooney(1.0, -0.2)
     assert warn_of_instability(rubber, 0.5) == ""
     assert "loses stability in uniaxial compression at a stretch of 0.37" in warn_of_instability(rubber, 0.3)
+
+
+def equibiaxial_stress(stretch, thickness, bulk):
+    """True stresses along axes 1 and 3 of Mooney-Rivlin rubber, c10 = 1 and c01 = -0.2, by its invariants."""
+    squares = np.array([stretch, stretch, thickness]) ** 2
+    volume, first, second = stretch**2 * thickness, squares.sum(), (squares.sum() ** 2 - (squares**2).sum()) / 2
+    deviator = 2 * (squares - first / 3) * volume ** (-2 / 3)
+    deviator += -0.2 * (2 * squares * (first - squares) - 4 / 3 * second) * volume ** (-4 / 3)
+    return (deviator / volume + bulk * (volume - 1))[[0, 2]]
+
+
+def test_a_compressible_material_is_stretched_without_lateral_stress():
+    material = Material(name="f", model="mooney-rivlin", parameters={"c10": 1.0, "c01": -0.2}, poisson_ratio=0.3)
+    bulk = 2 * 1.6 * 1.3 / (3 * 0.4)
+    stretches = find_unstable_stretches(material)["equibiaxial tension"] * np.array([0.97, 0.99, 1.01, 1.03])
+    stresses = []
+    for stretch in stretches:
+        thickness = brentq(lambda t, s=stretch: equibiaxial_stress(s, t, bulk)[1], 0.25, 1.0)
+        stresses.append(equibiaxial_stress(stretch, thickness, bulk)[0])
+    rises = np.diff(stresses)
+    assert rises[0] > 0 > rises[-1]
+    at = float(stretches[1])
+    limit = brentq(lambda t: equibiaxial_stress(at / 0.99, t, bulk)[1], 0.25, 1.0)  # thickness at the loss of stability
+    assert limit > 1.2 * (at / 0.99) ** -2
+    assert warn_of_instability(material, limit + 0.01) == ""
+    assert "equibiaxial tension at a stretch of 1.8" in warn_of_instability(material, limit - 0.01)

@@ -85,6 +85,7 @@ def test_pooled_means_skill_and_noise_floor_are_those_of_the_cases(campaign):
     for key, value in campaign.noise_floor.items():
         assert value == np.mean([result.reference.error_estimate[key] for result in campaign.cases])
     assert campaign.noise_floor["peak_texel"] > 0
+    assert (campaign.published, campaign.as_json()["comparison_models"]) == ((), [])
 
 
 def test_wrong_kernel_scores_worse(derivation, campaign):

@@ -189,9 +189,3 @@ def test_campaign_scores_each_row_with_its_own_forces(cover, parameters, prepare
     assert set(written["cases"][0]["comparison_models"]) == {row.name for row in prepared.rows}
     (alone,) = run_campaign(LayeredBench(cover=cover, parameters=parameters), SCORED).cases
     np.testing.assert_allclose(case.predictions["boxes"].texel_forces, alone.predictions["boxes"].texel_forces)
-
-
-def test_campaign_without_published_models_has_none(cover, parameters):
-    result = run_campaign(LayeredBench(cover=cover, parameters=parameters), SCORED)
-    assert result.published == ()
-    assert result.as_json()["comparison_models"] == []

@@ -8,7 +8,7 @@ from fem_reference.closed_form.layer import tabulate_texel_response
 from meshes import TexelArray
 from validation.campaign.case import Case
 from validation.published import scene as module
-from validation.published.scene import bin_on_texels, find_approach, find_foundation_approach, make_scene
+from validation.published.scene import bin_on_texels, make_scene, sink, sink_springs
 
 
 @pytest.fixture(scope="module")
@@ -71,14 +71,16 @@ def test_chattering_contacts_are_averaged_by_position(press, monkeypatch):
     assert method.contacts(chattering=False).forces == 2.0
 
 
-def test_exact_approach_of_linear_springs_is_that_of_the_search():
+@pytest.mark.parametrize("load", [0.05, 0.3, 5.0])
+def test_springs_carry_the_load_at_the_depths_of_the_search(load):
     gaps = np.array([0.0, 0.1e-3, 0.25e-3, 0.7e-3, np.inf])
-    for load in (0.05, 0.3, 5.0):
-        exact = find_foundation_approach(gaps, 1e3, load)
-        assert np.clip(exact - gaps[:4], 0, None).sum() * 1e3 == pytest.approx(load)
-        assert find_approach(gaps, lambda depth: 1e3 * depth, load) == pytest.approx(exact)
-    assert np.isnan(find_foundation_approach(gaps[4:], 1e3, 1.0))
-    assert np.isnan(find_approach(gaps[4:], lambda depth: depth, 1.0))
+    depths = sink_springs(gaps, 1e3, load)
+    assert 1e3 * depths.sum() == pytest.approx(load)
+    touching = depths > 0
+    np.testing.assert_allclose((depths + gaps)[touching], depths[0])
+    np.testing.assert_allclose(sink(gaps, lambda depth: 1e3 * depth, load), depths, rtol=1e-6, atol=1e-15)
+    for nothing in (sink_springs(gaps[4:], 1e3, load), sink(gaps[4:], lambda depth: depth, load)):
+        assert nothing.tolist() == [0.0]
 
 
 def test_forces_beside_the_array_are_in_no_bin():

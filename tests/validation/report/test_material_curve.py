@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 from fem_reference.materials import create_finite_strain_energy, volume_ratio
 from meshes import Material
@@ -29,9 +30,31 @@ def test_stress_is_the_slope_of_the_strain_energy(material):
     np.testing.assert_allclose(compute_stress(material, stretch - 1), slope, rtol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["dragon-skin-30", "dragon-skin-30-yeoh", "dragon-skin-30-ogden", "pet"])
-def test_the_slope_at_zero_is_youngs_modulus(name):
-    material = MATERIALS[name]
+@pytest.mark.parametrize("stretch", [0.6, 1.8])
+def test_a_foam_has_the_lateral_stretch_of_least_energy(stretch):
+    foam = Material(name="foam", model="neo-hookean", parameters={"shear_modulus": 1e5}, poisson_ratio=0.2)
+
+    def density(along):
+        def energy(across):
+            volume = along * across**2
+            bulk = 2e5 * 1.2 / (3 * 0.6)
+            return 5e4 * ((along**2 + 2 * across**2) * volume ** (-2 / 3) - 3) + bulk / 2 * (volume - 1) ** 2
+
+        return minimize_scalar(energy, bounds=(0.5, 1.5), method="bounded", options={"xatol": 1e-10}).fun
+
+    slope = (density(stretch + 1e-4) - density(stretch - 1e-4)) / 2e-4
+    assert compute_stress(foam, np.array([stretch - 1])) == pytest.approx(slope, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "material",
+    [
+        *(MATERIALS[name] for name in ("dragon-skin-30", "dragon-skin-30-yeoh", "dragon-skin-30-ogden", "pet")),
+        Material(name="foam", model="neo-hookean", parameters={"shear_modulus": 1e5}, poisson_ratio=0.1),
+    ],
+    ids=lambda each: each.name,
+)
+def test_the_slope_at_zero_is_youngs_modulus(material):
     slope = np.diff(compute_stress(material, np.array([-1e-6, 1e-6])))[0] / 2e-6
     assert slope == pytest.approx(material.youngs_modulus, rel=1e-5)
 

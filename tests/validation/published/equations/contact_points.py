@@ -1,0 +1,73 @@
+"""Equations of the models that use the contact points of the physics engine."""
+
+import numpy as np
+
+from fem_reference.closed_form.layer import point_response_spline
+from tests.validation.published.equations.table import COLUMNS, PITCH, ROWS, equation, gaussian, near, place, spread
+
+
+@equation("report-0.5-3x3")
+@equation("report-0.8-3x3")
+@equation("report-1-3x5")
+@equation("report-1-5x5")
+@equation("report-0.8-5x5")
+def report(scene, sigma, ksize_x, ksize_y):
+    return spread(scene.boxes.contact_forces, gaussian(sigma, ksize_x, ksize_y))
+
+
+@equation("tegin-2005")
+def binned(scene):
+    out = np.zeros(scene.array.count)
+    for texel, force, normal in zip(scene.contacts.texels, scene.contacts.forces, scene.contacts.normals, strict=True):
+        out[texel] += force * normal[2]
+    return out
+
+
+@equation("schunk", conserves=False, counts_per_newton=350.0, most_counts=60.0)
+def schunk(scene, counts_per_newton, most_counts):
+    return np.minimum(spread(binned(scene), near(lambda _: 1 / 9)) * counts_per_newton, most_counts) / counts_per_newton
+
+
+@equation("robworksim-2010")
+def robwork_paper(scene):
+    fine = (np.arange(40) + 0.5) / 40 * PITCH - PITCH / 2
+    x, y = np.meshgrid(fine, fine)
+    response = point_response_spline(scene.cover, 12e-3)
+    out = np.zeros(scene.array.count)
+    for i in range(out.size):
+        for point, push in zip(
+            scene.contacts.points, scene.contacts.forces * scene.contacts.normals[:, 2], strict=True
+        ):
+            away = place(i) - point[:2]
+            out[i] += push * response(np.hypot(x + away[0], y + away[1])).mean() * PITCH**2
+    return out
+
+
+@equation("gazebo-ros-tactile", conserves=False, distance=1.5e-3, angle=0.5, least_force=0.05)
+def gazebo(scene, distance, angle, least_force):
+    out = np.zeros(scene.array.count)
+    for point, normal, force in zip(*scene.contacts[:3], strict=True):
+        weights = np.array(
+            [
+                np.exp(-((place(i) - point[:2]) ** 2).sum() / (2 * distance**2))
+                * np.exp(-((1 - normal[2]) ** 2) / (2 * angle**2))
+                for i in range(out.size)
+            ]
+        )
+        out += force * weights / weights.sum()
+    return np.where(out < least_force, 0.0, out)
+
+
+@equation("touch-grid")
+def touch_grid(scene, field_of_view):
+    back = ROWS * PITCH / 2 / np.tan(np.radians(field_of_view))
+    half_x, half_y = np.arctan(COLUMNS * PITCH / 2 / back), np.radians(field_of_view)
+    out = np.zeros(scene.array.count)
+    for (x, y, _), push in zip(
+        scene.contacts.points, scene.contacts.forces * scene.contacts.normals[:, 2], strict=True
+    ):
+        azimuth, elevation = np.arctan2(x, back), np.arctan2(y, np.hypot(x, back))
+        column = int((azimuth + half_x) // (2 * half_x / COLUMNS))
+        row = int((elevation + half_y) // (2 * half_y / ROWS))
+        out[row * COLUMNS + column] += push
+    return out
