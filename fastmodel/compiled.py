@@ -23,7 +23,7 @@ _SLOW = 2.0
 #: calls from C, which nothing uses, is omitted.  Each of the two options shortens compilation.
 _OPTIONS: Any = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
-#: Functions marked with `called_by_kernels` that are not registered with numba yet.
+#: Functions marked with `called_by_kernels` that are not yet registered with numba.
 _CALLED: list[Callable[..., Any]] = []
 
 
@@ -57,17 +57,26 @@ def compile_kernel(loops: _F) -> _F:
     Args:
         loops: The function; its loops are written out.
     """
-    return _guard(loops)  # type: ignore[return-value]  # it takes the same arguments
+    return _compile(loops)  # type: ignore[return-value]  # it takes the same arguments
 
 
 @cache
-def _guard(loops: Callable[..., Any]) -> Callable[..., Any]:
-    """Make numba's version of a kernel that does not alter exceptions of signal handlers.
+def _compile(loops: Callable[..., Any]) -> Callable[..., Any]:
+    """Register the functions that a kernel calls with numba, and make numba's version of the kernel.
 
-    While numba makes Python objects of the results, a signal such as Ctrl-C may raise an exception.  Python then
-    reports a `SystemError` that this exception caused.
+    While numba converts the results to Python objects, a signal such as Ctrl-C may raise an exception.  Python then
+    reports a `SystemError` whose cause is this exception.  The returned function raises the exception itself.
     """
-    kernel = _compile(loops)
+    import numba
+
+    while _CALLED:
+        function = _CALLED.pop()
+        # As numba.extending.register_jitable, which does not accept compiler options.
+        numba.extending.overload(function, jit_options=_OPTIONS, strict=False)(lambda *_, compiled=function: compiled)
+    try:
+        kernel: Callable[..., Any] = numba.njit(cache=True, **_OPTIONS)(loops)
+    except RuntimeError:  # No folder for the machine code is writable: compile anew in every process.
+        kernel = numba.njit(**_OPTIONS)(loops)
 
     @wraps(kernel, updated=())
     def call(*arguments: Any) -> Any:  # noqa: ANN401 -- those of the kernel
@@ -80,19 +89,3 @@ def _guard(loops: Callable[..., Any]) -> Callable[..., Any]:
             raise first from None
 
     return call
-
-
-@cache
-def _compile(loops: Callable[..., Any]) -> Callable[..., Any]:
-    """Register the functions that kernels call with numba, and make numba's dispatcher of a kernel."""
-    import numba
-
-    while _CALLED:
-        function = _CALLED.pop()
-        # As numba.extending.register_jitable, which does not accept compiler options.
-        numba.extending.overload(function, jit_options=_OPTIONS, strict=False)(lambda *_, compiled=function: compiled)
-    try:
-        kernel: Callable[..., Any] = numba.njit(cache=True, **_OPTIONS)(loops)
-    except RuntimeError:  # No folder for the machine code is writable: compile anew in every process.
-        kernel = numba.njit(**_OPTIONS)(loops)
-    return kernel

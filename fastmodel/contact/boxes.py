@@ -4,13 +4,11 @@
 force of a flat face among the boxes by the *number of contact points* per box instead of by area.  This is the main
 error of the method.
 
-`AreaTexels` redistributes the forces by contact area.
-
-MuJoCo gives every contact point of a flat face about the same force, independent of the area of the face that the point
-represents.  Here the force of each touching body is redistributed over the boxes.  The body's contact points on one box
-span a polygon.  A pressure p(x, y) = a + b x + c y acts on all polygons of the body.  Its coefficients are chosen so
-that the force and both moments on the body equal those of MuJoCo.  For a guided body the pressure is uniform, because
-the guide takes up the moments.  The forces on boxes that a body touches only in points or along edges are not changed.
+`AreaTexels` redistributes the force of each touching body over the boxes by contact area.  The body's contact points
+on one box span a polygon.  A pressure p(x, y) = a + b x + c y acts on all polygons of the body.  Its coefficients are
+chosen so that the force and both moments on the body equal those of MuJoCo.  For a guided body the pressure is uniform,
+because the guide takes up the moments.  The forces on boxes that a body touches only in points or along edges are not
+changed.
 """
 
 from __future__ import annotations
@@ -20,12 +18,13 @@ from typing import ClassVar
 
 import mujoco
 import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from fastmodel.compiled import compile_kernel
 from fastmodel.contact.bodies import EVERY, Bodies, Joints, check_box, describe_box, find_geoms
 from fastmodel.contact.forces import NetForceReader, press_boxes, read_contacts
 from fastmodel.contact.interface import Reading, TexelContact
-from fastmodel.pose import make_quaternions
 from fastmodel.signal.point_spread import find_tangents
 from fastmodel.state import State
 from fastmodel.surface import Surface
@@ -66,7 +65,8 @@ class BoxTexels(TexelContact):
 
     def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
         """Add one box geom per texel; see `TexelContact.attach`."""
-        turns = make_quaternions(np.stack([*find_tangents(array), array.normals], axis=-1))
+        axes = np.stack([*find_tangents(array), array.normals], axis=-1)
+        turns = Rotation.from_matrix(axes).as_quat(scalar_first=True)
         places = array.centres - 0.5 * self.height * array.normals
         half = (array.pitch[0] / 2, array.pitch[1] / 2, self.height / 2)
         box = describe_box(half, self.contype, self.conaffinity)
@@ -75,19 +75,13 @@ class BoxTexels(TexelContact):
             if not active:
                 geom.rgba[:] = _MASKED_COLOUR
 
-    def bind(
-        self,
-        model: mujoco.MjModel,
-        array: TexelArray,
-        name: str,
-        *,
-        surface: Surface | None = None,  # noqa: ARG002
-    ) -> BoxReader:
-        """Find the boxes in the compiled model; see `TexelContact.bind`.  The cover is not used.
+    def bind(self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None) -> BoxReader:
+        """Find the boxes in the compiled model; see `TexelContact.bind`.  The argument `surface` is not used.
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
         """
+        del surface
         return BoxReader(model, array, name)
 
 
@@ -113,8 +107,8 @@ class BoxReader:
     def read(self, data: mujoco.MjData) -> Reading:
         """Compute the contact forces of the last simulation step; see `ContactReader.read`.
 
-        Each contact force is projected on the box's normal, because the contact normal differs from it where an
-        indenter touches the edge of a box.  Forces on the backs and free sides of boxes count only towards the total.
+        Each contact force is projected on the normal of its box, because at an edge of the box the contact normal has
+        another direction.  Forces on the backs and free sides of boxes count only towards the total.
         An indenter that hooks on the side of a box inside the array can pull it upwards by friction.  The force on such
         a box is set to zero, and the other forces are scaled to keep their sum.
 
@@ -127,11 +121,11 @@ class BoxReader:
         return self._net_force.add(Reading(self._share(data, sums[0], forces), None, carried), sums)
 
     def get_state(self) -> State:
-        """Return no arrays, because readings do not depend on earlier ones; see `ContactReader.get_state`."""
+        """Return no arrays, because a reading of this method does not depend on earlier readings."""
         return {}
 
     def set_state(self, state: State) -> None:
-        """Do nothing; see `ContactReader.set_state`."""
+        """Do nothing, because a reading of this method does not depend on earlier readings."""
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
         """Make the reading for given contact forces, shape (n,) [N]; see `ContactReader.at_rest`."""
@@ -150,8 +144,6 @@ class BoxReader:
 
 def _find_neighbours(array: TexelArray) -> BoolArray:
     """Find whether each of n texels has a neighbour at its sides -x, +x, -y, +y, shape (n, 4)."""
-    from scipy.spatial import cKDTree
-
     tree, found = cKDTree(array.centres), np.zeros((array.count, 4), dtype=bool)
     for axis, tangent in enumerate(find_tangents(array)):
         for side, sign in enumerate((-1.0, 1.0)):
@@ -180,14 +172,10 @@ class AreaTexels(BoxTexels):
     costly: ClassVar[bool] = True
 
     def bind(
-        self,
-        model: mujoco.MjModel,
-        array: TexelArray,
-        name: str,
-        *,
-        surface: Surface | None = None,  # noqa: ARG002
+        self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None
     ) -> AreaReader:
         """Find the boxes in the compiled model; see `BoxTexels.bind`."""
+        del surface
         return AreaReader(model, array, name)
 
 

@@ -23,10 +23,10 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from fastmodel.compiled import called_by_kernels, compile_kernel
 from fastmodel.contact.interface import Reading
-from fastmodel.pose import rotate
 from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
@@ -55,7 +55,7 @@ class NetForceReader:
         middle: FloatArray,
         neighbours: BoolArray | None = None,
     ) -> None:
-        """Tabulate the geoms of the array.
+        """Tabulate the geoms of the array and their axes.
 
         Args:
             model: The compiled model.
@@ -63,7 +63,8 @@ class NetForceReader:
             geoms: Ids of its m geoms, boxes or plates, shape (m,).
             axes: Axes of the first geom in the frame of the array, as columns, shape (3, 3) [-].
             middle: Centre of the first geom in the frame of the array, shape (3,) [m].
-            neighbours: For one box per texel, see `Parts`, shape (n, 4); None for plates.
+            neighbours: For one box per texel, whether each box has a neighbour at its sides -x, +x, -y, +y, shape
+                (n, 4); None for plates.
         """
         self._model, self._array, self._by_geom = model, array, neighbours is not None
         # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes.  It belongs to no part.
@@ -71,23 +72,21 @@ class NetForceReader:
         part_of[geoms] = np.arange(len(geoms))
         sides = np.zeros((len(geoms), 4), dtype=bool) if neighbours is None else neighbours
         self.parts: Parts = (part_of, sides, int(geoms[0]), np.ascontiguousarray(axes), middle)
-        # axes of the geoms, from the frame of their body to that of the first geom, to that of the array
-        first, *_ = turns = np.array([rotate(turn, np.eye(3)) for turn in model.geom_quat[geoms]])
-        self._axes = np.ascontiguousarray(np.swapaxes(turns @ first.T @ axes.T, 1, 2))
+        # Axes of each geom in the frame of the array.  The quaternions give them in the frame of the body.
+        turns = Rotation.from_quat(model.geom_quat[geoms], scalar_first=True).as_matrix()
+        self._axes = np.ascontiguousarray(axes @ turns[0].T @ turns)
         # masked texels measure nothing
         self._masked = None if array.active.all() else ~array.active
         self._tangents = np.stack(find_tangents(array), axis=1) * array.active[:, None, None]
-        self._sum_contacts, self._share_shear = compile_kernel(sum_contacts), compile_kernel(share_shear)
-
-    def sum_contacts(self, contacts: Contacts, data: mujoco.MjData) -> Sums:
-        """Sum the contact forces of a state on the array, see `force_kernels.sum_contacts`."""
-        found: Sums = self._sum_contacts(contacts, data.geom_xmat, data.geom_xpos, self.parts)
-        return found
+        self._share_shear = compile_kernel(share_shear)
 
     def add(self, reading: Reading, sums: Sums | None) -> Reading:
-        """Return a reading with net force, net torque and tangential forces from the sums of its contact forces.
+        """Return a reading with net force, net torque and tangential forces.
 
-        Without sums the net force is that of the reading's contact forces, and there is no shear.
+        Args:
+            reading: The reading without them.
+            sums: Sums of the contact forces, see `sum_contacts`.  If they are None, the net force is the sum of the
+                reading's contact forces, and the tangential forces are zero.
         """
         source = BY_GEOM if self._by_geom else SHARED
         if sums is None:
@@ -123,7 +122,10 @@ Contacts = tuple[_Ids, _Ids, _Ids, FloatArray, FloatArray, FloatArray, FloatArra
 
 
 def read_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Contacts:
-    """Read the contacts of a simulation state; the option `cone` of the model may change during a simulation."""
+    """Read the contacts of a simulation state as arguments of kernels.
+
+    The option `cone` of the model is read each time, because it may change during a simulation.
+    """
     found, pyramidal = data.contact, model.opt.cone == _PYRAMIDAL
     places = (found.frame, found.friction, found.pos, found.dist)
     return (found.geom, found.efc_address, found.dim, *places, data.efc_force, pyramidal)
@@ -131,9 +133,9 @@ def read_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Contacts:
 
 @called_by_kernels
 def _decode_force(contacts: Contacts, k: int, force: FloatArray) -> None:
-    """Compute normal and two tangential components of contact k's force, and its torques.
+    """Compute the normal component and the two tangential components of the force of contact k, and its torques.
 
-    They are written to `force`, shape (6,) [N, N m].
+    The six numbers are written to `force`, shape (6,) [N, N m].
     """
     _, address, dim, _, friction, _, _, efc_force, pyramidal = contacts
     force[:] = 0.0
@@ -154,7 +156,8 @@ def _decode_force(contacts: Contacts, k: int, force: FloatArray) -> None:
 #: the first box or plate; axes of the first one in the frame of the array, as columns, shape (3, 3) [-]; and its centre
 #: in this frame, shape (3,) [m].
 Parts = tuple[IntArray, BoolArray, int, FloatArray, FloatArray]
-#: Return value of `sum_contacts`.
+#: Return value of `sum_contacts`: forces on both geoms of each contact [N], force on the front of each box or plate
+#: [N], net force and torque on the array [N, N m], and the sum of the forces at backs and free sides [N].
 Sums = tuple[FloatArray, FloatArray, FloatArray, float]
 
 
@@ -182,8 +185,8 @@ def sum_contacts(  # noqa: C901 -- in one function, as calls make it a tenth slo
     geom, address, dim, frame, _, pos, _, _, _ = contacts
     part_of, neighbours, first, turn, middle = parts
     pressed, fronts, beside = np.zeros((len(geom), 2)), np.zeros((len(neighbours), 3)), 0.0
-    # Working arrays: force and torque in the frame of a contact; net force in the world; torque about the centre of the
-    # first box or plate.
+    # `local` is force and torque of a contact in its own frame.  `net` is the net force in the world, and `moment` the
+    # net torque about the centre of the first box or plate, in the world.
     local, net, moment = np.zeros(6), np.zeros(3), np.zeros(3)
     for k in range(len(geom)):
         if address[k] < 0 or (part_of[geom[k, 0]] < 0 and part_of[geom[k, 1]] < 0):
@@ -367,7 +370,15 @@ def press_plate(
 def _find_place(
     geom_xmat: FloatArray, geom_xpos: FloatArray, plate: int, turn: FloatArray, middle: FloatArray
 ) -> FloatArray:
-    """Compute axes and origin of an array in the world from the pose of its plate; see `press_plate` and `Parts`."""
+    """Compute axes, as columns, and origin of an array in the world from the pose of its first geom, shape (4, 3).
+
+    Args:
+        geom_xmat: Orientation of each geom in the world, as rotation matrix, shape (geoms, 9) [-].
+        geom_xpos: Position of each geom in the world, shape (geoms, 3) [m].
+        plate: Id of the first geom.
+        turn: Axes of the first geom in the frame of the array, as columns, shape (3, 3) [-].
+        middle: Centre of the first geom in the frame of the array, shape (3,) [m].
+    """
     place = np.zeros((4, 3))
     for i in range(3):
         for j in range(3):

@@ -18,13 +18,13 @@ from typing import ClassVar
 import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
+from scipy.spatial.transform import Rotation
 
 from fastmodel.contact.bodies import COLOUR, EVERY, check_box, find_geoms
 from fastmodel.contact.interface import Reading, TexelContact
 from fastmodel.contact.points import PointPressure, solve_pressure
 from fastmodel.contact.reader import ArrayContact, PressureReader
 from fastmodel.errors import FastModelError, ParametersError
-from fastmodel.pose import rotate
 from fastmodel.pressure.solvers import Load
 from fastmodel.state import State, take_array
 from fastmodel.surface import CoverPoints, Surface
@@ -118,22 +118,20 @@ class MeshContact(TexelContact):
         return origin + self.surface.points @ axes.T, self.surface.normals @ axes.T
 
     def bind(
-        self,
-        model: mujoco.MjModel,
-        array: TexelArray,
-        name: str,
-        *,
-        surface: Surface | None = None,  # noqa: ARG002
+        self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None
     ) -> MeshReader:
-        """Find the mesh geom in the compiled model; see `TexelContact.bind`.  The points are those of the method.
+        """Find the mesh geom in the compiled model; see `TexelContact.bind`.
+
+        The points of the contact method are used, and the argument `surface` is not.
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
         """
+        del surface
         return MeshReader(self._require_surface(array), model, array, name)
 
     def _require_surface(self, array: TexelArray) -> CoverPoints:
-        """Return the points, checked against an array."""
+        """Return the points of the cover after a check that they belong to an array."""
         if self.surface is None:
             raise ParametersError("the contact method 'curved' needs points: give its name or MeshContact(surface=...)")
         self.surface.check(array)
@@ -141,7 +139,10 @@ class MeshContact(TexelContact):
 
 
 def _list_vertices(cover: CoverPoints) -> FloatArray:
-    """Return the points whose convex hull MuJoCo collides: those of the top, and below a flat top those of the base."""
+    """List the points whose convex hull collides in MuJoCo, shape (k, 3) [m].
+
+    They are the points of the cover's top and, if the top is flat, also the points of the base below.
+    """
     points = cover.points
     extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if extent[-1] > 1e-6 * extent[0]:
@@ -153,10 +154,10 @@ class MeshReader(PressureReader):
     """Reader that computes texel forces from the bodies that press on a curved cover."""
 
     def __init__(self, cover: CoverPoints, model: mujoco.MjModel, array: TexelArray, name: str) -> None:
-        """Find the mesh geom, and the nearest texel of every point.
+        """Find the mesh geom in the compiled model, and the texel nearest to each point of the cover.
 
         Args:
-            cover: Arrays of the cover.
+            cover: Points of the cover, with compliance and influence.
             model: The compiled model.
             array: The array that was attached.
             name: Name of the sensor, as given to `MeshContact.attach`.
@@ -169,9 +170,13 @@ class MeshReader(PressureReader):
         self._nothing = self.at_rest(np.zeros(array.count))
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
-        """Make the reading for given contact forces, and discard previous solutions; see `ContactReader.at_rest`."""
+        """Make the reading for given contact forces, and discard previous solutions; see `ContactReader.at_rest`.
+
+        The force on each texel acts at the point of the cover that is nearest to the texel.
+        """
         self._forces = np.zeros(len(self._cover.points))
-        return super().at_rest(contact_forces)
+        nearest = self._points.query(self._array.centres + self._cover.thickness * self._array.normals)[1]
+        return self._rest(contact_forces, np.asarray(self._cover.influence[:, nearest] @ contact_forces))
 
     def get_state(self) -> State:
         """Return the last contact, its forces and its reading; see `ContactReader.get_state`."""
@@ -182,17 +187,11 @@ class MeshReader(PressureReader):
         self._forces = take_array(state, "forces", self._forces)
         super().set_state(state)
 
-    def _spread(self, contact_forces: FloatArray) -> FloatArray:
-        """Compute texel forces under contact forces on the texels, each at the nearest point; see `PressureReader`."""
-        nearest = self._points.query(self._array.centres + self._cover.thickness * self._array.normals)[1]
-        return np.asarray(self._cover.influence[:, nearest] @ contact_forces)
+    def find_contact(self, data: mujoco.MjData) -> tuple[ArrayContact, None] | None:
+        """Find the bodies that press on the top and their loads, without friction; see `PressureReader.find_contact`.
 
-    def _get_upright(self, frame: FloatArray) -> FloatArray:  # noqa: ARG002
-        """Return zero: on a curved cover every turn of a body counts; see `PressureReader`."""
-        return np.zeros(3)
-
-    def _find_loads(self, data: mujoco.MjData) -> tuple[ArrayContact, None] | None:
-        """Find the bodies that press on the top and their loads; friction is not used; see `PressureReader`."""
+        On a curved cover every rotation of a body counts as a tilt.
+        """
         frame = self._find_frame(data)
         touches = self._list_touches(data, frame)
         if not len(touches.part):
@@ -205,6 +204,7 @@ class MeshReader(PressureReader):
             touches,
             forces=touches.pressure,
             normals=self._cover.normals,
+            upright=np.zeros(3),
             table=np.hstack([touches.place, touches.pressure]),
             front=front,
             points=front & (touches.body < 0),
@@ -214,8 +214,8 @@ class MeshReader(PressureReader):
     def _solve(self, contact: ArrayContact) -> Reading:
         """Compute the forces on the points of the cover from the loads of all bodies.
 
-        First the pressure of each body is solved for its force and moments.  If no pressure balances the moments,
-        all bodies are solved again for their forces alone.  If this does not converge either, the forces of the last
+        First the pressure is computed for the force and the moments of each body.  If no pressure balances the
+        moments, it is computed again for the forces alone.  If this does not converge either, the forces of the last
         iteration are returned.
         """
         forces, carried, fewest = np.zeros(len(self._cover.points)), 0.0, None
@@ -239,16 +239,16 @@ class MeshReader(PressureReader):
 
 
 def _find_mesh_frame(model: mujoco.MjModel, geom: int) -> tuple[FloatArray, FloatArray]:
-    """Find axes, as columns, and middle of a mesh geom in the frame of its vertices.
+    """Find axes, as columns [-], and origin [m] of a mesh geom in the frame of its vertices.
 
-    MuJoCo moves the frame of a mesh geom to the centre of the mesh and along its axes of inertia.
+    MuJoCo moves the origin of a mesh geom to the centre of mass, and turns its axes to the axes of inertia.
     """
     mesh = int(model.geom_dataid[geom])
-    return rotate(model.mesh_quat[mesh], np.eye(3)).T, model.mesh_pos[mesh].copy()
+    return Rotation.from_quat(model.mesh_quat[mesh], scalar_first=True).as_matrix(), model.mesh_pos[mesh].copy()
 
 
 def _misses_load(cover: CoverPoints, found: PointPressure, loads: Sequence[Load]) -> bool:
-    """Return whether the force of a body that touches differs from its load by more than a hundredth along the load."""
+    """Return whether the computed force of any touching body differs from its load by more than 1 % along the load."""
     for number, load in enumerate(loads):
         force = np.where(found.owner == number, found.forces, 0.0) @ cover.normals
         length = float(np.linalg.norm(load.pressing))

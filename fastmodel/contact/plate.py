@@ -1,10 +1,13 @@
 """Contact methods with a rigid plate for each flat panel of an array, which distribute forces over cells of the cover.
 
 MuJoCo's contacts with a plate give the total force of each body exactly and at little cost, but not the distribution of
-this force over the texels.  After a simulation step the force of each touching body is distributed over cells of the
-contact grid, which are smaller than a texel, from the shape of the body.  `Foundation` uses an elastic foundation.
+this force over the texels.  After a simulation step the shape of each touching body determines how its force is
+distributed over cells of the contact grid, which are smaller than a texel.  `Foundation` uses an elastic foundation.
 `CoverContact` uses the compliance of the cover, in which a force on one cell also displaces the other cells; it also
 computes the texel forces at the base of the cover.
+
+`CellReader` reads a flat, regular array with one plate, and `PanelReader` an array with several plates or texels in
+any layout.  `fastmodel.contact.reader` describes the stages from MuJoCo's contacts to a reading.
 
 MuJoCo divides the force of a rigid body among panels by number of contact points, so that only the sum has a physical
 meaning.  Therefore the force of each body is summed over all panels as a vector, together with its moment if the body
@@ -20,14 +23,14 @@ from typing import Any, ClassVar, Self
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from fastmodel.compiled import compile_kernel
 from fastmodel.contact.bodies import EVERY, check_box, describe_box, sample_boxes
-from fastmodel.contact.forces import FRONT, NetForceReader, Sums, press_plate, read_contacts
+from fastmodel.contact.forces import FRONT, NetForceReader, Sums, press_plate, read_contacts, sum_contacts
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from fastmodel.contact.reader import ArrayContact, PressureReader
 from fastmodel.errors import ParametersError
-from fastmodel.pose import make_quaternions
 from fastmodel.pressure.cell_grid import Panel, PanelCells, divide_into_panels, lay_out
 from fastmodel.pressure.flexes import FlexSurfaces
 from fastmodel.pressure.gap import GapSamples, PosedBody, sample_gap
@@ -38,8 +41,8 @@ from fastmodel.validity import FEWEST_CELLS
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
-#: Reach of a body at its first contact [-]: height above its smallest gap up to which cells are sampled, over the
-#: cover's thickness, or for `Foundation` over the pitch.
+#: Reach at the first contact of a body [-]: height above the body's smallest gap up to which cells are sampled, over
+#: the cover's thickness, or for `Foundation` over the pitch.  Later readings adapt the reach to the contact.
 _FIRST = 0.1
 
 
@@ -90,13 +93,16 @@ class Plate:
             frame.add_geom(
                 name=geom,
                 pos=(panel.origin - 0.5 * self.height * panel.axes[:, 2]).tolist(),
-                quat=make_quaternions(panel.axes[None])[0].tolist(),
+                quat=Rotation.from_matrix(panel.axes).as_quat(scalar_first=True).tolist(),
                 **describe_box((*panel.half, self.height / 2), self.contype, self.conaffinity),
                 **soft,
             )
 
     def divide(self, array: TexelArray, name: str) -> tuple[tuple[Panel, ...], list[str]]:
-        """Divide an array into flat panels; return them and the names of their geoms, numbered if there are several."""
+        """Divide an array into flat panels; return the panels, and the names of their geoms in MuJoCo.
+
+        The names are numbered if there are several panels.
+        """
         panels = divide_into_panels(array, self.margin)
         numbers = [""] if len(panels) == 1 else range(len(panels))
         return panels, [f"{name}/plate{number}" for number in numbers]
@@ -113,7 +119,7 @@ class _PlateMethod(TexelContact):
     plate: Plate = field(default_factory=Plate)
 
     def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
-        """Add the plate; see `TexelContact.attach`."""
+        """Add a plate for each flat panel of the array to a spec; see `TexelContact.attach`."""
         self.plate.attach(frame, array, name)
 
     def adapt(self, surface: Surface | None) -> Self:
@@ -172,8 +178,8 @@ class CoverContact(_PlateMethod):
 
     Attributes:
         plate: Settings of the plate.
-        tolerance: Tolerance of the iteration: sum of the changes of cell forces in one step, over the load, below which
-            the solver stops [-].  Texel forces with 2e-3 differ from those with 5e-4 by at most 0.02 % of the load.
+        tolerance: Sum of the changes of cell forces in one step of the solver, over the load, below which the solver
+            stops [-].  Texel forces with 2e-3 differ from those with 5e-4 by at most 0.02 % of the load.
         steps: Largest number of steps of the solver [-].
     """
 
@@ -211,6 +217,8 @@ class CellReader(PressureReader):
     The reader samples the gap under the bodies, solves for the forces on cells, and sums these forces over texels.
     """
 
+    _net_force: NetForceReader
+
     def __init__(
         self,
         plate: Plate,
@@ -229,7 +237,7 @@ class CellReader(PressureReader):
             array: The array that was attached.
             name: Name of the sensor, as given to `Plate.attach`.
             solver: Solver that computes the forces on cells.
-            first: Reach at the first contact of a body over `_FIRST` [m].
+            first: Length by which `_FIRST` is multiplied to give the reach at the first contact of a body [m].
         """
         panels, geoms = plate.divide(array, name)
         axes, edges = panels[0].axes, solver.grid.edge
@@ -249,7 +257,9 @@ class CellReader(PressureReader):
         """Make the reading for given contact forces, and discard previous solutions; see `ContactReader.at_rest`."""
         self._reach.clear()
         self._solver.reset()
-        return super().at_rest(contact_forces)
+        bases = self._solver.bases
+        reading = self._rest(contact_forces, bases[0].from_texels(contact_forces) if bases else None)
+        return self._net_force.add(reading, None)
 
     def get_state(self) -> State:
         """Return the last solution and the start values of the next one; see `ContactReader.get_state`."""
@@ -262,16 +272,8 @@ class CellReader(PressureReader):
         super().set_state(state)
         self._solver.set_state(state)
 
-    def _spread(self, contact_forces: FloatArray) -> FloatArray | None:
-        """Compute texel forces under contact forces on the texels; see `PressureReader`."""
-        return self._solver.bases[0].from_texels(contact_forces) if self._solver.bases else None
-
-    def _complete(self, reading: Reading, sums: Sums | None) -> Reading:
-        """Add net force and tangential forces; see `PressureReader`."""
-        return self._net_force.add(reading, sums)
-
-    def _find_loads(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums] | None:
-        """Find the bodies that press, their loads and poses; see `PressureReader.find_contact`.
+    def find_contact(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums] | None:
+        """Find the bodies that press on the plate, their loads and poses; see `PressureReader.find_contact`.
 
         Friction can pull at the front of an array where the contact's normal is inclined.  No texel measures a pull.
         """
@@ -320,7 +322,7 @@ class CellReader(PressureReader):
         return contact, totals
 
     def sample_gap(self, contact: ArrayContact, reach: Sequence[float]) -> GapSamples:
-        """Sample the gap under every body.
+        """Sample the gap between each body and the undeformed cover, on cells of the contact grid.
 
         Args:
             contact: The bodies.
@@ -329,7 +331,11 @@ class CellReader(PressureReader):
         return sample_gap(self._grid, contact.poses, reach)
 
     def _solve(self, contact: ArrayContact) -> Reading:
-        """Compute the cell forces with a sufficient reach for each body, and sum the forces over texels."""
+        """Compute the forces on cells, and sum them over texels.
+
+        The reach of a body is the height above its smallest gap up to which cells are sampled.  It is increased until
+        all cells under pressure, and some more, lie within it.
+        """
         reach, most = [self._reach.get(body, self._first) for body in contact.bodies], 20 * self._first
         while reach:
             samples = self.sample_gap(contact, reach)
@@ -340,8 +346,8 @@ class CellReader(PressureReader):
                 continue
             solution = self._solver.solve(samples, contact.loads)
             height = np.where(np.isfinite(solution.height), solution.height, self._first).tolist()
-            # The cover may bulge next to a contact, so that more than its height is needed.  A larger reach is kept for
-            # the next solution, so that it suffices while the load rises.
+            # The cover may bulge beside a contact, so that the reach must exceed the height of the contact.  A reach
+            # with a margin is kept for the next solution, so that it suffices while the load rises.
             needed = [
                 min(1.6 * top, most) if have < min(1.2 * top, most) else have
                 for have, top in zip(reach, height, strict=True)
@@ -350,7 +356,7 @@ class CellReader(PressureReader):
                 for body, top in zip(contact.bodies, height, strict=True):
                     self._reach[body] = min(max(1.6 * top, 0.25 * self._first), most)
                 return self._add_points(contact, self._sum(contact, samples, solution))
-            # The solution on fewer cells is a poor start value: where it is exact, the iteration would not add cells.
+            # A solution on fewer cells is a poor start value: the iteration would stop at once and add no cells.
             self._solver.reset()
             reach = needed
         return self._add_points(contact, self._nothing)
@@ -392,11 +398,12 @@ class CellReader(PressureReader):
 
 
 class PanelReader(CellReader):
-    """Reader that computes texel forces from the bodies that press on the plates of several panels."""
+    """Reader that computes texel forces from the bodies that press on the plates of several flat panels."""
 
-    def _find_loads(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums] | None:
-        """Find the bodies that press on the panels and their loads and poses; see `PressureReader.find_contact`."""
-        sums = self._net_force.sum_contacts(read_contacts(self._model, data), data)
+    def find_contact(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums] | None:
+        """Find the bodies that press on the panels, their loads and poses; see `PressureReader.find_contact`."""
+        contacts, parts = read_contacts(self._model, data), self._net_force.parts
+        sums: Sums = compile_kernel(sum_contacts)(contacts, data.geom_xmat, data.geom_xpos, parts)
         if not np.count_nonzero(sums[2]):
             return None
         frame = self._find_frame(data)
@@ -417,7 +424,15 @@ class PanelReader(CellReader):
         points = front & (touches.body < 0) & (along > 0)
         table = np.column_stack([local, along])
         contact = self._build_contact(
-            data, frame, touches, forces=forces, normals=normals, table=table, front=front, points=points
+            data,
+            frame,
+            touches,
+            forces=forces,
+            normals=normals,
+            upright=frame[:3, 2],
+            table=table,
+            front=front,
+            points=points,
         )
         measured = points | (front & np.isin(touches.body, contact.bodies))
         return replace(contact, beside=float(along[~measured].sum())), sums
@@ -427,13 +442,13 @@ class PanelReader(CellReader):
         return np.asarray(self._grid.low - part.grid.low + np.array([part.column, part.row]) * part.grid.edge)
 
     def sample_gap(self, contact: ArrayContact, reach: Sequence[float]) -> GapSamples:
-        """Sample the gap under every body, on the cells of every panel on which the body's force may press."""
+        """Sample the gap under each body, on the cells of each panel on which the body's force may press."""
         none, numbers, vectors = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         found: list[tuple[Any, ...]] = [(*[numbers] * 3, *[none] * 4, vectors, vectors)]
         for body, (pose, load) in enumerate(zip(contact.poses, contact.loads, strict=True)):
             tables = []
             for part in self._grid.panels:
-                # of panels that the bounding sphere of any solid of the body comes near
+                # only panels within reach of the bounding sphere of a solid of the body
                 away = np.linalg.norm(pose.centres - part.panel.origin, axis=1) - part.radius
                 near = (away <= np.linalg.norm(pose.shape.halves, axis=1) + reach[body]).any()
                 if near and part.panel.axes[:, 2] @ load.outward > STEEP:
@@ -445,7 +460,7 @@ class PanelReader(CellReader):
         return GapSamples(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
     def _sample_panel(self, part: PanelCells, pose: PosedBody, reach: float) -> tuple[Any, ...]:
-        """Sample the gap between a body and one panel; return the fields of `GapSamples` but the first."""
+        """Sample the gap between a body and one panel; return the fields of `GapSamples` without the first, `body`."""
         axes, origin = part.panel.axes, part.panel.origin
         local = replace(pose, rotation=axes.T @ pose.rotation, position=(pose.position - origin) @ axes)
         samples = sample_gap(part.grid, [local], [reach])

@@ -1,11 +1,13 @@
-"""Forces between rigid bodies and points of a cover, by exchange of points between contact and gap.
+"""Forces between rigid bodies and points of a curved cover.
 
-A point in contact has a force and no gap; any other point has a gap and no force.  The force of every body is
-prescribed along one direction, and along further directions if the body is free to move in them.  The multipliers of
-these constraints are the motions of the body.  Points are exchanged in blocks (Judice and Pires 1994), and one at a
-time where blocks make no progress (Murty 1974).  The gaps are those of the undeformed cover along its normals.  They
-are measured again after each motion of a body, until the motion is small. `press_points` presses one indenter on a
-guide; `fastmodel.indent` is its public form.
+A point of the cover is either in contact, with a force and no gap, or free, with a gap and no force.  The solver moves
+points between these two sets until all forces press and no gap is negative.  It moves several points at once (block
+pivoting, Judice and Pires 1994), and single points where this makes no progress (Murty 1974).  The force of each body
+is prescribed along one direction, and along further directions if the body is free to move in them.  The Lagrange
+multipliers of these constraints are the motions of the body.  Gaps are measured along the normals of the undeformed
+cover.  They are measured again after each motion of a body, until the motion is small.
+
+`press_points` presses one indenter on a guide; `fastmodel.indent` is its public form.
 """
 
 from __future__ import annotations
@@ -17,10 +19,10 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from fastmodel.contact.bodies import add_geoms
 from fastmodel.errors import FastModelError, MissedArrayError
-from fastmodel.pose import rotate
 from fastmodel.pressure.gap import BodyShape, PosedBody, describe_solid
 from fastmodel.pressure.solvers import Load, Wrench, join_constraints
 from fastmodel.surface import CoverPoints
@@ -28,7 +30,7 @@ from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import Pose
 
-#: Largest number of consecutive exchanges in blocks that do not reduce the number of wrong points [-].
+#: Largest number of consecutive steps of block pivoting that do not reduce the number of points in the wrong set [-].
 _PATIENCE = 6
 
 
@@ -42,7 +44,7 @@ class PointPressure:
             (bodies,) [m].
         points: Number of points in contact with each body, shape (bodies,) [-].
         owner: Index of the body nearest to each point, the only one that can press on it, shape (m,) [-].
-        settled: Whether contact and positions of all bodies converged within the tolerances.
+        settled: Whether the iteration for contact and positions of all bodies converged.
     """
 
     forces: FloatArray
@@ -97,7 +99,16 @@ def solve_pressure(
 def _solve_without(
     cover: CoverPoints, bodies: Sequence[PosedBody], loads: Sequence[Load], missed: BoolArray
 ) -> PointPressure:
-    """Compute the forces of the bodies that some normal reaches; the others are, for example, between points."""
+    """Compute the forces of the bodies that are not missed.
+
+    A body is missed if no normal of the cover's points meets the body, for example because it lies between points.
+
+    Args:
+        cover: The cover.
+        bodies: Shapes and poses of the bodies.
+        loads: Load of each body.
+        missed: Whether each body is missed, shape (bodies,).
+    """
     kept = np.flatnonzero(~missed).tolist()
     travel, points = np.zeros(len(bodies)), np.zeros(len(bodies), dtype=np.int64)
     if not kept:
@@ -110,9 +121,16 @@ def _solve_without(
 
 
 def _measure(cover: CoverPoints, body: PosedBody, outward: FloatArray, travel: float) -> FloatArray:
-    """Measure the gaps of a body that moved against `outward`, up to a thickness above the smallest, shape (m,) [m].
+    """Measure the gap between a body and each of the m points of a cover along the point's normal, shape (m,) [m].
 
-    They are infinite where the body cannot press.
+    Gaps that exceed the smallest gap by more than the thickness of the cover, and gaps at points that face away from
+    the body's force, are infinite.
+
+    Args:
+        cover: The cover.
+        body: Shape of the body, and its pose before the motion.
+        outward: Direction against which the body moves, unit vector, shape (3,) [-].
+        travel: Distance of the motion [m].
     """
     moved = replace(body, position=body.position - travel * outward)
     gap = moved.measure_gaps(cover.points, cover.normals, behind=cover.thickness)
@@ -124,7 +142,19 @@ def _measure(cover: CoverPoints, body: PosedBody, outward: FloatArray, travel: f
 def _exchange(
     cover: CoverPoints, gap: FloatArray, columns: FloatArray, target: FloatArray, touching: BoolArray | None
 ) -> tuple[FloatArray, FloatArray, bool]:
-    """Find the points in contact; return forces, shape (m,) [N], motions, shape (k,) [m], and whether they agree."""
+    """Find which of the m points are in contact, and compute their forces.
+
+    Args:
+        cover: The cover.
+        gap: Gap of the undeformed cover at each point, infinite where no body presses, shape (m,) [m].
+        columns: Columns of k constraints columns.T @ forces = target, shape (m, k).
+        target: Prescribed values of the constraints, shape (k,) [N].
+        touching: Whether each point is in contact at the start of the search, shape (m,); None if unknown.
+
+    Returns:
+        Forces, shape (m,) [N]; motions of the bodies along the constraints, shape (k,) [m]; and whether the search
+        converged.
+    """
     near = np.isfinite(gap)
     if touching is None or not (touching & near).any():
         touching = np.zeros(len(gap), dtype=bool)
@@ -132,8 +162,8 @@ def _exchange(
             own = np.flatnonzero(column & near)
             touching[own[np.argsort(gap[own])[:6]]] = True
     touching = touching & near
-    # A small share of the load that moves a body keeps the equations regular where points do not determine every
-    # motion.
+    # A small compliance of the constraints keeps the equations regular where the points in contact do not determine
+    # each motion of a body.
     loose = 1e-9 / float(np.diag(cover.compliance).mean())
     fewest, patience = len(gap) + 1, _PATIENCE
     forces, motion = np.zeros(len(gap)), np.zeros(len(target))
@@ -206,9 +236,7 @@ def press_points(
         raise FastModelError(f"load must be positive, not {load} N")
     towards = pose.towards if direction is None else np.array(direction, dtype=float)
     outward = -towards / np.linalg.norm(towards)
-    wrench = Wrench(
-        force=load, moment=np.zeros(3), tilts=False, vector=load * outward, directions=outward[None], rotates=False
-    )
+    wrench = Wrench.along_free_directions(load * outward, np.zeros(3), outward[None], rotates=False)
     body = _move_to_touch(cover, pose_indenter(indenter, pose), outward)
     found = solve_pressure(cover, [body], [wrench])
     if not found.points.any():
@@ -256,10 +284,10 @@ def pose_indenter(indenter: Indenter, pose: Pose) -> PosedBody:
     spec = mujoco.MjSpec()
     add_geoms(spec, spec.worldbody.add_body(), indenter)
     model = spec.compile()
-    turns = np.array([rotate(quaternion, np.eye(3)).T for quaternion in model.geom_quat])
+    turns = Rotation.from_quat(model.geom_quat, scalar_first=True).as_matrix()
     return PosedBody(
         shape=BodyShape.of([describe_solid(model, geom) for geom in range(model.ngeom)]),
-        rotation=pose.rotation @ turns,
+        rotation=np.ascontiguousarray(pose.rotation @ turns),
         position=pose.position + model.geom_pos @ pose.rotation.T,
     )
 
@@ -285,7 +313,16 @@ def _move_to_touch(cover: CoverPoints, body: PosedBody, outward: FloatArray) -> 
 
 
 def _refuse_small(points: FloatArray, middle: FloatArray, outward: FloatArray) -> None:
-    """Raise a FastModelError if a line against `outward` through the middle of an indenter passes between points."""
+    """Refuse an indenter that fits between the points of a cover.
+
+    Args:
+        points: Points of the cover, shape (n, 3) [m].
+        middle: Middle of the indenter, shape (3,) [m].
+        outward: Direction against which the indenter moves, unit vector, shape (3,) [-].
+
+    Raises:
+        FastModelError: If the path of the indenter's middle passes a point at less than the spacing of the points.
+    """
     if len(points) <= 4:  # noqa: PLR2004 -- the neighbours whose distance counts as the spacing
         return
     flat = points - np.outer((points - middle) @ outward, outward)

@@ -1,8 +1,15 @@
-"""Reader of the contact methods that find the pressure of bodies on a surface: bodies, gaps, pressures, texel forces.
+"""From MuJoCo's contacts with an array to the forces on its texels: the part that all readers of pressure share.
 
-The surface consists of cells of plates or points of a mesh.  This file holds the common parts: the contact of a state,
-and the rule for reuse of the last solution. `fastmodel.contact.plate` and `fastmodel.contact.mesh` compute loads and
-pressures.
+`PressureReader.read` computes the `Reading` of one simulation step in four stages:
+
+1. `find_contact` converts MuJoCo's contacts to an `ArrayContact`: load, shape and pose of each body that presses on the
+   array, and point forces where the shape of a body is not known.
+2. If this contact equals that of the last solution within `UNCHANGED`, the last solution is used again.
+3. `_solve` computes the pressure of all bodies on the surface, and sums the pressure over texels.
+4. `NetForceReader.add` adds net force, net torque and tangential forces.
+
+The surface consists of cells of plates (`fastmodel.contact.plate`) or of points of a mesh (`fastmodel.contact.mesh`).
+These two files implement stages 1 and 3.
 """
 
 from __future__ import annotations
@@ -16,7 +23,7 @@ import numpy as np
 
 from fastmodel.compiled import compile_kernel
 from fastmodel.contact.bodies import Bodies, Joints, find_geoms
-from fastmodel.contact.forces import Sums
+from fastmodel.contact.forces import NetForceReader, Sums
 from fastmodel.contact.interface import Reading
 from fastmodel.errors import FastModelError
 from fastmodel.pressure.gap import BodyShape, PosedBody
@@ -25,26 +32,27 @@ from fastmodel.state import State, pack, unpack
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Largest change of a contact for which the last reading is returned [-]: relative change of loads, change of positions
-#: over a length of the cover, and change of rotations.  Bodies at rest in MuJoCo vary by about 1e-6.
+#: Largest change of a contact for which the last solution is used again [-]: relative change of loads, change of
+#: positions over a length of the cover, and change of entries of rotation matrices.  Bodies at rest in MuJoCo vary by
+#: about 1e-6.
 UNCHANGED = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArrayContact:
-    """Bodies that press on an array, with their loads and poses, and contacts that belong to no body's pressure.
+    """Bodies that press on an array, with their loads and poses, and contact points outside these bodies.
 
-    A contact is a row of d coordinates of its position and of its force: x, y on the contact grid [m] and the force
-    along the normal [N] for plates, positions and force vectors in the array's frame for a mesh.
+    A contact point is a row of numbers.  For plates the row is x and y on the contact grid [m] and the force along the
+    normal [N].  For a mesh it is the position [m] and the force vector [N] in the array's frame.
 
     Attributes:
         bodies: Id of each body of known shape that presses on the front of the array.
         loads: Force and moments of each body.
         poses: Shape of each body and its pose in the array's frame.
-        owner: Index in `bodies` of the body of each of m contacts, shape (m,).
-        touches: Contacts of the bodies, shape (m, 3 or 6).
-        points: The k contacts whose bodies have no known shape; they act as point forces, shape (k, 3 or 6).
-        beside: Signed force at the sides and on the back of a plate [N].
+        owner: Index in `bodies` of the body of each of m contact points, shape (m,).
+        touches: Contact points of the bodies, shape (m, 3 or 6).
+        points: The k contact points of bodies without a known shape.  They act as point forces, shape (k, 3 or 6).
+        beside: Signed sum of the forces at the sides and on the back of a plate [N].
     """
 
     bodies: tuple[int, ...]
@@ -61,7 +69,7 @@ class ArrayContact:
         Args:
             other: Contact to compare with.
             tolerance: Largest accepted difference of forces over the force, of positions over `length`, and of entries
-                of rotations [-].
+                of rotation matrices [-].
             length: Length by which differences of positions and of lever arms are divided [m].
         """
         if self.bodies != other.bodies or len(self.points) != len(other.points):
@@ -80,7 +88,7 @@ class ArrayContact:
         return bool((apart <= limits).all())
 
     def select(self, kept: Sequence[int]) -> ArrayContact:
-        """Return the contact with the contacts of the other bodies as point forces.
+        """Return a contact with some of the bodies; contact points of the other bodies become point forces.
 
         Args:
             kept: Indices in `bodies` of the bodies that keep their shapes.
@@ -100,16 +108,16 @@ class ArrayContact:
 
 
 class Touches(NamedTuple):
-    """The k contacts of a state with an array, in the frame of the array.
+    """The k contacts of a simulation state with an array, in the frame of the array.
 
     Attributes:
-        part: Index of the geom of the array, shape (k,).
-        body: Id of the body; -1 without a convex shape, shape (k,).
-        outward: Normal away from the array, shape (k, 3) [-].
-        pressure: Normal force with its sign reversed, shape (k, 3) [N].
-        friction: Tangential force with its sign reversed, shape (k, 3) [N].
-        place: Position, shape (k, 3) [m].
-        depth: Penetration, shape (k,) [m].
+        part: Index of the touched geom among the geoms of the array, shape (k,).
+        body: Id of the touching body, shape (k,); -1 for a body without a convex shape.
+        outward: Contact normal that points away from the array, shape (k, 3) [-].
+        pressure: Normal force on the array with its sign reversed, shape (k, 3) [N].
+        friction: Tangential force on the array with its sign reversed, shape (k, 3) [N].
+        place: Position of the contact, shape (k, 3) [m].
+        depth: Penetration of the two geoms, shape (k,) [m].
     """
 
     part: IntArray
@@ -126,10 +134,12 @@ class PressureReader:
 
     #: Length by which differences of positions are divided, see `ArrayContact.equals` [m].
     _length: float
-    #: Height of the array's geoms, behind which nothing presses [m].
+    #: Height of the array's geoms; parts of a body that lie behind the geoms exert no pressure [m].
     _height: float = np.inf
     #: The reading without contacts.
     _nothing: Reading
+    #: Reader of net force, net torque and tangential forces; None if the contact method does not compute them.
+    _net_force: NetForceReader | None = None
 
     def __init__(
         self,
@@ -166,69 +176,67 @@ class PressureReader:
         self._transform_poses = compile_kernel(transform_poses)
         self._solved: tuple[ArrayContact, Reading] | None = None
 
-    def at_rest(self, contact_forces: FloatArray) -> Reading:
-        """Make the reading for given contact forces, and discard previous solutions; see `ContactReader.at_rest`."""
-        self._solved = None
-        self._bodies.follow_meshes()
-        return self._complete(Reading(contact_forces, self._spread(contact_forces), float(contact_forces.sum())), None)
-
-    def get_state(self) -> State:
-        """Return the last solution; see `ContactReader.get_state`."""
-        return pack("solved", self._solved)
-
-    def set_state(self, state: State) -> None:
-        """Restore what `get_state` returned; see `ContactReader.set_state`."""
-        self._solved = unpack(state, "solved", (ArrayContact, Load, Wrench, PosedBody, BodyShape, Reading))
-
     def read(self, data: mujoco.MjData) -> Reading:
-        """Compute the contact forces of a step, or return the last ones if no load or pose has changed."""
-        found = self.find_contact(data)
-        if found is None:
-            return self._nothing
-        contact, sums = found
-        if self._solved is None or not contact.equals(self._solved[0], UNCHANGED, self._length):
-            self._solved = (contact, self._solve(contact))
-        return self._complete(self._solved[1], sums)
-
-    def find_contact(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums | None] | None:
-        """Find the bodies that press on the array in a simulation state, and sum all contact forces on it.
-
-        Returns:
-            The bodies, and what `sum_contacts` returns for plates; None if nothing touches the array.
+        """Compute the contact forces of a simulation step, or return the last ones if no load or pose has changed.
 
         Raises:
             LifeCycleError: If the size of the array's geoms has changed.
             FastModelError: If a contact force is not finite.
         """
         if not data.nefc:
-            return None
+            return self._nothing
         self._bodies.follow_changes()
-        return self._find_loads(data)
+        found = self.find_contact(data)
+        if found is None:
+            return self._nothing
+        contact, sums = found
+        if self._solved is None or not contact.equals(self._solved[0], UNCHANGED, self._length):
+            self._solved = (contact, self._solve(contact))
+        return self._solved[1] if self._net_force is None else self._net_force.add(self._solved[1], sums)
 
-    def _find_loads(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums | None] | None:
-        """Find the bodies that press and their loads; see `find_contact`."""
+    def find_contact(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums | None] | None:
+        """Find the bodies that press on the array in a simulation state, and sum all contact forces on the array.
+
+        Returns:
+            The bodies with their loads and poses, and for plates the return value of `sum_contacts`, from which net
+            force and tangential forces are computed.  None if nothing touches the array.
+
+        Raises:
+            FastModelError: If a contact force is not finite.
+        """
         raise NotImplementedError
 
     def _solve(self, contact: ArrayContact) -> Reading:
-        """Find the pressures of the bodies, and sum them over texels."""
+        """Compute the pressure of all bodies of a contact, and sum the pressure over texels."""
         raise NotImplementedError
 
-    def _spread(self, contact_forces: FloatArray) -> FloatArray | None:
-        """Compute texel forces under contact forces on the texels, if the method computes them, shape (n,) [N]."""
-        raise NotImplementedError
+    def get_state(self) -> State:
+        """Return the last contact and its reading as arrays; see `ContactReader.get_state`."""
+        return pack("solved", self._solved)
 
-    def _complete(self, reading: Reading, sums: Sums | None) -> Reading:  # noqa: ARG002
-        """Add net force and tangential forces to a reading, if the method computes them."""
-        return reading
+    def set_state(self, state: State) -> None:
+        """Restore what `get_state` returned; see `ContactReader.set_state`."""
+        self._solved = unpack(state, "solved", (ArrayContact, Load, Wrench, PosedBody, BodyShape, Reading))
+
+    def _rest(self, contact_forces: FloatArray, texel_forces: FloatArray | None) -> Reading:
+        """Discard the last solution, and make the reading of given contact forces.
+
+        Args:
+            contact_forces: Force that presses on each of n texels, before spread, shape (n,) [N].
+            texel_forces: Force on each texel after spread, shape (n,) [N]; None if the method computes none.
+        """
+        self._solved = None
+        self._bodies.follow_meshes()
+        return Reading(contact_forces, texel_forces, float(contact_forces.sum()))
 
     def _find_frame(self, data: mujoco.MjData) -> FloatArray:
-        """Find axes of the array in the world, as columns, and its origin, shape (4, 3) [-, m]."""
+        """Find the axes of the array in the world, as columns, and its origin, shape (4, 3) [-, m]."""
         # dot instead of @, because @ takes twice as long for arrays this small
         axes = data.geom_xmat[self._geom].reshape(3, 3).dot(self._turn)
         return np.vstack([axes, data.geom_xpos[self._geom] - axes.dot(self._middle)])
 
     def _list_touches(self, data: mujoco.MjData, frame: FloatArray) -> Touches:
-        """List the contacts with the array; `frame` as `_find_frame` returns it."""
+        """List the contacts of a state with the array; `frame` is the return value of `_find_frame`."""
         contact = data.contact
         part = self._part_of[contact.geom]
         k, side = ((part >= 0) & (contact.efc_address >= 0)[:, None]).nonzero()
@@ -257,21 +265,25 @@ class PressureReader:
         *,
         forces: FloatArray,
         normals: FloatArray,
+        upright: FloatArray,
         table: FloatArray,
         front: BoolArray,
         points: BoolArray,
     ) -> ArrayContact:
-        """Sum the contact forces of every body as a vector with its moment.
+        """Sum the contact forces of each body to a force vector with its moment.
 
         Args:
-            data: The state.
-            frame: The frame of the array.
+            data: The state of the simulation.
+            frame: Axes and origin of the array in the world, see `_find_frame`.
             touches: The k contacts.
-            forces: Force of each contact that is pressure, shape (k, 3) [N].
-            normals: Normals of the surface.  A body whose force points against all of them exerts no pressure.
-            table: The contacts as `ArrayContact` has them, shape (k, 3 or 6).
-            front: Whether a contact is with the front, shape (k,).
-            points: Whether a contact without a known shape acts as a point force, shape (k,).
+            forces: Part of each contact force that counts as pressure, shape (k, 3) [N].
+            normals: Normals of the surface, shape (n, 3) [-].  A body whose force points against all of them exerts no
+                pressure.
+            upright: Axis in the world about which a body may rotate without tilting, shape (3,) [-]; zero if every
+                rotation counts as a tilt.
+            table: The contacts as rows of numbers, see `ArrayContact`, shape (k, 3 or 6).
+            front: Whether each contact is with the front of the array, shape (k,).
+            points: Whether each contact acts as a point force, because its body has no known shape, shape (k,).
         """
         loads: dict[int, Wrench] = {}
         for body in np.unique(touches.body[front & (touches.body >= 0)]).tolist():
@@ -279,7 +291,7 @@ class PressureReader:
             vector, moment = forces[mine].sum(axis=0), np.cross(touches.place[mine], forces[mine]).sum(axis=0)
             if (normals @ vector).max() > 0:
                 slides = self._joints.find_slides(data, body) @ frame[:3]
-                rotates = self._joints.let_tilt(data, body, self._get_upright(frame))
+                rotates = self._joints.let_tilt(data, body, upright)
                 loads[body] = Wrench.along_free_directions(vector, moment, slides, rotates=rotates)
         known = front & np.isin(touches.body, list(loads))
         return ArrayContact(
@@ -294,18 +306,21 @@ class PressureReader:
             beside=0.0,
         )
 
-    def _get_upright(self, frame: FloatArray) -> FloatArray:
-        """Return the axis in the world about which a body may rotate without tilting, zero for none, shape (3,) [-]."""
-        return np.asarray(frame[:3, 2])
-
     def _find_pose(self, data: mujoco.MjData, body: int, frame: FloatArray, depth: float) -> PosedBody:
-        """Compute the poses of a body's solids in the array's frame, for its deepest penetration into the array [m]."""
+        """Compute the poses of a body's solids in the array's frame.
+
+        Args:
+            data: The state of the simulation.
+            body: Id of the body.
+            frame: Axes and origin of the array in the world, see `_find_frame`.
+            depth: Deepest penetration of the body into the geoms of the array [m].
+        """
         geoms, shape = self._bodies.find_shape(body)
         rotation, position = self._transform_poses(geoms, data.geom_xmat, data.geom_xpos, frame)
         return PosedBody(shape=shape, rotation=rotation, position=position, back=-self._height - depth)
 
     def _refuse(self, data: mujoco.MjData) -> None:
-        """Refuse contact forces that are not finite."""
+        """Raise the error about contact forces that are not finite."""
         raise FastModelError(f"contact forces on geom {self._name!r} are not finite at t = {data.time:g} s")
 
 

@@ -47,7 +47,7 @@ class CellGrid:
         edge: Edge lengths of a cell along x and y [m].
         low: x and y of the grid's lowest corner in the array's frame, shape (2,) [m].
         texel_columns: Number of columns of texels [-].
-        panels: The flat panels of the array with their cells; none if the array is flat and regular.
+        panels: The flat panels of the array with their cells; empty if the array is flat and regular.
     """
 
     per_texel: int
@@ -82,7 +82,7 @@ class CellGrid:
 
     @cached_property
     def arrays(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Arrays for kernels: (columns, rows) [-], lowest corner [m] and edges of a cell [m], shape (2,) each."""
+        """The grid for kernels: (columns, rows) [-], lowest corner [m] and edges of a cell [m], each of shape (2,)."""
         return np.array([self.columns, self.rows]), self.low, np.array(self.edge)
 
     def sum_on_texels(self, row: IntArray, column: IntArray, forces: FloatArray) -> FloatArray:
@@ -100,10 +100,10 @@ class CellGrid:
         return np.bincount(slot, forces, self.texels + 1)[1:].astype(np.float64, copy=False)
 
     def divide_points(self, points: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Divide point forces bilinearly among the four nearest cells; only forces that press count.
+        """Divide point forces bilinearly among the four nearest cells; forces that pull count as zero.
 
         Args:
-            points: Positions x, y in the frame of the grid [m] and forces [N], shape (k, 3).
+            points: Positions x, y in the frame of the grid [m] and pressing forces [N], shape (k, 3).
 
         Returns:
             Row and column of 4 k cells, and the force on each of them [N], each of shape (4 k,).
@@ -148,7 +148,7 @@ class CellGrid:
 
     @cached_property
     def _slots(self) -> IntArray:
-        """Index of each cell's texel plus one, and 0 for cells in the margin, shape (rows * columns,)."""
+        """Index plus one of the texel of each cell of the grid; 0 for cells in the margin, shape (rows * columns,)."""
         return self.find_texel(*np.divmod(np.arange(self.rows * self.columns), self.columns)) + 1
 
     def find_texel(self, row: IntArray, column: IntArray) -> IntArray:
@@ -172,13 +172,19 @@ class BaseForces:
     """
 
     def __init__(self, cells: CoverCells, grid: CellGrid, array: TexelArray) -> None:
-        """Store compliance and influence of the cover, the contact grid and the texels."""
+        """Store the influence of the cover, the contact grid and the texels.
+
+        Args:
+            cells: The cover, whose influence is used.
+            grid: The contact grid of the array.
+            array: The texels.
+        """
         self._cells, self._grid, self._array = cells, grid, array
         beyond = (grid.margin, grid.margin)
         # the table contains no cells in the margin; a force in the margin then reaches no texel
         self._table = None if cells.table is None else np.pad(cells.table, ((0, 0), beyond, beyond))
         self._masked = None if array.active.all() else ~array.active
-        #: First cell and shape of the last window; its factors along rows and columns, and the texels that they reach.
+        #: The last window, as row and column of its first cell and its shape; and its factors, see `_factor_window`.
         self._last: tuple[tuple[int, ...], _Factors] | None = None
 
     def from_window(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
@@ -219,12 +225,19 @@ class BaseForces:
         return self.from_window(uniform, (self._grid.margin, self._grid.margin))
 
     def _factor_window(self, origin: tuple[int, int], shape: tuple[int, ...]) -> _Factors:
-        """Lay out the factors of the influence for a window with given first cell (row, column) and shape.
+        """Find the factors of the influence for a window of cells.
+
+        The influence is the force on a texel per unit force on a cell, a sum of products of row and column factors.
+
+        Args:
+            origin: Row and column of the window's first cell in the grid.
+            shape: Number of rows and of columns of the window.
 
         Returns:
-            Factors from rows of cells to rows of texels, for every term, shape (texel rows * terms, rows) [-].  Factors
+            Factors from rows of cells to rows of texels, for each term, shape (texel rows * terms, rows) [-].  Factors
             from columns of cells to columns of texels, shape (terms * columns, texel columns) [-].  Rows and columns of
-            the texels.  With a table: its part for the window, shape (n, rows * columns) [-], and nothing else.
+            the texels that the window reaches.  For a cover with a table the first entry is the part of the table for
+            the window, shape (n, rows * columns) [-], and the others are not used.
         """
         cells = [start + np.arange(size) for start, size in zip(origin, shape, strict=True)]
         if self._table is not None:
@@ -245,7 +258,7 @@ class BaseForces:
         return along.reshape(-1, shape[0]), across.reshape(-1, across.shape[2]), (near[0], near[1])
 
 
-#: See `BaseForces._factor_window`.
+#: Return value of `BaseForces._factor_window`: row factors, column factors, and rows and columns of the reached texels.
 _Factors = tuple[FloatArray, FloatArray, tuple[slice, slice]]
 
 
@@ -335,7 +348,7 @@ def divide_into_panels(array: TexelArray, margin: int) -> tuple[Panel, ...]:
         return tuple(_build_panel(array, axes, block) for block in _find_blocks(array, axes))
     local = (array.centres - array.centres[0]) @ axes[0]
     pitch = np.array(array.pitch)
-    if _is_flat(local[:, 2], array) and np.abs(axes - axes[0]).max() < _FLAT:
+    if np.abs(local[:, 2]).max() < _FLAT * min(array.pitch) and np.abs(axes - axes[0]).max() < _FLAT:
         low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
         half = (high - low) / 2 + (0.5 + margin) * pitch
         middle = array.centres[0] + axes[0] @ np.append((low + high) / 2, 0.0)
@@ -390,7 +403,13 @@ class ScatteredBaseForces(BaseForces):
     """The operator from forces on cells to forces at the base on texels in any layout; compare `BaseForces`."""
 
     def __init__(self, cells: CoverCells, grid: ScatteredGrid, array: TexelArray) -> None:
-        """Tabulate the influence of every cell on every texel, that is, force on the texel per force on the cell."""
+        """Tabulate the influence of each cell on each texel, which is force on the texel per force on the cell.
+
+        Args:
+            cells: The cover.
+            grid: The common grid of all panels.
+            array: The texels.
+        """
         self._grid = grid
         matrix = _tabulate_influence(cells, grid, array)
         self._matrix = sp.csr_array(sp.diags_array(array.active.astype(np.float64)) @ matrix)
@@ -414,13 +433,15 @@ class ScatteredBaseForces(BaseForces):
         return np.asarray(self._matrix @ (self._uniform @ contact_forces))
 
 
-def _is_flat(heights: FloatArray, array: TexelArray) -> bool:
-    """Return whether texels of given heights [m] lie in one plane, up to the tolerance `_FLAT`."""
-    return bool(np.abs(heights).max() < _FLAT * min(array.pitch))
-
-
 def _is_bent_sheet(array: TexelArray, axes: FloatArray) -> bool:
-    """Return whether neighbouring texels of the image lie about one pitch apart, along the mean of their axes."""
+    """Return whether an array is a bent sheet.
+
+    On a bent sheet neighbouring texels of the tactile image lie about one pitch apart, along the mean of their axes.
+
+    Args:
+        array: The n texels.
+        axes: Two tangents and the normal of each texel, as columns, shape (n, 3, 3) [-].
+    """
     turns = axes.reshape(array.rows, array.columns, 3, 3)
     places = array.centres.reshape(array.rows, array.columns, 3)
     for along, (here, there) in (
@@ -439,7 +460,11 @@ def _is_bent_sheet(array: TexelArray, axes: FloatArray) -> bool:
 
 
 def _find_blocks(array: TexelArray, axes: FloatArray) -> list[tuple[int, int, int, int]]:
-    """Divide the image into rectangular blocks of coplanar texels.
+    """Divide the tactile image of a bent sheet into rectangular blocks of coplanar texels.
+
+    Args:
+        array: The n texels.
+        axes: Two tangents and the normal of each texel, as columns, shape (n, 3, 3) [-].
 
     Returns:
         First row, first column, one past the last row, and one past the last column of each block.
@@ -460,7 +485,7 @@ def _find_blocks(array: TexelArray, axes: FloatArray) -> list[tuple[int, int, in
 
 
 def _is_regular(array: TexelArray, axes: FloatArray, block: tuple[int, int, int, int]) -> bool:
-    """Return whether a block of texels (see `_find_blocks`) is a flat, regular grid."""
+    """Return whether a block of texels, given by rows and columns as in `_find_blocks`, is a flat, regular grid."""
     texels = _list_texels(array, block)
     grid = TexelArray.grid(block[2] - block[0], block[3] - block[1], array.pitch).centres
     local = (array.centres[texels] - array.centres[texels[0]]) @ axes[texels[0]]
@@ -469,13 +494,13 @@ def _is_regular(array: TexelArray, axes: FloatArray, block: tuple[int, int, int,
 
 
 def _list_texels(array: TexelArray, block: tuple[int, int, int, int]) -> IntArray:
-    """List the indices of the n texels of a block (see `_find_blocks`), shape (n,)."""
+    """List the indices of the n texels of a block, given by rows and columns as in `_find_blocks`, shape (n,)."""
     row, column = np.mgrid[block[0] : block[2], block[1] : block[3]]
     return np.asarray((row * array.columns + column).ravel())
 
 
 def _build_panel(array: TexelArray, axes: FloatArray, block: tuple[int, int, int, int]) -> Panel:
-    """Build the panel of a block of coplanar texels (see `_find_blocks`)."""
+    """Build the flat panel of a block of coplanar texels, given by rows and columns as in `_find_blocks`."""
     texels = _list_texels(array, block)
     rows, columns = block[2] - block[0], block[3] - block[1]
     half = (columns * array.pitch[0] / 2, rows * array.pitch[1] / 2)
@@ -498,7 +523,7 @@ def _find_centres(part: PanelCells) -> FloatArray:
 
 
 def _number_cells(part: PanelCells, whole: CellGrid) -> IntArray:
-    """Number a panel's cells by their index on the common grid, counted row by row, shape (rows, columns)."""
+    """Return the index on the common grid, counted row by row, of each cell of a panel, shape (rows, columns)."""
     row, column = np.arange(part.grid.rows) + part.row, np.arange(part.grid.columns) + part.column
     return np.add.outer(row * whole.columns, column)
 

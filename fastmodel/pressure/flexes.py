@@ -33,7 +33,8 @@ class FlexSurfaces:
 
         Args:
             model: The compiled model.
-            spacing: Largest distance of pieces at rest, up to a limit for large elements, and of points [m].
+            spacing: Largest distance between pieces of a surface at rest, except in large elements, whose number of
+                pieces is limited; and edge length of the squares over which the force is summed [m].
         """
         self._radius, self._spacing, self._spread_depths = model.flex_radius, spacing, compile_kernel(spread_depths)
         self._elements = [model.flex_vertadr[flex] + _list_elements(model, flex) for flex in range(model.nflex)]
@@ -41,8 +42,8 @@ class FlexSurfaces:
         if self._elements:
             mujoco.mj_fwdPosition(model, data)
         self._shares = [
-            _divide(elements.shape[1], _find_longest(data.flexvert_xpos[elements]) / spacing)
-            for elements in self._elements
+            _divide(corners.shape[1], np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max() / spacing)
+            for corners in (data.flexvert_xpos[elements] for elements in self._elements)
         ]
         if self._elements:  # compile the kernel
             self.spread(0, 1.0, data.flexvert_xpos.copy(), 0.0, np.array([[0.0, 0.0, 0.0], [1e-3, 1e-3, 0.0]]))
@@ -57,7 +58,7 @@ class FlexSurfaces:
         place: FloatArray,
         bounds: FloatArray,
     ) -> tuple[IntArray, FloatArray]:
-        """Replace the contact points of flexes by points all over the parts of their surfaces that touch.
+        """Replace the contact points of flexes by points spread over the parts of their surfaces that touch the array.
 
         Args:
             data: The state.
@@ -68,7 +69,7 @@ class FlexSurfaces:
             bounds: Bounds of the array, see `spread`, shape (2, 3) [m].
 
         Returns:
-            Owner and touches with the points.
+            `owner` and `touches` of the contacts of all other bodies and of the new points.
         """
         own = pressed.nonzero()[0]
         flex, margin = data.contact.flex[own].max(axis=1), data.contact.includemargin[own]
@@ -115,14 +116,15 @@ def spread_depths(
 
     Args:
         corners: Corners of the elements in the array's frame, shape (elements, 3 or 2, 3) [m].
-        shares: Shares of the corners in the centroid of each piece of an element, shape (pieces, 3 or 2) [-].
+        shares: Barycentric coordinates of the centroid of each piece of an element, shape (pieces, 3 or 2) [-].
         bounds: Bounds of the pieces that count, see `FlexSurfaces.spread`, shape (2, 3) [m].
-        reach: Distance of the surface from the elements; distance from the array, below which a piece counts; and edge
-            length of the squares [m].
+        reach: Distance of the flex's surface from its elements; distance from the array below which a piece counts; and
+            edge length of the squares [m].
 
     Returns:
-        For each of k squares with any depth: sum of depth times area seen along z (times length for segments) [m3], and
-        the sums of that times x and y, over it the mean x and y of the square's pieces [m4], shape (k, 3).
+        One row for each of k squares that a piece with positive depth lies in, shape (k, 3).  The first number is the
+        sum over the pieces of depth times area seen along z [m3], or times length for segments.  The other two are the
+        sums of this weight times x and times y of the piece [m4].
     """
     radius, margin, edge = reach
     columns, rows = int((bounds[1, 0] - bounds[0, 0]) / edge) + 1, int((bounds[1, 1] - bounds[0, 1]) / edge) + 1
@@ -166,20 +168,15 @@ def _list_elements(model: mujoco.MjModel, flex: int) -> IntArray:
     return model.flex_elem[first : first + count * corners].reshape(count, corners).astype(np.int64)
 
 
-def _find_longest(corners: FloatArray) -> float:
-    """Return the length of the longest edge of elements [m] from their corners, shape (elements, 3 or 2, 3) [m]."""
-    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(initial=0.0))
-
-
 def _divide(corners: int, divisions: float) -> FloatArray:
-    """Divide a segment or triangle into k equal pieces; return the shares of its corners in the centroids.
+    """Divide a segment or triangle into k equal pieces, and find the centroid of each piece.
 
     Args:
         corners: Number of corners, 2 or 3.
         divisions: Number of divisions of each edge, rounded up.
 
     Returns:
-        Shares, shape (k, corners) [-].
+        Barycentric coordinates of the centroids, the weights of the corners, shape (k, corners) [-].
     """
     n = min(max(math.ceil(divisions), 1), _MOST_DIVISIONS)
     if corners < _TRIANGLE:

@@ -85,7 +85,7 @@ class Load:
         return compile_kernel(are_close)(self.moment, other.moment, length * tolerance * self.force)
 
     def without_moments(self) -> Load:
-        """Return the same load with only the force prescribed, not the moments."""
+        """Return the same load with the force prescribed and the moments free."""
         return dataclasses.replace(self, tilts=False)
 
     def build_constraints(self, place: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
@@ -102,8 +102,8 @@ class Load:
         """
         if not self.tilts or len(place) < 3:  # noqa: PLR2004 -- three points define a plane
             return np.ones((len(place), 1)), np.array([self.force])
-        # Moments are taken about the centre of pressure and divided by a typical length, so that the unknowns are of
-        # similar magnitude.
+        # Moments are taken about the centre of pressure and divided by a typical length, so that the Lagrange
+        # multipliers of force and moments are of similar magnitude.
         centre = (self.moment / (self.force * _LEVER)).tolist()
         columns = np.ones((len(place), 3))
         columns[:, 1] = place[:, 0] / _LEVER - centre[0]
@@ -186,10 +186,11 @@ class Wrench(Load):
         return dataclasses.replace(self, tilts=False, rotates=False, directions=self.directions[:1])
 
     def build_constraints(self, place: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Build the constraints on the force along every direction and, if the body rotates, on two moments.
+        """Build the constraints on the force along each direction and, if the body rotates, on two moments.
 
         The moments are those about the axes perpendicular to the first direction.  Linearly dependent columns are
-        omitted, such as those of lateral forces on a flat array.  See `Load.build_constraints`.
+        omitted, such as those of lateral forces on a flat array.  Arguments and return values are those of
+        `Load.build_constraints`.
         """
         columns = [normal @ direction for direction in self.directions]
         wanted = [float(self.vector @ direction) for direction in self.directions]
@@ -237,7 +238,9 @@ class PressureSolution:
 
 
 class PressureSolver:
-    """Solver for the pressure of bodies on the cells of an array, without previous solutions and forces at the base.
+    """Base class of the solvers for the pressure of bodies on cells of an array.
+
+    The base class keeps no previous solution and computes no forces at the base of the cover.
 
     Attributes:
         grid: The contact grid of the array.
@@ -248,14 +251,14 @@ class PressureSolver:
         self.grid, self.bases = grid, bases
 
     def reset(self) -> None:
-        """Discard the last solution."""
+        """Discard the last solution, from which the next solution would start."""
 
     def get_state(self) -> State:
-        """Return the last solution as arrays."""
+        """Return the last solution, from which the next solution starts, as arrays by name."""
         return {}
 
     def set_state(self, state: State) -> None:
-        """Restore what `get_state` returned."""
+        """Restore the last solution that `get_state` returned."""
 
     def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
         """Compute the forces on the cells under all bodies.
@@ -267,16 +270,21 @@ class PressureSolver:
         raise NotImplementedError
 
     def find_base_forces(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray | None:  # noqa: ARG002
-        """Compute the texel forces under forces on a window of cells; None if the method computes none."""
+        """Compute the forces on texels at the base of the cover; None if the method computes none.
+
+        Args:
+            forces: Forces on a window (rectangle) of cells, shape (rows, columns) [N].
+            origin: Row and column of the window's first cell in the grid.
+        """
         return None
 
 
 class CoverSolver(PressureSolver):
     """Solver for the pressure on a cover; the iteration of each contact starts from the previous solution.
 
-    A cover whose stiff top stretches under load has tables for some loads, which were fitted to a ball.  They apply to
-    a body with the same depth as the ball under the same load.  A body with a large face has a smaller depth and
-    stretches the cover less; the smaller load at which the ball has the same depth is then used.
+    A cover with a stiff foil on top becomes stiffer under load, because the foil stretches.  Such a cover has
+    compliances and influences for some loads of a ball.  For another body, they are taken at the load at which the ball
+    has the same depth as the body.  A body with a large face has a small depth and stretches the cover less.
     """
 
     def __init__(
@@ -312,16 +320,20 @@ class CoverSolver(PressureSolver):
         self.reset()
 
     def reset(self) -> None:
-        """Discard the last solution; the next iteration starts from uniform pressure."""
+        """Discard the last solution, so that the next iteration starts from uniform pressure."""
         self._last = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
         self._load, self._share = 0.0, math.nan
 
     def get_state(self) -> State:
-        """Return the last solution: row, column and pressure times area [N] of m cells, shape (3, m); and its load."""
+        """Return the last solution as arrays by name.
+
+        `last` holds row, column and pressure times area of a whole cell [N] of m cells, shape (3, m). `stretching`
+        holds the load of the tables in use [N], and its ratio to the largest force of a body [-].
+        """
         return {"stretching": np.array([self._load, self._share]), "last": np.array(self._last, dtype=np.float64)}
 
     def set_state(self, state: State) -> None:
-        """Restore what `get_state` returned."""
+        """Restore the last solution that `get_state` returned."""
         self._load, self._share = take_array(state, "stretching").tolist()
         row, column, pressure = take_array(state, "last")
         self._last = (row.astype(np.int64), column.astype(np.int64), pressure.copy())
@@ -337,13 +349,14 @@ class CoverSolver(PressureSolver):
         force, position = loads[heaviest].force, self._cells.position_among_loads
         known = not math.isnan(self._share)
         share = self._share if known else 1.0
-        # More solutions are allowed for the first reading of a contact than for later readings.
+        # The first reading of a contact may take 6 solutions, later readings 2, because they start near the result.
         for _ in range(2 if known else 6):
             self._load = share * force
             solution = self._solve_at(samples, loads, round(position(self._load)))
             if solution.approach is None:
                 break
-            # The factor allows for the error of depths, which depends on the position of a contact on the cells.
+            # Depths have an error that depends on the position of a contact on the cells.  The divisor 0.85 allows for
+            # it, so that a ball of the fitted size is not mistaken for a body with a large face.
             equal = min(force, self._cells.load_at_depth(float(solution.approach[heaviest]) / 0.85))
             share = math.sqrt(share * equal / force)
             if abs(position(equal) - position(self._load)) < 0.25:  # noqa: PLR2004 -- steps between tabulated loads
@@ -352,7 +365,13 @@ class CoverSolver(PressureSolver):
         return solution
 
     def _solve_at(self, samples: GapSamples, loads: Sequence[Load], nearest: int) -> PressureSolution:
-        """Compute the forces on the cells with the tables of one of the cover's loads; see `solve`."""
+        """Compute the forces on the cells with the compliance of the cover at one of its tabulated loads.
+
+        Args:
+            samples: Cells under each body, with their gaps.
+            loads: Force and moments of each body.
+            nearest: Index of the tabulated load, 0 for the cover without load.
+        """
         cells = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
         origin, shape, corner, weight, own = self._place(cells, self.grid.arrays, self._near[nearest], self._square)
         cover = (corner, weight, own, *self._cells.under_loads[nearest].convolution.matrices(*shape))
@@ -361,8 +380,9 @@ class CoverSolver(PressureSolver):
             self._last, (samples.row, samples.column, samples.coverage, samples.body), wanted, self._scratch
         )
         tolerance = self._tolerance * float(wanted.sum())
-        # The residual times the largest stiffness is a bound of the remaining change of the forces.  A quarter of the
-        # tolerance is used, because errors of successive accepted start values add up.
+        # The residual times the largest stiffness is a bound of the remaining change of the forces.  Only a quarter of
+        # the tolerance is allowed for it, because a start value may be accepted unchanged in several successive
+        # readings, and its errors add up.
         limits = (tolerance, 0.25 * tolerance / self._stiffest[nearest], self._steps)
         columns, target, approach = join_constraints(loads, samples.body, samples.place, samples.normal)
         found = self._minimise(cover, samples.gap, columns, target, start, limits)
@@ -408,7 +428,7 @@ def _find_largest_stiffness(kernel: FloatArray) -> float:
 def join_constraints(
     loads: Sequence[Load], owner: IntArray, place: FloatArray, normal: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[int]]:
-    """Join the constraints of several bodies on the forces on m cells or points, see `Load.build_constraints`.
+    """Join the linear constraints by which the loads of several bodies prescribe the forces on m cells or points.
 
     Args:
         loads: Load of each body.

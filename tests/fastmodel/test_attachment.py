@@ -7,8 +7,8 @@ import pytest
 import fastmodel
 from fastmodel import WTS_0614_34, FastModelError, Gaussian, Parameters
 from fastmodel.errors import LifeCycleError
-from fastmodel.pose import rotate
 from meshes import TexelArray
+from tests.support.quaternions import rotate
 from tests.support.scenes import run
 
 PARAMETERS = Parameters(

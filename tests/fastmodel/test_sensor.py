@@ -9,9 +9,9 @@ from scipy.signal import butter, sosfilt
 import fastmodel
 from fastmodel import WTS_0614_34, Butterworth, FastModelError, Gaussian, OptionWarning, Parameters
 from fastmodel.errors import LifeCycleError
-from fastmodel.pose import rotate
 from meshes import TexelArray
 from meshes.catalogue import ARRAYS
+from tests.support.quaternions import rotate
 from tests.support.scenes import make_spec, run
 
 WTS = ARRAYS["wts-0614-34"]

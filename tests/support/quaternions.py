@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 
 def multiply(first, second):
@@ -14,3 +15,8 @@ def multiply(first, second):
 def make_z_rotation(angle):
     """A rotation about z [rad]."""
     return np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
+
+
+def rotate(quaternion, vectors):
+    """Rotate vectors, shape (n, 3), by a quaternion with the scalar first."""
+    return Rotation.from_quat(quaternion, scalar_first=True).apply(vectors)

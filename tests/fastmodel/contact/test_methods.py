@@ -18,11 +18,11 @@ from fastmodel import (
     indent_together,
 )
 from fastmodel.errors import LifeCycleError, ParametersError
-from fastmodel.pose import rotate
 from meshes import Box, Cylinder, LetterH, Nut, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
 from tests.support.cover_data import WTS, cells, parameters
+from tests.support.quaternions import rotate
 from tests.support.scenes import bind, make_spec, run
 
 METHODS = ("boxes", "area", "foundation", "cover")

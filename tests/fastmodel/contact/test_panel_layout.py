@@ -8,11 +8,10 @@ import pytest
 
 import fastmodel
 from fastmodel import FastModelError, indent
-from fastmodel.pose import rotate
 from fastmodel.pressure.cell_grid import ScatteredBaseForces, divide_into_panels, lay_out
 from meshes import Box, Sphere, TexelArray
 from tests.support.cover_data import WTS, cells, parameters
-from tests.support.quaternions import make_z_rotation, multiply
+from tests.support.quaternions import make_z_rotation, multiply, rotate
 from tests.support.scenes import bind, make_spec, run
 
 PITCH = 3.4e-3

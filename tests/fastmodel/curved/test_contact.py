@@ -14,11 +14,11 @@ from fastmodel import WTS_0614_34, Parameters, Tabulated
 from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.points import pose_indenter, press_points, solve_pressure
 from fastmodel.errors import FastModelError
-from fastmodel.pose import rotate
 from fastmodel.pressure.solvers import Wrench
 from fastmodel.surface import CoverPoints
 from meshes import Sphere, TexelArray
 from meshes.pose import Pose
+from tests.support.quaternions import rotate
 from tests.support.scenes import make_spec, run
 
 LOAD = 0.5
