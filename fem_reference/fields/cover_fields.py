@@ -7,14 +7,12 @@ layer).  The stress may be discontinuous between layers, so that the nodes on an
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from fem_reference.elements.line import sum_blocks
 from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.loading_path import Units
@@ -102,18 +100,6 @@ class CoverFields:
             stress=np.einsum("ij,njk,lk->nil", turn, self.stress, turn),
         )
 
-    def pack(self, key: str) -> dict[str, Any]:
-        """Return the arrays by name, each name with the prefix `key`, for the result store."""
-        return {f"{key}_{name}": getattr(self, name) for name in self.__dataclass_fields__}
-
-    @classmethod
-    def unpack(cls, data: Mapping[str, Any], key: str) -> CoverFields | None:
-        """Build fields from arrays that `pack` returned; None if there are none with this prefix."""
-        if f"{key}_position" not in data:
-            return None
-        arrays = {name: data[f"{key}_{name}"] for name in cls.__dataclass_fields__}
-        return cls(**arrays | {"axisymmetric": bool(arrays["axisymmetric"])})
-
 
 def recover_fields(
     solid: Solid, state: FloatArray, units: Units, *, load_scale: float = 1.0, linear: bool = False
@@ -154,15 +140,12 @@ def _project(elements: MixedElements, values: FloatArray) -> FloatArray:
     rows, shape = elements.pressure_cells, elements.pressure_shape
     weighted = shape * elements.weight[..., None]
     mass = np.einsum("eqa,eqb->eab", weighted, shape)
-    i = np.broadcast_to(rows[:, :, None], mass.shape).ravel()
-    j = np.broadcast_to(rows[:, None, :], mass.shape).ravel()
     n = elements.pressures
     right = np.zeros((n, 9))
     np.add.at(right, rows, np.einsum("eqa,eqij->eaij", weighted, values).reshape(*rows.shape, 9))
-    matrix = sp.coo_matrix((mass.ravel(), (i, j)), shape=(n, n)).tocsc()
-    return np.asarray(splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(right)).reshape(
-        n, 3, 3
-    )
+    matrix = sum_blocks(mass, rows, rows, (n, n)).tocsc()
+    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    return np.asarray(factors.solve(right)).reshape(n, 3, 3)
 
 
 def _order_corners(elements: MixedElements) -> IntArray:

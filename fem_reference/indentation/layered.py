@@ -29,8 +29,8 @@ from fem_reference.errors import (
 from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, estimate_spread
-from fem_reference.indentation.problem import PressProblem
-from fem_reference.indentation.result import Indentation, warn_of_errors
+from fem_reference.indentation.result import Indentation, PressProblem, warn_of_errors
+from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.materials import describe_instability, warn_of_instability
 from meshes import Cover, tilt_indenter
 from meshes.array_types import FloatArray
@@ -66,6 +66,11 @@ _NEARLY: dict[Control, float] = {"load": 0.7, "depth": 0.9}
 _LEAST_SPACING = 0.97
 #: Fraction of the first target that is solved if the stopped solution reached no load or depth [-].
 _PART = 0.2
+#: Distance between a contact and the sides of the cover above which the sides are neglected at finite strain or with
+#: friction, over the decay length of the cover's response; the key is the kind of base [-].
+_FAR_SIDES = {"bonded": 4.0, "sliding": 15.0}
+#: Relative error of the force that is stated where the sides of the cover are neglected [-].
+_SIDES_ERROR = 1e-3
 
 
 def press_layers(cover: Cover, problem: PressProblem) -> list[Indentation]:
@@ -110,7 +115,8 @@ def press_layers(cover: Cover, problem: PressProblem) -> list[Indentation]:
         fields=problem.fields,
     )
     place = Place(array=problem.array, pose=replace(pose, tilt=(0.0, 0.0)))
-    return LayerPress(place=place, progress=problem.progress).refine(path, problem.accuracy)
+    press = LayerPress(place=place, progress=problem.progress)
+    return press.solve_as_far(path) if problem.accuracy is None else press.refine(path, problem.accuracy)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,14 +131,14 @@ class LayerPress:
     place: Place
     progress: Progress = None
 
-    def refine(self, path: LoadingPath, accuracy: float | None) -> list[Indentation]:
-        """Solve a loading path, on finer and finer grids until the estimated errors are below a wanted accuracy.
+    def refine(self, path: LoadingPath, accuracy: float) -> list[Indentation]:
+        """Solve a loading path on finer and finer grids until the estimated errors are at most the wanted accuracy.
 
         Args:
             path: Cover, indenter, targets and friction.
-            accuracy: Wanted relative error; None for the first grids [-].
+            accuracy: Wanted relative error [-].
         """
-        finest = self.count_refinements(path) if accuracy is not None else 0
+        finest = self.count_refinements(path)
         best: list[Indentation] = []
         least = np.inf
         for refinement in range(finest + 1):
@@ -143,14 +149,14 @@ class LayerPress:
                     raise
                 break  # The results of the coarser grids are complete.
             reached = max(max(each.error_estimate.values()) for each in results)
-            if accuracy is None or reached <= accuracy:
+            if reached <= accuracy:
                 return results
             if reached < least:  # The estimate need not decrease from grid to grid.
                 best, least = results, reached
             if self.progress is not None and refinement < finest:
                 wanted = f"{100 * accuracy:.3g} % wanted"
                 self.progress(f"estimated error {100 * reached:.3g} %, {wanted}: a finer grid is added")
-        return [_state_missed_accuracy(each, accuracy or 0.0) for each in best]
+        return [_state_missed_accuracy(each, accuracy) for each in best]
 
     def solve_as_far(self, path: LoadingPath, refinement: int = 0) -> list[Indentation]:
         """Solve a loading path; if it stops early, solve the part that was reached and report both.
@@ -197,12 +203,13 @@ class LayerPress:
                 without friction, the load at a depth of almost the thickness.
         """
         started = time.perf_counter()
-        study, thickness = self.study(path, refinement), path.cover.thickness
+        solve = small_strain.study_path if _is_linear(path) else study_nonlinear
+        study, thickness = solve(path, self.place, self.progress, refinement), path.cover.thickness
         for grids, load in zip(study.solutions, path.targets, strict=True):
             if grids[-1].depth >= thickness:
                 most = (_LARGEST_DEPTH * thickness,)
                 bare = replace(path, targets=most, control="depth", friction=0.0, fields=False)
-                largest = small_strain.solve_path(bare, self.place, None)[0][-1].total_force
+                largest = small_strain.study_path(bare, self.place, None).solutions[0][-1].total_force
                 raise PiercedError(
                     f"{load:.4g} N would pierce the cover ({grids[-1].depth * 1e3:.3g} mm deep, the cover has "
                     f"{thickness * 1e3:.4g} mm); use at most {largest:.3g} N, a wider indenter or a stiffer cover",
@@ -214,21 +221,68 @@ class LayerPress:
         count = len(path.targets)
         return [_combine_grids(study, number, path, self.place, seconds=seconds) for number in range(count)]
 
-    def study(self, path: LoadingPath, refinement: int) -> GridStudy:
-        """Solve a loading path on three grids by the solver for its strain, friction and cover."""
-        if _is_linear(path):
-            return small_strain.study_path(path, self.place, self.progress, refinement)
-        from fem_reference.indentation import nonlinear
-
-        return nonlinear.study_path(path, self.place, self.progress, refinement)
-
     def count_refinements(self, path: LoadingPath) -> int:
         """Return how often the grids of a loading path can be refined."""
         if _is_linear(path):
             return len(small_strain.CELLS) - 3
-        from fem_reference.indentation import nonlinear
+        from fem_reference.indentation import finite_strain
+        from fem_reference.small_strain_contact import friction_rings
 
-        return nonlinear.count_refinements(path, self.place, self.progress)
+        small, cover = path.cover.small_strain_only, path.cover
+        if small and np.isinf(path.friction) and path.indenter.is_flat:
+            return 0  # the grids of a face without slip are fixed
+        if is_far_from_sides(path, self.place, self.progress):
+            cover = replace(cover, size=None)
+        if not finite_strain.is_in_plane(replace(path, cover=cover)):
+            return 0  # finer grids are not feasible in three dimensions
+        return len(friction_rings.GRIDS if small else finite_strain.GRIDS) - 3
+
+
+def study_nonlinear(path: LoadingPath, place: Place, progress: Progress, refinement: int = 0) -> GridStudy:
+    """Solve a loading path with friction or at finite strain on three grids, by the solver for its strain and cover.
+
+    Args:
+        path: Cover, indenter, targets and friction.
+        place: Array, and pose of the indenter.
+        progress: Called with a line of text before each step.
+        refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
+    """
+    from fem_reference.indentation import finite_strain
+    from fem_reference.small_strain_contact import friction_rings, no_slip
+
+    if is_far_from_sides(path, place, progress):
+        study = study_nonlinear(replace(path, cover=replace(path.cover, size=None)), place, progress, refinement)
+        return replace(
+            study,
+            least_error=max(study.least_error, _SIDES_ERROR),
+            assumptions=study.assumptions | {"sides": "too far from the contact to matter"},
+        )
+    small, in_plane = path.cover.small_strain_only, finite_strain.is_in_plane(path)
+    rubbing = None
+    # Not in three dimensions at finite strain, where the correction would have a larger effect of rounded edges.
+    if np.isinf(path.friction) and path.indenter.is_flat and (small or in_plane):
+        rubbing = no_slip.study_path(path, place, progress)
+    if rubbing is None and path.friction and in_plane:
+        rubbing = friction_rings.study_path(path, progress, refinement)
+    if rubbing is not None and small:
+        return rubbing
+    if rubbing is not None and max(each.depth for each in rubbing.solutions[-1]) >= path.cover.thickness:
+        rubbing = None  # Rubber bears loads at which the small-strain solution pierces the cover.
+    return finite_strain.study_path(path, place, progress, refinement, rubbing)
+
+
+def is_far_from_sides(path: LoadingPath, place: Place, progress: Progress = None) -> bool:
+    """Return whether the effect of the cover's sides on a contact is negligible, so that a wide cover can be solved.
+
+    Fields extend to the sides, so that a path with fields is solved with the sides.
+    """
+    cover = path.cover
+    if cover.size is None or path.fields:
+        return False
+    wide = replace(cover, size=None)
+    contact = small_strain.estimate_contact(replace(path, cover=wide), None, progress)
+    nearest = min(edge / 2 - abs(at) for edge, at in zip(cover.size, place.pose.at, strict=True))
+    return bool(nearest - np.hypot(*contact.T).max() > _FAR_SIDES[cover.base] * decay_length(wide))
 
 
 def _state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:

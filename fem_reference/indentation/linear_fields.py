@@ -8,8 +8,6 @@ displacements of the top are known and are prescribed instead.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fem_reference.elements.grading import grade_contact, grade_outward
@@ -104,7 +102,7 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, depth: float) ->
     load = np.zeros(elements.displacements + elements.pressures)
     load[2 * top + 1] = -(Line(edges=radii, order=2).at(r).T @ contact[:, 2]) / units.force
     under = top[elements.nodes[top, 0] < path.indenter.footprint[0] / units.length + _ON_BOUNDARY]
-    return _solve(path, elements, load, radial.constrained, _Sticking(nodes=under, depth=depth / units.length))
+    return _solve(path, elements, load, radial.constrained, under=under, depth=depth / units.length)
 
 
 def _solve_wide_block(path: LoadingPath, contact: FloatArray, depth: float) -> CoverFields:
@@ -142,30 +140,37 @@ def _solve_block(path: LoadingPath, contact: FloatArray, block: Block, depth: fl
     constrained = find_constrained(block, elements, bonded=path.cover.base == "bonded")
     face, place = path.indenter, block.surface.pose.to_indenter(x[top] * units.length, y[top] * units.length)
     inside = face.signed_distance(*place) / units.length if isinstance(face, FlatPunch) else np.zeros(len(top))
-    sticking = _Sticking(nodes=top[inside > -_ON_BOUNDARY], depth=depth / units.length)
-    return _solve(path, elements, load, constrained, sticking).unfold(block.symmetric)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Sticking:
-    """Nodes of the top under a flat face, which stick to it without slip, and the depth of the face [thicknesses]."""
-
-    nodes: IntArray
-    depth: float
+    under = top[inside > -_ON_BOUNDARY]
+    return _solve(path, elements, load, constrained, under=under, depth=depth / units.length).unfold(block.symmetric)
 
 
 def _solve(
-    path: LoadingPath, elements: MixedElements, load: FloatArray, constrained: IntArray, sticking: _Sticking
+    path: LoadingPath,
+    elements: MixedElements,
+    load: FloatArray,
+    constrained: IntArray,
+    *,
+    under: IntArray,
+    depth: float,
 ) -> CoverFields:
-    """Solve the linear system of a meshed cover under nodal forces, or without slip under known displacements."""
+    """Solve the linear system of a meshed cover under nodal forces, or without slip under known displacements.
+
+    Args:
+        path: Cover and friction; with friction the indenter is a flat face without slip.
+        elements: Elements of the cover, in units of its thickness.
+        load: Force on each of n unknowns, used without friction, shape (n,) [units of force].
+        constrained: Indices of the unknowns that are zero.
+        under: Nodes of the top under a flat face, which moves them down by `depth` and not sideways.
+        depth: Depth of the face, used with friction [thicknesses].
+    """
     units = Units.of(path.cover)
     solid = Solid.from_cover(elements, path.cover, units)
     matrix = solid.linearise_at_rest().stiffness
     value = np.zeros_like(load)
     if path.friction:
         d, load = elements.dimension, np.zeros_like(load)
-        value[d * sticking.nodes + d - 1] = -sticking.depth
-        constrained = np.concatenate([constrained, *(d * sticking.nodes + axis for axis in range(d))])
+        value[d * under + d - 1] = -depth
+        constrained = np.concatenate([constrained, *(d * under + axis for axis in range(d))])
     fixed = np.unique(constrained)
     state = ConstrainedSystem(fixed).factorise(matrix).solve(load, value[fixed])
     return recover_fields(solid, state, units, linear=True)

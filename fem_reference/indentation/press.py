@@ -13,8 +13,7 @@ from typing import Literal
 import numpy as np
 
 from fem_reference.finite_strain.loading_path import Control
-from fem_reference.indentation.problem import STRAINS, PressProblem
-from fem_reference.indentation.result import Indentation
+from fem_reference.indentation.result import STRAINS, Indentation, PressProblem
 from meshes import Cover, Indenter, Pose, SolidCover, TexelArray
 
 #: Pose above the middle of a flat array, along -z.

@@ -1,19 +1,52 @@
-"""The result of a press, the same for covers of every kind."""
+"""Request and result of a press, the same for covers of every kind."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
+from fem_reference.finite_strain.loading_path import Control
+from meshes import Indenter, Pose, TexelArray
 from meshes.array_types import FloatArray
 
 if TYPE_CHECKING:
     from fem_reference.fields.cover_fields import CoverFields
     from meshes.solids import SolidMesh
 
+#: Kinds of strain that a user can request.
+STRAINS = ("small", "finite")
 #: Estimated relative error above which a result has a warning [-].
 _LARGE_ERROR = 0.05
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PressProblem:
+    """Request to a solver of presses: everything except the cover, with checked values.
+
+    Attributes:
+        array: Array with the texels under the cover.
+        indenter: Indenter with its shape.
+        pose: Pose of the indenter, and direction of its motion.
+        targets: Target loads [N] or depths [m], ascending.
+        control: Whether the targets are loads or depths.
+        friction: Coefficient of Coulomb friction between indenter and cover, inf for no slip [-].
+        strain: Requested kind of strain; None for the default of the solver.
+        accuracy: Wanted relative error; None for the usual grids [-].
+        fields: Whether the results have displacement and stress in the cover.
+        progress: Called with a line of text before each solve; None for no reports.
+    """
+
+    array: TexelArray
+    indenter: Indenter
+    pose: Pose
+    targets: tuple[float, ...]
+    control: Control
+    friction: float = 0.0
+    strain: Literal["small", "finite"] | None = None
+    accuracy: float | None = None
+    fields: bool = False
+    progress: Callable[[str], None] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

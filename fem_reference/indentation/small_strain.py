@@ -40,33 +40,9 @@ _FULL = 0.98
 
 
 def study_path(path: LoadingPath, place: Place | None, progress: Progress, refinement: int = 0) -> GridStudy:
-    """Solve a frictionless loading path on three grids.
+    """Solve a frictionless loading path at small strain on three grids, or read the solutions from the result store.
 
-    Args:
-        path: Cover, indenter, and target loads or depths.
-        place: Array, and pose of the indenter; required on a cover of limited size, see `solve_path`.
-        progress: Called with a line of text before each solve.
-        refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
-
-    Returns:
-        The solutions of every target, and how they converge.
-    """
-    return GridStudy(
-        solutions=solve_path(path, place, progress, refinement),
-        least_order=1.0,
-        most_order=1.0,
-        extrapolate=path.indenter.is_flat,
-        least_error=_LEAST_ERROR if path.cover.size is None else _LEAST_ERROR_LIMITED,
-        assumptions={},
-    )
-
-
-def solve_path(
-    path: LoadingPath, place: Place | None, progress: Progress, refinement: int = 0
-) -> list[list[GridSolution]]:
-    """Solve a frictionless loading path at small strain, or read the solutions from the result store.
-
-    The contact area under a flat face does not depend on the load, so a flat face is solved once and scaled.
+    The solution under a flat face is proportional to the load, so a flat face is solved once and scaled.
 
     Args:
         path: Cover, indenter, and target loads or depths.
@@ -75,26 +51,33 @@ def solve_path(
         refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
 
     Returns:
-        For each target the solutions on the three grids, coarsest first.
+        For each target the solutions on the three grids, coarsest first, and how they converge.
     """
-    response = _solve_response(path, place, progress)
-
-    def solve(target: LoadingPath) -> list[GridSolution]:
-        """Solve a loading path of one target on the three grids."""
-        return [
-            _build_solution(_solve_contact(target, place, progress, grid), path.indenter, response)
+    response, flat = _solve_response(path, place, progress), path.indenter.is_flat
+    parts = [replace(path, targets=(target,)) for target in path.targets]
+    if flat:
+        parts = [replace(path, targets=(path.cover.thickness,), control="depth")]
+    solutions = [
+        [
+            _build_solution(_solve_contact(part, place, progress, grid), path.indenter, response)
             for grid in range(refinement, refinement + 3)
         ]
-
-    if not path.indenter.is_flat:
-        return [solve(replace(path, targets=(target,))) for target in path.targets]
-    # The solution is linear, so that any depth can be used.
-    grids = solve(replace(path, targets=(path.cover.thickness,), control="depth"))
-    reached = [each.depth if path.control == "depth" else each.total_force for each in grids]
-    return [
-        [scale_solution(each, target / value) for each, value in zip(grids, reached, strict=True)]
-        for target in path.targets
+        for part in parts
     ]
+    if flat:
+        reached = [each.depth if path.control == "depth" else each.total_force for each in solutions[0]]
+        solutions = [
+            [scale_solution(each, target / value) for each, value in zip(solutions[0], reached, strict=True)]
+            for target in path.targets
+        ]
+    return GridStudy(
+        solutions=solutions,
+        least_order=1.0,
+        most_order=1.0,
+        extrapolate=flat,
+        least_error=_LEAST_ERROR if path.cover.size is None else _LEAST_ERROR_LIMITED,
+        assumptions={},
+    )
 
 
 def solve_coarse(path: LoadingPath, progress: Progress) -> list[GridSolution]:

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,7 @@ from fem_reference.elements.line import Line, interpolation_matrix, line_matrix
 from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.finite_strain.loading_path import Units
 from fem_reference.grid_convergence import grid_convergence
-from fem_reference.linear_response.point_spread import load_texel
+from fem_reference.linear_response.point_spread import TexelInfluence
 from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, TexelArray
@@ -55,8 +55,6 @@ class FiniteCoverSettings:
     #: Exponent of the heights of the element edges in the bottom layer; above 1 the elements are small at the base,
     #: where the texel edges are [-].
     crowding: float = 1.5
-    #: Gauss points along a side of a texel, per cover thickness, for uniform pressure on the texel [-].
-    texel_points: int = 12
     #: Points in the search for the half width of a texel's response [-].
     width_points: int = 400
     #: Largest distance from the edge of the texel in the search for the half width, over the cover thickness [-].
@@ -267,18 +265,9 @@ class AdjointSolution:
     texels: FloatArray
     whole: FloatArray
 
-    def interpolate(self, x: FloatArray, y: FloatArray) -> sp.csr_matrix:
-        """Create the matrix that interpolates the values at the m top nodes to k positions, shape (k, m).
-
-        Args:
-            x: x coordinates of the positions, from the middle of the cover, shape (k,) [thicknesses].
-            y: y coordinates of the positions, from the middle of the cover, shape (k,) [thicknesses].
-        """
-        return interpolation_matrix(self.x, self.y, x, y)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SolidInfluence:
+class SolidInfluence(TexelInfluence):
     """Forces on the texels of one array per unit load on a cover of limited size.
 
     Attributes:
@@ -290,9 +279,10 @@ class SolidInfluence:
     cover: Cover
     array: TexelArray
     grids: tuple[AdjointSolution, ...]
+    points_per_thickness: ClassVar[int] = 12
 
     @property
-    def thickness(self) -> float:
+    def thickness(self) -> float:  # type: ignore[override]
         """Thickness of the cover [m]."""
         return self.cover.thickness
 
@@ -312,21 +302,6 @@ class SolidInfluence:
         self._check_array(array)
         return np.where(array.active, self._evaluate(self.grids[-1], self._check_positions(positions)), 0.0)
 
-    def texel_response(
-        self, array: TexelArray, load: Literal["point", "uniform"] = "point", texel: int | None = None
-    ) -> FloatArray:
-        """Compute the force on every texel for a unit load on the cover above one texel.
-
-        Args:
-            array: Array that was solved for; its mask may differ, and inactive texels get 0.
-            load: Point load above the centre of the texel, or the same force as uniform pressure over the texel.
-            texel: Index of the loaded texel; None for the texel in row `rows // 2`, column `columns // 2`.
-
-        Returns:
-            Force on each of n texels, shape (n,) [-].
-        """
-        return load_texel(self, array, load, texel, points_per_thickness=_SETTINGS.texel_points)
-
     def outside(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
         """Compute the part of a unit point load that no active texel measures: force on the base less texel forces.
 
@@ -339,20 +314,13 @@ class SolidInfluence:
         """
         places = self._check_positions(positions)
         grid = self.grids[-1]
-        whole = grid.interpolate(*np.abs(places / self.thickness).T) @ grid.whole.ravel()
+        whole = interpolation_matrix(grid.x, grid.y, *np.abs(places / self.thickness).T) @ grid.whole.ravel()
         return np.asarray(whole - self.texel_influence(array, places).sum(axis=1))
 
     def base_forces(self, array: TexelArray, x: FloatArray, y: FloatArray, loads: FloatArray) -> FloatArray:
-        """Compute the forces on the base under point loads on a grid of positions.
+        """Sum the influences of the loads, see `TexelInfluence.base_forces`.
 
-        Args:
-            array: Array that was solved for, with n texels; its mask may differ, and inactive texels get 0.
-            x: Positions of the loads along x in the frame of the array, shape (m,) [m].
-            y: Positions of the loads along y, shape (p,) [m].
-            loads: Load at each position, shape (m, p) [N].
-
-        Returns:
-            Force on each texel, then the force outside the active texels, shape (n + 1,) [N].
+        The texels of `array` are those that were solved for; its mask may differ.
         """
         rows, columns = np.nonzero(loads)
         places, force = np.column_stack([x[rows], y[columns]]), loads[rows, columns]
@@ -407,7 +375,7 @@ class SolidInfluence:
     def _evaluate(self, grid: AdjointSolution, places: FloatArray) -> FloatArray:
         """Compute the force on each of n texels, active or not, per unit load at k positions [m], shape (k, n) [-]."""
         texels = MirroredTexels.group(self.array, self.thickness)
-        at_places = grid.interpolate(*np.abs(places / self.thickness).T)
+        at_places = interpolation_matrix(grid.x, grid.y, *np.abs(places / self.thickness).T)
         side = np.where(places < 0, -1.0, 1.0)
         out = np.zeros((len(places), self.array.count))
         for parity, solution in zip(PARITIES, grid.texels, strict=True):

@@ -19,10 +19,11 @@ effect on every polynomial of the position up to degree 5.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, Protocol
+from typing import ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -41,8 +42,6 @@ from meshes.pose import Pose
 class PointSpreadSettings:
     """Constants of the point spread function, of its integrals over texels and of sums of many forces."""
 
-    #: Gauss points along a side of a texel per cover thickness, for uniform pressure on the texel [-].
-    texel_points: int = 6
     #: Smallest number of Gauss points along a side of a texel [-].
     least_points: int = 8
     #: Equal panels near the axis, in integrals of the base pressure over the distance from the axis [-].
@@ -70,30 +69,66 @@ _SETTINGS = PointSpreadSettings()
 GRIDS = (8, 12, 18)
 
 
-class TexelInfluence(Protocol):
-    """Interface of a solution that gives the texel forces due to point loads anywhere on a cover."""
+class TexelInfluence(ABC):
+    """Solution that gives the texel forces due to point loads anywhere on a cover."""
+
+    #: Gauss points of a uniform pressure on a texel, per cover thickness along the longer side of the texel [-].
+    points_per_thickness: ClassVar[int]
+    #: Thickness of the cover [m].
+    thickness: float
 
     @property
-    def thickness(self) -> float:
-        """Thickness of the cover [m]."""
-
-    @property
+    @abstractmethod
     def on_grids(self) -> Sequence[TexelInfluence]:
         """The solutions on three grids, coarsest first; the last is this solution."""
 
     @property
+    @abstractmethod
     def sizes(self) -> Sequence[float]:
         """Element sizes of the three grids, coarsest first; only their ratios are used [-]."""
 
+    @abstractmethod
     def texel_influence(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
         """Compute the force on each of n texels per unit point load at each of k positions, shape (k, n) [-]."""
 
+    @abstractmethod
     def base_forces(self, array: TexelArray, x: FloatArray, y: FloatArray, loads: FloatArray) -> FloatArray:
-        """Compute the forces on n texels and outside them under loads on a grid of points, shape (n + 1,) [N]."""
+        """Compute the forces on the base under point loads on a grid of positions.
+
+        Args:
+            array: Planar array with n texels; inactive texels get 0.
+            x: Positions of the loads along x in the frame of the array, shape (m,) [m].
+            y: Positions of the loads along y, shape (p,) [m].
+            loads: Load at each position, shape (m, p) [N].
+
+        Returns:
+            Force on each texel, then the force outside the active texels, shape (n + 1,) [N].
+        """
+
+    def texel_response(
+        self, array: TexelArray, load: Literal["point", "uniform"] = "point", texel: int | None = None
+    ) -> FloatArray:
+        """Compute the force on every texel for a unit load on the cover above one texel.
+
+        Args:
+            array: Planar array.
+            load: Point load above the centre of the texel, or the same force as uniform pressure over the texel.
+            texel: Index of the loaded texel; None for the texel in row `rows // 2`, column `columns // 2`.
+
+        Returns:
+            Force on each of n texels, shape (n,) [-].
+        """
+        centre = array.centres[array.middle if texel is None else texel, :2]
+        nodes, weights = np.zeros(1), np.full(1, 2.0)
+        if load == "uniform":
+            count = int(self.points_per_thickness * max(array.texel_size) / self.thickness)
+            nodes, weights = np.polynomial.legendre.leggauss(max(_SETTINGS.least_points, count))
+        x, y = centre[:, None] + nodes * np.array(array.texel_size)[:, None] / 2
+        return self.base_forces(array, x, y, np.outer(weights, weights) / 4)[:-1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PointSpread:
+class PointSpread(TexelInfluence):
     """Axisymmetric base pressure per unit point load on a laterally wide cover.
 
     Attributes:
@@ -109,6 +144,7 @@ class PointSpread:
     reaction: float
     thickness: float
     coarse: tuple[PointSpread, ...] = ()
+    points_per_thickness: ClassVar[int] = 6
 
     @property
     def reach(self) -> float:
@@ -139,17 +175,7 @@ class PointSpread:
         return np.where(array.active, _difference(corner, texel), 0.0)
 
     def base_forces(self, array: TexelArray, x: FloatArray, y: FloatArray, loads: FloatArray) -> FloatArray:
-        """Compute the forces on the base under point loads on a grid of positions.
-
-        Args:
-            array: Planar array with n texels; inactive texels get 0.
-            x: Positions of the loads along x in the frame of the array, shape (m,) [m].
-            y: Positions of the loads along y, shape (p,) [m].
-            loads: Load at each position, shape (m, p) [N].
-
-        Returns:
-            Force on each texel, then the force outside the active texels, shape (n + 1,) [N].
-        """
+        """Integrate the base pressure over the texels and along their outline, see `TexelInfluence.base_forces`."""
         edges_x, edges_y, texel = _find_edges(array)
         corner = self._corners.sum_loads((edges_x, edges_y), (x, y, loads))
         texels = np.where(array.active, _difference(corner, texel), 0.0)
@@ -159,21 +185,6 @@ class PointSpread:
         beside = self._outlines.sum_loads((edges_y, edges_x), (y, x, loads.T)).T
         on_texels += (np.diff(beside, axis=0) * level).sum()
         return np.append(texels, self.reaction * loads.sum() - on_texels)
-
-    def texel_response(
-        self, array: TexelArray, load: Literal["point", "uniform"] = "point", texel: int | None = None
-    ) -> FloatArray:
-        """Compute the force on every texel for a unit load on the cover above one texel.
-
-        Args:
-            array: Planar array.
-            load: Point load above the centre of the texel, or the same force as uniform pressure over the texel.
-            texel: Index of the loaded texel; None for the texel in row `rows // 2`, column `columns // 2`.
-
-        Returns:
-            Force on each of n texels, shape (n,) [-].
-        """
-        return load_texel(self, array, load, texel, points_per_thickness=_SETTINGS.texel_points)
 
     def outside(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
         """Compute the part of a unit point load that no active texel measures, by integrals along the texels' outline.
@@ -274,36 +285,6 @@ class PointSpread:
             value = self._within / self.radius**2
         value[0] = float(self.pressure(np.zeros(1))[0]) / 2
         return CubicSpline(self.radius, value, bc_type=("clamped", "not-a-knot"))
-
-
-def load_texel(
-    source: TexelInfluence,
-    array: TexelArray,
-    load: Literal["point", "uniform"],
-    texel: int | None,
-    *,
-    points_per_thickness: int,
-) -> FloatArray:
-    """Compute the force on every texel for a unit load on the cover above one texel.
-
-    Args:
-        source: Solution that gives the texel forces due to point loads.
-        array: Planar array.
-        load: Point load above the centre of the texel, or the same force as uniform pressure over the texel.
-        texel: Index of the loaded texel; None for the texel in row `rows // 2`, column `columns // 2`.
-        points_per_thickness: Number of Gauss points of the uniform pressure, per cover thickness along the longer side
-            of the texel [-].
-
-    Returns:
-        Force on each of n texels, shape (n,) [-].
-    """
-    centre = array.centres[array.middle if texel is None else texel, :2]
-    nodes, weights = np.zeros(1), np.full(1, 2.0)
-    if load == "uniform":
-        count = max(_SETTINGS.least_points, int(points_per_thickness * max(array.texel_size) / source.thickness))
-        nodes, weights = np.polynomial.legendre.leggauss(count)
-    x, y = centre[:, None] + nodes * np.array(array.texel_size)[:, None] / 2
-    return source.base_forces(array, x, y, np.outer(weights, weights) / 4)[:-1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -257,10 +257,16 @@ def surface_compliance(
     farthest = _SETTINGS.decay * max(decay_length(cover), membrane_length(cover))
     decayed, reach = reach >= farthest, min(reach, farthest)
     k, weight = _wave_numbers(cover, reach)
-    solved = _interpolate_waves(cover, k, elements_per_layer)
+    # The compliance times the wave number is smooth over the logarithm of the wave number, and constant for a half
+    # space, so that it is solved at few wave numbers and interpolated.
+    first, last = np.log(k[[0, -1]])
+    count = int(np.ceil(_SETTINGS.solved_waves * (last - first))) + 1
+    solved = np.exp(np.linspace(first, last, count)) if count < len(k) else k
+    scaled = solved * solve_waves(cover, solved, elements_per_layer=elements_per_layer).compliance
+    compliance = CubicSpline(np.log(solved), scaled)(np.log(k)) / k
     half_space = (1 - top.material.poisson_ratio) / (top.material.shear_modulus * k)  # Johnson 1985, eq. 2.61
     fade = np.cos(np.pi / 2 * np.clip((k / k[-1] - _SETTINGS.fade) / (1 - _SETTINGS.fade), 0, 1)) ** 2
-    excess = (solved - half_space) * fade * k * weight / (2 * np.pi)
+    excess = (compliance - half_space) * fade * k * weight / (2 * np.pi)
     fine = min(layer.thickness for layer in cover.layers) / _SETTINGS.table_points
     step = min(max(fine, top.thickness / _SETTINGS.most_per_layer), reach / _SETTINGS.least_points)
     growing = growing_steps(
@@ -277,21 +283,6 @@ def surface_compliance(
         scale=top.thickness,
         thickness=cover.thickness,
     )
-
-
-def _interpolate_waves(cover: Cover, wave_number: FloatArray, elements_per_layer: int) -> FloatArray:
-    """Compute the compliance at ascending wave numbers, shape (m,) [m/Pa].
-
-    The compliance is smooth over the logarithm of the wave number, so that many wave numbers need few solutions.
-    """
-    first, last = np.log(wave_number[[0, -1]])
-    count = int(np.ceil(_SETTINGS.solved_waves * (last - first))) + 1
-    if count >= len(wave_number):
-        return solve_waves(cover, wave_number, elements_per_layer=elements_per_layer).compliance
-    solved = np.exp(np.linspace(first, last, count))
-    # Times the wave number, the compliance tends to that of the half space, which is constant.
-    compliance = solve_waves(cover, solved, elements_per_layer=elements_per_layer).compliance
-    return np.asarray(CubicSpline(np.log(solved), solved * compliance)(np.log(wave_number)) / wave_number)
 
 
 def _wave_numbers(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:

@@ -7,7 +7,7 @@ import pytest
 
 from fem_reference import press, press_path
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.indentation.nonlinear import is_far_from_sides
+from fem_reference.indentation.layered import is_far_from_sides
 from fem_reference.linear_response.finite_cover import GRIDS, choose_grids
 from meshes import Box, Cylinder, Sphere, TexelArray
 from meshes.pose import Place, Pose

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.indentation.small_strain import solve_path
+from fem_reference.indentation.small_strain import study_path
 from meshes import Cylinder, Sphere, TexelArray
 from meshes.pose import Pose
 from tests.support.rubber import make_cover
@@ -23,8 +23,8 @@ COVER = make_cover(0.45, "linear-elastic")
 def test_a_flat_face_at_another_load_is_the_first_solution_scaled(control):
     targets = (1.0, 2.5) if control == "load" else (0.1e-3, 0.25e-3)
     path = LoadingPath(cover=COVER, indenter=Cylinder(radius=2e-3), targets=targets, control=control)
-    both = solve_path(path, None, None)
-    alone = solve_path(replace(path, targets=targets[1:]), None, None)
+    both = study_path(path, None, None).solutions
+    alone = study_path(replace(path, targets=targets[1:]), None, None).solutions
     for scaled, solved in zip(both[1], alone[0], strict=True):
         for name in ("total_force", "depth", "area"):
             assert getattr(scaled, name) == pytest.approx(getattr(solved, name), rel=1e-6)
@@ -37,7 +37,7 @@ def test_a_flat_face_at_another_load_is_the_first_solution_scaled(control):
 @pytest.fixture(scope="module")
 def ball():
     path = LoadingPath(cover=COVER, indenter=Sphere(radius=4e-3), targets=(0.2e-3,), control="depth")
-    return path, solve_path(path, None, None)[0]
+    return path, study_path(path, None, None).solutions[0]
 
 
 @settings(max_examples=15, deadline=None)
@@ -54,4 +54,4 @@ def test_a_cover_of_limited_size_needs_a_place():
         cover=replace(COVER, size=(8e-3, 8e-3)), indenter=Sphere(radius=4e-3), targets=(1.0,), control="load"
     )
     with pytest.raises(ValueError, match="depends on the place"):
-        solve_path(path, None, None)
+        study_path(path, None, None)

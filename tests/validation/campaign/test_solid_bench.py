@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem_reference.curved_cover.press import press_small
-from fem_reference.indentation.problem import PressProblem
+from fem_reference.indentation.result import PressProblem
 from fem_reference.result_store import NotStoredError, stored_only
 from meshes import Material
 from meshes.bounded_file import parse_toml
