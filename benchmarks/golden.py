@@ -44,6 +44,7 @@ CHANGED: tuple[tuple[str, str], ...] = (
     ("* *.comparison_models*.parameters.*", "of a range of parameters with the same score the smallest counts"),
     ("* contents.*/contact.csv.*", "contact.csv has points in space and force vectors for covers of every kind"),
     ("* files.*texels.csv", "press --out writes the forces of the texels for covers of every kind"),
+    ("* files.*scores.csv", "a report holds its scores as CSV too"),
     ("* *.solution_verification*.unit", "units are written in one way"),
     ("curved-* *.texel_forces*", "texel forces of curved sensors are images of rows and columns"),
 )

@@ -180,7 +180,7 @@ class Material:
         return replace(self, parameters=find(self, min(ratio, _NEARLY_INCOMPRESSIBLE)), poisson_ratio=math.nan)
 
     def number(self, parameter: str) -> float:
-        """Return the value of a parameter that is one number, in the unit of `MODELS`.
+        """Return the value of a material parameter that is one number, in the unit that `MODELS` states.
 
         Raises:
             TypeError: If the parameter has one number per term.
@@ -191,7 +191,10 @@ class Material:
         return value
 
     def terms(self, parameter: str) -> tuple[float, ...]:
-        """Return the numbers of a parameter, one per term; for models without terms, a tuple of one number."""
+        """Return the numbers of a material parameter, one per term of the strain energy.
+
+        The parameter of a model without terms gives a tuple of one number.
+        """
         value = self.parameters[parameter]
         return value if isinstance(value, tuple) else (value,)
 

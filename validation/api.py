@@ -8,12 +8,11 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import fastmodel
 from fastmodel import Parameters
-from meshes import SolidCover
-from validation.errors import InputError
+from validation.errors import InputError, refuse_existing
 from validation.extras import REPORT_MODULES, require
 from validation.output_folder import make_file_name, new_folder, write_text
 from validation.parameters import find_parameters, holds_parameters
@@ -65,7 +64,7 @@ def load(
         OSError: If the file exists and cannot be read.
     """
     if not holds_parameters(str(sensor)):
-        return load_description(str(sensor), material=material, thickness=thickness, layers=layers)
+        return load_description(sensor, material=material, thickness=thickness, layers=layers)
     if material is not None or thickness is not None or layers:
         raise InputError(
             f"--material, --thickness, --layer: the parameters in {sensor} were derived for one cover; "
@@ -80,7 +79,13 @@ def load_any(sensor: Sensor) -> SensorDescription | Parameters:
 
 
 class _Stages:
-    """Passes the name of each stage to a function, and steps to its method `step` if it has one."""
+    """Display of the progress of a long computation by a function of the caller.
+
+    Args:
+        progress: Function that is called with the name of each stage; None to show nothing.  If it has a method `step`,
+            the method is called before each item of a stage instead, with the number of finished items, the number of
+            all items and the name of the next one.
+    """
 
     def __init__(self, progress: Progress | None) -> None:
         self._progress = progress or (lambda _: None)
@@ -97,7 +102,7 @@ class _Stages:
 
 
 def list_unused(sensor: SensorDescription | Parameters) -> tuple[str, ...]:
-    """List the entries of a sensor file that the fast model does not use."""
+    """Return one sentence for each entry of a sensor file that the fast model does not use, such as the friction."""
     from validation.text.friction import describe_friction
 
     if not isinstance(sensor, SensorDescription) or not sensor.friction:
@@ -106,35 +111,26 @@ def list_unused(sensor: SensorDescription | Parameters) -> tuple[str, ...]:
     return (f"friction {friction} from {sensor.source} is not used; the fast model has none",)
 
 
-def describe(
-    sensor: Sensor,
-    *,
-    material: str | None = None,
-    thickness: str | None = None,
-    layers: Sequence[str] = (),
-    instead: str = "",
-) -> SensorDescription:
-    """Return the description of a sensor, as `load` does, for functions that need its cover.
+def describe(sensor: Sensor, *, instead: str = "", **changes: Any) -> SensorDescription:  # noqa: ANN401 -- as `load`
+    """Return the description of a sensor, for functions that need its cover.
 
     Args:
         sensor: The sensor.
-        material: Name of a material that replaces the material of the cover.
-        thickness: Thickness with its unit that replaces the thickness of the cover.
-        layers: Changes of single layers.
         instead: Alternative for a folder of parameters, for the error message.
+        **changes: Changes of the cover, as for `load`; a sensor that is already read is returned unchanged.
 
     Raises:
         InputError: If the sensor cannot be read, or only the parameters of its fast model are known.
     """
-    if isinstance(sensor, Parameters) or (isinstance(sensor, str | Path) and holds_parameters(str(sensor))):
+    if isinstance(sensor, SensorDescription):
+        return sensor
+    if isinstance(sensor, Parameters) or holds_parameters(str(sensor)):
         place = "sensor" if isinstance(sensor, Parameters) else sensor
         raise InputError(
             f"{place}: holds the parameters of the fast model, but no description of the cover, which is needed here; "
             f"name the sensor file or the built-in sensor that it was derived from{instead and f', or {instead}'}"
         )
-    if isinstance(sensor, SensorDescription):
-        return sensor
-    return load_description(str(sensor), material=material, thickness=thickness, layers=layers)
+    return load_description(sensor, **changes)
 
 
 def derive(
@@ -266,8 +262,10 @@ def validate(
     from validation.text.friction import describe_friction
 
     description, data, tell = describe(sensor), recordings, announce or (lambda _: None)
-    if isinstance(description.cover, SolidCover) and (data is not None or data_set is not None):
-        raise InputError("--recordings, --data-set: recordings of curved covers are not scored; leave them out")
+    if data is not None or data_set is not None:
+        description.require_layers(
+            "--recordings, --data-set: recordings of curved covers are not scored; leave them out"
+        )
     if not isinstance(data, DataSet):
         data = None if data is None and data_set is None else find_data_set(data, data_set)
     require(
@@ -384,8 +382,7 @@ def calibrate(
 
     description = describe(sensor)
     for option, path in (("--out", out), ("--picture", picture)):
-        if path is not None and Path(path).exists():
-            raise InputError(f"{option}: {path} exists; name a new file")
+        refuse_existing(option, None if path is None else Path(path))
     if out is not None and description is BUILT_IN.get(description.name):
         raise InputError(f"--out: {description.name} is built in and has no file to copy; see `softcover init`")
     keys = CommonKeys.model_construct(
@@ -449,8 +446,7 @@ def record(
     from validation.weiss.sensor import Sensor as Device
 
     setup, path = Setup.read(indenter, load, note), Path(out)
-    if path.exists():
-        raise InputError(f"--out: {path} exists; name a new file")
+    refuse_existing("--out", path)
     path.parent.mkdir(parents=True, exist_ok=True)
     with Device(port, baud_rate=baud_rate) as device:
         if threshold is not None:
@@ -547,8 +543,7 @@ def datasheet(sensor: Sensor, *, out: str | Path | None = None, progress: Progre
     target = None if out is None else Path(out)
     if target is not None and target.suffix not in {".md", ".html"}:
         raise InputError(f"--out: {target} is neither .md nor .html; write for example --out sensor.md")
-    if target is not None and target.exists():
-        raise InputError(f"--out: {target} exists; name a new file")
+    refuse_existing("--out", target)
     found = load_any(sensor)
     description = None if isinstance(found, Parameters) else found
     sheet = make_datasheet(find_parameters(found, progress), description)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
 from typing import ParamSpec, TypeVar, cast
 
 P = ParamSpec("P")
@@ -76,6 +77,20 @@ def check_choice(place: str, kind: str, word: str, known: Iterable[str]) -> None
     names = list(known)
     if word not in names:
         raise InputError(f"{place}: unknown {kind} {word!r}; {nearest(word, names)}")
+
+
+def refuse_existing(option: str, path: Path | None) -> None:
+    """Refuse a file to write that exists already.
+
+    Args:
+        option: Option that names the file; the error message begins with it.
+        path: The file; None if the option is not given.
+
+    Raises:
+        InputError: If the file exists.
+    """
+    if path is not None and path.exists():
+        raise InputError(f"{option}: {path} exists; name a new file")
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -121,7 +121,11 @@ def _discard(work: Path, target: Path) -> None:
 
 
 def _restore_lost(target: Path) -> None:
-    """Move back the latest previous output that a killed run moved away, if there is no `target`."""
+    """Restore the previous output of a killed run if the output folder `target` is missing.
+
+    The killed run had moved the previous output to a temporary folder beside `target`.  If there are several such
+    temporary folders, the latest is restored.
+    """
     if not target.exists() and not target.is_symlink():
         lost = [path for path in _list_work_folders(target) if (path / _BEFORE / _MANIFEST).is_file()]
         if lost:
@@ -129,7 +133,7 @@ def _restore_lost(target: Path) -> None:
 
 
 def _list_work_folders(target: Path) -> list[Path]:
-    """List the temporary folders beside `target`, of killed and of running runs."""
+    """List the temporary folders beside the output folder `target`, of killed runs and of runs in progress."""
     return list(target.parent.glob(f".{glob.escape(target.name)}-*"))
 
 
@@ -169,7 +173,9 @@ def _write_manifest(folder: Path) -> None:
 
 
 def _list_files(folder: Path) -> Iterator[Path]:
-    """Yield the files and links below a folder, and its empty folders, without the manifest; its own files come first.
+    """Yield the files and links in a folder and in all its subfolders, and the empty subfolders; not the manifest.
+
+    The files directly in the folder come first.
 
     Raises:
         OSError: If a folder cannot be read.
@@ -187,7 +193,7 @@ def _raise(error: OSError) -> None:
 
 
 def _hash(path: Path) -> str:
-    """Return the sha256 of a file; empty for a link, a folder or a special file."""
+    """Return the sha256 of a file as text; empty for a link, a folder or a special file such as a pipe."""
     if path.is_symlink() or not path.is_file():
         return ""
     with path.open("rb") as file:

@@ -143,11 +143,14 @@ def read_sensor(
     sensor: str,
     changes: CoverChanges = UNCHANGED,
     *,
-    curved: bool = False,
+    any_cover: bool = False,
 ) -> SensorDescription | Parameters:
     """Read a sensor as `validation.load` does, for a command that needs only the fast model.
 
-    With `curved` the command derives the fast model of curved covers itself.
+    Args:
+        sensor: Path of a sensor file, name of a built-in sensor, or folder that `derive` wrote.
+        changes: Changes of the cover.
+        any_cover: Whether the command supports covers of any kind, and not only planar layers.
 
     Raises:
         InputError: If the sensor cannot be read, or describes a curved cover, for which `derive` must be used.
@@ -157,7 +160,7 @@ def read_sensor(
 
     found = api.load(sensor, **vars(changes))
     if isinstance(found, SensorDescription):
-        _check_description(found, curved=curved)
+        _check_description(found, any_cover=any_cover)
     return found
 
 
@@ -165,7 +168,7 @@ def read_description(
     sensor: str,
     changes: CoverChanges = UNCHANGED,
     *,
-    curved: bool = False,
+    any_cover: bool = False,
     instead: str = "",
 ) -> SensorDescription:
     """Read the description of a sensor, for a command that needs the sensor's cover.
@@ -173,7 +176,7 @@ def read_description(
     Args:
         sensor: Path of a sensor file, or name of a built-in sensor.
         changes: Changes of the cover.
-        curved: Whether the command supports curved covers.
+        any_cover: Whether the command supports covers of any kind, and not only planar layers.
         instead: Alternative for a folder of parameters, for the error message.
 
     Raises:
@@ -182,14 +185,14 @@ def read_description(
     """
     from validation import api
 
-    found = api.describe(sensor, **vars(changes), instead=instead)
-    _check_description(found, curved=curved)
+    found = api.describe(sensor, instead=instead, **vars(changes))
+    _check_description(found, any_cover=any_cover)
     return found
 
 
-def _check_description(found: SensorDescription, *, curved: bool) -> None:
-    """Refuse a curved cover unless `curved`, and print a note on assumed properties of the electronics."""
-    if not curved:
+def _check_description(found: SensorDescription, *, any_cover: bool) -> None:
+    """Refuse a cover that a command does not support, and keep a note on assumed properties of the electronics."""
+    if not any_cover:
         _ = found.layered_cover  # Solid covers are refused here.
     if assumed := ", ".join(found.assumed_electronics):
         note(

@@ -107,18 +107,13 @@ def render(table: Table, *, lines: bool = True) -> None:
     make_console().print(table.to_rich(lines=lines))
 
 
-def print_rows(rows: Iterable[tuple[str, str]], *, title: str = "") -> None:
-    """Print a table of two columns, name and value; a row with an empty name continues the row above."""
-    print_table((), rows, title=title)
-
-
 def print_table(
     headings: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = "", left: int = 1, lines: bool = True
 ) -> None:
     """Print a table of texts on standard output.
 
     Args:
-        headings: Headings of the columns.
+        headings: Headings of the columns; empty for rows of name and value.
         rows: Cells of each row.
         title: Line above the table.
         left: Number of columns, from the left, that are aligned to the left; the others are aligned to the right.

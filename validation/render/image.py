@@ -6,7 +6,7 @@ Row 0, the row of smallest y, is drawn at the bottom; only the drawing is flippe
 from __future__ import annotations
 
 import html
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -74,48 +74,32 @@ class Scale:
         return "#" + self.rgb(value).tobytes().hex()
 
 
-@dataclass(frozen=True, kw_only=True)
 class _Frame:
-    """Where an array is drawn: the surface is unrolled about the middle texel.
+    """Places of the texels of an array in a drawing; the surface is unrolled about the middle texel.
+
+    Lengths in the drawing have the unit of its view box.
 
     Attributes:
+        origin: Centre of the middle texel, from which the surface is unrolled, shape (3,) [m].
         places: Middle of each of n texels in the drawing, shape (n, 2).
-        edge: Edge of the square of a texel.
-        low: Left lower corner of the drawing on the unrolled surface, shape (2,) [m].
-        origin: Middle texel's centre, from which the surface is unrolled, shape (3,) [m].
-        factor: Units of the drawing per length [1/m].
+        edge: Edge of the square of a texel in the drawing.
         size: Width and height of the drawing.
     """
 
-    places: FloatArray
-    edge: float
-    low: FloatArray
-    origin: FloatArray
-    factor: float
-    size: tuple[float, float]
-
-    @classmethod
-    def of(cls, array: TexelArray) -> _Frame:
-        """Place the texels of an array."""
+    def __init__(self, array: TexelArray) -> None:
         middle = find_middle(array)
         unrolled = np.asarray(unroll_from(array, array.centres[[middle]], array.normals[[middle]])[0])
         edge = _EDGE * (float(pdist(unrolled, "chebyshev").min()) if len(unrolled) > 1 else 1.0)
-        low, high = unrolled.min(axis=0) - edge / 2, unrolled.max(axis=0) + edge / 2
-        factor = (_SIZE - 2 * _MARGIN) / float((high - low).max())
-        width, height = (factor * (high - low) + 2 * _MARGIN).tolist()
-        frame = cls(
-            places=unrolled,
-            edge=factor * edge,
-            low=low,
-            origin=array.centres[middle],
-            factor=factor,
-            size=(round(width, 1), round(height, 1)),
-        )
-        return replace(frame, places=frame.draw(unrolled))
+        self._low, high = unrolled.min(axis=0) - edge / 2, unrolled.max(axis=0) + edge / 2
+        self._factor = (_SIZE - 2 * _MARGIN) / float((high - self._low).max())
+        width, height = (self._factor * (high - self._low) + 2 * _MARGIN).tolist()
+        self.origin, self.edge = array.centres[middle], self._factor * edge
+        self.size = (round(width, 1), round(height, 1))
+        self.places = self.draw(unrolled)
 
     def draw(self, unrolled: FloatArray) -> FloatArray:
-        """Return points of the unrolled surface, shape (m, 2) [m], in the drawing, whose y points down."""
-        x, y = (_MARGIN + self.factor * (unrolled - self.low)).T
+        """Convert points of the unrolled surface, shape (m, 2) [m], to points of the drawing, whose y points down."""
+        x, y = (_MARGIN + self._factor * (unrolled - self._low)).T
         return np.column_stack([x, self.size[1] - y])
 
 
@@ -129,8 +113,8 @@ def tactile_image(
 ) -> str:
     """Draw a tactile image, one coloured square per texel with its value, as an SVG element with a label.
 
-    The surface is unrolled about its middle texel: lengths are true on planes, and along arcs through this texel on
-    cylinders and spheres; elsewhere the drawing is a map like any other of a round body.
+    The surface is unrolled about its middle texel.  Lengths are true on planes, and along arcs through this texel on
+    cylinders and spheres.  All other lengths of a curved surface are distorted, as on a map of the globe.
 
     Args:
         array: The n texels.
@@ -140,7 +124,7 @@ def tactile_image(
             contact area, in the array's frame, shape (m, 2) [m]; None for no line.
         name: Title of the image, for its label.
     """
-    frame = _Frame.of(array)
+    frame = _Frame(array)
     rows, columns = np.divmod(np.arange(array.count), array.columns)
     labels = [f"[{row}, {column}]" for row, column in zip(rows.tolist(), columns.tolist(), strict=True)]
     cells = "".join(
@@ -166,7 +150,15 @@ def tactile_image(
 
 
 def _draw_cell(frame: _Frame, place: tuple[float, float], label: str, value: float | None, scale: Scale) -> str:
-    """Draw one texel; None for a masked one."""
+    """Draw the square of one texel as SVG.
+
+    Args:
+        frame: Places of the texels in the drawing.
+        place: Middle of the texel in the drawing.
+        label: Row and column of the texel, for its tooltip.
+        value: Value of the texel; None if the texel is masked.
+        scale: Colour scale of the image.
+    """
     (x, y), edge, font = place, frame.edge, frame.edge * _SHARE
     colour = _MASKED if value is None else scale.colour(value)
     title = f"{label} no texel" if value is None else f"{label} {value * scale.factor:.4g} {scale.unit}"
@@ -205,7 +197,7 @@ def choose_ink(colour: str) -> str:
 
 
 def shorten(value: float) -> str:
-    """Format a value with at most five characters, without a minus sign before zero."""
+    """Format a number with at most five characters; zero has no minus sign."""
     for decimals in (0,) if abs(value) >= 10 else (1, 0):  # noqa: PLR2004 -- two digits are enough
         text = f"{value:.{decimals}f}"
         if float(text) == 0:

@@ -9,7 +9,7 @@ import numpy as np
 from fem_reference.materials import measure_stress
 from meshes import Material
 from meshes.array_types import FloatArray
-from validation.errors import InputError
+from validation.errors import InputError, refuse_existing
 from validation.extras import require
 from validation.output_folder import write_text
 
@@ -53,7 +53,7 @@ def compute_stress(material: Material, strain: FloatArray) -> FloatArray:
 
 
 def write_curve(material: Material, path: Path) -> None:
-    """Write the curve as a table, or draw it with the range of the modulus.
+    """Write the stress-strain curve of a material as a table, or draw it with the range of the modulus.
 
     Args:
         material: The material.
@@ -66,8 +66,7 @@ def write_curve(material: Material, path: Path) -> None:
     """
     if path.suffix not in {".csv", ".svg", ".png"}:
         raise InputError(f"--out: {path} is none of .csv, .svg and .png; write for example --out {material.name}.csv")
-    if path.exists():
-        raise InputError(f"--out: {path} exists; name a new file")
+    refuse_existing("--out", path)
     strain, stress = trace_stress(material)
     if path.suffix == ".csv":
         lines = [f"{x:.6g},{y:.6g}" for x, y in zip(strain.tolist(), stress.tolist(), strict=True)]

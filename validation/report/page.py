@@ -46,8 +46,8 @@ from validation.render.table import Cell, Table, interval, number, tabulate, tab
 from validation.report.figures import Pictures, draw_campaign, draw_cases, find_outline, plot_responses, render_svg
 from validation.results import Column, columns
 
-#: Name of the split of recordings whose score is shown at the top of the page.  In this split the parameters are fitted
-#: to light weights and scored on heavy ones.  This extrapolation separates a model from a table of values.
+#: Name of the division of recordings whose score is shown at the top of the page.  Its parameters are fitted to light
+#: weights and scored on heavy ones, because only a model, and no table of measured values, extrapolates.
 _TILE_SPLIT = "heavier"
 #: Models whose images are shown next to the recorded image; the image of the best null model follows them.
 _SHOWN = (FAST, f"{FAST}, texel gains", "reference, texel gains")
@@ -91,7 +91,8 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
     }
 
 
-def _list_tiles(evaluation: Evaluation) -> Any:  # noqa: ANN401 -- yields texts by name
+def _list_tiles(evaluation: Evaluation) -> Iterator[dict[str, str]]:
+    """Yield the numbers at the top of the page, each with its name and a small line of explanation."""
     campaign, scores = evaluation.campaign, evaluation.recordings
     fast, empty = campaign.pooled["fast"], campaign.pooled["zeros"]["image_changed_percent"]
     misplaced, changed = fast["misplaced_force"], fast["image_changed_percent"]
@@ -123,7 +124,10 @@ def _interval(value: Pooled, factor: float, digits: int = 3) -> str:
 
 
 def _draw_maps(derivation: Derivation) -> dict[str, Any]:
-    """Draw the responses to a load on one texel on one scale, and the difference of the last two."""
+    """Draw the responses of the texels to a load on one texel, and the error of the fitted kernel.
+
+    All responses have one colour scale.  The last two are the reference under a uniform load and the fitted kernel.
+    """
     array, maps = derivation.sensor.array, derivation.maps
     *_, uniform, kernel = maps.values()
     force = Scale(peak=float(uniform.max()), unit="% of the load", factor=100)
@@ -198,7 +202,8 @@ def _draw_example(example: RecordingExample, array: TexelArray, names: tuple[str
 
 #: Words for the status of a requirement.
 _STATUS = {"met": "met", "missed": "missed", "open": "not decided"}
-#: Words for the kinds of rows that are not models of the sensor.
+#: Printed words for two kinds of rows in the table of recordings that are no models of the sensor: null models, such as
+#: an image without force, and the difference between repeated recordings.
 _KINDS = {"null": "null", "floor": "repeatability"}
 #: Printed form of each range of the validated domain.
 _RANGES = {
@@ -264,6 +269,21 @@ def list_tables(evaluation: Evaluation) -> dict[str, Table]:
         ),
     )
     return {each.name: each for each in found if each.rows}
+
+
+def tabulate_scores(campaign: CampaignResult) -> Table:
+    """Make a table with every metric of every model in every case, under their names and units in `report.json`."""
+    rows: list[tuple[Cell | str, ...]] = [
+        (
+            result.case.name,
+            Cell(text="", value=result.case.load),
+            model,
+            *(Cell(text="", value=getattr(prediction.score, metric)) for metric in METRICS),
+        )
+        for result in campaign.cases
+        for model, prediction in result.predictions.items()
+    ]
+    return Table(("case", "load", "model", *METRICS), rows)
 
 
 def _tabulate_requirements(evaluation: Evaluation) -> Table:
@@ -512,7 +532,7 @@ _ASSETS = ("report.css", "report.js")
 
 
 def write_report(evaluation: Evaluation, folder: Path) -> None:
-    """Write the report on a sensor's evaluation.
+    """Write the report on a sensor's evaluation: the page, `report.json`, `scores.csv`, and the parameters.
 
     Args:
         evaluation: The results to show.
@@ -538,5 +558,6 @@ def write_report(evaluation: Evaluation, folder: Path) -> None:
     (folder / "index.html").write_text(template.render(contents(evaluation, pictures)), encoding="utf-8")
     for name in _ASSETS:
         (folder / name).write_bytes(assets.joinpath(name).read_bytes())
+    (folder / "scores.csv").write_text(tabulate_scores(evaluation.campaign).to_csv(), encoding="utf-8")
     (folder / "report.json").write_text(json_text(evaluation.report), encoding="utf-8")
     evaluation.derivation.parameters.save(folder)

@@ -89,12 +89,23 @@ class SensorDescription:
         Raises:
             InputError: If the cover is a solid.
         """
+        return self.require_layers(
+            f"{self.source}: has a curved cover, which this command cannot treat; `softcover mesh`, `derive`, "
+            "`press` and `validate` can; `export`, `view`, `datasheet` and `emulate` take the folder that "
+            "`derive --out` writes"
+        )
+
+    def require_layers(self, fault: str) -> Cover:
+        """Return the cover if it consists of planar layers.
+
+        Args:
+            fault: Message of the error.
+
+        Raises:
+            InputError: If the cover is a solid.
+        """
         if not isinstance(self.cover, Cover):
-            raise InputError(
-                f"{self.source}: has a curved cover, which this command cannot treat; `softcover mesh`, `derive`, "
-                "`press` and `validate` can; `export`, `view`, `datasheet` and `emulate` take the folder that "
-                "`derive --out` writes"
-            )
+            raise InputError(fault)
         return self.cover
 
     def describe_cover(self) -> dict[str, Any]:

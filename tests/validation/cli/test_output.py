@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from meshes.catalogue import ASSUMED_COVER
-from validation.cli.output import describe_cover, print_rows, show_wrapped
+from validation.cli.output import describe_cover, print_table, show_wrapped
 
 # Printable text without white space at the ends, where a table cell pads and trims.
 CELL = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=12)
@@ -21,7 +21,7 @@ def printed(function, *arguments, **options):
 
 @given(rows=st.lists(st.tuples(CELL, CELL), min_size=1, max_size=5), title=CELL)
 def test_rows_are_printed_as_they_are_without_markup(rows, title):
-    text = printed(print_rows, [("[red]name[/red]", "[/]"), *rows], title=title)
+    text = printed(print_table, (), [("[red]name[/red]", "[/]"), *rows], title=title)
     assert title in text
     for cell in [cell for row in rows for cell in row] + ["[red]name[/red]", "[/]"]:
         assert cell in text

@@ -1,13 +1,16 @@
 """The report folder is complete, offline and labelled."""
 
+import csv
 import dataclasses
 import json
 import re
 from html.parser import HTMLParser
 
 import numpy as np
+import pytest
 
 import fastmodel
+from validation.metrics import METRICS
 from validation.report import write_report
 from validation.sensor_file import load
 
@@ -42,6 +45,13 @@ def test_numbers_beside_the_page_are_those_of_the_evaluation(folder, evaluation)
         scores["campaign"]["cases"][1]["models"]["fast"]["texel_forces"],
         evaluation.campaign.cases[1].predictions["fast"].texel_forces,
     )
+    scores = [(case, model) for case in evaluation.campaign.cases for model in case.predictions]
+    for row, (case, model) in zip(csv.DictReader((folder / "scores.csv").open()), scores, strict=True):
+        assert (row["case"], float(row["load"]), row["model"]) == (case.case.name, case.case.load, model)
+        score = case.predictions[model].score
+        assert {name: float(row[name]) for name in METRICS} == pytest.approx(
+            {name: getattr(score, name) for name in METRICS}, nan_ok=True
+        )
 
 
 def test_assumed_cover_is_labelled_and_a_known_one_is_not(folder, evaluation, tmp_path):

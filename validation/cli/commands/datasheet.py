@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from validation.cli.options import UNCHANGED, CoverChanges, Json, Sensor
-from validation.cli.output import Progress, print_json, print_meaning, print_rows, say, show_wrapped
+from validation.cli.output import Progress, print_json, print_meaning, print_table, say, show_wrapped
 
 if TYPE_CHECKING:
     from validation.data_sheet import DataSheet
@@ -42,7 +42,7 @@ def datasheet(
 
 
 def _print(sheet: DataSheet) -> None:
-    print_rows([(entry.name, entry.text) for entry in sheet.entries], title=sheet.title)
+    print_table((), [(entry.name, entry.text) for entry in sheet.entries], title=sheet.title)
     for entry in sheet.entries:
         show_wrapped(f"{entry.name}: {entry.definition}. From: {entry.source}.", further="    ")
     if missing := [entry.name for entry in sheet.entries if not entry.is_stated]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from validation.cli.options import Json
-from validation.cli.output import print_json, print_meaning, print_rows, print_table, say, show, show_wrapped
+from validation.cli.output import print_json, print_meaning, print_table, say, show, show_wrapped
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def _show_material(material: Material) -> None:
         f"deviation h sqrt(nu / (1 - nu)) = {_relative_width(material.poisson_ratio):.3g} h along each axis{band}; its "
         "core is much narrower, and `softcover derive` fits that.",
     }
-    print_rows(rows.items(), title=material.name)
+    print_table((), rows.items(), title=material.name)
     low, high = (_format_pressure(value) for value in material.modulus_range)
     meaning = (
         f"Sources give {low} to {high} (good: within 10 % of yours). Depth and contact area follow the modulus: "
@@ -146,7 +146,7 @@ def _show_hardness(found: HardnessModulus) -> None:
         "source": found.source,
         "PSF": PSF_NOTE,
     }
-    print_rows(rows.items(), title=str(found))
+    print_table((), rows.items(), title=str(found))
     meaning = (
         f"A hardness fixes the modulus to within {100 * found.spread:.0f} % only (k = 2): enough to choose a cover, "
         "not to predict a depth. A tensile or compression test of your sheet gives a better one."

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from validation.cli.entry import DONE, OUTSIDE_FAILED
 from validation.cli.options import CoverChanges, Json, Quantity, SensorFile
-from validation.cli.output import Progress, print_json, print_rows, say
+from validation.cli.output import Progress, print_json, print_table, say
 
 if TYPE_CHECKING:
     from meshes.solids import SolidMesh
@@ -35,7 +35,7 @@ def mesh(sensor: SensorFile, *, thickness: Quantity = None, out: Path | None = N
     from validation.extras import require
     from validation.output_folder import new_folder
 
-    description = read_description(sensor, CoverChanges(thickness=thickness), curved=True)
+    description = read_description(sensor, CoverChanges(thickness=thickness), any_cover=True)
     require("skfem", useful=("pyvista",) if out else ())
     from validation.cover_meshes import describe_mesh, make_meshes, write_meshes
     from validation.scene.draw import lacks_picture
@@ -46,7 +46,7 @@ def mesh(sensor: SensorFile, *, thickness: Quantity = None, out: Path | None = N
     if json:
         print_json({"sensor": description.name, "meshes": [describe_mesh(each) for each in meshes]})
     else:
-        print_rows(_list_quality(description, meshes), title=f"Meshes of {description.name}")
+        print_table((), _list_quality(description, meshes), title=f"Meshes of {description.name}")
     if files:
         say(f"wrote {', '.join(files)} to {out}")
     return OUTSIDE_FAILED if lacks_picture(files) else DONE

@@ -27,7 +27,6 @@ from validation.cli.output import (
     make_console,
     print_json,
     print_meaning,
-    print_rows,
     print_table,
     say,
 )
@@ -113,8 +112,8 @@ def press(
 
     def find_sensor(needs_reference: bool) -> SensorDescription | Parameters:
         if needs_reference:
-            return read_description(sensor, cover, curved=True, instead=instead)
-        return read_sensor(sensor, cover, curved=True)
+            return read_description(sensor, cover, any_cover=True, instead=instead)
+        return read_sensor(sensor, cover, any_cover=True)
 
     request = read_request(
         find_sensor, indenter, load=load, depth=depth, friction=friction, strain=strain, accuracy=accuracy,
@@ -200,7 +199,7 @@ def _print_comparison(comparison: Comparison) -> None:
         console.print(escape(f"cover: {describe_cover(sensor.cover)}{notes}") + "\n", markup=False)
     images = list(list_images(comparison))
     console.print(draw_force_images(array, images, width=console.width))
-    print_rows(_list_results(comparison))
+    print_table((), _list_results(comparison))
     print_meaning(_explain_comparison(comparison))
 
 

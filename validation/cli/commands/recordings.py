@@ -19,7 +19,7 @@ from validation.cli.options import (
     choose_array,
 )
 from validation.cli.output import describe_vector, note, print_json, say
-from validation.errors import InputError
+from validation.errors import InputError, refuse_existing
 
 if TYPE_CHECKING:
     from validation.recordings.recording import Recording, SimulatedForces
@@ -58,8 +58,7 @@ def replay(
     from validation.recordings import tables
 
     check_range("--speed", speed)
-    if csv is not None and csv.exists():
-        raise InputError(f"--csv: {csv} exists; name a new file")
+    refuse_existing("--csv", csv)
     recording = api.replay(file, topic=topic, rows=rows, columns=columns)
     shown = choose_array(recording, array)
     if csv is not None:
@@ -123,8 +122,7 @@ def import_recording(
         target = file
     else:
         target = out or Path(f"{file.stem}.mcap")
-        if target.exists():
-            raise InputError(f"--out: {target} exists; name a new file")
+        refuse_existing("--out", target)
         target.parent.mkdir(parents=True, exist_ok=True)
         save(recording, target)
     if json:
@@ -208,7 +206,7 @@ def _say_facts(facts: dict[str, Any], shown: int) -> None:
 
 
 def _describe_forces(forces: dict[str, Any]) -> str:
-    """Describe the result of `_list_forces` in a line."""
+    """Describe the largest forces and pressure of a simulated array, a result of `_list_forces`, in one line."""
     if forces["largest_net_force_n"] is None:
         return "texel forces only, as in files of earlier versions"
     return (

@@ -47,7 +47,7 @@ def regress(
     from validation.regression.baseline import write_junit
 
     _check_options(baseline, junit, out, seed, update=update)
-    source = read_sensor(sensor, curved=True)
+    source = read_sensor(sensor, any_cover=True)
     with new_folder(out) if out else nullcontext() as folder, Progress() as progress:
         tell_unused(source, ", and this check computes its finite elements without")
         found = api.regress(source, baseline=baseline, update=update, seed=seed, progress=progress)

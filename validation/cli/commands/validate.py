@@ -111,7 +111,7 @@ def validate(
             raise InputError("--measured: measured forces have a cover of their own; leave out all options but --json")
         _compare_measured_force(measured, json=json)
         return DONE
-    description = read_description(sensor, cover, curved=True)
+    description = read_description(sensor, cover, any_cover=True)
     # Recordings belong to one sensor.  The environment variable may name recordings of another sensor, so that only
     # recordings named by the user are used.
     if recordings is None and data_set is None and (sentence := describe_unused_recordings()):
