@@ -156,18 +156,26 @@ class Material:
         for name, parameter in MODELS[self.model].parameters.items():
             if parameter.positive and min(self.terms(name)) <= 0:
                 raise ValueError(f"{self.model} {name} must be positive, not {min(self.terms(name)):g}")
-        find, given = MODELS[self.model].poisson_ratio, "poisson_ratio"
+        self._check_poisson_ratio()
+        if self.shear_modulus <= 0:
+            raise ValueError(f"the small-strain shear modulus must be positive, not {self.shear_modulus} Pa")
+
+    def _check_poisson_ratio(self) -> None:
+        """Compute the Poisson ratio if the parameters determine it, and check its range.
+
+        Raises:
+            ValueError: If the ratio is out of range, or differs from the one that the parameters determine.
+        """
+        find, name = MODELS[self.model].poisson_ratio, "poisson_ratio"
         if find is not None:
-            ratio, given = find(self), f"the Poisson ratio that the parameters of {self.model} determine"
+            ratio, name = find(self), f"the Poisson ratio that the parameters of {self.model} determine"
             if math.isclose(ratio, 0, abs_tol=_ROUNDING):
                 ratio = 0.0  # The ratio is a difference of two moduli, which may come out slightly negative.
             if not (math.isnan(self.poisson_ratio) or math.isclose(self.poisson_ratio, ratio)):
                 raise ValueError(f"the parameters of {self.model} determine poisson_ratio, {ratio:.6g}; leave it out")
             object.__setattr__(self, "poisson_ratio", ratio)
         if not 0 <= self.poisson_ratio <= 0.5:  # noqa: PLR2004 -- the incompressible limit
-            raise ValueError(f"{given} must lie in 0..0.5, not {self.poisson_ratio:g}")
-        if self.shear_modulus <= 0:
-            raise ValueError(f"the small-strain shear modulus must be positive, not {self.shear_modulus} Pa")
+            raise ValueError(f"{name} must lie in 0..0.5, not {self.poisson_ratio:g}")
 
     def with_poisson_ratio(self, ratio: float) -> Material:
         """Return this material with another Poisson ratio and the same response to a change of shape.

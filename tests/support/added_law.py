@@ -1,11 +1,12 @@
-"""A material law that no file of the package knows, registered before the rest is imported: `python -m` prints values.
+"""A material law that no file of the package knows, registered before the rest is imported; prints values as JSON.
 
-Energy mu / 2 (I1 - 3) + a (I1 - 3)^2 + K / 2 (J - 1)^2 with the isochoric I1: the parameters determine the Poisson ratio.
+Energy mu / 2 (I1 - 3) + a (I1 - 3)^2 + K / 2 (J - 1)^2 with the isochoric I1.  K and mu determine the Poisson ratio.
 """
 
 from __future__ import annotations
 
 import json
+import sys
 import tempfile
 from pathlib import Path
 
@@ -77,14 +78,15 @@ def main() -> None:
         file = Path(folder) / "sensor.toml"
         file.write_text(SENSOR)
         sensor = load(file)
-        faults = {text: refuse(text) for text in ("", ', K = "9 MPa", poisson_ratio = 0.2', ', K = "10 kPa"', ', k = "1 MPa"')}
+        wrong = ("", ', K = "9 MPa", poisson_ratio = 0.2', ', K = "10 kPa"', ', k = "1 MPa"')
+        faults = {text: refuse(text) for text in wrong}
     cover = sensor.cover
     (layer,) = cover.layers
     rubber = Cover(layers=(Layer(thickness=1e-3, material=law.Material(
         name="rubber", model="neo-hookean", parameters={"shear_modulus": 1e5}, poisson_ratio=0.35)),))  # fmt: skip
     with_law = "1:thickness=1mm,model=soft-quadratic,mu=100kPa,a=40kPa,K=300kPa"
     found = press(cover, sensor.array, Box(size=(14e-3, 14e-3, 5e-3)), depth=1.2e-3)
-    print(
+    sys.stdout.write(
         json.dumps(
             {
                 "read": [layer.material.shear_modulus, layer.material.bulk_modulus, layer.material.poisson_ratio],
