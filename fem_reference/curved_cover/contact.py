@@ -235,13 +235,14 @@ class MeshPress:
         deepest: Largest depth that is solved [m].
 
     Attributes:
+        sampler: Points of the top that the indenter can touch.
         touch: Travel to the first touch [m].
     """
 
     def __init__(
         self, compliance: TopCompliance, sampler: GapSampler, direction: FloatArray, touch: float, deepest: float
     ) -> None:
-        self._compliance, self._sampler, self._direction = compliance, sampler, direction
+        self._compliance, self.sampler, self._direction = compliance, sampler, direction
         self.touch, self._deepest = touch, deepest
 
     def to(self, target: float, control: Control, steps: int = STEPS) -> ContactForces:  # noqa: ARG002 -- no path
@@ -272,7 +273,7 @@ class MeshPress:
 
     def _solve(self, travel: float) -> ContactForces:
         """Solve the contact after the indenter moved by a distance from its pose [m]."""
-        gaps = self._sampler.at(travel)
+        gaps = self.sampler.at(travel)
         equations = _Equations(
             compliance=self._compliance,
             gaps=gaps,
@@ -365,7 +366,7 @@ class StickingPress(MeshPress):
     def to(self, target: float, control: Control, steps: int = STEPS) -> ContactForces:
         """Follow the indenter to a load [N] or a depth [m] in a number of steps; see `MeshPress.to`."""
         count = len(self._compliance.top.nodes)
-        self._spread = self._sampler.spread_whole().T
+        self._spread = self.sampler.spread_whole().T
         self._state = self._next = _State(
             travel=self.touch,
             moved=np.zeros((count, 3)),
@@ -387,7 +388,7 @@ class StickingPress(MeshPress):
 
     def _solve(self, travel: float) -> ContactForces:
         """Solve the contact at a travel [m] in one step after the last state, and store the new state."""
-        gaps, normals, last = self._sampler.at(travel), self._compliance.top.normals, self._state
+        gaps, normals, last = self.sampler.at(travel), self._compliance.top.normals, self._state
         record = self._record_touch(gaps, travel)
         mean = gaps.spread.T @ normals
         first = _normalise(np.cross(mean, np.eye(3)[np.argmin(np.abs(mean), axis=1)]))

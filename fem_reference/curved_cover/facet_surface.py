@@ -10,6 +10,7 @@ import scipy.sparse as sp
 import skfem
 from scipy.spatial import KDTree
 
+from fem_reference.elements.line import sum_blocks
 from meshes.array_types import FloatArray, IntArray
 from meshes.solids.facets import QUADRILATERAL, area_vectors, facet_shape, facet_slope, node_normals, split_facet
 
@@ -62,8 +63,7 @@ class FacetSurface:
     @cached_property
     def mass(self) -> sp.csr_matrix:
         """Integrals of the products of shape functions, shape (m, m) [m2]."""
-        shape, weight = self._quadrature
-        return self._scatter(np.einsum("fq,qa,qb->fab", weight, shape, shape, optimize=True))
+        return self._integrate_products(self._quadrature[1])
 
     def integrate_pressure(self, pressure: FloatArray) -> FloatArray:
         """Compute the nodal forces of a pressure on the surface, which acts opposite to the normals.
@@ -75,15 +75,9 @@ class FacetSurface:
             Forces, shape (k, m, 3) [N].
         """
         place, weight = quadrature(self.facets.shape[1])
-        shape = facet_shape(self.facets.shape[1], place)
         inward = -area_vectors(self.nodes, self.facets, place) * weight[:, None]
-        values = np.einsum("kfa,qa->kfq", pressure[:, self.facets], shape, optimize=True)
-        parts = np.einsum("kfq,fqc,qa->kfac", values, inward, shape, optimize=True)
-        gather = sp.csr_matrix(
-            (np.ones(self.facets.size), (self.facets.ravel(), np.arange(self.facets.size))),
-            shape=(len(self.nodes), self.facets.size),
-        )
-        return np.stack([(gather @ each.reshape(-1, 3)) for each in parts])
+        parts = [(self._integrate_products(inward[..., axis]) @ pressure.T).T for axis in range(3)]
+        return np.stack(parts, axis=-1)
 
     def split(self, parts: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Split every facet into equal parts.
@@ -148,12 +142,15 @@ class FacetSurface:
         area = np.linalg.norm(area_vectors(self.nodes, self.facets, place), axis=2) * weight
         return facet_shape(self.facets.shape[1], place), area
 
-    def _scatter(self, values: FloatArray) -> sp.csr_matrix:
-        """Sum matrices of the facets, shape (f, a, a)."""
-        rows = np.broadcast_to(self.facets[:, :, None], values.shape).ravel()
-        columns = np.broadcast_to(self.facets[:, None, :], values.shape).ravel()
-        size = len(self.nodes)
-        return sp.coo_matrix((values.ravel(), (rows, columns)), shape=(size, size)).tocsr()
+    def _integrate_products(self, weight: FloatArray) -> sp.csr_matrix:
+        """Integrate the products of shape functions with weights of the quadrature points, shape (m, m).
+
+        Args:
+            weight: Weight of each of q quadrature points of f facets, shape (f, q) [m2].
+        """
+        shape = self._quadrature[0]
+        blocks = np.einsum("fq,qa,qb->fab", weight, shape, shape, optimize=True)
+        return sum_blocks(blocks, self.facets, self.facets, (len(self.nodes), len(self.nodes)))
 
 
 def quadrature(nodes: int) -> tuple[FloatArray, FloatArray]:

@@ -196,14 +196,16 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
     )
 
 
-def _begin(mesh: SolidMesh, material: Material, problem: PressProblem) -> MeshPress:
-    """Create the contact problem on one mesh, with or without slip."""
+def _begin(
+    mesh: SolidMesh, material: Material, problem: PressProblem, points: type[GapSampler] = GapSampler
+) -> MeshPress:
+    """Create the small-strain contact problem on one mesh, frictionless or without slip; `points` places its points."""
     top, indenter, pose = find_top(mesh), problem.indenter, problem.pose
     touch = find_touch(top, indenter, pose)
     if not np.isfinite(touch):
         raise ValueError(explain_miss(top, pose))
     deepest = _SETTINGS.largest_depth * measure_thickness(mesh)
-    sampler = GapSampler(top, indenter, pose, touch + deepest, deepest)
+    sampler = points(top, indenter, pose, touch + deepest, deepest)
     kind = StickingPress if problem.friction else MeshPress
     compliance = build_compliance(mesh, material, vectors=problem.friction > 0)
     return kind(compliance, sampler, pose.towards, touch, deepest)
@@ -416,18 +418,14 @@ class _Small:
 
 def _press_points(mesh: SolidMesh, material: Material, problem: PressProblem, target: float) -> _Small:
     """Solve at small strain with the contact condition at Gauss points, as in the solution at finite strain."""
-    top, pose, thickness = find_top(mesh), problem.pose, measure_thickness(mesh)
-    touch = find_touch(top, problem.indenter, pose)
-    deepest = _SETTINGS.largest_depth * thickness
-    sampler = PointSampler(top, problem.indenter, pose, touch + deepest, deepest)
-    sampler.penalty = PENALTY * _SETTINGS.augmented * material.shear_modulus / thickness
-    press = MeshPress(build_compliance(mesh, material), sampler, pose.towards, touch, deepest)
+    press = _begin(mesh, material, problem, PointSampler)
+    press.sampler.penalty = PENALTY * _SETTINGS.augmented * material.shear_modulus / measure_thickness(mesh)
     contact = press.to(target, problem.control)
     return _Small(
         texel_forces=texel_responses([mesh], problem.array, material).finest.texel_forces(contact.nodal),
         load=contact.load,
-        depth=contact.travel - touch,
-        first=float(sampler.at(touch).gap.min()),
+        depth=contact.travel - press.touch,
+        first=float(press.sampler.at(press.touch).gap.min()),
     )
 
 

@@ -17,6 +17,7 @@ import scipy.sparse as sp
 
 from fem_reference.curved_cover.facet_surface import FacetSurface, quadrature
 from fem_reference.curved_cover.rays import measure_gaps
+from fem_reference.elements.line import sum_blocks
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import Pose
@@ -75,7 +76,12 @@ class GapSampler:
         pose: Initial pose; the indenter moves without rotation.
         farthest: Largest travel from the pose [m].
         deepest: Largest depth [m].  Points that an indenter of smaller height has passed still count as in contact.
+
+    Attributes:
+        penalty: Pressure per penetration at the points, used by `PointSampler`; inf for rigid contact [Pa/m].
     """
+
+    penalty: float = np.inf
 
     def __init__(
         self, top: FacetSurface, indenter: Indenter, pose: Pose, farthest: float, deepest: float = 0.0
@@ -104,9 +110,7 @@ class GapSampler:
 
     def spread_whole(self) -> sp.csc_matrix:
         """Compute the force on each node (row) per unit force of each hat (column) where nothing is cut off [-]."""
-        area = np.bincount(self._cells.ravel(), (self._weight @ self._hat).ravel(), len(self._top.nodes))
-        each = np.where(area > 0, area, np.inf)
-        return _assemble_spread(self._cells, self._shape, self._hat, self._weight, each)
+        return _spread_whole(self._cells, self._shape, self._hat, self._weight, len(self._top.nodes))
 
     def _measure(self, travel: float) -> FloatArray:
         """Measure the gaps of all points along their normals, shape (f, q) [m]; inf where normals point away."""
@@ -143,13 +147,7 @@ class GapSampler:
 
 
 class PointSampler(GapSampler):
-    """Gauss points of the part of a top that an indenter can touch, each with its own force; see `GapSampler`.
-
-    Attributes:
-        penalty: Pressure per penetration [Pa/m].
-    """
-
-    penalty: float
+    """Gauss points of the part of a top that an indenter can touch, each with its own force; see `GapSampler`."""
 
     def _choose_points(self, nodes: int) -> tuple[FloatArray, FloatArray]:
         return quadrature(nodes)
@@ -184,8 +182,13 @@ def _assemble_spread(
         area: Area of each hat, shape (m,) [m2].
     """
     product = np.einsum("qb,qa,fq->fba", shape, hat, weight, optimize=True) / area[cells][:, None, :]
-    rows, columns = (np.broadcast_to(each, product.shape).ravel() for each in (cells[:, :, None], cells[:, None]))
-    return sp.csc_matrix((product.ravel(), (rows, columns)), shape=(len(area), len(area)))
+    return sum_blocks(product, cells, cells, (len(area), len(area))).tocsc()
+
+
+def _spread_whole(cells: IntArray, shape: FloatArray, hat: FloatArray, weight: FloatArray, count: int) -> sp.csc_matrix:
+    """Assemble the spread of `_assemble_spread` for hats of which nothing is cut off, on `count` nodes."""
+    area = np.bincount(cells.ravel(), (weight @ hat).ravel(), count)
+    return _assemble_spread(cells, shape, hat, weight, np.where(area > 0, area, np.inf))
 
 
 def spread_hats(top: FacetSurface) -> sp.csc_matrix:
@@ -193,9 +196,7 @@ def spread_hats(top: FacetSurface) -> sp.csc_matrix:
     count = top.facets.shape[1]
     place, share = _middles(count, _PARTS)
     weight = np.linalg.norm(area_vectors(top.nodes, top.facets, place), axis=2) * share
-    hat = evaluate_hats(count, place)
-    area = np.asarray(np.bincount(top.facets.ravel(), (weight @ hat).ravel(), len(top.nodes)), dtype=float)
-    return _assemble_spread(top.facets, facet_shape(count, place), hat, weight, area)
+    return _spread_whole(top.facets, facet_shape(count, place), evaluate_hats(count, place), weight, len(top.nodes))
 
 
 def _middles(nodes: int, parts: int) -> tuple[FloatArray, FloatArray]:

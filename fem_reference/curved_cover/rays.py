@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from meshes import Indenter, Primitive
@@ -42,7 +43,7 @@ def measure_gaps(indenter: Indenter, points: FloatArray, directions: FloatArray,
     """
     gap = np.full(len(points), np.inf)
     for primitive in indenter.primitives():
-        turn = _rotation(primitive.quaternion)
+        turn = Rotation.from_quat(primitive.quaternion, scalar_first=True).as_matrix()
         first, last = _cross(primitive, (points - np.array(primitive.position)) @ turn, directions @ turn)
         gap = np.minimum(gap, np.where((first <= last) & (last >= -behind), first, np.inf))
     return gap
@@ -101,18 +102,6 @@ def _cross_planes(
     first = np.where(moving & (speed < 0), at, -np.inf).max(axis=1)
     last = np.where(moving & (speed > 0), at, np.inf).min(axis=1)
     return np.where(outside, np.inf, first), np.where(outside, -np.inf, last)
-
-
-def _rotation(quaternion: tuple[float, float, float, float]) -> FloatArray:
-    """Return the rotation matrix of a unit quaternion with the scalar first, shape (3, 3)."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def find_touch(top: FacetSurface, indenter: Indenter, pose: Pose) -> float:

@@ -18,7 +18,7 @@ from fem_reference.elements.taylor_hood import MixedElements, assemble_linear, p
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Material
 from meshes.array_types import FloatArray, IntArray
-from meshes.solids.solid_mesh import SolidMesh, compute_volume, measure_area
+from meshes.solids.solid_mesh import SolidMesh, measure_thickness
 
 #: Number of right-hand sides that are solved at once, to limit the memory [-].
 _COLUMNS = 64
@@ -61,7 +61,7 @@ class CoverSolid:
         self.layout = DisplacementNodes.on(mesh)
         self.nodes = self.layout.elements.nodes
         self.base, self.top = np.unique(self.layout.base), np.unique(self.layout.top)
-        self._length = compute_volume(mesh) / measure_area(mesh, "base")
+        self._length = measure_thickness(mesh)
         self._force = material.shear_modulus * self._length**2
         self._system = ConstrainedSystem((3 * self.base[:, None] + np.arange(3)).ravel())
 
@@ -72,7 +72,14 @@ class CoverSolid:
 
     @cached_property
     def _factors(self) -> ConstrainedSystem:
-        elements = scale_elements(self.layout.elements, 1 / self._length)
+        """Factorised stiffness matrix, with lengths over the thickness and stresses over the shear modulus."""
+        elements = self.layout.elements
+        elements = replace(
+            elements,
+            nodes=elements.nodes / self._length,
+            slope=elements.slope * self._length,
+            weight=elements.weight / self._length**3,
+        )
         ratio = self.material.shear_modulus / self.material.bulk_modulus
         return self._system.factorise(assemble_linear(elements, np.ones(1), np.array([ratio])))
 
@@ -120,16 +127,6 @@ class CoverSolid:
         load = np.zeros((self.nodes.size + self.layout.elements.pressures, len(forces)))
         load[: self.nodes.size] = forces.reshape(len(forces), -1).T / self._force
         return load
-
-
-def scale_elements(elements: MixedElements, factor: float) -> MixedElements:
-    """Scale the size of three-dimensional elements; their basis is not scaled."""
-    return replace(
-        elements,
-        nodes=elements.nodes * factor,
-        slope=elements.slope / factor,
-        weight=elements.weight * factor**3,
-    )
 
 
 def _prepare_hexahedra(mesh: SolidMesh) -> MixedElements:

@@ -144,9 +144,20 @@ def line_matrix(
     ring = 2 * np.pi * (test.edges[:-1, None] + half * (points + 1)) if axisymmetric else 1.0
     factor = np.reshape(weight, (-1, 1)) * half ** (1 - sum(derivatives)) * weights * ring
     block = np.einsum("eq,qa,qb->eab", factor, left, right)
-    rows = np.broadcast_to(test.index[:, :, None], block.shape).ravel()
-    columns = np.broadcast_to(trial.index[:, None, :], block.shape).ravel()
-    return sp.coo_matrix((block.ravel(), (rows, columns)), shape=(test.count, trial.count)).tocsr()
+    return sum_blocks(block, test.index, trial.index, (test.count, trial.count))
+
+
+def sum_blocks(blocks: FloatArray, rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sp.csr_matrix:
+    """Sum the matrices of e elements into one sparse matrix; zeros in the matrices are stored.
+
+    Args:
+        blocks: Matrix of every element, shape (e, a, b).
+        rows: Row of the sparse matrix to which each row of an element's matrix is added, shape (e, a).
+        columns: Column of the sparse matrix for each column of an element's matrix, shape (e, b).
+        shape: Shape of the sparse matrix.
+    """
+    i, j = (np.broadcast_to(each, blocks.shape).ravel() for each in (rows[:, :, None], columns[:, None, :]))
+    return sp.coo_matrix((blocks.ravel(), (i, j)), shape=shape).tocsr()
 
 
 def recover_pressure(lines: Sequence[Line], forces: FloatArray, *, axisymmetric: bool = False) -> FloatArray:

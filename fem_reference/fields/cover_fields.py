@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from fem_reference.elements.line import sum_blocks
 from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.loading_path import Units
@@ -140,15 +140,12 @@ def _project(elements: MixedElements, values: FloatArray) -> FloatArray:
     rows, shape = elements.pressure_cells, elements.pressure_shape
     weighted = shape * elements.weight[..., None]
     mass = np.einsum("eqa,eqb->eab", weighted, shape)
-    i = np.broadcast_to(rows[:, :, None], mass.shape).ravel()
-    j = np.broadcast_to(rows[:, None, :], mass.shape).ravel()
     n = elements.pressures
     right = np.zeros((n, 9))
     np.add.at(right, rows, np.einsum("eqa,eqij->eaij", weighted, values).reshape(*rows.shape, 9))
-    matrix = sp.coo_matrix((mass.ravel(), (i, j)), shape=(n, n)).tocsc()
-    return np.asarray(splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(right)).reshape(
-        n, 3, 3
-    )
+    matrix = sum_blocks(mass, rows, rows, (n, n)).tocsc()
+    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    return np.asarray(factors.solve(right)).reshape(n, 3, 3)
 
 
 def _order_corners(elements: MixedElements) -> IntArray:

@@ -29,6 +29,7 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
+from fem_reference.elements.line import sum_blocks
 from fem_reference.elements.taylor_hood import MixedElements, evaluate_shapes
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from meshes.array_types import BoolArray, FloatArray, IntArray
@@ -351,10 +352,7 @@ class SurfaceContact:
         shape = self._shape[touching]
         block = np.einsum("fqa,fqij,fqb->faibj", shape, density[touching], shape, optimize=True)
         rows = self._unknowns[touching]
-        n = rows.shape[1]
-        i = np.repeat(rows, n, axis=1).ravel()
-        j = np.tile(rows, (1, n)).ravel()
-        return sp.coo_matrix((block.ravel(), (i, j)), shape=(size, size)).tocsr()
+        return sum_blocks(block.reshape(*rows.shape, rows.shape[1]), rows, rows, (size, size))
 
 
 #: Number of points on each ring of an axisymmetric contact [-].

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -313,43 +312,6 @@ def _find_limit(path: LoadingPath, grids: Sequence[GridSolution]) -> GridSolutio
     return extrapolate_solutions(grids) if path.indenter.is_flat and not path.baseline_friction else grids[-1]
 
 
-def solve_block_pair(
-    path: LoadingPath,
-    approaches: Sequence[float],
-    *,
-    grids: Sequence[SolidGrid],
-    lay_out: Callable[[SolidGrid], Block],
-    progress: Progress,
-) -> SolvedPair:
-    """Solve a loading path and its baseline on three three-dimensional grids, or read both from the result store.
-
-    Args:
-        path: Cover, indenter, targets and friction.
-        approaches: Small-strain depth at each target [m].
-        grids: The three grids.
-        lay_out: Function that returns the block to mesh on a grid.
-        progress: Called with a line of text after each step.
-    """
-
-    def compute() -> SolvedPair:
-        coarser, solved = None, []
-        for number, grid in enumerate(grids):
-            baseline, full, coarser = press_paired(
-                replace(path, fields=path.fields and number == len(grids) - 1),
-                lay_out(grid),
-                approaches,
-                elements_per_thickness=grid.count,
-                coarser=coarser,
-                progress=name_grid(progress, grid.count),
-            )
-            solved.append([[replace(each, size=1 / grid.count) for each in states] for states in (baseline, full)])
-        return pair_grids(solved)
-
-    block = lay_out(grids[0])
-    inputs = {"path": path, "grids": grids, "pose": block.surface.pose, "free": block.free}
-    return result_store.fetch("block-press", inputs, compute)
-
-
 def pair_grids(solved: Sequence[Sequence[Sequence[GridSolution]]]) -> SolvedPair:
     """Order solutions of baseline and full path, given by grid, kind of path and target, by kind, target and grid."""
     baseline, full = ([list(grids) for grids in zip(*side, strict=True)] for side in zip(*solved, strict=True))
@@ -432,8 +394,7 @@ def study_path(
                     _solve_axisymmetric(each, contact, progress, refinement) for each in (part.baseline, part)
                 )
                 return baseline, full
-            lay_out = partial(_lay_out, part, contact, pose)
-            return solve_block_pair(part, approaches, grids=grids, lay_out=lay_out, progress=progress)
+            return _solve_block_pair(part, approaches, grids=grids, contact=contact, pose=pose, progress=progress)
 
         solutions = correct_path(path, accurate.solutions, solve)
         assumptions = state_correction(path, accurate.solutions, fillet)
@@ -448,6 +409,44 @@ def study_path(
         assumptions=assumptions,
         warnings=warn_of_boundary(cover) if cover.size is None else (),
     )
+
+
+def _solve_block_pair(
+    path: LoadingPath,
+    approaches: Sequence[float],
+    *,
+    grids: Sequence[SolidGrid],
+    contact: FloatArray,
+    pose: Pose,
+    progress: Progress,
+) -> SolvedPair:
+    """Solve a loading path and its baseline on three three-dimensional grids, or read both from the result store.
+
+    Args:
+        path: Cover, indenter, targets and friction.
+        approaches: Small-strain depth at each target [m].
+        grids: The three grids.
+        contact: m points of the largest small-strain contact, shape (m, 2) [m].
+        pose: Pose of the indenter in the frame of the mesh.
+        progress: Called with a line of text after each step.
+    """
+
+    def compute() -> SolvedPair:
+        coarser, solved = None, []
+        for number, grid in enumerate(grids):
+            baseline, full, coarser = press_paired(
+                replace(path, fields=path.fields and number == len(grids) - 1),
+                _lay_out(path, contact, pose, grid),
+                approaches,
+                elements_per_thickness=grid.count,
+                coarser=coarser,
+                progress=name_grid(progress, grid.count),
+            )
+            solved.append([[replace(each, size=1 / grid.count) for each in states] for states in (baseline, full)])
+        return pair_grids(solved)
+
+    inputs = {"path": path, "grids": grids, "pose": pose, "free": path.cover.size is not None}
+    return result_store.fetch("block-press", inputs, compute)
 
 
 def _lay_out(path: LoadingPath, contact: FloatArray, pose: Pose, grid: SolidGrid) -> Block:

@@ -265,15 +265,6 @@ class AdjointSolution:
     texels: FloatArray
     whole: FloatArray
 
-    def interpolate(self, x: FloatArray, y: FloatArray) -> sp.csr_matrix:
-        """Create the matrix that interpolates the values at the m top nodes to k positions, shape (k, m).
-
-        Args:
-            x: x coordinates of the positions, from the middle of the cover, shape (k,) [thicknesses].
-            y: y coordinates of the positions, from the middle of the cover, shape (k,) [thicknesses].
-        """
-        return interpolation_matrix(self.x, self.y, x, y)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolidInfluence(TexelInfluence):
@@ -323,7 +314,7 @@ class SolidInfluence(TexelInfluence):
         """
         places = self._check_positions(positions)
         grid = self.grids[-1]
-        whole = grid.interpolate(*np.abs(places / self.thickness).T) @ grid.whole.ravel()
+        whole = interpolation_matrix(grid.x, grid.y, *np.abs(places / self.thickness).T) @ grid.whole.ravel()
         return np.asarray(whole - self.texel_influence(array, places).sum(axis=1))
 
     def base_forces(self, array: TexelArray, x: FloatArray, y: FloatArray, loads: FloatArray) -> FloatArray:
@@ -384,7 +375,7 @@ class SolidInfluence(TexelInfluence):
     def _evaluate(self, grid: AdjointSolution, places: FloatArray) -> FloatArray:
         """Compute the force on each of n texels, active or not, per unit load at k positions [m], shape (k, n) [-]."""
         texels = MirroredTexels.group(self.array, self.thickness)
-        at_places = grid.interpolate(*np.abs(places / self.thickness).T)
+        at_places = interpolation_matrix(grid.x, grid.y, *np.abs(places / self.thickness).T)
         side = np.where(places < 0, -1.0, 1.0)
         out = np.zeros((len(places), self.array.count))
         for parity, solution in zip(PARITIES, grid.texels, strict=True):
