@@ -2,9 +2,10 @@
 
 The energy per reference volume is W(F) = isochoric(F) - p (J - 1) - p^2 / 2 K, with the deformation gradient F and its
 determinant J.  The mean pressure p is an independent unknown, so that an infinite bulk modulus K needs no special case
-(Simo, Taylor and Pister 1985).  A material supplies the isochoric part, which does not change when F is multiplied by
-a number.  A compressible energy V(F) of small-strain bulk modulus K supplies V(F) - K (J - 1)^2 / 2 in its place; p is
-then the pressure less that of this part.
+(Simo, Taylor and Pister 1985).  K is `Material.bulk_modulus`, which follows from shear modulus and Poisson ratio.  A
+material supplies the isochoric part, which does not change when F is multiplied by a number.  For a law whose term of
+the volume is K (J - 1)^2 / 2 this is the rest of its energy.  A law with another term of the volume supplies its whole
+energy less K (J - 1)^2 / 2; p is then the pressure less that of the supplied part.
 
 F has shape (..., 3, 3).  Derivatives are taken only with respect to the components of F that can differ from those of
 the unit matrix: all nine in three dimensions, five in axisymmetric states.  First derivatives have shape (..., g) and
@@ -299,7 +300,7 @@ def create_energy(material: Material, unit: float = 1.0) -> Energy:
     Raises:
         ValueError: If the material is `linear-elastic`, which has no stored energy at finite strain.
     """
-    if material.model not in ENERGIES:
+    if material.small_strain_only:
         raise ValueError(f"{material.model} is a small-strain model; take neo-hookean for finite strain")
     return ENERGIES[material.model](material, unit)
 

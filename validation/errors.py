@@ -104,8 +104,9 @@ def nearest(word: str, known: Iterable[str]) -> str:
         Text with the accepted names, after the name most similar to `word` if any is similar.
     """
     names = list(known)
-    close = difflib.get_close_matches(word.lower(), [name.lower() for name in names], n=1, cutoff=0.5)
-    hint = f"did you mean {close[0]!r}? " if close else ""
+    lower = {name.lower(): name for name in names}
+    close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.5)
+    hint = f"did you mean {lower[close[0]]!r}? " if close else ""
     return f"{hint}accepted: {', '.join(names)}"
 
 

@@ -323,7 +323,7 @@ def _list_estimates(fit: ForwardFit, mean: float, of_mean: FloatArray, uncertain
 
 
 def _list_poses(fit: ForwardFit, uncertainty: Uncertainty) -> dict[str, dict[str, tuple[float, float]]]:
-    """Return each placement's pose and the half widths of its parts, 0 for those that were given."""
+    """Return value and half width of each part of each placement's pose; the half width of a given part is 0."""
     widths = {name: np.zeros(5) for name in fit.poses}
     for number, each in enumerate(fit.layout.unknowns):
         if each.placement:
@@ -457,14 +457,17 @@ def write_sensor(calibration: Calibration, sensor: str | Path, out: str | Path, 
     return target
 
 
-def draw_hold_out(hold_out: HoldOut, array: TexelArray, path: Path, *, most: int = 4) -> Path:
-    """Draw left-out images, the predicted ones and their differences as a picture.
+#: Largest number of left-out recordings in a picture [-].
+_MOST_DRAWN = 4
+
+
+def draw_hold_out(hold_out: HoldOut, array: TexelArray, path: Path) -> Path:
+    """Draw left-out images, the predicted images and their differences as a picture.
 
     Args:
         hold_out: Recorded and predicted counts.
         array: The texels.
         path: The file to write; its ending is the format.
-        most: Largest number of recordings in the picture [-].
 
     Raises:
         ImportError: If matplotlib is not installed.
@@ -472,7 +475,7 @@ def draw_hold_out(hold_out: HoldOut, array: TexelArray, path: Path, *, most: int
     from matplotlib.figure import Figure
 
     order = np.argsort(hold_out.loads)
-    chosen = order[np.unique(np.linspace(0, len(order) - 1, min(most, len(order))).astype(int))]
+    chosen = order[np.unique(np.linspace(0, len(order) - 1, min(_MOST_DRAWN, len(order))).astype(int))]
     recorded, predicted = hold_out.recorded[chosen], hold_out.predicted[chosen]
     top = float(max(recorded.max(), predicted.max(), 1.0))
     apart = float(max(np.abs(predicted - recorded).max(), 1.0))

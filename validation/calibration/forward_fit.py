@@ -171,17 +171,17 @@ class Layout:
 
     @cached_property
     def gains(self) -> IntArray:
-        """Indices of the logarithms of the gains."""
+        """Indices of the logarithms of the g fitted gains among the p parameters, shape (g,)."""
         return np.flatnonzero([each.is_gain for each in self.unknowns])
 
     @cached_property
     def gain_texels(self) -> IntArray:
-        """Texel of each gain."""
+        """Index of the texel of each fitted gain, shape (g,)."""
         return np.array([each.texel for each in self.unknowns if each.is_gain], dtype=np.intp)
 
     @cached_property
     def height_texels(self) -> IntArray:
-        """Texel of each seating height."""
+        """Index of the texel of each of h fitted seating heights, shape (h,)."""
         return np.array([each.texel for each in self.unknowns if each.texel >= 0 and not each.is_gain], dtype=np.intp)
 
     def list(self, name: str) -> FloatArray:
@@ -189,7 +189,7 @@ class Layout:
         return np.array([getattr(each, name) for each in self.unknowns], dtype=np.float64)
 
     def poses(self, vector: FloatArray) -> dict[str, Pose]:
-        """Return the pose of each placement by its name."""
+        """Return the pose of each placement for values of the p parameters, by the name of the placement."""
         parts = {name: pose.vector for name, pose in self.guesses.items()}
         for each, value in zip(self.unknowns, vector, strict=True):
             if each.placement:
@@ -197,7 +197,7 @@ class Layout:
         return {name: Pose(*values.tolist()) for name, values in parts.items()}
 
     def curve(self, vector: FloatArray) -> CountCurve:
-        """Return the curve from force to counts."""
+        """Return the curve from texel force to counts for values of the p parameters."""
         fixed = self.fixed
         values = {each.name: value for each, value in zip(self.unknowns, vector.tolist(), strict=True)}
         heights, gains = fixed.heights.copy(), fixed.gains.copy()
@@ -249,7 +249,7 @@ def lay_out(
 def _list_pose(placement: Placement, pose: Pose, array: TexelArray) -> list[Unknown]:
     """List the fitted parts of a pose; a position may lie at most a pitch outside the texels."""
     limits = [float(np.abs(array.centres[:, part]).max() + array.pitch[part]) for part in (0, 1)]
-    #: Name, scale, largest value and spread of each part.
+    # Each row holds name, scale, largest value and spread of a part of the pose.
     parts = [
         ("x", array.pitch[0], limits[0], np.inf),
         ("y", array.pitch[1], limits[1], np.inf),
@@ -409,7 +409,7 @@ class ForwardFit:
 
     @property
     def outliers(self) -> list[str]:
-        """Recordings whose weight fell below a half."""
+        """Names of the recordings whose weight in the fit is below a half, because their residual is large."""
         names = zip(self.observations.groups, self.robust, strict=True)
         return list(dict.fromkeys(group for group, weight in names if weight < NUMBERS.outlier))
 
@@ -597,11 +597,11 @@ class _Problem:
         return np.concatenate([data, self._prior_rows @ (vector - self.layout.list("mean"))])
 
     def jacobian(self, vector: FloatArray) -> FloatArray:
-        """Derivatives of `residuals`."""
+        """Derivatives of `residuals` with respect to the p parameters."""
         return np.vstack([self.data_jacobian(vector), self._prior_rows])
 
     def data_jacobian(self, vector: FloatArray) -> FloatArray:
-        """Derivatives of the residuals without those of the priors."""
+        """Derivatives of the weighted residuals of the counts with respect to the p parameters, without the priors."""
         layout, forces = self.layout, self._forces(vector)
         base = self._predict(forces, vector)
         columns = np.zeros((*base.shape, len(vector)))

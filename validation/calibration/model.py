@@ -47,11 +47,11 @@ class Pose:
 
     @property
     def vector(self) -> FloatArray:
-        """The five numbers, shape (5,) [m, m, rad, rad, rad]."""
+        """x, y, yaw, tilt_x and tilt_y, shape (5,) [m, m, rad, rad, rad]."""
         return np.array(astuple(self))
 
     def named(self) -> dict[str, float]:
-        """Return the five numbers by names that end in the units."""
+        """Return x, y, yaw and the two tilts by names that end in the units."""
         names = ("x_m", "y_m", "yaw_rad", "tilt_x_rad", "tilt_y_rad")
         return dict(zip(names, self.vector.tolist(), strict=True))
 
@@ -76,7 +76,7 @@ class Placement:
 
     @property
     def pose(self) -> Pose | None:
-        """The pose; None if a part of it is fitted."""
+        """Pose of the placement; None if a part of the pose is fitted."""
         if self.at is None or self.yaw is None or self.tilt is None:
             return None
         return Pose(*self.at, self.yaw, *self.tilt)
@@ -110,7 +110,7 @@ class Observations:
 
     @property
     def distinct_placements(self) -> tuple[Placement, ...]:
-        """Each placement once, in the order of the images."""
+        """All different placements of the images, in the order of the images."""
         return tuple(dict.fromkeys(self.placements))
 
     def rows_of(self, placement: Placement) -> BoolArray:

@@ -22,8 +22,8 @@ from validation.sensor_file import SensorDescription
 _UNBENT = 0.85
 #: Counts over the largest count of a trial above which an image counts as saturated [-].
 _SATURATED = 0.97
-#: Smallest number of images to which a line is fitted [-].  A trial is saturated if more than this number of images
-#: are.
+#: Smallest number of images to which a line is fitted [-].  A trial counts as saturated if more than this number of
+#: its images are saturated.
 _FEWEST_IMAGES = 2
 
 
@@ -52,9 +52,9 @@ class PointLoadCalibration(Result):
     Attributes:
         texel: Index of the texel under the tip.
         tip_radius: Radius of the tip [m].
-        tip_share: Share of the applied force on that texel [-].
-        tip_share_light: Tip share under light loads [-].
-        tip_share_heavy: Tip share at `largest_load` [-].
+        tip_share: Share of the applied force that acts on that texel, fitted over all loads [-].
+        tip_share_light: Share of the applied force on that texel under light loads [-].
+        tip_share_heavy: Share of the applied force on that texel at `largest_load` [-].
         largest_load: Largest load at which the share was computed [N].
         trials: The line of each trial.
         estimates: Mean slope over the applied force and over the texel force, and mean saturation force, with intervals
@@ -139,7 +139,7 @@ def calibrate_point_load(
 
 
 def _fit_trial(name: str, trial: Observations, texel: int) -> Trial:
-    """Fit a line to the images of a trial that are lit and below saturation."""
+    """Fit a line from load to counts of a texel, to the images of a trial with counts between zero and saturation."""
     counts = trial.counts[:, texel]
     top = float(counts.max())
     saturated = int((counts > _SATURATED * top).sum()) > _FEWEST_IMAGES

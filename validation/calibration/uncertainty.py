@@ -203,7 +203,7 @@ def _measure_errors(fit: ForwardFit, bread: FloatArray) -> list[tuple[FloatArray
     hat = bread @ information
 
     def leave(errors: FloatArray) -> FloatArray:
-        """Residuals of errors, (I - H) e, shape (r, k)."""
+        """Return the residuals (I - H) e of a fit whose observations have the k errors e, shape (r, k)."""
         return np.asarray(errors - jacobian @ (bread @ (jacobian.T @ errors)))
 
     names = list(dict.fromkeys(fit.observations.groups))

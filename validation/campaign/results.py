@@ -324,7 +324,7 @@ class Pooled(Result):
     cases: int
 
 
-def pool(values: Sequence[float] | FloatArray, *, level: float = 0.95, resamples: int = 5000, seed: int = 0) -> Pooled:
+def pool(values: Sequence[float] | FloatArray, *, level: float = 0.95, resamples: int = 5000) -> Pooled:
     """Compute the mean of a quantity over cases, with a percentile bootstrap interval.
 
     The bootstrap resamples cases (indentations), never single pixels of an image.
@@ -333,13 +333,12 @@ def pool(values: Sequence[float] | FloatArray, *, level: float = 0.95, resamples
         values: One number per case; NaN in cases in which the quantity does not exist.
         level: Nominal coverage of the interval [-].
         resamples: Number of bootstrap resamples [-].
-        seed: Seed of the resampling; the same seed gives the same interval [-].
     """
     known = np.asarray(values, dtype=np.float64)
     known = known[~np.isnan(known)]
     if not known.size:
         return Pooled(mean=math.nan, low=math.nan, high=math.nan, level=level, cases=0)
-    means = known[_draw_cases(known.size, resamples, seed)].mean(axis=1)
+    means = known[_draw_cases(known.size, resamples)].mean(axis=1)
     return _with_interval(float(known.mean()), means, level, known.size)
 
 
@@ -349,7 +348,6 @@ def skill(
     *,
     level: float = 0.95,
     resamples: int = 5000,
-    seed: int = 0,
 ) -> Pooled:
     """Compute the skill of a model, 1 - mean error / mean error of a comparison model [-], with a bootstrap interval.
 
@@ -360,7 +358,6 @@ def skill(
         comparison: Error of the comparison model in the same cases.
         level: Nominal coverage of the interval [-].
         resamples: Number of bootstrap resamples [-].
-        seed: Seed of the resampling [-].
 
     Raises:
         ValueError: If the two sequences differ in length or are not one-dimensional.
@@ -372,15 +369,15 @@ def skill(
     e, c = e[known], c[known]
     if not e.size or c.mean() <= 0:
         return Pooled(mean=math.nan, low=math.nan, high=math.nan, level=level, cases=int(e.size))
-    draws = _draw_cases(e.size, resamples, seed)
+    draws = _draw_cases(e.size, resamples)
     below = c[draws].mean(axis=1)
     ratios = 1 - e[draws].mean(axis=1)[below > 0] / below[below > 0]
     return _with_interval(1 - float(e.mean() / c.mean()), ratios, level, e.size)
 
 
-def _draw_cases(cases: int, resamples: int, seed: int) -> npt.NDArray[np.int64]:
-    """Draw the indices of cases for all bootstrap resamples, shape (resamples, cases)."""
-    return np.random.default_rng(seed).integers(0, cases, size=(resamples, cases))
+def _draw_cases(cases: int, resamples: int) -> npt.NDArray[np.int64]:
+    """Draw the indices of cases for all bootstrap resamples, always the same ones, shape (resamples, cases)."""
+    return np.random.default_rng(0).integers(0, cases, size=(resamples, cases))
 
 
 def _with_interval(mean: float, resampled: FloatArray, level: float, cases: int) -> Pooled:
@@ -405,11 +402,11 @@ _MEAN = "mean over the cases"
 
 @result_model
 class Finding(Result):
-    """One requirement and its result.
+    """One requirement on the fast model, and whether its scores meet the requirement.
 
     Attributes:
         metric: Name of the metric, a field of `Score`.
-        over: Object of the limit: `mean over the cases`, or the name of a case.
+        over: What the limit applies to: `mean over the cases`, or the name of a case.
         value: The mean or the value, in SI units, as a fraction, or in percent where the name says so.
         low: Lower end of the 95 % interval of a mean, same unit; equal to `value` for a case.
         high: Upper end, same unit.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import singledispatch
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -232,10 +233,21 @@ def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Cas
     return Plan(missing=tuple(missing), seconds=tuple(seconds), rest=rest)
 
 
-def classify(cover: Cover | SolidCover, case: Case, friction: float) -> str:
-    """Return the kind of problem that the reference of a case is, a key of the table of times."""
-    if not isinstance(cover, Cover):
-        return _SOLID
+@singledispatch
+def classify(cover: object, case: Case, friction: float) -> str:
+    """Return the kind of problem that the reference of a case is, a key of the table of times.
+
+    Args:
+        cover: The cover.  The kind is that of solid covers, unless another function is registered for the cover.
+        case: The indentation.
+        friction: Coulomb friction coefficient between indenter and cover [-].
+    """
+    del cover, case, friction
+    return _SOLID
+
+
+@classify.register
+def _(cover: Cover, case: Case, friction: float) -> str:
     form = "round" if case.indenter.axisymmetric and not any(case.pose.tilt) else "solid"
     if friction:
         return f"friction, {form}"

@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 
 #: Number of cells across the contact [-].  With half as many cells the propagated uncertainty changes by less than 2 %.
 CELLS = 32
-#: Largest Poisson ratio [-].
-_INCOMPRESSIBLE = 0.5
 #: Standard deviation of a uniform distribution over its width [-].
 _OF_WIDTH = 1 / math.sqrt(12)
 #: Standard deviation of a uniform distribution over its half width [-].
@@ -91,7 +89,7 @@ class InputUncertainty(Result):
         return math.sqrt(sum(value**2 for value in self.misplaced.values()))
 
     def _misplace(self, effect: FloatArray) -> float:
-        """Half the sum of the absolute changes, including that of the force outside, over the load [-]."""
+        """Return half the sum of the absolute changes of texel forces and force outside, over the load [-]."""
         return float(np.abs(effect).sum() + abs(effect.sum())) / (2 * self.load)
 
 
@@ -187,8 +185,8 @@ def _change_layer(index: int, what: str, cover: Cover, case: Case, by: float) ->
     if what == "modulus":
         material = replace(material, parameters={"youngs_modulus": material.youngs_modulus * math.exp(by)})
     elif what == "poisson":
-        # Young's modulus is constant; the Poisson ratio is limited to 0.5.
-        material = replace(material, poisson_ratio=min(max(material.poisson_ratio + by, 0.0), _INCOMPRESSIBLE))
+        # Young's modulus is constant; the Poisson ratio is limited to 0..0.5.
+        material = replace(material, poisson_ratio=float(np.clip(material.poisson_ratio + by, 0.0, 0.5)))
     else:
         thickness *= 1 + by
     layers = list(cover.layers)
@@ -311,7 +309,7 @@ _WORDS = {True: "yes", False: "no"}
 
 @result_model
 class ComparisonError(Result):
-    """One quantity of one case.
+    """Comparison of fast model and reference in one quantity of one case, such as the largest texel force.
 
     Attributes:
         case: Name of the case.
@@ -347,12 +345,12 @@ class ComparisonError(Result):
 
     @property
     def error(self) -> float:
-        """Comparison error E = S - D."""
+        """Comparison error E = S - D, the value of the fast model minus the value of the reference, in SI units."""
         return self.fast - self.reference
 
     @property
     def u_val(self) -> float:
-        """Validation uncertainty."""
+        """Validation uncertainty: root of the sum of squares of the three standard uncertainties, in SI units."""
         return math.sqrt(self.u_num**2 + self.u_input**2 + self.u_data**2)
 
     @property
@@ -362,7 +360,7 @@ class ComparisonError(Result):
 
     @property
     def resolved(self) -> bool:
-        """Whether a comparison with all uncertainties would resolve this error."""
+        """Whether the comparison error exceeds the validation uncertainty, so that a measurement would show it."""
         return abs(self.error) > self.u_val
 
 

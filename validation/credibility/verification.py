@@ -50,7 +50,7 @@ _DISK_RADIUS = 4.0
 
 @result_model
 class Check(Result):
-    """One solver against one closed-form solution.
+    """Errors of one solver against one closed-form solution on several grids.
 
     Attributes:
         name: Compared quantity and solver.
@@ -362,17 +362,17 @@ def check_finer_mesh(
     return out
 
 
-#: Quantities of the table, with unit and factor from SI units to it.
+#: Quantities of the table of solution verification, with the printed unit and the factor from SI units to this unit.
 _QUANTITIES = {"depth": ("µm", 1e6), "peak_texel": ("mN", 1e3), "contact_area": ("mm²", 1e6)}
-#: Range in which an observed order is searched [-].
+#: Smallest and largest observed order of convergence that is searched for [-].
 _ORDERS = (0.05, 10.0)
-#: Number of grids.
+#: Number of grids from which an order of convergence can be observed [-].
 _GRIDS = 3
 
 
 @result_model
 class Convergence(Result):
-    """One quantity of one case on three grids.
+    """Values of one quantity of one case on three grids, with the observed order of convergence.
 
     Attributes:
         case: Name of the case.

@@ -152,7 +152,7 @@ def propose_splits(files: Sequence[DataFile]) -> tuple[SplitTable, ...]:
 
 
 def _find_fault_of_split(table: SplitTable, series: Sequence[SeriesTable]) -> str:
-    """Return what is wrong with the series that a split names; empty if nothing is."""
+    """Describe the fault of a split that names an unknown series, or one of another use; empty without a fault."""
     uses = {each.name: each.use for each in series}
     for use, side in (("fit", table.fit), ("fit", table.place), ("score", table.score)):
         for selection in side:
@@ -246,7 +246,8 @@ def describe_files(
 
     Args:
         paths: Recordings, or one data-set file.
-        keys: Options for recordings; a data-set file states its own.  Without a tool, the labels of each name it.
+        keys: Options for recordings; a data-set file states its own.  If they name no indenter, the labels of every
+            recording must name one.
         sensor: Array that was recorded, for CSV files that state no layout.
         moved: Whether each recording has its own pose.
 

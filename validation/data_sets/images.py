@@ -31,9 +31,9 @@ _WHOLE = 0.95
 #: Number of steps of the power iteration for the first principal component [-].  Few steps suffice, because a change of
 #: the load affects the counts far more than anything else.
 _POWERS = 10
-#: Longest time from the last frame at rest to half of the whole change [s].
+#: Longest time in which a load is applied or removed, from the last frame at rest to half of the whole change [s].
 _STEP_TIME = 1.0
-#: Smallest ratio of the last to the first time of a fit of creep [-].
+#: Smallest time under load at the end of a recording to which creep is fitted, over `CREEP_START` [-].
 _SHORTEST_CREEP = 2.0
 
 
@@ -227,7 +227,7 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
         threshold = float(recording.setup.device.get("threshold", 0.0))
 
     def average(frames: BoolArray, load: float, *, age: float = float("nan"), creep: float = float("nan")) -> Image:
-        """Average some of the frames."""
+        """Make the image of some frames of the recording, with the mean of their counts."""
         return Image(
             file=file,
             load=load,

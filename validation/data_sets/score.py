@@ -124,7 +124,7 @@ _EXTRAPOLATION_POWERS = (1.0, 8.0)
 _SEATED_POWER = 0.0
 #: Load power if the scored loads lie within the fitted ones and no seating heights are fitted [-].
 _UNSEATED_POWER = 1.0
-#: Tolerance for loads to count as equal [-].
+#: Largest relative difference of two loads that count as equal [-].
 _SAME_LOAD = 1e-6
 
 

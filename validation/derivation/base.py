@@ -52,7 +52,7 @@ class Derivation(Protocol):
 
     @property
     def result(self) -> Responses:
-        """Results that are written to files."""
+        """Results of the derivation that are written to files."""
 
     def explain(self) -> Iterator[str]:
         """Yield sentences that explain the results to the user."""

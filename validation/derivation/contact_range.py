@@ -224,11 +224,14 @@ def measure_misplaced(found: FloatArray, wanted: FloatArray) -> float:
     return float(np.abs(found - wanted).sum() / 2 / wanted.sum())
 
 
-def state_range(parameters: Parameters, cover: Cover, spread: PointSpread, presses: BallPresses) -> Parameters:
+def state_range(
+    parameters: Parameters, cells: CoverCells, cover: Cover, spread: PointSpread, presses: BallPresses
+) -> Parameters:
     """Add tables under load, where they are useful, and the range of the fast model to its parameters.
 
     Args:
-        parameters: Parameters of the fast model, with cells.
+        parameters: Parameters of the fast model.
+        cells: Compliance and influence of the cover without load, as in the parameters.
         cover: A laterally wide cover.
         spread: The point spread function of the cover without load.
         presses: The ball by finite elements.
@@ -236,9 +239,7 @@ def state_range(parameters: Parameters, cover: Cover, spread: PointSpread, press
     Raises:
         FastModelError: If the fast model cannot press the ball.
     """
-    if not isinstance(parameters.surface, CoverCells):
-        return parameters
-    cells = add_stretch(parameters.surface, cover, parameters.array, spread, presses)
+    cells = add_stretch(cells, cover, parameters.array, spread, presses)
     parameters = dataclasses.replace(parameters, surface=cells)
     misplaced, depth, resolved = _repeat_presses(parameters, presses)
     if cells.loads is not None:
@@ -452,7 +453,7 @@ def compute_tip_share(
 
 
 def find_middle(array: TexelArray) -> int:
-    """Return the index of the active texel whose centre is nearest to that of the middle texel."""
+    """Return the index of the active texel whose centre is nearest to the centre of the texel `array.middle`."""
     distance = np.linalg.norm(array.centres - array.centres[array.middle], axis=1)
     return int(np.argmin(np.where(array.active, distance, np.inf)))
 

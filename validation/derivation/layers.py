@@ -164,7 +164,7 @@ class LayeredDerivation:
 
     @cached_property
     def result(self) -> Responses:
-        """The results that are written to files."""
+        """Results of the derivation that are written to files."""
         sensor, fit, spread = self.sensor, self.fit, self.point_spread
         estimates = {name: pair for name, pair in fit.estimates.items() if np.isfinite(pair).all()}
         return Responses(
@@ -298,7 +298,7 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
     if profile is not None and cells is not None:
         tell("range of the fast model, by a ball of one pitch radius")
         with _told(tell, "the range of the fast model is not stated"):
-            parameters = state_range(parameters, cover, profile, press_ball_on_array(cover, array, tell))
+            parameters = state_range(parameters, cells, cover, profile, press_ball_on_array(cover, array, tell))
     return LayeredDerivation(
         sensor=sensor,
         influence=influence,
@@ -312,7 +312,12 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
 
 @contextmanager
 def _told(tell: Progress, what: str) -> Iterator[None]:
-    """State why a part is missing if finite elements or the fast model cannot compute it."""
+    """Catch errors of finite elements and of the fast model, and tell the user what is missing and why.
+
+    Args:
+        tell: Function that receives the line for the user.
+        what: Statement of what is missing.
+    """
     from fem_reference.errors import ConvergenceError
 
     try:

@@ -48,7 +48,7 @@ class SolidDerivation:
 
     @property
     def mesh(self) -> SolidMesh:
-        """Finest mesh."""
+        """Finest mesh of the cover."""
         return self.responses.finest.mesh
 
     @cached_property
@@ -143,7 +143,7 @@ class SolidDerivation:
 
     @property
     def result(self) -> Responses:
-        """The results that are written to files."""
+        """Results of the derivation that are written to files."""
         sensor, array = self.sensor, self.sensor.array
         return Responses(
             sensor=sensor.name,

@@ -37,7 +37,7 @@ BETWEEN = "in between"
 
 @dataclass(frozen=True, kw_only=True)
 class ComparisonNumbers:
-    """Numbers of the comparison.
+    """Constants of the comparison with measured forces.
 
     Attributes:
         probability: Probability of the interval of the fitted factor [-].
@@ -46,7 +46,6 @@ class ComparisonNumbers:
         uniform: Half of the width of a uniform distribution over its standard deviation [-].
         largest_shift: Largest error of the zero of depth that is considered as an explanation, over the smallest depth
             [-].
-        incompressible: Largest Poisson ratio, that of an incompressible material [-].
     """
 
     probability: float = 0.95
@@ -54,7 +53,6 @@ class ComparisonNumbers:
     allowed: float = 2.0
     uniform: float = math.sqrt(3)
     largest_shift: float = 0.5
-    incompressible: float = 0.5
 
 
 NUMBERS = ComparisonNumbers()
@@ -77,12 +75,15 @@ def read_measured_force(path: str | Path) -> Measurement:
 
 
 def replace_dome(measurement: Measurement) -> Indenter:
-    """Return the ball that has, on a flat top, the gap of the given ball on the domed top: curvatures add (Hertz)."""
-    ball, top = measurement.indenter, measurement.top_radius
-    flat: Indenter = (
-        ball if top is None or not isinstance(ball, Sphere) else Sphere(radius=1 / (1 / ball.radius + 1 / top))
-    )
-    return flat
+    """Return the ball whose gap to a flat top is that of the measured ball to the domed top.
+
+    The curvatures of ball and top add (Hertz).  The indenter is unchanged if the top is flat.
+    """
+    ball: Indenter = measurement.indenter
+    top = measurement.top_radius
+    if top is None or not isinstance(ball, Sphere):
+        return ball
+    return Sphere(radius=1 / (1 / ball.radius + 1 / top))
 
 
 def shift_poisson_ratio(cover: Cover, sign: int) -> Cover:
@@ -90,7 +91,7 @@ def shift_poisson_ratio(cover: Cover, sign: int) -> Cover:
 
     def shift(layer: Layer) -> Layer:
         material = layer.material
-        ratio = float(np.clip(material.poisson_ratio + sign * material.poisson_spread, 0, NUMBERS.incompressible))
+        ratio = float(np.clip(material.poisson_ratio + sign * material.poisson_spread, 0, 0.5))
         if material.small_strain_only:
             moduli = {"youngs_modulus": 2 * material.shear_modulus * (1 + ratio)}
             return replace(layer, material=replace(material, poisson_ratio=ratio, parameters=moduli))

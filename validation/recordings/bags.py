@@ -150,7 +150,7 @@ def read_forces(path: str | Path) -> tuple[FloatArray, FloatArray]:
 def _open_bag(path: Path) -> Iterator[Iterator[tuple[str, int, object]]]:
     """Yield the messages of a bag in order of time: topic, time [ns] and content, without messages of unknown type.
 
-    Errors of the library, and errors caused by unusual types of messages, become errors of the file.
+    Exceptions of the library, also those caused by unusual types of messages, become a `RecordingError`.
 
     Raises:
         RecordingError: If the bag is missing, damaged or larger than is accepted.
@@ -182,7 +182,7 @@ def _read_messages(reader: AnyReader, budget: Budget) -> Iterator[tuple[str, int
     known = [connection for connection in reader.connections if connection.msgtype in reader.typestore.types]
     for connection, received, data in reader.messages(connections=known):
         message = reader.deserialize(data, connection.msgtype)
-        # The time of the header, or that of reception if the header has none.
+        # The time of a message is the stamp of its header, or the time of reception if the header has no stamp.
         stamp = getattr(getattr(message, "header", None), "stamp", None)
         time = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) if stamp and stamp.sec else received
         budget.spend(records=1)
@@ -244,14 +244,14 @@ def _find_shape(message: object) -> tuple[int, int] | None:
 
 
 def _find_attribute(message: object, names: Sequence[str]) -> object:
-    """Return the value of the first of `names` that is a field of the message; None if none of them is."""
+    """Return the value of the first of `names` that is a field of the message; None if there is no such field."""
     return next((getattr(message, name) for name in names if hasattr(message, name)), None)
 
 
 def _read_image(path: Path, name: str, message: Any) -> Iterator[_ArrayFrame]:  # noqa: ANN401 -- a type made at run time
     pixel = np.dtype(_PIXEL_TYPES[message.encoding]).newbyteorder(">" if message.is_bigendian else "<")
     rows, columns, step = int(message.height), int(message.width), int(message.step)
-    if rows * columns > MOST_TEXELS:  # the image of a camera
+    if rows * columns > MOST_TEXELS:  # An image of this size comes from a camera.
         return
     if step < columns * pixel.itemsize or len(message.data) != rows * step:
         raise RecordingError(
@@ -266,7 +266,7 @@ def _measure_bag(path: Path) -> int:
     """Return the size of a bag of another program with all its files [bytes].
 
     Raises:
-        RecordingError: If it is missing, too large, or holds something else than regular files.
+        RecordingError: If the bag is missing, too large, or holds something else than regular files.
     """
     try:
         found = list(itertools.islice(path.iterdir(), _LIMITS.files + 1)) if path.is_dir() else [path]
@@ -305,7 +305,7 @@ def _limit_memory(path: Path, size: int) -> Iterator[None]:
         size: Size of the bag [bytes].
 
     Raises:
-        RecordingError: If the bag unpacks to more.
+        RecordingError: If reading the bag needs more memory than the limit.
     """
     most = _LIMITS.memory + _LIMITS.memory_ratio * size
     try:

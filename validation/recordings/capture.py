@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Literal
 
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
-from validation.recordings.recording import BoolArray, RecordedArray, Setup, make_array
+from validation.recordings.recording import NANOSECOND, BoolArray, RecordedArray, Setup, make_array
 from validation.weiss.protocol import MatrixInfo, Reading
 from validation.weiss.sensor import Chunk, LinkLostError, NoAnswerError, PortError, Sensor, SensorError
 from validation.weiss.stream import DeviceClock, Gap, Residual
 
 #: Errors of optional requests, such as the temperature.  The recording continues without the answer.
 _UNANSWERED = (SensorError, NoAnswerError)
-_SECONDS_PER_NANOSECOND = 1e-9
 
 
 class RecordingStoppedError(PortError):
@@ -136,7 +135,7 @@ class _Session:
     @property
     def seconds(self) -> float:
         """Time from the first recorded frame to the last [s]."""
-        return (self._last - self._first) * _SECONDS_PER_NANOSECOND
+        return (self._last - self._first) * NANOSECOND
 
     def run(
         self, writer: RecordingWriter, seconds: float | None, *, run_length: bool, interval_ms: int, reconnect: float
@@ -146,7 +145,7 @@ class _Session:
         def write_raw(chunk: Chunk) -> None:
             writer.add_raw(chunk.host_time + self._utc_offset, chunk.data)
 
-        stop = None if seconds is None else time.monotonic_ns() + round(seconds / _SECONDS_PER_NANOSECOND)
+        stop = None if seconds is None else time.monotonic_ns() + round(seconds / NANOSECOND)
         self._write_temperature(writer)
         stream = self._sensor.stream(run_length=run_length, interval_ms=interval_ms, reconnect=reconnect)
         self._sensor.tap = write_raw
@@ -189,7 +188,7 @@ class _Session:
 
 
 def _ask_mask(sensor: Sensor) -> BoolArray | None:
-    """Read which texels of a device exist; None if the device does not report this in the assumed form."""
+    """Read which texels of a device exist; None if the device does not answer, or answers in an unknown form."""
     with suppress(*_UNANSWERED):
         return sensor.read_mask()
     return None

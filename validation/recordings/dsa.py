@@ -145,7 +145,7 @@ class _Reader:
         #: Time stamps of the frames, and of the temperatures [ms].
         self._stamps: dict[str, list[int]] = {"frame": [], "temp": []}
         self._open = [_Element("")]
-        #: Text since the last tag, and number of bytes since the last tag or text.
+        #: Text since the last tag, and number of bytes of XML since the last tag or text.
         self._text, self._markup_bytes = "", 0
         self._expat = expat.ParserCreate()
         self._expat.buffer_text = True
@@ -273,7 +273,7 @@ class _Reader:
                 self._fail(f"{_COUNT_OF[name]} is {announced}, found {element.counts[name]}")
 
     def _collect(self, path: str, fields: Mapping[str, str]) -> None:
-        """Read the texts of the children of an element that agrees with the schema."""
+        """Store the content of a complete element, whose children agree with the schema."""
         match path:
             case "root/sensor/matrix":
                 name = f"array {len(self._arrays)}"
@@ -306,7 +306,7 @@ class _Reader:
         before.append(stamp)
 
     def _read_array(self, fields: Mapping[str, str], name: str) -> RecordedArray:
-        """Read the description of one texel array from the texts of a `<matrix>`; it gets a name and no frames."""
+        """Make a named array without frames from the texts of the child elements of a `<matrix>`."""
         columns, rows = (self._read_whole(fields, cells, LIMITS.cells) for cells in ("cells_x", "cells_y"))
         width, height = (
             _MILLIMETRE * self._read_number(edge, fields[edge]) for edge in ("texel_width", "texel_height")
@@ -335,7 +335,7 @@ class _Reader:
         )
 
     def _read_whole(self, fields: Mapping[str, str], name: str, largest: int | None = None) -> int:
-        """Parse an element as a whole number of 0 or more, or from 1 to `largest`."""
+        """Parse the text of an element as a whole number of 0 or more; with `largest`, from 1 to `largest`."""
         text = fields[name].strip()
         if not _WHOLE_NUMBER.fullmatch(text):
             self._fail(f"{name} is {text[:40]!r}; expected a whole number")
@@ -344,7 +344,7 @@ class _Reader:
         return int(text)
 
     def _read_number(self, name: str, text: str) -> float:
-        """Parse a finite decimal number; `name` is the tag of the element, for the error message."""
+        """Parse the text of an element as a finite decimal number; an error message names the tag `name`."""
         if not _NUMBER.fullmatch(text.strip()):
             self._fail(f"{name} is {text.strip()[:40]!r}; expected a number")
         return float(text)

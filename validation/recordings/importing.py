@@ -13,19 +13,18 @@ from meshes import TexelArray
 from meshes.array import MOST_TEXELS
 from validation.recordings import bags, dsa, mcap_reader, tables
 from validation.recordings.mcap_writer import LARGEST_COUNT, Clocks, RecordingWriter
-from validation.recordings.recording import Recording, RecordingError, Setup
+from validation.recordings.recording import NANOSECOND, Recording, RecordingError, Setup
 
 #: List of the formats that `open_recording` accepts, for error messages.
 ACCEPTED = "accepted: .dsa, .csv, .mcap, .bag (ROS 1), a folder with a ROS 2 recording"
-#: Optional module that reads files of each kind; files of other kinds need none.
+#: Optional Python module that reads a file, by the ending of its name; files with other endings need no module.
 _MODULES = {".mcap": "mcap", ".bag": "rosbags", ".db3": "rosbags"}
 #: Smallest first time of a file of forces for which its times count as times since 1970 [s]; smaller times count from
 #: the first frame.  As a time since 1970, the value is a date in 1973, before any recording.  As a duration, it is
 #: three years.
 _EPOCH_TIMES = 1e8
-#: Longest time without readings of the force sensor, at the start or at the end of the frames [s].
+#: Longest accepted time without readings of the force sensor at the start or the end of a recording [s].
 _UNCOVERED_TIME = 0.5
-_SECONDS_PER_NANOSECOND = 1e-9
 #: Latest time since 1970 that a ROS message can state, 19 January 2038 [s].
 _LATEST = 2**31 - 1
 
@@ -167,7 +166,7 @@ def _find_start(recording: Recording) -> int:
     """
     every = np.concatenate([recording.times, recording.force_times, recording.temperature_times, [0.0]])
     earliest, latest = float(every.min()), float(every.max())
-    # Whole microseconds, not rounded down, because the earliest reading would otherwise lie before 1970.
+    # The start is rounded up to whole microseconds; rounded down, the earliest reading could lie before 1970.
     start = max(round(recording.started.timestamp() * 1_000_000), math.ceil(-earliest * 1_000_000))
     last = start * 1e-6 + latest
     if not 0 <= last <= _LATEST:
@@ -179,4 +178,4 @@ def _find_start(recording: Recording) -> int:
 
 
 def _count_nanoseconds(seconds: np.float64) -> int:
-    return round(float(seconds) / _SECONDS_PER_NANOSECOND)
+    return round(float(seconds) / NANOSECOND)

@@ -35,7 +35,7 @@ _RECORD_HEAD_SIZE = 9
 _FOOTER = 0x02
 #: Largest number of bytes that a chunk may unpack to.  Chunks written by this program hold about 1 MiB.
 MOST_CHUNK_BYTES = 2**26
-#: Largest memory that unpacking may need besides the result [bytes].
+#: Largest memory that unpacking a chunk may need besides the unpacked bytes [bytes].
 _MOST_WINDOW = 2**27
 #: Largest size of a record that is read [bytes].  A damaged length field could otherwise allocate all memory.  Chunks
 #: written by this program hold about 1 MiB.
@@ -148,7 +148,7 @@ def recover(path: str | Path) -> bool:
 
 
 def _make_recording(path: Path, messages: _Messages, *, complete: bool) -> Recording:
-    """Make a recording from the messages of a file."""
+    """Make a recording from all messages of an MCAP file that this program wrote."""
     if not messages[mcap_writer.SETUP_TOPIC]:
         raise RecordingError(f"{path}: an MCAP file without the labels of a softcover recording")
     labels, arrays = mcap_writer.decode_labels(str(messages[mcap_writer.SETUP_TOPIC][-1].content.data), path)
@@ -330,7 +330,7 @@ def unpack_records(chunk: Chunk, budget: Budget) -> Iterator[McapRecord]:
 
 def _unpack(chunk: Chunk) -> bytes:
     """Return the unpacked content of a chunk; never more than one byte beyond the stated size is unpacked."""
-    # libraries with which the package mcap unpacks
+    # The package mcap unpacks chunks with these two libraries.
     from mcap.stream_reader import lz4, zstandard  # type: ignore[attr-defined]
 
     size = chunk.uncompressed_size

@@ -95,7 +95,7 @@ _WARNING = 1
 FORMAT = "softcover-recording/1"
 #: Largest accepted number of characters of the labels [-].
 _MOST_CHARACTERS = 2**20
-#: Number of faults above which no fault is named [-].
+#: Number of faults in the labels above which an error message names no single fault [-].
 _MOST_FAULTS = 1000
 
 #: A length [m] or an angle [rad]; values beyond the limits indicate a wrong unit.
@@ -303,7 +303,7 @@ def _make_header(time_ns: int, name: str) -> Mapping[str, object]:
 
 
 def _make_numbers(values: npt.ArrayLike, label: str = "") -> Mapping[str, object]:
-    """Return the fields of an array of numbers; its first dimension has a label with their meaning."""
+    """Return the fields of a ROS multi-array message; `label` states the meaning of the numbers."""
     numbers = np.asarray(values, dtype=np.float64)
     sizes = numbers.shape if label else ()
     sides: list[Mapping[str, object]] = [
@@ -381,7 +381,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
             thread.start()
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """Complete the file.  If the `with` block raised an exception, a `StorageError` does not replace it."""
+        """Complete the file; an exception of the `with` block takes precedence over a `StorageError`."""
         try:
             self.close()
         except StorageError:
@@ -503,7 +503,7 @@ class RecordingWriter(AbstractContextManager["RecordingWriter"]):
         self._file.close()
 
     def _register(self, topic: str) -> None:
-        """Announce a topic, and its message type if it is the first topic of that type."""
+        """Write the description of a topic to the file, and that of its message type if the type is new in the file."""
         kind = find_kind(topic) or ""
         if kind not in self._schemas:
             definition = load_types().generate_msgdef(kind, ros_version=2)[0].encode()

@@ -320,12 +320,12 @@ def convert_to_utc(nanoseconds: int) -> datetime:
 
 
 def count_seconds(times: Sequence[int], start: int) -> FloatArray:
-    """Convert times to times from a start [both ns] in seconds, shape (times,) [s]."""
+    """Convert times [ns] to times from a start [ns], in seconds, shape (times,) [s]."""
     return (np.array(times, dtype=np.int64) - start).astype(np.float64) * NANOSECOND
 
 
 def hash_contents(path: Path) -> str:
-    """Return the hexadecimal SHA-256 hash of a file, or of all files below a folder in the order of their paths."""
+    """Return the hexadecimal SHA-256 hash of the bytes of a file, or of all files below a folder, sorted by path."""
     digest = hashlib.sha256()
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
     for each in files:

@@ -43,7 +43,7 @@ class Baseline:
     """Values of all quantities of a sensor.
 
     Attributes:
-        sensor: The sensor in one line, see `Subject.describe`.
+        sensor: The sensor in one line, see `describe_sensor`.
         versions: Versions of packages by name.
         readings: Value, unit and tolerance by title of the quantity.
     """
@@ -175,7 +175,7 @@ def measure_changes(stored: Baseline, measured: Baseline) -> dict[str, float]:
 
 
 def _list_changes(before: Reading, now: Reading) -> list[tuple[float, str, float, float]]:
-    """List the numbers of a reading: change over the tolerance [-], label, stored and measured value."""
+    """List all numbers of a reading: change over the tolerance [-], label, stored value and measured value."""
     return [
         (
             _measure_change(stored, measured, before),
@@ -303,7 +303,7 @@ class Regression:
 
     @property
     def other_versions(self) -> list[str]:
-        """Packages whose version differs from that in the baseline."""
+        """Packages whose version differs from the version in the baseline, with both versions."""
         then = {} if self.stored is None else self.stored.versions
         pairs = ((name, then.get(name, "none"), version) for name, version in self.now.versions.items())
         return [f"{name} {old} -> {version}" for name, old, version in pairs if old != version]

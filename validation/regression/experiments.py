@@ -135,17 +135,17 @@ def _find_force(count: Callable[[float], float], level: float) -> float:
     return float(above)
 
 
-#: Numbers of rows and columns of the two scored images [-].
+#: Numbers of rows and columns of the two made-up images that the metrics score [-].
 _SHAPE = (7, 5)
-#: Pitch of the two images along x and y [m].
+#: Pitch of the two made-up images along x and y [m].
 _IMAGE_PITCH = (3e-3, 4e-3)
-#: Load of the two images [N].
+#: Load of the two made-up images [N].
 _LOAD = 4.0
-#: Force outside the texels in the reference and in the prediction, in this order [N].
+#: Force outside the texels of the made-up images, of the reference and of the prediction [N].
 _OUTSIDE = (0.30, 0.42)
-#: Errors of the first model in five cases [-].
+#: Made-up errors of a model in five cases, which are pooled [-].
 _ERRORS = (0.02, 0.05, 0.01, 0.08, 0.03)
-#: Errors of the second model in the same cases [-]; NaN where it has no result.
+#: Made-up errors of a second model in the same five cases [-]; NaN for a case without a result.
 _COMPARISON = (0.10, 0.07, float("nan"), 0.21, 0.05)
 
 
@@ -194,55 +194,55 @@ AREA_METHODS = ("foundation", "cover", "curved")
 #: Contact methods that compute contact and spread by the cover together.  Their texel forces are read after spread,
 #: those of the other methods before it.
 SPREADING = ("cover", "curved")
-#: Mean pressure below the H: that of 500 g on an H of 12 x 16 mm with bars of 4 mm [Pa].
+#: Mean pressure below the H-shaped indenter: that of 500 g on an H of 12 x 16 mm with bars of 4 mm [Pa].
 LETTER_PRESSURE = 34e3
-#: Largest width and largest height of the H [pitches].
+#: Largest width and largest height of the H-shaped indenter [pitches].
 _LARGEST = (3.5, 4.7)
-#: Largest width of the H over the width of the array, and largest height over the height of the array [-].
+#: Largest width of the H-shaped indenter over the width of the array, and largest height over its height [-].
 _SHARE = 0.55
-#: Width of the bars of the H, over the smaller of its width and height [-].
+#: Width of the bars of the H-shaped indenter, over the smaller of its width and height [-].
 _BAR = 0.3
-#: Distance of the axis of the H from the array's centre along x and y, over width and height of the array [-].
+#: Distance of the H-shaped indenter from the array's centre along x and y, over width and height of the array [-].
 _OFF = (0.1, 0.13)
-#: Rotation of the H about the normal of the array [rad].
+#: Rotation of the H-shaped indenter about the normal of the array [rad].
 _YAW = 0.17
-#: Radius of the ball over the smaller pitch [-].
+#: Radius of the ball that presses on the sensor, over the smaller pitch [-].
 _BALL = 3.0
-#: Distance of the ball from the centre of the middle texel along x and y, over the pitch [-].
+#: Distance of the pressing ball from the centre of the middle texel along x and y, over the pitch [-].
 _BESIDE = (0.2, -0.3)
-#: Number of rows of the fixed array [-].
+#: Number of rows of the oblong test array, which is the same for all sensors [-].
 _ROWS = 6
-#: Number of columns of the fixed array [-].
+#: Number of columns of the oblong test array [-].
 _COLUMNS = 5
-#: Pitch of the fixed array along x and y [m].
+#: Pitch of the oblong test array along x and y [m].
 _PITCH = (3e-3, 4.5e-3)
-#: Number of contact cells per pitch on the fixed cover [-].
+#: Number of contact cells per pitch on the cover of the oblong test array [-].
 _CELLS = 4
-#: Number of cells beyond the edge of a texel within which forces act on the texel [-].
+#: Number of cells beyond the edge of a texel of the oblong test array from which forces act on the texel [-].
 _REACH = 6
-#: Standard deviation of the force at the base of the fixed cover under a point load [m].
+#: Standard deviation of the force at the base of the test array's cover under a point load [m].
 _WIDTH = 1.2e-3
-#: Distance below which the compliance of the fixed cover is limited, in contrast to that of a half space under a point
-#: load [m].
+#: Distance below which the compliance of the test array's cover is limited [m].  The compliance of a half space under
+#: a point load has no limit.
 _NEAR = 0.5e-3
-#: Thickness of the fixed cover [m].
+#: Thickness of the cover of the oblong test array [m].
 _THICKNESS = 2e-3
-#: Compliance of the top of the fixed cover [m2/N].
+#: Compliance of the top of the test array's cover [m2/N].
 _TOP = 2.4e-7
-#: Edge lengths of the block on the fixed array [m].
+#: Edge lengths of the block that presses on the oblong test array [m].
 _BLOCK = (5e-3, 9e-3, 4e-3)
-#: Position of the block on the fixed array along x and y [m].
+#: Position of the block on the oblong test array along x and y [m].
 _BLOCK_AT = (1.1e-3, 3.4e-3)
-#: Rotation of the block about the normal of the array [rad].
+#: Rotation of the block about the normal of the oblong test array [rad].
 _BLOCK_YAW = 0.3
-#: Load on the block [N].
+#: Load on the block that presses on the oblong test array [N].
 _BLOCK_LOAD = 3.0
 
 
 def lay_letter_h(array: TexelArray) -> tuple[LetterH, float, tuple[float, float], float]:
-    """Choose an H for an array: its shape, load [N], position [m] and rotation [rad].
+    """Choose an H-shaped indenter for an array: its shape, load [N], position [m] and rotation [rad].
 
-    On a WTS 0614-34 the H measures 11.2 x 16 mm.  No symmetry of the array maps its position to itself.
+    On a WTS 0614-34 the H measures 11.2 x 16 mm.  No symmetry of the array maps the position of the H to itself.
     """
     (pitch_x, pitch_y), counts = array.pitch, (array.columns, array.rows)
     width, height = (min(most, _SHARE * count) for most, count in zip(_LARGEST, counts, strict=True))
@@ -271,12 +271,15 @@ def lay_flat(parameters: Parameters) -> Parameters:
 
 
 def find_origin(array: TexelArray) -> FloatArray:
-    """Return the reference point of indenters, shape (3,) [m]; on a curved array the middle texel's centre."""
+    """Return the point from which positions of indenters count, shape (3,) [m].
+
+    The point is the origin on a planar array, and the centre of the middle texel on a curved array.
+    """
     return np.zeros(3) if array.planar else array.centres[array.middle]
 
 
 def press_letter(subject: Subject) -> Readings:
-    """Press the H on the sensor, by every contact method that its parameters allow."""
+    """Press the H-shaped indenter on the sensor, by every contact method that its parameters allow."""
     array = subject.parameters.array
     letter, load, at, yaw = lay_letter_h(array)
     return _press(subject.parameters, letter, load=load, origin=find_origin(array), at=at, yaw=yaw)
@@ -349,7 +352,7 @@ def make_oblong() -> Parameters:
 
 
 def _share(edge: float) -> FloatArray:
-    """Return the share of the force on each cell in a row that acts on a texel, shape (cells + 2 reach,) [-]."""
+    """Return the share of the force on each cell in a row that a texel measures, shape (_CELLS + 2 _REACH,) [-]."""
     middles = (np.arange(_CELLS + 2 * _REACH) - _REACH + 0.5) * edge
     return np.asarray(ndtr((_CELLS * edge - middles) / _WIDTH) - ndtr(-middles / _WIDTH))
 
@@ -393,13 +396,13 @@ def _press(
     return readings
 
 
-#: Weight of the ball [N].
+#: Weight of the ball that rests on a sensor in the simulations [N].
 _WEIGHT = 2.0
-#: Largest timestep [s].
+#: Largest timestep of the simulations [s].
 _TIMESTEP = 1e-3
 #: Smallest number of timesteps per period of the cut-off of the sensor's own filter [-].
 _PER_PERIOD = 20.0
-#: Time for the ball to come to rest [s].
+#: Time for the simulated ball to come to rest [s].
 _REST = 0.15
 #: Smallest duration of the simulation after the load step [s].
 _STEP = 0.15
@@ -410,7 +413,7 @@ _PERIODS = 5.0
 _CUTOFF = 20.0
 #: Orders of the filters with the cut-off frequency `_CUTOFF` [-].
 _ORDERS = (1, 2, 3, 4)
-#: Number of frames under the ramp [-].
+#: Number of frames under the simulated ramp of the load [-].
 _FRAMES = 8
 #: Smallest number of noisy counts; their standard deviation then has a relative error of 0.7 % [-].
 _SAMPLES = 10_000
@@ -422,16 +425,16 @@ _WIDE = Electronics(rate_hz=1 / _TIMESTEP, sensitivity=1000.0, offset=20_000.0, 
 _PLAY = 0.5
 #: Forces on each texel to which the sensor is reset, one after the other [N].
 _RESET_LOADS = (1.0, 3.0, 1.0)
-#: Time for which the H rests before its image is taken [s].
+#: Time for which the H-shaped indenter rests before its tactile image is taken [s].
 _LETTER_TIME = 0.25
-#: Grey level of the mean force on a texel below the H, 0..255 [-].
+#: Grey level of the mean force on a texel below the H-shaped indenter, 0..255 [-].
 _LETTER_GREY = 120.0
 _NAME = "sensor"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Recorded:
-    """What one sensor delivered after each of the steps.
+    """Output of one sensor after every step of a simulation.
 
     Attributes:
         frames: Latest frame after every step.
@@ -536,7 +539,7 @@ def measure_reset(subject: Subject) -> Readings:
 
 
 def measure_letter(subject: Subject) -> Readings:
-    """Press an off-centre, turned H on the sensor by the default method, and take its image and net force."""
+    """Press an off-centre, turned H on the sensor by the default contact method, and measure image and net force."""
     parameters = subject.parameters
     indenter, load, at, yaw = lay_letter_h(parameters.array)
     x, y = (find_origin(parameters.array)[:2] + at).tolist()
@@ -622,7 +625,7 @@ def _bind(sensor: Sensor, model: mujoco.MjModel) -> Sensor:
 
 
 def _make_spec(timestep: float) -> mujoco.MjSpec:
-    """Make a spec with the recommended options."""
+    """Make a MuJoCo spec with the options that the fast model recommends, and the timestep [s]."""
     spec = mujoco.MjSpec()
     recommend_options(spec)
     spec.option.timestep = timestep

@@ -104,8 +104,9 @@ def read_change(text: str, count: int) -> tuple[int, dict[str, str]]:
 
 def _is_known(change: Mapping[str, str]) -> bool:
     """Return whether a change states the thickness and the whole elastic behaviour of a layer."""
-    elastic = "material" in change or {"youngs_modulus", "poisson_ratio"} <= set(change) or "hardness" in change
-    return "thickness" in change and elastic
+    model = MODELS.get(change.get("model", ""))
+    elastic = {"material", "hardness"} & set(change) or {"youngs_modulus", "poisson_ratio"} <= set(change)
+    return "thickness" in change and bool(elastic or (model is not None and model.poisson_ratio))
 
 
 def _change_layer(layer: Layer, change: Mapping[str, str], place: str) -> Layer:
@@ -133,7 +134,7 @@ def _change_material(material: Material, change: dict[str, Any]) -> Material:
         ValueError: If the material model has no such parameter.
     """
     kept = {} if {"model", "hardness"} & set(change) else dict(material.parameters)
-    ratio = None if MODELS[material.model].poisson_ratio else material.poisson_ratio
+    ratio = None if MODELS[change.get("model", material.model)].poisson_ratio else material.poisson_ratio
     values = {"model": material.model, "poisson_ratio": ratio, **kept, **change}
     scaled = "youngs_modulus" in change and "model" not in change and material.model != "linear-elastic"
     modulus = values.pop("youngs_modulus") if scaled else 0.0

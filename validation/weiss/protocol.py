@@ -139,7 +139,7 @@ class Command(IntEnum):
     READ_SINGLE_FRAME = 0x20, "<B", None
     START_PERIODIC_FRAMES = 0x21, "<BH"
     STOP_PERIODIC_FRAMES = 0x22
-    TARE = 0x23, "<B"  # 1 to subtract the present frame from later frames, 0 to end this
+    TARE = 0x23, "<B"  # The value 1 starts the subtraction of the present frame from later frames; 0 ends it.
     MATRIX_INFO = 0x30, "", "<5H"
     SET_MASK_WINDOW = 0x31, None
     SET_ADVANCED_MASK = 0x32, None
@@ -394,7 +394,7 @@ def compress(counts: CountArray) -> bytes:
         return b""
     starts = np.flatnonzero(np.concatenate(([True], counts[1:] != counts[:-1])))
     lengths = np.diff(np.append(starts, counts.size))
-    # a run that is longer than one unit can hold is divided into full units of 15 counts and a rest of 1..15 counts
+    # A run that is longer than one unit can hold is divided into full units of 15 counts and a rest of 1..15 counts.
     full, rest = np.divmod(lengths - 1, _LONGEST_RUN)
     values = np.repeat(counts[starts].astype(np.uint16), full + 1)
     runs = np.full(values.size, _LONGEST_RUN, dtype=np.uint16)

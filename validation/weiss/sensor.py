@@ -34,7 +34,7 @@ _WRITE_TIMEOUT = 1.0
 #: Number of bytes that are requested at a time from a socket [bytes].  A socket, unlike a serial port, does not report
 #: the number of bytes that can be read.
 _SOCKET_BYTES = 64
-#: Longest wait for these bytes [s].
+#: Longest wait for bytes from a socket [s].
 _SOCKET_TIMEOUT = 0.005
 #: Description of the accepted names of ports, for error messages.
 _ACCEPTED = "accepted: a port such as /dev/ttyACM0, or a pyserial URL"
@@ -182,7 +182,7 @@ def _find_remedy(port: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Patience:
-    """How long the driver waits and repeats; nothing in the protocol states these values.
+    """Waiting times and numbers of repetitions of the driver.  The protocol states none, so that they are our choice.
 
     Attributes:
         most_events: Largest number of readings and gaps that are stored until the program takes them from the stream
@@ -401,7 +401,7 @@ class Sensor(AbstractContextManager["Sensor"]):
             NoAnswerError: If no sensor answers on the port.
         """
         try:
-            with suppress(SensorError):  # a device may refuse a command that would not change its state
+            with suppress(SensorError):  # A device may refuse a command that would not change its state.
                 self.ask(Command.STOP_PERIODIC_FRAMES)
             self.read_info()
         except NoAnswerError as error:
@@ -454,7 +454,7 @@ class Sensor(AbstractContextManager["Sensor"]):
         self._events.clear()
         self._continuity = Continuity()
         self._streaming = True
-        with suppress(SensorError):  # the device may already send frames
+        with suppress(SensorError):  # The device refuses the command if it already sends frames.
             self.ask(Command.START_PERIODIC_FRAMES, *requested)
 
     def _stop_stream(self) -> None:

@@ -1,4 +1,4 @@
-"""What a stream of frames tells by the device's clock: frames that are missing, and when each frame was taken.
+"""Missing frames in a stream, and the time at which each frame was taken, both from the device's clock.
 
 **Gaps.**  A step is the increase of the device's clock from one frame to the next.  If a frame is lost, the step is
 longer than the period, the mean step without a lost frame.  The period is estimated from the stream, because the frame
@@ -108,7 +108,7 @@ class Gap:
 class Continuity:
     """Reports the gaps in a stream of frames, from the times of the frames on the clock of the device.
 
-    What lies between two consecutive frames is described as a `Gap`, also if nothing is missing there.
+    Two consecutive frames are described by a `Gap`, also if no frame is missing between them.
     """
 
     def __init__(self) -> None:
@@ -173,7 +173,12 @@ def _find_short_steps(pairs: Collection[Gap]) -> list[int]:
 
 
 def _find_gaps(pairs: Collection[Gap], period: float) -> list[Gap]:
-    """Return the pairs with a gap between them; `period` is the mean step without a lost frame [ticks]."""
+    """Return the pairs of consecutive frames that frame a fault of the stream, each with the kind of the fault.
+
+    Args:
+        pairs: Pairs of consecutive frames.
+        period: Mean step of the device's clock without a lost frame [ticks].
+    """
     gaps = []
     for pair in pairs:
         if pair.step == 0:
@@ -192,8 +197,8 @@ class _FitSettings:
     """Settings of the fit, chosen with simulated delays of a busy host.
 
     Attributes:
-        block: Duration over which the earliest arrival is looked for [s].
-        blocks: Number of these durations that are fitted [-].
+        block: Duration of a block of frames, of which only the frame with the earliest arrival is fitted [s].
+        blocks: Number of latest blocks that are fitted [-].
         fitted_blocks: Number of blocks from which the slope is fitted; before, a tick is assumed to last `TICK` [-].
         largest_drift: Largest deviation of the length of a tick from `TICK`, as a share of it; cheap clocks deviate by
             0.3 % [-].
@@ -284,23 +289,23 @@ class DeviceClock:
 
     @property
     def residual(self) -> Residual:
-        """How far arrival times lie from the stamps so far; NaN without frames."""
+        """Delays of all frames so far, from their stamps to their arrival; NaN without frames."""
         delays = np.array(self._delays) / _NANOSECONDS_PER_SECOND if self._delays else np.array([np.nan])
         median, p95, largest = np.percentile(delays, (50, 95, 100)).tolist()
         return Residual(median, p95, largest, self._tick, self._unfitted, self._restarts)
 
     def _start(self) -> None:
         """Start the fit with the next frame."""
-        #: Ticks and arrival [ns] of the first frame, from which the others count.
+        #: Ticks and arrival time [ns] of the first frame.  All times of the fit count from this frame.
         self._origin: tuple[int, int] | None = None
-        #: Time since the first frame by the device's clock, if a tick lasts `TICK`, and arrival minus this time [s], of
-        #: the earliest frame of each block; the last one is of the present block.
+        #: Earliest frame of each block, the present block last: time since the first frame on the device's clock, with
+        #: ticks of the length `TICK`, and arrival minus this time [s].
         self._earliest: deque[tuple[float, float]] = deque(maxlen=_FIT.blocks)
         self._block = -1
         self._slope = self._offset = 0.0
 
     def _fit(self, ticks: int, arrival: int) -> int | None:
-        """Add a frame to the fit and return its time [ns]; None if its clock does not fit."""
+        """Add a frame to the fit and return its fitted time [ns]; None if its device clock is far from the fit."""
         if self._origin is None:
             self._origin = (ticks, arrival)
         start_ticks, start = self._origin

@@ -32,29 +32,29 @@ Fault = Callable[[bytes, int, Random], bytes]
 #: Every fault of the serial line by the name that the command line takes.
 FAULTS: Mapping[str, Fault] = MappingProxyType(
     {
-        # one random bit changed
+        # One random bit of the message is changed.
         "flip-bit": lambda sent, at, random: sent[:at] + bytes([sent[at] ^ 1 << random.randrange(8)]) + sent[at + 1 :],
-        # one to eight consecutive bytes replaced by random ones
+        # One to eight consecutive bytes of the message are replaced by random ones.
         "change-bytes": lambda sent, at, random: (
             sent[:at] + random.randbytes(size := len(sent[at : at + random.randint(1, 8)])) + sent[at + size :]
         ),
-        # one to sixteen consecutive bytes left out, or sent twice
+        # One to sixteen consecutive bytes of the message are left out, or sent twice.
         "drop-bytes": lambda sent, at, random: sent[:at] + sent[at + random.randint(1, 16) :],
         "repeat-bytes": lambda sent, at, random: sent[: at + random.randint(1, 16)] + sent[at:],
-        # one to forty random bytes in or before the message
+        # One to forty random bytes are inserted in or before the message.
         "insert-noise": lambda sent, at, random: sent[:at] + random.randbytes(random.randint(1, 40)) + sent[at:],
         "cut": lambda sent, at, _: sent[: max(1, at)],
-        # one to five bytes AA, the byte of the preamble, before the message
+        # One to five bytes AA, the byte of the preamble, are sent before the message.
         "extra-preamble": lambda sent, _, random: PREAMBLE[:1] * random.randint(1, 5) + sent,
-        # the head of another message, with a random payload size and without payload, before the message
+        # The head of another message, with a random payload size and without payload, is sent before the message.
         "false-head": lambda sent, _, random: (
             PREAMBLE + bytes([random.choice((0x00, 0x20)), random.randrange(256), 0]) + sent
         ),
         "lose": lambda *_: b"",
         "repeat": lambda sent, *_: sent + sent,
-        # the text of a booting device of the SDH generation before the message
+        # The text of a booting device of the SDH generation is sent before the message.
         "boot-text": lambda sent, *_: b"\x1b[5n\x1b[5n\x1b[5n" + sent,
-        # a random payload size in the head of the message
+        # The head of the message states a random payload size.
         "wrong-size": lambda sent, _, random: sent[:4] + random.randbytes(2) + sent[protocol.HEAD_SIZE :],
     }
 )
@@ -200,7 +200,7 @@ class VirtualSensor:
             Command.MATRIX_INFO: lambda: self.matrix.values,
             Command.SYSTEM_INFO: lambda: (1, 1, 0x1000, 1),
             Command.SENSOR_TYPE: lambda: (self.type.encode("ascii"),),
-            # from 25 to 35 degC with a time constant of 20 min
+            # The temperature rises from 25 to 35 degC with a time constant of 20 min.
             Command.TEMPERATURE: lambda: (round((35 - 10 * math.exp(-now / 1200)) * protocol.UNITS_PER_KELVIN),),
             Command.GET_MASK: lambda: (np.packbits(self._active, bitorder=protocol.MASK_BIT_ORDER).tobytes(),),
             **{setting: lambda: (self._settings[command],) for setting in self._settings},
@@ -220,7 +220,7 @@ class VirtualSensor:
         match command:
             case Command.START_PERIODIC_FRAMES if self.next_due < math.inf:
                 return Status.ALREADY_RUNNING
-            case Command.START_PERIODIC_FRAMES:  # no faster than at the rate of the sensor
+            case Command.START_PERIODIC_FRAMES:  # The frame rate never exceeds the rate of the sensor.
                 self._flags, interval = values
                 self._period, self.next_due = max(interval * 1e-3, 1 / self._rate), now
             case Command.STOP_PERIODIC_FRAMES:
@@ -231,7 +231,8 @@ class VirtualSensor:
                 (value,) = values
                 if len(value) > protocol.LONGEST_TEXT if isinstance(value, bytes) else value > LARGEST_COUNT:
                     return Status.RANGE_ERROR
-                self._settings[Command(command + 1)] = value  # the command that asks for a setting follows
+                # The identifier of the command that reads a setting follows that of the command that sets it.
+                self._settings[Command(command + 1)] = value
             case _:
                 return Status.FEATURE_NOT_SUPPORTED
         return Status.SUCCESS

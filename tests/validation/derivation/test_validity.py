@@ -80,7 +80,7 @@ def test_under_a_foil_the_tables_put_the_force_where_finite_strain_has_it(deriva
     plain = dataclasses.replace(
         derivation.parameters, array=array, surface=cover_cells(COVER, array, spread), tables={}, validity=None
     )
-    found = state_range(plain, COVER, spread, press_ball_on_array(COVER, array, None))
+    found = state_range(plain, plain.surface, COVER, spread, press_ball_on_array(COVER, array, None))
     assert found.validity.load_5_percent > 2
     path = press_ball(COVER, radius, [0.1 * COVER.thickness, 0.2 * COVER.thickness])
     for load, base in zip(path.load, path.base, strict=True):
