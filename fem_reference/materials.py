@@ -108,7 +108,8 @@ def second_isochoric(F: FloatArray, J: Invariant) -> Invariant:
     b = F @ F.swapaxes(-1, -2)
     trace = np.einsum("...ii->...", C)
     i, j = np.array(J.places).T
-    k, m = i, j  # component of F of the second differentiation, along the last axis
+    # Row and column of the component of F of the second differentiation, along the last axis.
+    k, m = i, j
     i, j = i[:, None], j[:, None]
     flat = pick_components(F, J.places)
     second = (
@@ -267,7 +268,8 @@ class Ogden:
             powers = stretch**alpha * (J ** (-alpha / 3))[..., None]
             total = powers.sum(axis=-1, keepdims=True)
             energy += 2 * mu / alpha**2 * (total[..., 0] - 3)
-            part = 2 * mu / alpha * (powers - total / 3)  # l dW/dl
+            # The derivative dW/dl times the principal stretch l.
+            part = 2 * mu / alpha * (powers - total / 3)
             slope += part * inverse
             cross = -powers[..., :, None] / 3 - powers[..., None, :] / 3 + total[..., None] / 9
             block = 2 * mu * cross * inverse[..., :, None] * inverse[..., None, :]
@@ -304,7 +306,10 @@ def create_energy(material: Material, unit: float = 1.0) -> Energy:
 
 
 def create_finite_strain_energy(material: Material, unit: float = 1.0) -> Energy:
-    """Create the energy of `create_energy`; `linear-elastic` becomes neo-Hookean of equal shear modulus."""
+    """Create the isochoric stored energy of a material for finite strain.
+
+    A `linear-elastic` material becomes neo-Hookean with the same shear modulus.  `unit` is that of `create_energy`.
+    """
     if material.small_strain_only:
         return Polynomial(c1=material.shear_modulus / unit / 2)
     return create_energy(material, unit)
