@@ -33,7 +33,8 @@ METHODS: Mapping[str, TexelContact] = MappingProxyType(
 #: Name of the default method: the method of the parameters' surface (`cover` or `curved`), or `boxes` without a
 #: surface.
 DEFAULT = "default"
-#: Attributes of an explicit pair that its copies share.
+#: Attributes of an explicit contact pair of MuJoCo (`<pair>`) that are copied if several geoms of an array replace one
+#: geom of the pair.
 _PAIR_SETTINGS = (
     *("geomname1", "geomname2", "condim", "friction", "gap", "margin"),
     *("solref", "solreffriction", "solimp", "adhesion"),
@@ -133,7 +134,7 @@ def _check_spec(spec: mujoco.MjSpec) -> None:
 def _find_carrier(
     spec: mujoco.MjSpec, wanted: str | mujoco.MjsBody | mujoco.MjsSite
 ) -> mujoco.MjsBody | mujoco.MjsSite:
-    """Find the body or site of a spec that carries an array, itself or by its name."""
+    """Find the body or site of a spec that carries an array, given as an object or by its name."""
     accepted = "a mujoco.MjsBody, a mujoco.MjsSite, or the name of a body or site"
     check_type("body", wanted, (str, mujoco.MjsBody, mujoco.MjsSite), accepted)
     if isinstance(wanted, str):
@@ -186,11 +187,11 @@ def _add_frame(
 def _find_replaced(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, wanted: str | mujoco.MjsGeom | Iterable[str | mujoco.MjsGeom]
 ) -> list[mujoco.MjsGeom]:
-    """Find the geoms of a body that an array takes the place of.
+    """Find the geoms of a body that an array replaces, and check that they belong to the body.
 
     Args:
         spec: The spec.
-        body: The body.
+        body: The body that carries the array.
         wanted: The geoms, or their names.
     """
     accepted = "the name of a geom, a mujoco.MjsGeom, or several of them"
@@ -216,11 +217,11 @@ def _find_replaced(
 
 
 def _switch_off(spec: mujoco.MjSpec, replaced: Sequence[mujoco.MjsGeom], plates: Sequence[str]) -> None:
-    """Switch off the collisions of geoms, and give their explicit pairs to the geoms of an array.
+    """Switch off the collisions of geoms, and transfer their explicit contact pairs to the geoms of an array.
 
     Args:
         spec: The spec to edit.
-        replaced: The geoms.
+        replaced: The geoms that the array replaces.
         plates: Names of the geoms of the array.
     """
     names = {geom.name for geom in replaced} - {""}

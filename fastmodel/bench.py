@@ -37,13 +37,15 @@ SETTLE_TIME = 1.0
 AVERAGE_TIME = 1.0
 #: Relative difference between the mean force on the array and the load, up to which the array carries the load [-].
 LOAD_TOLERANCE = 1e-3
-#: Acceleration over gravity [-], and speed [m/s or rad/s], below which an indenter counts as at rest.
+#: An indenter counts as at rest if its acceleration over standard gravity [-] and its speed [m/s or rad/s] are both
+#: below this number.
 REST = 1e-6
 #: Tolerance of MuJoCo's constraint solver in simulated bench tests [-].
 SOLVER_TOLERANCE = 1e-12
-#: Radius of gyration of a guided indenter [m].  The guide prevents rotation, so the value has no effect.
+#: Radius of gyration from which the inertia of a guided indenter is computed [m].  The guide prevents rotation, so the
+#: value has no effect.
 GYRATION_RADIUS = 1e-3
-#: Least load [N].  With a gyration radius of 1 mm, MuJoCo refuses inertias below that of 1e-8 N.
+#: Smallest accepted load [N].  With a radius of gyration of 1 mm, MuJoCo refuses the inertia of a load below 1e-8 N.
 _LEAST_LOAD = 1e-7
 #: Name of the sensor in a simulated bench test, which is the prefix of the names of its geoms.
 _ARRAY = "array"
@@ -194,7 +196,15 @@ def indent_together(
 def _describe(
     parameters: Parameters, method: str, reading: Reading, depth: float | None, started: float
 ) -> FastIndentation:
-    """Make the result of a press without chatter; `started` is the time at which the press began [s]."""
+    """Make the result of a press from its reading; the chatter of the forces is set to zero.
+
+    Args:
+        parameters: The array and its cover.
+        method: Name of the contact method, or its settings as text.
+        reading: Contact forces, and texel forces if the contact method computes them.
+        depth: Approach of the indenter since its first touch of the cover [m]; None if it has no meaning.
+        started: Value of `time.perf_counter` when the press began [s].
+    """
     texel_forces = reading.texel_forces
     if texel_forces is None:
         texel_forces = parameters.spread.operator(parameters.array) @ reading.contact_forces
@@ -289,7 +299,9 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
 
 
 def _settle(model: mujoco.MjModel, reader: ContactReader, load: float) -> tuple[Reading, float]:
-    """Step until the indenters are at rest, and return the contact forces and their chatter (see `FastIndentation`).
+    """Simulate until the indenters are at rest; return the reading and the chatter of the total force [-].
+
+    The chatter is the standard deviation of the total force over time, divided by the load.
 
     An indenter whose face barely touches a texel can open and close this contact indefinitely.  The result is then the
     mean over time, because the mean total force equals the weight.

@@ -1,9 +1,8 @@
 """Warnings about a model in which the accuracy of a sensor is reduced, or part of the force is not measured.
 
-Every warning is a sentence that names a fault and its remedy.  The first part of the file checks the options of the
-model.  The second part checks geoms that share the force with the array or never touch it.
-
-The third part computes the heights of geoms above the top of an array, along lines parallel to the array's normal.
+Each warning is a sentence that names a fault and its remedy. `check_options` examines the options of the model, and
+`check_surroundings` the geoms that share the force with the array or never touch it. `find_span` computes the heights
+of a geom above the top of an array.
 """
 
 from __future__ import annotations
@@ -37,13 +36,13 @@ _LONGEST_STEP = 5e-3
 #: Largest difference between the shares of a force on one texel, by point spread and by calibration, without a warning
 #: [-].
 _CALIBRATION_TOLERANCE = 0.1
-#: Depth below the top of the array beyond which geoms of the same body carry no force [m].  With MuJoCo's default
-#: softness, and 160 times the weight of the object, a pad carries 50 % of the force if it is flush with the array, 16 %
-#: if it lies 0.5 mm below, and none from 1 mm on.
+#: Depth below the top of the array beyond which geoms of the same body carry no force [m].  It was measured with a pad
+#: beside the array, MuJoCo's default softness, and a force of 160 times the weight of the object: the pad carried 50 %
+#: of the force if it was flush with the array, 16 % if it lay 0.5 mm below, and none from 1 mm on.
 _CLEARANCE = 1e-3
 #: Cosine of the angle between the normals of two arrays below which they face one another [-].
 _FACING = -0.5
-#: Most names that a sentence lists.
+#: Largest number of geoms that a sentence names; further geoms are only counted [-].
 _MOST_NAMES = 4
 #: Height above or below the top of an array up to which a geom counts as flush with it [m].  Geoms that overlap the
 #: array by less than this height do not count as pressing on it.
@@ -146,7 +145,7 @@ def check_options(parameters: Parameters, model: mujoco.MjModel, every: int, geo
 
 
 def _check_flags(model: mujoco.MjModel, geoms: IntArray) -> Iterator[str]:
-    """Find flags of the model that remove or change contact forces; yield a sentence about each."""
+    """Find flags of the model that remove or change contact forces; yield a sentence about each of them."""
     off, on = mujoco.mjtDisableBit, mujoco.mjtEnableBit
     disabled, enabled = model.opt.disableflags, model.opt.enableflags
     if disabled & (off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT):
@@ -225,14 +224,15 @@ def check_surroundings(
 def _check_flush_geoms(
     model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, name: str, surface: tuple[FloatArray, FloatArray]
 ) -> Iterator[str]:
-    """Find geoms that move with the array and reach its top; yield a sentence about each, see `check_surroundings`.
+    """Find geoms that move with the array and reach its top; yield a sentence about each of them.
 
     Args:
         model: The compiled model.
         data: State of the simulation.
         geoms: Ids of the geoms of the array.
         name: Name of the sensor.
-        surface: Points on the top of the array [m] and the normals there [-], in the world, shape (k, 3) each.
+        surface: Points on the top of the array [m], and the normals at these points [-], in the world, shape (k, 3)
+            each.
     """
     points, normals = surface
     rigid = _find_colliding(model) & np.isin(model.body_weldid[model.geom_bodyid], _find_welded(model, int(geoms[0])))
@@ -251,7 +251,7 @@ def _check_flush_geoms(
 
 
 def _check_own_links(model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, name: str) -> Iterator[str]:
-    """Find other links of the robot that press on the array in the model's initial pose; see `check_surroundings`."""
+    """Find links of the robot that press on the array in the model's initial pose; yield a sentence about them."""
     pairs, tree = data.contact.geom, model.body_treeid[model.geom_bodyid]
     own = np.isin(pairs, geoms)
     touching = (own[:, 0] != own[:, 1]) & (data.contact.dist < -_FLUSH) & (pairs >= 0).all(axis=1)
@@ -295,7 +295,7 @@ def _describe_height(height: float) -> str:
 
 
 def _advise_on_flush_geom(model: mujoco.MjModel, geom: int, array: int) -> str:
-    """State how to remove a geom that carries part of the force on an array, from one geom of the array."""
+    """State a remedy for a geom that carries part of the force on an array; `array` is one of the array's geoms."""
     if int(model.geom_type[geom]) in {mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD}:
         return ""  # A floor is needed elsewhere and should not be removed.
     if _find_sensor(model, geom):
@@ -309,7 +309,7 @@ def _advise_on_flush_geom(model: mujoco.MjModel, geom: int, array: int) -> str:
 def _check_facing_arrays(
     model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, name: str, obstacles: Reasons
 ) -> Iterator[str]:
-    """Find arrays that face an array but cannot touch it; see `check_surroundings`."""
+    """Find arrays that face the array of a sensor but cannot touch it; yield a sentence about each of them."""
     normals, weld = data.geom_xmat[:, 2::3], model.body_weldid[model.geom_bodyid]
     against = (normals @ normals[geoms].T).min(axis=1) < _FACING
     found = against & (obstacles != "") & (weld != weld[geoms[0]])
@@ -332,19 +332,19 @@ def _find_sensor(model: mujoco.MjModel, geom: int) -> str:
 
 
 def _sort(reasons: Reasons) -> list[str]:
-    """Return the different reasons that are not empty, sorted."""
+    """Return the distinct texts of an array of reasons, without the empty text, in alphabetical order."""
     return sorted(set(reasons.tolist()) - {""})
 
 
 def _list_geoms(model: mujoco.MjModel, chosen: BoolArray) -> str:
-    """List the names of some geoms of a model, or the names of their bodies where they have none."""
+    """List the names of the chosen geoms of a model, or of their bodies if the geoms have no names, as one text."""
     names = list(dict.fromkeys(_describe_geom(model, geom) for geom in chosen.nonzero()[0].tolist()))
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
     return ", ".join(names[:_MOST_NAMES]) + more
 
 
 def _describe_geom(model: mujoco.MjModel, geom: int) -> str:
-    """Describe a geom by its name and that of its body, or by the body alone if it has no name."""
+    """Describe a geom by its name and the name of its body, or by the body alone if the geom has no name."""
     name, body = model.geom(geom).name, model.body(model.geom_bodyid[geom]).name
     return f"geom {name!r} of body {body!r}" if name else f"a geom without a name (id {geom}) of body {body!r}"
 

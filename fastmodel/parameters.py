@@ -52,7 +52,7 @@ _MOST_TABLE_BYTES = 2**27
 _OPERATOR = "operator"
 #: Value of `validity` in the TOML file if the range of the fast model is not stated.
 _NOT_STATED = "not stated"
-#: Sections of the TOML file that hold one object of a class.
+#: Class of the object that a section of the TOML file holds, by the name of the section.
 _CLASSES: dict[str, type] = {
     "electronics": Electronics,
     "filter": Butterworth,
@@ -63,12 +63,12 @@ _CLASSES: dict[str, type] = {
 
 
 def _name_tables(kind: type) -> dict[str, str]:
-    """Name the table in the npz file of each field of a class that is an array."""
+    """Return the name of the table in the npz file for each field of a class that is an array, by field name."""
     section = next(name for name, each in _CLASSES.items() if each is kind)
     return {each.name: f"{section}_{each.name}" for each in dataclasses.fields(kind) if "FloatArray" in str(each.type)}
 
 
-#: Names of tables that the format itself uses; further tables must not have them.
+#: Names of tables in the npz file that the format itself uses; tables of the user must not have these names.
 _RESERVED = (_OPERATOR, *(table for kind in _CLASSES.values() for table in _name_tables(kind).values()))
 
 
@@ -98,7 +98,7 @@ class Parameters:
     validity: Validity | None = None
 
     def __post_init__(self) -> None:
-        """Check that spread operator, gains and surface fit the array.
+        """Check the types of the parts, and that spread operator, gains and surface fit the array.
 
         Raises:
             FastModelError: If a part has a wrong type.
@@ -210,10 +210,10 @@ class _Document:
     """
 
     def __init__(self, path: Path) -> None:
-        """Read the file.
+        """Read a `parameters.toml`.
 
         Raises:
-            ParametersError: If it cannot be read, or is no TOML within the limits on size and depth.
+            ParametersError: If the file cannot be read, or is no TOML within the limits on size and depth.
         """
         self.path = path
         try:
@@ -304,7 +304,11 @@ def _build_array(document: _Document) -> TexelArray:
 
 
 def _build_spread(table: dict[str, Any], operator: FloatArray, array: TexelArray) -> Spread:
-    """Build the point spread from the section `[spread]` and the operator."""
+    """Build the point spread of an array from the section `[spread]` of the TOML file and the operator in the npz file.
+
+    Raises:
+        ValueError: If the operator is for another number of texels, or the section has bad values.
+    """
     if operator.shape != (array.count, array.count):
         raise ValueError(
             f"{_OPERATOR!r} in {NPZ_NAME} has shape {operator.shape}; {array.count} texels need "
@@ -342,7 +346,10 @@ def _replace_pair(folder: Path, packed: bytes, text: bytes) -> None:
 
 
 def _path_of_copy(tables: Path, sha256: str) -> Path:
-    """Return the path of the copy of an old npz file with a given hash; it exists while both files are replaced."""
+    """Return the path of the copy of an old npz file with a given hash.
+
+    The copy exists only while the npz file and the TOML file of a folder are replaced.
+    """
     return tables.with_name(f"{tables.stem}.{sha256[:16]}{tables.suffix}")
 
 

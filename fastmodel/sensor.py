@@ -41,7 +41,7 @@ from meshes.array_types import FloatArray
 #: Lowest sampling rate of costly contact methods over the filter's cut-off [-].  Half the sampling rate, the highest
 #: frequency that samples can represent, is then at least twice the cut-off.
 _SAMPLES_PER_CUTOFF = 4.0
-#: Tolerance for comparisons of times, over a physics step or a frame period [-]; it allows for rounding.
+#: Tolerance for comparisons of times, over a physics step or a frame period [-]; it allows for the rounding of times.
 _CLOCK_TOLERANCE = 1e-3
 
 
@@ -77,7 +77,7 @@ class Sensor:
         prefix: str = "",
         suffix: str = "",
     ) -> None:
-        """Store the settings; `attach` and `bind` describe them."""
+        """Store the settings, which `attach` and `bind` describe, in an unbound sensor."""
         self.name = name
         self.parameters = parameters
         self._contact = contact
@@ -151,7 +151,7 @@ class Sensor:
         interval, timestep = self._choose_interval(model), float(model.opt.timestep)
         spreads = reader.at_rest(np.zeros(parameters.array.count)).texel_forces is None
         functions = ChainFunctions(parameters, 1.0 / (interval * timestep), spreads=spreads)
-        # An error raised before this line leaves the sensor unchanged.
+        # The sensor is changed only from here on, so that errors raised above leave it as it was.
         self._prefix, self._suffix, self._label = prefix, suffix, f"{name}{suffix}"
         self._model, self._data, self._options, self._timestep = model, None, list_options(model), timestep
         self._interval, self._reader, self._functions = interval, reader, functions
@@ -215,7 +215,11 @@ class Sensor:
         return self._model
 
     def _settle(self, contact_forces: FloatArray) -> None:
-        """Restart the sensor under constant contact forces, see `reset`."""
+        """Restart clocks, filter and hysteresis in the steady state under constant contact forces.
+
+        Args:
+            contact_forces: Force on each of n texels, shape (n,), or one number for all texels, shape () [N].
+        """
         count = self.parameters.array.count
         if contact_forces.shape not in {(), (count,)}:
             raise FastModelError(
@@ -387,7 +391,7 @@ class Sensor:
         }
 
     def _get_chain(self) -> State:
-        """Return the states of filter, hysteresis and noise, and the force `outside`."""
+        """Return the states of filter, hysteresis and noise, and the force `outside`, as arrays by name."""
         filtered, play = (np.array(each) for each in self._state)
         noise, outside = pack_generator(self._noise), np.array(self._outside)
         return {"chain/filter": filtered, "chain/play": play, "chain/noise": noise, "chain/outside": outside}
@@ -413,7 +417,7 @@ class Sensor:
             raise error if isinstance(error, FastModelError) else FastModelError(f"state: {error}") from error
 
     def _restore(self, state: State) -> None:
-        """Restore a state of the sensor."""
+        """Restore a state that `get_state` returned; an error may leave the sensor half restored."""
         clock = take_array(state, "clock", np.zeros(5)).tolist()
         method, own = str(take_array(state, "method")), type(self._reader).__name__
         if method != own:

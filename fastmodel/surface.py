@@ -1,8 +1,9 @@
-"""Linear response of a cover at its surface: on cells of a plate, or at points of a mesh.
+"""Linear response of a cover at its surface: on cells of a plate, or at points of a curved top.
 
-The contact methods use the displacement under forces (compliance) and the forces on the texels (influence).  The
-response of a laterally wide flat cover depends only on distances, so that two small kernels (tables over distances)
-describe it for arrays of any size (`CoverCells`).  Cells divide every texel pitch evenly.  Cell `[i, j]` of a texel
+The contact methods use two quantities: the compliance, which is displacement per force, and the influence, which is
+force on a texel per force on the surface.  The response of a laterally wide flat cover depends only on distances, so
+that two small tables over distances, the kernels of a convolution, describe it for arrays of any size (`CoverCells`).
+Cells divide each texel pitch evenly.  Cell `[i, j]` of a texel
 lies i rows and j columns from the lowest, leftmost cell of that texel.  Near the free side edges of a cover the force
 at the base also depends on the position of the cell.  A table over all cells and texels then replaces the kernel of the
 influence.  A cover with a stiff foil becomes stiffer under load, because the foil stretches.  It has further
@@ -91,8 +92,8 @@ def _build_toeplitz(factor: FloatArray, size: int) -> FloatArray:
     return np.ascontiguousarray(padded[:, distance].reshape(-1, size))
 
 
-#: Tolerance of the low-rank factorisation of the influence (force on a texel per force on a cell): singular values
-#: below this share of the largest are omitted [-].  The error is far below the discretisation error of the cells.
+#: Tolerance of the low-rank factorisation of the influence (force on a texel per force on a cell) [-]: singular values
+#: below this share of the largest one are omitted.  The error is far below the discretisation error of the cells.
 _INFLUENCE_TOLERANCE = 1e-7
 #: Edge of the square patch on which the modulus of the elastic foundation is matched to the cover, over the thickness
 #: of the cover [-].
@@ -197,7 +198,7 @@ class CoverCells:
 
     @cached_property
     def under_loads(self) -> tuple[CoverCells, ...]:
-        """The cover without load, then at each of `loads`, as covers whose response does not depend on the load."""
+        """Covers whose response does not depend on the load: this cover without load, then at each of `loads`."""
         if self.loads is None or self.loaded_compliance is None or self.loaded_influence is None:
             return (self,)
         plain = dataclasses.replace(self, loads=None, load_depths=None, loaded_compliance=None, loaded_influence=None)
@@ -205,9 +206,10 @@ class CoverCells:
         return (plain, *(dataclasses.replace(plain, compliance=c, influence=i) for c, i in pairs))
 
     def position_among_loads(self, load: float) -> float:
-        """Return the position of a load among zero load (0.0), the first of `loads` (1.0) and so on.
+        """Return the interpolated index of a load in the list of zero load and the tabulated `loads` [-].
 
-        The position is limited to the number of loads.
+        The index is 0.0 at zero load, 1.0 at the first tabulated load, and so on; beyond the last load it stays
+        constant.
 
         Args:
             load: Force of a body on the cover [N].
@@ -217,14 +219,13 @@ class CoverCells:
         return float(np.interp(load, np.append(0.0, self.loads), np.arange(len(self.loads) + 1)))
 
     def load_at_depth(self, depth: float) -> float:
-        """Return the load under which the ball of `load_depths` has a given depth.
+        """Return the load under which the ball that the tables were fitted to has a given depth [N].
 
-        It is at least a hundredth of the first load.
-
-        Without `load_depths` and beyond the largest of them the load is infinite.
+        The load is at least a hundredth of the first tabulated load.  It is infinite if the depths of the ball are
+        unknown, or if the given depth exceeds all of them.
 
         Args:
-            depth: Approach of a body [m].
+            depth: Approach of a body since its first touch of the cover [m].
         """
         if self.loads is None or self.load_depths is None or depth >= self.load_depths[-1]:
             return np.inf
@@ -233,12 +234,15 @@ class CoverCells:
 
     @property
     def cells(self) -> CoverCells:
-        """The cells themselves, for the contact methods that need cells."""
+        """The cover itself, because it is described by cells; None for a cover that is described by points."""
         return self
 
     @property
     def margin(self) -> int | None:
-        """Pitches by which plates may extend beyond the texels: none for a cover with free sides; else None [-]."""
+        """Number of pitches by which a plate in MuJoCo extends beyond the texels, if the cover determines it [-].
+
+        A cover with free side edges ends at the texels, so that the number is 0.  It is None for other covers.
+        """
         return None if self.table is None else 0
 
     @property
@@ -260,7 +264,7 @@ class CoverCells:
         return factorise(self.influence, _INFLUENCE_TOLERANCE)
 
     def check(self, array: TexelArray) -> None:
-        """Check that the cells divide the pitch of an array and that the table, if there is one, fits the array.
+        """Check that the cover fits an array: its cells divide the pitch, and a table has the right shape.
 
         Raises:
             FastModelError: If the cells do not divide the pitch, or the table is for another array or an irregular one.
@@ -301,8 +305,8 @@ class CoverCells:
         return float(nx * ny / (pairs[0] @ self.compliance @ pairs[1]))
 
 
-#: Largest difference between the compliance and its transpose, over the largest compliance [-].  Rounding to four-byte
-#: numbers and the error of a direct solver stay below it.
+#: Largest accepted difference between the compliance and its transpose, over the largest compliance [-].  Rounding to
+#: four-byte numbers and the error of a direct solver are smaller.
 _SYMMETRIC = 1e-5
 
 
@@ -330,8 +334,8 @@ class CoverPoints:
 
     #: Section of `parameters.toml` that holds the fields that are not arrays.
     section: ClassVar[str] = "curved"
-    #: Type of the numbers of the arrays in the npz file.  The compliance is a dense matrix.  Four bytes per number
-    #: halve the file size, with a relative error of 1e-7.
+    #: Type of the numbers of the arrays in the npz file.  The compliance is a large dense matrix; numbers of four
+    #: instead of eight bytes halve the size of the file, with a relative error of 1e-7.
     number: ClassVar[type] = np.float32
     #: Contact methods that accept an array under this cover.  Plates and boxes do not follow a curved top.
     methods: ClassVar[tuple[str, ...]] = ("curved",)
@@ -366,16 +370,19 @@ class CoverPoints:
             raise ValueError(f"thickness must be positive, not {self.thickness} m")
 
     def check(self, array: TexelArray) -> None:
-        """Check that the cover belongs to an array.
+        """Check that the cover is for the number of texels of an array.
 
         Raises:
-            FastModelError: If it has another number of texels.
+            FastModelError: If the numbers of texels differ.
         """
         if len(self.influence) != array.count:
             raise FastModelError(f"the cover is for {len(self.influence)} texels; the array has {array.count}")
 
     def find_texels(self, array: TexelArray) -> IntArray:
-        """Find the texel under each point, whose position on the top is nearest to the point, shape (m,) [-]."""
+        """Find for each of m points the texel below it, shape (m,) [-].
+
+        It is the texel whose centre, moved outwards by the thickness of the cover, is nearest to the point.
+        """
         return np.asarray(cKDTree(array.centres + self.thickness * array.normals).query(self.points)[1])
 
 

@@ -13,7 +13,7 @@ from fastmodel.contact.interface import Reading
 
 #: Number of cells of the contact grid under pressure below which the cells do not resolve a contact [-].
 FEWEST_CELLS = 9
-#: Kinds of strain of the finite elements with which the fast model was compared.
+#: Names of the strain theories of the finite-element model with which the fast model may have been compared.
 _STRAINS = ("finite", "small")
 
 
@@ -43,11 +43,11 @@ class Validity:
     strain: str
 
     def __post_init__(self) -> None:
-        """Check the numbers.
+        """Check the numbers of the range and the kind of strain.
 
         Raises:
-            ValueError: If a number is not a finite number or is negative, if the radius or the largest load is zero,
-                if the loads or depths descend, or if the kind of strain is unknown.
+            ValueError: If a number is not finite or is negative, if the radius or the largest load is zero, if the
+                loads or depths descend, or if the kind of strain is unknown.
         """
         for name in (each.name for each in fields(self) if each.name != "strain"):
             value = getattr(self, name)
@@ -64,9 +64,10 @@ class Validity:
             raise ValueError(f"strain must be {' or '.join(_STRAINS)}, not {self.strain!r}")
 
     def is_exceeded(self, reading: Reading) -> bool:
-        """Return whether a contact is deeper than the ball at 5 %, or its force larger if the depth is unknown.
+        """Return whether a contact lies beyond the range in which at most 5 % of the force is on wrong texels.
 
-        Only readings with forces at the base of the cover are examined, which the contact method `cover` computes.
+        The contact is compared by its depth, or by its force if its depth is unknown.  Only readings with forces at the
+        base of the cover are examined, which the contact method `cover` computes.
         """
         if reading.texel_forces is None:
             return False

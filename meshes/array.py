@@ -12,8 +12,8 @@ from meshes.array_types import is_positive
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
-#: Largest distance of a texel's centre from the nearest point of a regular grid, over the pitch, for which an array
-#: counts as regular [-].  It covers the rounding of coordinates in a file.
+#: Largest distance of a texel's centre from its place in a regular grid, over the pitch, for which an array counts as
+#: regular [-].  It is larger than the rounding of coordinates in a file.
 _REGULAR = 1e-6
 #: Largest number of texels of an array that is read from a file: with more, the kernels of the cover would need
 #: gigabytes of memory [-].
@@ -48,7 +48,7 @@ class TexelArray:
         pitch: Distance between neighbouring centres along x and y [m].
         rows: Number of image rows [-].
         columns: Number of image columns [-].
-        active: Whether each texel measures, shape (n,).
+        active: Whether each texel measures a force, shape (n,); false for masked texels.
         name: Name of the array in reports.
     """
 
@@ -137,7 +137,7 @@ class TexelArray:
         return bool(np.allclose(self.centres[:, 2], 0) and np.allclose(self.normals, [0, 0, 1]))
 
     def require_planar(self) -> None:
-        """Refuse an array that is not planar, in functions that assume planar layers.
+        """Raise an error if the array is not planar, for functions that are limited to covers of planar layers.
 
         Raises:
             ValueError: If the array is not planar.

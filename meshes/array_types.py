@@ -9,5 +9,5 @@ BoolArray = npt.NDArray[np.bool_]
 
 
 def is_positive(value: object) -> bool:
-    """Return whether a value is a positive finite number; false for booleans and arrays."""
+    """Return whether a value is a positive finite number; False for booleans, arrays and texts."""
     return isinstance(value, int | float | np.integer | np.floating) and value is not True and bool(0 < value < np.inf)

@@ -1,4 +1,4 @@
-"""Files that are replaced as a whole: a reader finds the old content or the new one, never a part.
+"""Replacement of whole files: a reader finds the old content of a file or the new content, never a part of it.
 
 Only regular files are replaced.  A link such as `/dev/stdout`, a device or a pipe stays as it is.
 
@@ -21,11 +21,10 @@ from pathlib import Path
 
 #: Start of the names of temporary files.
 PREFIX = ".softcover-partial-"
-#: Age from which `sweep` removes a temporary file on a file system without locks: one day.  Without locks there is no
-#: way to find out whether a file is still being written, and no file takes a day to write [s].
+#: Age from which `sweep` removes a temporary file on a file system without locks [s]: one day.  Without locks nothing
+#: shows whether a file is still being written, and no file takes a day to write.
 _ABANDONED_AFTER = 86_400.0
-#: Whether this module locks temporary files.  On Windows it does not: Windows itself refuses to remove or rename an
-#: open file.
+#: Whether this module locks temporary files.  Locks are not needed on Windows, which refuses to remove an open file.
 _HAS_LOCKS = sys.platform != "win32"
 
 
@@ -70,14 +69,14 @@ def _replace(path: Path, parts: Iterable[bytes]) -> None:
             os.fsync(handle)
             if not _HAS_LOCKS:
                 closing.close()
-            # The temporary file is renamed while it is locked: between unlocking and renaming, `sweep` in another
-            # process could remove it.
+            # The temporary file is renamed while it is locked.  If it were unlocked first, `sweep` in another process
+            # could remove it before it is renamed.
             os.replace(temporary, path)  # noqa: PTH105 -- tests let each call of `os` fail in turn
     flush(path.parent)
 
 
 def flush(path: Path) -> None:
-    """Flush a file, or a folder's list of names, to the disk; does nothing on Windows.
+    """Write the cached content of a file, or the list of names of a folder, to the disk; do nothing on Windows.
 
     Raises:
         OSError: If the file or folder cannot be opened or written to the disk.
@@ -130,7 +129,7 @@ def _remove(path: Path) -> None:
 
 
 def _remove_abandoned(path: Path) -> bool:
-    """Remove a temporary file unless it is being written; return whether the file was removed."""
+    """Remove a temporary file unless another process is writing it; return whether the file was removed."""
     with contextlib.suppress(OSError):
         if not _HAS_LOCKS:
             path.unlink()
@@ -162,7 +161,7 @@ def _is_abandoned(handle: int) -> bool:
 
 
 def _lock(handle: int, *, wait: bool) -> None:
-    """Lock an open file exclusively; does nothing on Windows.
+    """Lock an open file for this process alone; do nothing on Windows.
 
     Args:
         handle: Handle of the open file.

@@ -23,7 +23,7 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-#: A decimal number in a line of TOML, between blanks, brackets or commas.
+#: Pattern of a decimal number in a line of TOML, between blanks, brackets or commas.
 _DECIMAL = re.compile(r"(?<![^\s,\[=])[+-]?[0-9][0-9_]{0,30}\.[0-9_]{1,40}(?:[eE][+-]?[0-9]{1,5})?(?![^\s,\]}#])")
 #: Kinds of numpy types that are accepted: truth values, numbers and texts.
 _KINDS = "biufcUS"
@@ -37,8 +37,8 @@ class ContentLimits:
     depth: int = 32
     #: Largest size of an integer in a TOML or JSON text [bits].  The TOML standard requires 64 bits.
     bits: int = 64
-    #: Largest number of dots in one line of TOML, apart from decimal points [-].  Reading a key of n parts takes a time
-    #: of order n^2.
+    #: Largest number of dots in one line of TOML, apart from decimal points [-].  Dots separate the parts of a key, and
+    #: reading a key of n parts takes a time of order n^2.
     dots: int = 100
     #: Most arrays in an npz file, unless a caller accepts more [-]; files of this project have 20.
     arrays: int = 64
@@ -225,7 +225,7 @@ def unpack_npz(content: bytes, *, most: int, most_arrays: int = LIMITS.arrays) -
 
 
 def _unpack_array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, most: int) -> npt.NDArray[np.generic]:
-    """Unpack one array of an npz file, of at most `most` bytes; errors are of many types."""
+    """Unpack one array of at most `most` bytes from an npz file; damaged bytes raise errors of many types."""
     if entry.flag_bits & 1 or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise FileLimitError("is encrypted or packed by another method than deflate")
     if not entry.filename.endswith(".npy"):
@@ -253,7 +253,7 @@ def unpack_npy(content: bytes, *, most: int) -> npt.NDArray[np.generic]:
 
 
 def _read_array(packed: IO[bytes], total: int, most: int) -> npt.NDArray[np.generic]:
-    """Read one array of at most `most` bytes from a file of `total` bytes; errors are of many types."""
+    """Read one array of at most `most` bytes from a file of `total` bytes; damaged bytes raise errors of many types."""
     head = io.BytesIO(packed.read(LIMITS.head_bytes))
     if np.lib.format.read_magic(head) != (1, 0):
         raise FileLimitError("holds an array of another version of the format; accepted: 1.0")

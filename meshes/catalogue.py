@@ -14,7 +14,7 @@ from meshes.material import Material
 #: Distance between the centres of neighbouring texels, along x and y, of the arrays in `ARRAYS` [m].
 _PITCH = 3.4e-3
 
-#: Source of the parameters of the silicones, with a placeholder for the kind of fit.
+#: Text about the source of the silicones' parameters; the braces stand for the kind of fit.
 _DATABASE = (
     "{} to the raw curves of the Soft Robotics Materials Database (Marechal et al. 2020); "
     "crosshead strain, so biased low; datasheet moduli are 1.1..3.7 times larger"
@@ -36,7 +36,8 @@ _SILICONES: Mapping[str, tuple[float, tuple[float, float, float], tuple[float, f
 #: modulus K of 1 GPa.
 _NATURAL_RUBBER = ((30, 0.92, 0.4998), (40, 1.50, 0.4997), (50, 2.20, 0.4996), (60, 4.45, 0.4993), (70, 7.35, 0.4988))
 
-#: Source text of a typical value whose origin is not known.  Its range has the coverage factor k = 2.
+#: Beginning of the source text of a material whose modulus is a typical value of unknown origin.  The range of the
+#: modulus has the coverage factor k = 2.
 _TYPICAL = "typical value without a source at hand (k = 2): "
 #: Other linear elastic materials: name, source, Young's modulus E and the ends of its range [MPa], Poisson ratio and
 #: half-width of the range of the Poisson ratio [-].

@@ -50,11 +50,11 @@ class Cover:
     Attributes:
         layers: The layers, from bottom to top.
         base: Whether the bottom layer is bonded to the rigid base, or slides on the base without friction.
-        size: Edge lengths along x and y of a cover with free side edges; None for a cover so wide that its side edges
-            have no effect [m].
-        assumed: True if thickness and material were never measured; reports then say so.
-        source: Origin of the shape, in words; empty for planar layers, which describe themselves.
-        notes: Sentences on what was repaired or assumed about the shape.
+        size: Edge lengths along x and y of a cover with free side edges [m]; None for a cover so wide that its side
+            edges have no effect.
+        assumed: Whether thickness and material are assumed and were never measured, which reports state.
+        source: Origin of the shape, in words; empty for planar layers, whose shape is their thickness.
+        notes: Sentences on repairs of the shape and assumptions about it; empty for planar layers.
     """
 
     source: ClassVar[str] = ""
@@ -87,7 +87,7 @@ class Cover:
         return sum(layer.thickness for layer in self.layers)
 
     def meshes(self, progress: Callable[[str], None] | None = None) -> tuple[SolidMesh, ...]:
-        """Refuse to make meshes, because the solvers of planar layers make their own grids.
+        """Raise an error, because planar layers have no meshes: their solvers make their own grids.
 
         Raises:
             ValueError: Always.
@@ -109,8 +109,8 @@ class SolidCover:
         layers: The one layer.  Its thickness is the thickness along the normals of the base, or the mean thickness.
         source: Origin of the solid, in words.
         make: Function that makes meshes for a thickness [m], coarsest first, and reports its progress.
-        assumed: True if thickness and material were never measured; reports then say so.
-        notes: Sentences on what was repaired or assumed about the shape.
+        assumed: Whether thickness and material are assumed and were never measured, which reports state.
+        notes: Sentences on repairs of the shape and assumptions about it.
         given_thickness: Thickness that follows from the given shape [m]; None if any thickness can be made.
         refine: Function that makes, for a thickness [m], a mesh finer than all of `make`; None if there is none.
         base_triangles: Triangles of the base, facing into the cover, shape (b, 3, 3) [m]; None for the base of the
@@ -143,7 +143,7 @@ class SolidCover:
 
     @property
     def thickness(self) -> float:
-        """Thickness along the normals of the base, or its mean [m]."""
+        """Thickness of the cover along the normals of its base, or the mean thickness if it varies [m]."""
         return self.layers[0].thickness
 
     @property
@@ -157,7 +157,13 @@ class SolidCover:
         return self.material.small_strain_only
 
     def meshes(self, progress: Callable[[str], None] | None = None) -> tuple[SolidMesh, ...]:
-        """Make the meshes, coarsest first.  They are kept for later calls, also for other materials of the same shape.
+        """Return the meshes of the cover, coarsest first.
+
+        The meshes are made in the first call.  Later calls return the same meshes, also for a copy of this cover with
+        another material.
+
+        Args:
+            progress: Function that receives a line of text before each step; None for no progress.
 
         Raises:
             ValueError: If the solid cannot be meshed, with one line per fault.

@@ -26,8 +26,8 @@ class HardnessScale:
     Attributes:
         name: Name for readers.
         range: Least and greatest hardness for which the estimate holds.
-        spread: Half-width of the band about the estimated modulus, over that modulus; coverage factor 2 [-].
-        relations: Young's modulus by each published relation [Pa].
+        spread: Half-width of the band about the estimated modulus, over the estimated modulus; coverage factor 2 [-].
+        relations: Functions from hardness to Young's modulus [Pa], by the name of the published relation.
         source: Origin of the relations, for reports.
     """
 
@@ -76,7 +76,7 @@ class HardnessModulus:
     source: str
 
     def __str__(self) -> str:
-        """Return hardness and scale."""
+        """Return hardness and scale as text, for example "60 Shore A"."""
         return f"{self.hardness:g} {SCALES[self.scale].name}"
 
     @property

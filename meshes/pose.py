@@ -11,18 +11,18 @@ import numpy.typing as npt
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 
-#: Largest deviation that counts as rounding [-].  It applies to the deviation of a yaw from a multiple of 90 degrees,
-#: over 90 degrees; of the entries of a rotation matrix; and of the product of a rotation matrix and its transpose from
-#: the identity.
+#: Largest deviation that counts as rounding [-].  It applies to a yaw near a multiple of 90 degrees, over 90 degrees;
+#: to the product of a rotation matrix and its transpose, which is the identity; and to the numbers of two poses [m,
+#: rad].
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Point of contact of an indenter, its direction of motion, and its rotation about and against this direction.
+    """Position, direction of motion and orientation of an indenter in the frame of a texel array.
 
-    Without tilt the indenter's z axis points against the direction, and at yaw 0 its y axis is closest to the array's y
-    axis.  The default is the pose on a flat cover above the middle of the array.
+    Without tilt the indenter's z axis points against the direction of motion.  At yaw 0 its y axis is as close as
+    possible to the array's y axis.  The default is the pose on a flat cover above the middle of the array.
 
     Attributes:
         point: Position of the lowest point on the indenter's axis in the array's frame [m].  On a flat cover z is
@@ -117,17 +117,17 @@ class Pose:
 
     @property
     def at(self) -> tuple[float, float]:
-        """Position (x, y) of the point [m]."""
+        """Position (x, y) of the lowest point on the indenter's axis in the array's frame [m]."""
         return self.point[:2]
 
     @property
     def position(self) -> FloatArray:
-        """The point as an array, shape (3,) [m]."""
+        """Position of the lowest point on the indenter's axis in the array's frame, as an array of shape (3,) [m]."""
         return np.array(self.point)
 
     @property
     def towards(self) -> FloatArray:
-        """The direction as an array, shape (3,) [-]."""
+        """Unit direction of the indenter's motion in the array's frame, as an array of shape (3,) [-]."""
         return np.array(self.direction)
 
     @cached_property
@@ -155,7 +155,7 @@ class Pose:
 
     @property
     def is_planar(self) -> bool:
-        """Whether the indenter moves along -z."""
+        """Whether the indenter moves along -z of the array's frame, as on a flat cover."""
         return self.direction == (0.0, 0.0, -1.0)
 
     @property
@@ -165,7 +165,7 @@ class Pose:
         return abs(quarters - round(quarters)) < _ROUNDING
 
     def is_close_to(self, other: Pose) -> bool:
-        """Whether two poses are the same up to rounding: 1 nm, 1e-9 rad."""
+        """Return whether this pose equals another one up to rounding: 1 nm in positions, 1e-9 rad in angles."""
         mine, others = ((*each.point, *each.direction, each.yaw, *each.tilt) for each in (self, other))
         return np.allclose(mine, others, rtol=0, atol=_ROUNDING)
 

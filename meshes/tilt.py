@@ -25,7 +25,7 @@ class TiltNumbers:
     rounding: float = 1e-9
     #: Largest number of steps of the iteration, which converges if slope times tangent of the tilt is below 1 [-].
     steps: int = 40
-    #: Largest change of the height in the last step, over the size of the shape [-].
+    #: Largest change of the height in the last step of a converged iteration, over the size of the shape [-].
     converged: float = 1e-9
     #: Smallest sampled height in the search for the lower surface, over the height of the shape [-].
     least_height: float = 1e-4
@@ -33,7 +33,7 @@ class TiltNumbers:
     heights: int = 120
     #: Number of bisections of the interval found by the sampled heights [-].
     halvings: int = 50
-    #: Largest jump of the lower surface, over the height of the shape, that does not count as a wall [-].
+    #: Height of a step in the lower surface, over the height of the shape, above which the step is a vertical wall [-].
     jump: float = 1e-6
     #: Number of samples along each side of the shape, for its largest height [-].
     shape_samples: int = 101
@@ -105,7 +105,10 @@ class TiltedIndenter(Indenter):
         return best
 
     def _find_lowest_corner(self) -> tuple[float, float, float]:
-        """Find the lowest point of a tilted face from corners of its solids; the middle of several lowest points."""
+        """Find the lowest point of a tilted flat face from the corners of the indenter's solids.
+
+        If several points are equally low, such as the ends of an edge, their mean is returned [m].
+        """
         down = -self._rotation[2, :2]
         points = []
         for solid in self.indenter.primitives():
@@ -158,7 +161,7 @@ class TiltedIndenter(Indenter):
             z = next_z
             if change.max(initial=0.0) < _NUMBERS.converged**2 * size:
                 break
-        # A flat face is exact after one step; beside it there are only walls.
+        # The iteration is exact for a flat face after one step.  Beside the face there are only vertical walls.
         failed = ~np.isfinite(z) | (change >= _NUMBERS.converged * size)
         if not self.indenter.is_flat and failed.any():
             z = z.copy()
@@ -176,7 +179,7 @@ class TiltedIndenter(Indenter):
         back = self._rotation.T
 
         def rise(height: FloatArray, at: BoolArray) -> FloatArray:
-            """Height over the surface along the axis of the upright indenter, -inf beside it [m]."""
+            """Return the height of points over the surface along the upright axis; -inf beside it [m]."""
             z = plane[at] + height
             u, v = (row[0] * x[at] + row[1] * y[at] + row[2] * z for row in back[:2])
             return np.asarray(back[2, 2] * height - self.indenter.gap(u, v))

@@ -185,7 +185,13 @@ class _Worlds:
     """Worlds that one process owns.  Every method returns one result for each world."""
 
     def __init__(self, model: mujoco.MjModel, sensors: Sequence[Sensor], numbers: Sequence[int]) -> None:
-        """Make a state and bound sensors for the worlds with these numbers."""
+        """Make a simulation state and bound sensors for each of some worlds.
+
+        Args:
+            model: The compiled model.
+            sensors: Sensors that are copied for each world.
+            numbers: Numbers of the worlds in the whole batch.
+        """
         self._model, self._numbers = model, numbers
         self._data = [mujoco.MjData(model) for _ in numbers]
         with warnings.catch_warnings():
@@ -193,7 +199,7 @@ class _Worlds:
             self._sensors = [[sensor.twin().bind(model) for sensor in sensors] for _ in numbers]
 
     def seed(self, seed: int | None) -> list[None]:
-        """Restart all sensors, with noise that differs between worlds."""
+        """Restart all sensors with noise that differs between worlds; `seed` is None for each sensor's own seed."""
         for number, sensors in zip(self._numbers, self._sensors, strict=True):
             for sensor in sensors:
                 chosen = sensor.parameters.electronics.seed if seed is None else seed
@@ -201,7 +207,7 @@ class _Worlds:
         return [None] * len(self._numbers)
 
     def reset(self) -> list[None]:
-        """Reset states and sensors."""
+        """Reset the simulation state and the sensors of each world."""
         for data, sensors in zip(self._data, self._sensors, strict=True):
             mujoco.mj_resetData(self._model, data)
             for sensor in sensors:
@@ -209,12 +215,12 @@ class _Worlds:
         return [None] * len(self._numbers)
 
     def visit(self, function: Visit[_T]) -> list[_T]:
-        """Call a function for every world, see `Batch.visit`."""
+        """Call a function of number, state and sensors of a world for each world, and return the results."""
         worlds = zip(self._numbers, self._data, self._sensors, strict=True)
         return [function(number, data, sensors) for number, data, sensors in worlds]
 
     def images(self, sensor: int) -> list[npt.NDArray[np.uint8]]:
-        """Return the latest image of one sensor in every world."""
+        """Return the latest tactile image of one sensor, given by its index, in each world."""
         return [sensors[sensor].frame().image for sensors in self._sensors]
 
     def step(self, steps: int, control: Control | None) -> list[list[list[Frame]]]:
@@ -244,10 +250,10 @@ _OWNED: list[_Worlds] = []
 
 
 def _make_worlds(model: mujoco.MjModel, sensors: Sequence[Sensor], numbers: Sequence[int]) -> None:
-    """Make the worlds that this process owns."""
+    """Make the worlds that this process owns, in a process that a `Batch` started."""
     _OWNED.append(_Worlds(model, sensors, numbers))
 
 
 def _call_worlds(method: str, *arguments: Any) -> list[Any]:  # noqa: ANN401 -- arguments of the method
-    """Call a method of the worlds that this process owns."""
+    """Call a method of the worlds that this process owns, by its name, and return one result for each world."""
     return list(getattr(_OWNED[0], method)(*arguments))

@@ -143,7 +143,12 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         return self._observe(observation), self._inform(info)
 
     def step(self, action: Any) -> tuple[dict[str, Any], Any, bool, bool, dict[str, Any]]:  # noqa: ANN401 -- as gymnasium's
-        """Step the environment, and add the images after the step to the observation."""
+        """Step the environment, and add the tactile images after the step to the observation.
+
+        Raises:
+            LifeCycleError: If the environment made physics steps without calling the sensors, or is a copy that was not
+                reset.
+        """
         model, data = self._simulation(self.env)
         if model is not self._model:
             raise LifeCycleError("the environment has another model than at the last reset, as copies have; call reset")
@@ -173,7 +178,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         return int(inner.np_random.integers(2**32)) if seed is None or seed < 0 else seed
 
     def _bind(self) -> None:
-        """Bind the sensors to the environment's model unless they are bound to it already."""
+        """Bind the sensors to the environment's model, unless they are already bound to this model."""
         model, _ = self._simulation(self.env)
         if model is not self._model:
             for sensor in self.sensors.values():
@@ -190,7 +195,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
                 self._made[name].append(sensor.frame())
 
     def _count_frames(self, rate_hz: float) -> int:
-        """Return the largest number of frames that a sensor can make in one step, see the argument `frames`."""
+        """Return the largest number of frames that a sensor of a given rate can make in one step of the environment."""
         if self._stepper is None:
             return 1
         steps = int(getattr(self.env.unwrapped, _STEPPERS[self._stepper]))
@@ -254,7 +259,13 @@ def _stack_frames(frames: Sequence[Frame], like: Frame, room: int) -> dict[str, 
 
 
 def _check_arguments(env: object, sensors: Mapping[str, Sensor], settings: Mapping[str, Any]) -> None:
-    """Check the types of the arguments of `TactileObservation`; the last are its other arguments by name."""
+    """Check the types of the arguments of `TactileObservation`.
+
+    Args:
+        env: The environment.
+        sensors: The sensors by name.
+        settings: The arguments `simulation`, `listen`, `frames` and `key` by name.
+    """
     check_type("env", env, gymnasium.Env, "a gymnasium.Env")
     check_type("sensors", sensors, Mapping, "a fastmodel.Sensor, or a dict of them by name")
     for name, sensor in sensors.items():

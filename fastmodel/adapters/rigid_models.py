@@ -27,7 +27,7 @@ from meshes.array_types import FloatArray
 
 #: Version of the SDF format that is written.
 SDF_VERSION = "1.9"
-#: Largest number that counts as zero, over the largest one of its group [-].
+#: Size below which a number counts as zero, over the largest number of the same array [-]; above rounding.
 _ROUNDING = 1e-12
 
 
@@ -181,12 +181,12 @@ def _list_entries(inertia: FloatArray) -> dict[str, str]:
 
 
 def _drop_rounding(values: FloatArray) -> FloatArray:
-    """Replace numbers that are zero but for rounding, compared with the largest one, by zero."""
+    """Replace numbers by zero that are zero up to rounding, compared with the largest number of the array."""
     return np.where(np.abs(values) < _ROUNDING * np.abs(values).max(initial=0.0), 0.0, values)
 
 
 def _add_texts(parent: ET.Element, **texts: str) -> None:
-    """Add an element with a text for each tag."""
+    """Add to an XML element one child for each keyword: the keyword is the tag, and its value the text of the child."""
     for tag, text in texts.items():
         ET.SubElement(parent, tag).text = text
 

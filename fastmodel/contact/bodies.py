@@ -30,7 +30,7 @@ class Bodies:
     """
 
     def __init__(self, model: mujoco.MjModel, own: IntArray, name: str, edge: float = 0.0) -> None:
-        """Sort the geoms of a model by body.
+        """Find which geoms of a model move together as one body.
 
         Args:
             model: The compiled model.
@@ -63,7 +63,7 @@ class Bodies:
         self._sizes = sizes
 
     def follow_changes(self) -> None:
-        """Discard stored shapes and pairs of geoms if the model's geoms or collision rules have changed.
+        """Discard the stored shapes of bodies if the model's geoms or collision rules have changed.
 
         Raises:
             LifeCycleError: If the size of the array's own geoms has changed.
@@ -83,7 +83,7 @@ class Bodies:
         self.of_geom = np.append(np.where(solid, weld, -1), -1).astype(np.int64)
 
     def follow_meshes(self) -> None:
-        """Discard the shapes of bodies if the vertices of a mesh have changed since its shape was computed."""
+        """Discard the stored shapes of bodies if the vertices of a mesh have changed since the shapes were computed."""
         for geom, vertices in self._vertices.items():
             if not np.array_equal(find_vertices(self._model, geom), vertices):
                 self._shapes.clear()
@@ -95,7 +95,7 @@ class Bodies:
                 self.find_shape(body)
 
     def find_shape(self, body: int) -> tuple[IntArray, BodyShape]:
-        """Find the ids of the geoms of a body that can collide with the array, and describe their shapes."""
+        """Find the ids of the geoms of a body that can collide with the array, and the shape that they form."""
         if body not in self._shapes:
             touches = find_obstacles(self._model, self._own) == ""
             geoms = (touches & (self.of_geom[:-1] == body)).nonzero()[0]
@@ -116,9 +116,9 @@ _GEOMS = {
     "box": mujoco.mjtGeom.mjGEOM_BOX,
     "hull": mujoco.mjtGeom.mjGEOM_MESH,
 }
-#: Reason why each geom of a model never touches an array; "" for geoms that can touch it.
+#: Array of texts, one for each geom of a model: reason why the geom never touches an array, "" if it can touch it.
 Reasons = np.ndarray[Any, np.dtype[np.object_]]
-#: Collision mask with every bit [-]; MuJoCo's masks are signed 32-bit numbers.
+#: Collision mask with all 31 usable bits set [-]; MuJoCo's masks are signed 32-bit numbers.
 EVERY = 0x7FFFFFFF
 
 
@@ -155,7 +155,7 @@ def describe_box(half: Sequence[float], contype: int, conaffinity: int) -> dict[
 
 
 class NameInModel(str):  # noqa: SLOT000 -- pickle restores the suffix through __dict__
-    """Name of a sensor in a compiled model, whose geoms have names with a suffix.
+    """Name of a sensor in a compiled model, together with the suffix of the names of its geoms.
 
     Attributes:
         suffix: Suffix that `mujoco.MjSpec.attach` appended to the names of the geoms.
@@ -164,10 +164,10 @@ class NameInModel(str):  # noqa: SLOT000 -- pickle restores the suffix through _
     suffix: str
 
     def __new__(cls, name: str, suffix: str = "") -> Self:
-        """Make the name of a sensor.
+        """Make the name of a sensor from name and suffix.
 
         Args:
-            name: Name of the sensor; the names of its geoms start with it.
+            name: Name of the sensor, with which the names of its geoms start.
             suffix: Suffix that `mujoco.MjSpec.attach` appended to the names of the geoms.
         """
         made = super().__new__(cls, name)
@@ -198,7 +198,7 @@ def find_geoms(model: mujoco.MjModel, names: Sequence[str], sensor: str) -> IntA
 
 
 def find_obstacles(model: mujoco.MjModel, geoms: IntArray) -> Reasons:
-    """State why each geom of a model can never touch an array, and a remedy; "" for geoms that can touch it.
+    """State for each geom of a model why it can never touch an array, with a remedy; "" for geoms that can touch it.
 
     Source: MuJoCo documentation, Computation, section "Collision detection", selection of pairs.
 
@@ -207,7 +207,7 @@ def find_obstacles(model: mujoco.MjModel, geoms: IntArray) -> Reasons:
         geoms: Ids of the geoms of the array.
 
     Returns:
-        Sentences, shape (geoms of the model,).
+        Texts, shape (geoms of the model,).
     """
     first, body = geoms[0], model.geom_bodyid
     found = np.full(model.ngeom, "", dtype=object)

@@ -61,7 +61,7 @@ class TexelContact(Protocol):
     takes_overlaps: ClassVar[bool] = False
 
     def adapt(self, surface: Surface | None) -> TexelContact:  # noqa: ARG002 -- some methods need it
-        """Return the method with the settings that suit a cover.
+        """Return this contact method with the settings that suit a cover; most methods need no change.
 
         Raises:
             FastModelError: If the method needs another cover.
@@ -83,12 +83,14 @@ class TexelContact(Protocol):
         """
 
     def find_start(self, array: TexelArray, at: tuple[float, float], reach: float) -> float:
-        """Return a height at which a body near a place touches no texel yet [m]; 0 on a flat array.
+        """Return a height from which a body can be lowered on an array without touching a texel at first [m].
+
+        The height is 0 on a flat array.
 
         Args:
             array: The texels.
-            at: Position x, y in the array's frame [m].
-            reach: Distance from the place within which the body lies [m].
+            at: Position x, y of the body in the array's frame [m].
+            reach: Distance from this position within which the whole body lies [m].
         """
         under = np.hypot(*(array.centres[:, :2] - at).T) <= reach
         return float(array.centres[under, 2].max(initial=0.0)) + (not array.planar) * max(array.pitch)
@@ -96,7 +98,9 @@ class TexelContact(Protocol):
     def sample_top(
         self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, pitch: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Place points, about half a pitch [m] apart, on the top of an array, to examine what else lies there.
+        """Place points on the top of an array, about half a pitch apart.
+
+        `Sensor.check` searches at these points for other geoms that are flush with the top or above it.
 
         Args:
             model: The compiled model.
@@ -133,7 +137,7 @@ class ContactReader(Protocol):
     """A contact method bound to a compiled model."""
 
     def read(self, data: mujoco.MjData) -> Reading:
-        """Compute contact forces, net force and tangential forces of the last step from the state after the step.
+        """Compute contact forces, net force and tangential forces from the state after a simulation step.
 
         Raises:
             FastModelError: If a contact force is not finite.
@@ -141,10 +145,14 @@ class ContactReader(Protocol):
         """
 
     def at_rest(self, contact_forces: FloatArray) -> Reading:
-        """Make the reading for given contact forces, shape (n,) [N], and discard results of previous steps."""
+        """Make the reading for given contact forces, and discard results of previous steps.
+
+        Args:
+            contact_forces: Force that presses on each of n texels, before spread, shape (n,) [N].
+        """
 
     def get_state(self) -> State:
-        """Return as arrays everything besides the state of the simulation that affects the next readings."""
+        """Return as arrays all stored values that affect the next readings, such as start values of a solver."""
 
     def set_state(self, state: State) -> None:
         """Restore a state returned by `get_state`, so that the next readings are equal bit for bit.
@@ -154,15 +162,16 @@ class ContactReader(Protocol):
         """
 
 
-#: Contact methods, kinds of arrays and friction cones whose kernels are compiled in this process.
+#: Combinations of contact method, kind of cover, regularity of the array, and friction cone whose kernels were compiled
+#: in this process.
 _COMPILED: set[tuple[Any, ...]] = set()
 
 
 def compile_kernels(contact: TexelContact, array: TexelArray, surface: Surface | None, cone: int) -> None:
     """Compile every kernel of a contact method, so that nothing is compiled at the first contact.
 
-    In a separate scene a ball falls on the array, followed by a block.  One contact and several contacts have different
-    memory layouts in MuJoCo, and numba compiles a kernel once for each layout.
+    A ball and then a block fall on the array in a separate simulation.  Numba compiles a kernel once for each memory
+    layout of its arguments, and MuJoCo's arrays for one contact have another layout than those for several contacts.
 
     Args:
         contact: The contact method.

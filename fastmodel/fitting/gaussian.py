@@ -28,13 +28,13 @@ from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray
 from meshes.solids.texels import tangent_axes
 
-#: Widths along x and y, (sigma_x, sigma_y).
+#: Two standard deviations of a Gaussian, along x and along y: (sigma_x, sigma_y).
 Pair = tuple[float, float]
 #: Name of the estimator of `Fit.gaussian`: the unweighted least-squares fit to the response to uniform pressure.
 ESTIMATOR = "least-squares-uniform"
-#: Smallest and largest sigma in the search [pitches].
+#: Smallest and largest sigma in the search for the point spread of a flat cover [pitches].
 SIGMA_RANGE = (0.05, 100.0)
-#: The same on curved covers [pitches].
+#: Smallest and largest sigma in the search for the point spread of a curved cover [pitches].
 _RANGE = (0.05, 20.0)
 #: Factors on a fitted sigma [-].  The kernel sizes of these sigmas are tried too, in case ksize changes near the sigma.
 _NEARBY = (0.99, 1.0, 1.01)
@@ -202,7 +202,14 @@ def _place_kernel(gaussian: Gaussian, shape: tuple[int, ...], loaded: tuple[int,
 def _sample_kernel(
     sigmas: Sequence[float], ksizes: Sequence[int], shape: tuple[int, ...], loaded: tuple[int, int]
 ) -> FloatArray:
-    """Sample the kernel of two sigmas and widths around the loaded texel, cut at the edges of the image [-]."""
+    """Sample a Gaussian kernel around the loaded texel, cut at the edges of the image, shape (rows, columns) [-].
+
+    Args:
+        sigmas: Standard deviations along x and y [pitches].
+        ksizes: Widths of the kernel along x and y [texels].
+        shape: Rows and columns of the image.
+        loaded: Row and column of the loaded texel.
+    """
     (sx, sy), (kx, ky), (row, column) = sigmas, ksizes, loaded
     along_y, along_x = np.arange(shape[0]) - row, np.arange(shape[1]) - column
     return np.outer(sample_gaussian(along_y, sy, ky), sample_gaussian(along_x, sx, kx))
@@ -211,7 +218,16 @@ def _sample_kernel(
 def _estimate_radially(
     radius: npt.ArrayLike | None, pressure: npt.ArrayLike | None, pitch: tuple[float, float] | None
 ) -> dict[str, Pair]:
-    """Compute (sigma_x, sigma_y) of the radial estimators, by name [pitches]; arguments as for `fit_gaussian`."""
+    """Estimate (sigma_x, sigma_y) from the pressure around a point force, by name of the estimator [pitches].
+
+    Args:
+        radius: Distances from the point force, rising from 0, shape (m,) [m].
+        pressure: Pressure at the base at these distances per unit force, shape (m,) [1/m2].
+        pitch: Texel pitch along x and y [m].
+
+    Raises:
+        FastModelError: If an argument is missing or has a wrong shape, or a value is not finite.
+    """
     if radius is None or pressure is None or pitch is None:
         raise FastModelError("the radial estimators need radius, pressure_per_force and pitch together")
     r, p = np.asarray(radius, dtype=np.float64), np.asarray(pressure, dtype=np.float64)
@@ -333,7 +349,9 @@ def _take_root(value: float | np.floating) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceGaussian:
-    """Gaussian along the two tangent axes of the loaded texel, by unweighted least squares over all pairs of texels.
+    """Gaussian point spread on a curved cover, fitted by unweighted least squares over all pairs of texels.
+
+    The two standard deviations are along the tangent axes of the loaded texel.
 
     Attributes:
         sigma: Standard deviations along the first and the second tangent axis, on the base [m].
@@ -412,6 +430,12 @@ def unroll_from(array: TexelArray, points: FloatArray, normals: FloatArray) -> F
 
 
 def _integrate(place: FloatArray, sigma: FloatArray, size: tuple[float, float]) -> FloatArray:
-    """Integrate the Gaussian over texels at places in surface coordinates, shape (n, n) [-]."""
+    """Integrate a Gaussian around each of p points over the rectangles of n texels, shape (p, n) [-].
+
+    Args:
+        place: Places of the texels in the surface coordinates of each point, shape (p, n, 2) [m].
+        sigma: Standard deviations along the two coordinates, shape (2,) [m].
+        size: Edge lengths of a texel along the two coordinates [m].
+    """
     half = np.array(size) / 2
     return np.asarray((ndtr((place + half) / sigma) - ndtr((place - half) / sigma)).prod(axis=-1))

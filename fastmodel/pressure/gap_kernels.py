@@ -33,12 +33,13 @@ Cells = tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray
 #: The p solids, as a tuple.  The entries are: the solids; the distance by which those with sharp edges are enlarged
 #: [m]; axes of the solids, shape (p, 3, 3) [-], and origins, shape (p, 3) [m], in the array's frame.
 Body = tuple[Shape, float, FloatArray, FloatArray]
-#: Windows of the p solids and the window around them all, see `_find_windows`; lowest corner and edges of a cell of the
-#: contact grid, (2,) [m].
+#: The part of the contact grid that is sampled, as a tuple.  The entries are: the window (rectangle of cells) under
+#: each of p solids, shape (p, 4); the window around all of them, shape (4,); lowest corner of the grid, shape (2,) [m];
+#: and edge lengths of a cell, shape (2,) [m].
 View = tuple[IntArray, IntArray, FloatArray, FloatArray]
 #: Vertical lines at the positions x[first:last] and y, as a tuple: x [m], y [m], first, last.
 Line = tuple[FloatArray, float, int, int]
-#: Components along x, y and z.
+#: The three components of a vector along x, y and z.
 Vector = tuple[float, float, float]
 
 #: Number of points along each edge of a cell at which the gap is evaluated [-].
@@ -70,7 +71,7 @@ def sample_body(body: Body, grid: Grid, reach: float, back: float) -> Cells:
         spans = _find_spans(centres, near, view, top)
         heights = _sample_spans(body, view, near, spans, back)
         cells, lowest = _average_over_cells(heights, around, grid[1], grid[2], reach)
-        if lowest + reach <= top or top >= 1e9:  # a height above all bodies
+        if lowest + reach <= top or top >= 1e9:  # 1e9 m is above all bodies
             return cells
         top = min(lowest + reach, 1e9)
 
@@ -79,7 +80,7 @@ def sample_body(body: Body, grid: Grid, reach: float, back: float) -> Cells:
 def _sample_centres(
     body: Body, view: View, reach: float, back: float, top: float
 ) -> tuple[FloatArray, BoolArray, float]:
-    """Sample the gap under each of p solids at the centres of cells of its window, and of one more on each side.
+    """Sample the gap under each of p solids at the centres of the cells of its window and of one cell around it.
 
     Args:
         body: The solids and their poses.
@@ -99,7 +100,7 @@ def _sample_centres(
     near, floors = np.zeros(len(windows), dtype=np.bool_), position[:, 2].copy()
     for p in range(len(windows)):
         for i in range(3):
-            if rotation[p, 2, i] != 0.0:  # as in `_find_windows`
+            if rotation[p, 2, i] != 0.0:  # the half edges of a plane are infinite, and 0 times infinity is nan
                 floors[p] += rotation[p, 2, i] * shape[4][p, i] - abs(rotation[p, 2, i]) * shape[5][p, i]
     for p in np.argsort(floors):
         first, last = windows[p, 0] - around[0], windows[p, 2] - around[0] + 2
@@ -113,7 +114,8 @@ def _sample_centres(
             for j in range(first, last):
                 heights[p, i, j] = bottom[j] if back < bottom[j] <= upper[j] else np.inf
                 lowest = min(lowest, heights[p, i, j])
-    # More cells are sampled later if the smallest mean gap of a cell requires it.
+    # The smallest gap at a centre is an estimate of the smallest mean gap of a cell.  The caller samples up to a larger
+    # height if the estimate was too low.
     return heights, near, lowest + 1.2 * reach if top == np.inf else top
 
 
@@ -234,17 +236,26 @@ def _transform_faces(planes: FloatArray, rotation: FloatArray, position: FloatAr
 
 @called_by_kernels
 def _cross_solid(body: Body, p: int, faces: FloatArray, line: Line, bottom: FloatArray, top: FloatArray) -> None:
-    """Intersect vertical lines at x[first:last] and y with solid p; write the heights to `bottom`, `top` [m].
+    """Intersect vertical lines with one solid; write the heights of both intersections to `bottom` and `top` [m].
 
-    Where a line misses the solid, `bottom` exceeds `top`.  `faces` are the faces of a polytope, see `_transform_faces`.
-    In the frame of a round solid each line is o + z u, with the array's normal u and the height z.
+    Where a line misses the solid, `bottom` exceeds `top`.  In the frame of a round solid each line is o + z u, with the
+    array's normal u and the height z.
+
+    Args:
+        body: The solids and their poses.
+        p: Index of the solid.
+        faces: Faces of the solid if it is a polytope, see `_transform_faces`.
+        line: The lines, at the positions x[first:last] and y.
+        bottom: Height at which each line enters the solid, written here [m].
+        top: Height at which each line leaves the solid, written here [m].
     """
     (shape, edge, rotation, position), (x, y, first, last) = body, line
     if shape[0][p] == POLYTOPE:
         _cross_faces(faces, line, bottom, top)
         return
     turn, place = rotation[p], position[p]
-    # Written out for single numbers, because passing arrays for every line doubles the time.
+    # The rotations are written out for single numbers, because passing arrays to a function for each line would double
+    # the time.
     kind, size = shape[0][p], (shape[1][p, 0], shape[1][p, 1], shape[1][p, 2])
     up, dy, dz = (turn[2, 0], turn[2, 1], turn[2, 2]), y - place[1], -place[2]
     for j in range(first, last):
@@ -252,7 +263,7 @@ def _cross_solid(body: Body, p: int, faces: FloatArray, line: Line, bottom: Floa
         ox = turn[0, 0] * dx + turn[1, 0] * dy + turn[2, 0] * dz
         oy = turn[0, 1] * dx + turn[1, 1] * dy + turn[2, 1] * dz
         oz = turn[0, 2] * dx + turn[1, 2] * dy + turn[2, 2] * dz
-        if kind == ELLIPSOID:  # A separate call, because the function for all kinds is too large to be inlined.
+        if kind == ELLIPSOID:  # A call of its own, because numba does not inline the larger function for all kinds.
             scaled = (ox / size[0], oy / size[1], oz / size[2]), (up[0] / size[0], up[1] / size[1], up[2] / size[2])
             bottom[j], top[j] = _cross_ball(scaled[0], scaled[1], 1.0)
         else:
@@ -271,7 +282,7 @@ def _turn_back(turn: FloatArray, x: float, y: float, z: float) -> Vector:
 
 @called_by_kernels
 def _cross_faces(faces: FloatArray, line: Line, bottom: FloatArray, top: FloatArray) -> None:
-    """Intersect vertical lines with a polytope, see `_cross_solid`."""
+    """Intersect vertical lines with a polytope; write the heights of both intersections to `bottom` and `top` [m]."""
     x, y, first, last = line
     low, high, place = bottom[first:last], top[first:last], x[first:last]
     for j in range(len(place)):

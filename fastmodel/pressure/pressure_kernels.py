@@ -23,7 +23,7 @@ Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 @called_by_kernels
 def _spread_on_window(corner: IntArray, weight: FloatArray, forces: FloatArray, window: FloatArray) -> None:
-    """Divide forces on m partly covered cells among whole cells; write these to `window` (rows, columns) [N]."""
+    """Divide forces on m partly covered cells among whole cells; write the sums to `window` (rows, columns) [N]."""
     for i in range(window.shape[0]):
         for j in range(window.shape[1]):
             window[i, j] = 0.0
@@ -40,7 +40,14 @@ def _spread_on_window(corner: IntArray, weight: FloatArray, forces: FloatArray, 
 def _displace(
     cover: Cover, forces: FloatArray, room: tuple[FloatArray, FloatArray, FloatArray], moved: FloatArray
 ) -> None:
-    """Compute the displacements `moved` of m cells under forces on them, (m,) [m]; `room` is working memory."""
+    """Compute the displacements of m cells under forces on them, and write them to `moved`, shape (m,) [m].
+
+    Args:
+        cover: Compliance of the cover between the cells.
+        forces: Force on each cell, shape (m,) [N].
+        room: Working memory: a window of whole cells, and two arrays for the products with the convolution matrices.
+        moved: Displacement of each cell, written here, shape (m,) [m].
+    """
     corner, weight, own, first, second = cover
     window, half, beside = room
     rows, cols = window.shape
@@ -144,7 +151,7 @@ def _balance(
             error = max(error, abs(found[a]) / scale)
         if error <= 1e-9:
             return error, changed
-        changed = changed or error > 1e-6  # Below this error the displacements stay valid.
+        changed = changed or error > 1e-6  # Smaller corrections change the displacements only within the tolerance.
         _solve_weighted(columns, forces, matrix, found)
         for i in range(len(forces)):
             factor = 1.0

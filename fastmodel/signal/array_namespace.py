@@ -23,7 +23,7 @@ def find_namespace(values: Any) -> Any:  # noqa: ANN401 -- modules have no commo
     Args:
         values: An array, or a value that `numpy.asarray` accepts.
     """
-    if isinstance(values, np.ndarray):  # Same result as below in a tenth of the time.
+    if isinstance(values, np.ndarray):  # The general way below gives the same result in ten times the time.
         return np
     if hasattr(values, "__array_namespace__"):
         return values.__array_namespace__()
@@ -58,7 +58,10 @@ def cast(xp: Any, array: Array, dtype: Any) -> Array:  # noqa: ANN401 -- modules
 
 @cache
 def _list_float_types(xp: Any) -> tuple[Any, Any]:  # noqa: ANN401 -- modules have no common type
-    """List the floating-point types of a module; comparing with them is faster than the standard's `isdtype`."""
+    """Return the types of 64-bit and 32-bit floating-point numbers of an array module.
+
+    Comparing a type with these two is faster than the function `isdtype` of the array API standard.
+    """
     return xp.asarray(0.0, dtype=xp.float64).dtype, xp.asarray(0.0, dtype=xp.float32).dtype
 
 

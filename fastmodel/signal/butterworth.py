@@ -34,7 +34,7 @@ class Butterworth:
     order: int = 2
 
     def __post_init__(self) -> None:
-        """Check the numbers.
+        """Check cut-off and order of the filter.
 
         Raises:
             FastModelError: If the cut-off is not positive and finite, or the order is not a whole number in 1..20.

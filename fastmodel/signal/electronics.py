@@ -88,10 +88,10 @@ class Electronics:
     tip_share: float | None = None
 
     def __post_init__(self) -> None:
-        """Check the numbers.
+        """Check the numbers of the electronics and the text `calibrated`.
 
         Raises:
-            ValueError: If a number is out of range; the message lists every fault.
+            ValueError: If a number is out of range; the message lists all faults.
         """
         if not isinstance(self.bits, int) or not 1 <= self.bits <= _MOST_BITS:
             raise ValueError(f"bits must be a whole number 1..{_MOST_BITS}, not {self.bits!r}")
@@ -245,7 +245,7 @@ def grey_levels(values: npt.ArrayLike | Array, full_scale: float) -> Array:
 
 
 def describe_calibration(electronics: Electronics) -> str:
-    """Describe in one sentence the force of the characteristic's calibration and the use of the characteristic."""
+    """Describe in one sentence for which force the characteristic was calibrated, and how it is applied."""
     if electronics.tip_radius is None:
         return "counts are a function of the force on the texel"
     force = f"counts are a function of the force applied {electronics.calibrated} (radius of its hemispherical end)"

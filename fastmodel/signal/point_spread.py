@@ -60,7 +60,7 @@ class Gaussian:
     ksize_y: int
 
     def __post_init__(self) -> None:
-        """Check the numbers.
+        """Check the standard deviations and the widths of the kernel.
 
         Raises:
             ValueError: If a sigma is not positive or a ksize not a positive odd number.
@@ -88,7 +88,7 @@ class Gaussian:
         )
 
     def kernel(self) -> FloatArray:
-        """Return the kernel as an image with unit sum, shape (ksize_y, ksize_x) [-]."""
+        """Return the force on the texels around a loaded texel per unit force, shape (ksize_y, ksize_x) [-]."""
         weights = [
             sample_gaussian(np.arange(ksize) - ksize // 2, sigma, ksize)
             for sigma, ksize in ((self.sigma_x, self.ksize_x), (self.sigma_y, self.ksize_y))

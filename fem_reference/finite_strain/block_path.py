@@ -101,7 +101,9 @@ class _GridBase(Base):
 
 
 class NodalBase(_GridBase):
-    """Base pressure at the nodes of the base: the biquadratic field whose nodal forces are the base reactions.
+    """Base pressure of a solution, given at the nodes of the base.
+
+    The pressure is the biquadratic field whose nodal forces are the base reactions.
 
     The frame of the mesh is that of the array.
     """
@@ -120,7 +122,7 @@ class NodalBase(_GridBase):
 
 
 class GaussBase(_GridBase):
-    """Base pressure at the two Gauss points per element along x and along y, where its error vanishes.
+    """Base pressure of a solution, given at the two Gauss points per element along x and y, where its error vanishes.
 
     The frame of the mesh is that of the indenter.
     """
@@ -186,7 +188,8 @@ class BlockReactions:
             places = [gauss_points(line.edges, 2)[0] for line in lines]
             values = lines[0].at(places[0]) @ values @ lines[1].at(places[1]).T
         for axis, mirror in enumerate(self.symmetric):
-            if mirror:  # Points on the plane of symmetry are not repeated.
+            # Points on a plane of symmetry are not repeated.
+            if mirror:
                 first = int(places[axis][0] == 0)
                 image = np.flip(np.delete(values, slice(first), axis), axis)
                 places[axis] = np.concatenate([-places[axis][first:][::-1], places[axis]])
@@ -370,7 +373,7 @@ def find_constrained(block: Block, elements: MixedElements, *, bonded: bool) -> 
 def describe_state(
     path: LoadingPath, solid: Solid | SmallStrainSolid, reached: ContactEquilibrium, block: Block
 ) -> GridSolution:
-    """Convert the converged state at one target to SI units, for the whole cover and without the load scale."""
+    """Convert the equilibrium of a block at one target to a solution of the whole cover in SI units."""
     units, scale = path.units, path.load_scale
     x, y, z = solid.elements.nodes.T
     base = np.flatnonzero(z < _ON_BOUNDARY)
@@ -430,7 +433,7 @@ class PairedPath:
     ratio: float
 
     def transfer_changes(self, target: MixedElements) -> list[Guess]:
-        """Interpolate the differences `full` - `ratio` * `baseline` at every target to another grid."""
+        """Interpolate the differences `full` - `ratio` * `baseline` at every target to the elements of another grid."""
         out = []
         for small, large in zip(self.baseline, self.full, strict=True):
             baseline, full = small.penalty_solution, large.penalty_solution
@@ -473,13 +476,11 @@ def press_paired(
     elements = mesh_block(block, units.scale_cover(path.cover), elements_per_thickness)
     solid = Solid.from_cover(elements, path.cover, units)
     small_strain_solid = solid.linearise_at_rest()
-    # Baseline.
     scale = path.baseline.load_scale
     undeformed = np.zeros(elements.displacements + elements.pressures)
     guesses = [Guess(state=undeformed, depth=scale * depth / units.length) for depth in approaches]
     tell = None if progress is None else lambda text: progress(f"small strain, {text}")
     baseline = _follow(path.baseline, block, small_strain_solid, guesses, tell, friction_steps=0)
-    # Full path.
     ratio = path.load_scale / scale
     guesses = [] if path.friction else _guess_full(path, block, baseline, elements, coarser)
     full_solid = small_strain_solid if path.load_scale == scale else solid
@@ -503,7 +504,10 @@ def _guess_full(
     elements: MixedElements,
     coarser: PairedPath | None,
 ) -> list[Guess]:
-    """Return an initial guess for every target: the scaled baseline plus the difference found on the coarser grid."""
+    """Return an initial guess of the full solution at every target.
+
+    The guess is the scaled baseline plus the difference between full solution and baseline on the coarser grid.
+    """
     ratio = path.load_scale / path.baseline.load_scale
     solutions = [each.penalty_solution for each in baseline]
     scaled = [Guess(state=ratio * each.state, depth=ratio * each.depth) for each in solutions]

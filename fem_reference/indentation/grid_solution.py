@@ -33,7 +33,7 @@ _LEAST_SHARE = 0.2
 
 
 class Base(ABC):
-    """Load on the base of a cover under one indenter."""
+    """Distributed load on the base of a cover under one indenter, from which texel forces follow."""
 
     @abstractmethod
     def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
@@ -68,7 +68,7 @@ class RadialBase(Base):
     force: float
 
     def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
-        """Integrate the pressure, see `Base.forces`."""
+        """Integrate the axisymmetric base pressure over the texels and outside them, see `Base.forces`."""
         return self.spread.base_forces(array, np.array(pose.at[:1]), np.array(pose.at[1:]), np.array([[self.force]]))
 
 
@@ -85,11 +85,14 @@ class BaseSum(Base):
     like: Base | None = None
 
     def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
-        """Sum the forces, see `Base.forces`; parts of weight 0 are not evaluated."""
+        """Compute the weighted sum of the texel forces of the parts, see `Base.forces`.
+
+        Parts of weight 0 are not evaluated.
+        """
         return np.asarray(sum(weight * base.forces(array, pose) for weight, base in self.parts if weight))
 
     def estimate_error(self, place: Place, texel: int, share: float) -> float:
-        """Estimate the error of `like`, see `Base.estimate_error`."""
+        """Estimate the relative error of the force on a texel as that of the load `like`, see `Base.estimate_error`."""
         return 0.0 if self.like is None else self.like.estimate_error(place, texel, share)
 
 
@@ -228,7 +231,7 @@ def weigh_grids(grids: Sequence[GridSolution]) -> tuple[float, float, float]:
 def _average(
     grids: Sequence[GridSolution], weights: Sequence[float], quantity: Callable[[GridSolution], npt.ArrayLike]
 ) -> FloatArray:
-    """Compute the weighted mean of a quantity of several solutions; solutions of weight 0 are not evaluated."""
+    """Compute the weighted sum of a quantity over several solutions; solutions of weight 0 are not evaluated."""
     parts = [w * np.asarray(quantity(each), dtype=float) for each, w in zip(grids, weights, strict=True) if w]
     return np.asarray(sum(parts))
 
@@ -262,7 +265,10 @@ def extrapolate_solutions(solutions: Sequence[GridSolution]) -> GridSolution:
 
 
 def _combine_solutions(solutions: Sequence[GridSolution], weights: Sequence[float]) -> GridSolution:
-    """Compute the weighted mean of force, depth, energy and texel forces; the rest is from the last solution."""
+    """Combine solutions on several grids to one solution.
+
+    Force, depth, energy and texel forces are weighted sums; all other attributes are those of the last solution.
+    """
     return replace(
         solutions[-1],
         total_force=float(_average(solutions, weights, lambda each: each.total_force)),
@@ -329,7 +335,7 @@ def correct_solution(
         depth = share * full.depth
         force = depth * correct(lambda each: each.total_force / each.depth)
 
-    # Shares of the accurate solution, and their change from `baseline` to `full`.
+    # Texel forces per total force are those of the accurate solution plus their change from `baseline` to `full`.
     weights = (force / accurate.total_force, -share * force / baseline.total_force, share * force / full.total_force)
     scale = force / full.total_force
     return GridSolution(

@@ -119,11 +119,11 @@ class PressedCells(Base):
     response: TexelInfluence
 
     def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
-        """Superpose the responses, see `Base.forces`."""
+        """Superpose the responses of the base to the forces on all cells, see `Base.forces`."""
         return superpose(self.contact, self.response, array, pose)
 
     def estimate_error(self, place: Place, texel: int, share: float) -> float:
-        """Estimate the error from the three grids of the response, see `Base.estimate_error`."""
+        """Estimate the error of a texel force from the base response on three grids, see `Base.estimate_error`."""
         force = self.contact[:, 2].sum()
         forces = [superpose(self.contact, each, place.array, place.pose) for each in self.response.on_grids[:-1]]
         coarse = [float(each[texel] / force) for each in forces]
@@ -131,10 +131,11 @@ class PressedCells(Base):
 
 
 def _build_solution(patch: ContactPatch, indenter: Indenter, response: TexelInfluence) -> GridSolution:
-    """Build the solution on one grid from a solved contact."""
+    """Build the solution on one grid from the solved contact of an indenter and the response of the base."""
     contact = np.column_stack([patch.x, patch.y, patch.force])
     gap = indenter.gap(patch.x, patch.y)
-    work = patch.depth - np.where(np.isfinite(gap), gap, 0.0)  # Centres of scaled cells may lie outside a flat face.
+    # The middles of scaled cells may lie outside a flat face, where the gap is inf.
+    work = patch.depth - np.where(np.isfinite(gap), gap, 0.0)
     return GridSolution(
         size=float(np.sqrt(np.prod(patch.cell))),
         total_force=patch.total_force,
@@ -157,7 +158,7 @@ def _solve_response(path: LoadingPath, place: Place | None, progress: Progress) 
 
 
 def _require_place(place: Place | None) -> Place:
-    """Return the place, or raise a ValueError if it is None."""
+    """Return the place of an indenter; raise a ValueError if it is None."""
     if place is None:
         raise ValueError("the solution on a cover of limited size depends on the place: give the indenter's pose")
     return place
@@ -174,7 +175,8 @@ def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, g
             progress(f"contact on {cells} x {cells} cells or more")
         reach = max(3.0 * float(np.hypot(*bound_contact(indenter, cover.thickness))), 4 * decay_length(cover))
         surface = _tabulate_surface(replace(cover, size=None), reach)
-        with np.errstate(over="ignore", invalid="ignore"):  # An extreme load pierces the cover, which `press` refuses.
+        # An extreme load, which `press` refuses afterwards because it pierces the cover, may overflow here.
+        with np.errstate(over="ignore", invalid="ignore"):
             if cover.size is None:
                 return solve_contact(surface, indenter, cells=cells, load=load, depth=depth)
             pose = _require_place(place).pose
@@ -213,7 +215,8 @@ def _touch_near_sides(
         patch = solve_contact(surface, indenter, cells=cells, load=load, depth=depth, sides=sides)
         cut_off = (_measure_extent(patch) > _FULL * half) & (half < largest)
         if indenter.is_flat or not cut_off.any():
-            x, y = sides.clip_to_cover(patch.x, patch.y)  # Centres of scaled cells may lie outside the cover.
+            # The middles of scaled cells may lie outside the cover.
+            x, y = sides.clip_to_cover(patch.x, patch.y)
             return replace(patch, x=x, y=y)
         half = np.minimum(largest, _WINDOW * half)
 

@@ -36,7 +36,7 @@ from meshes.array_types import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class AxisymmetricSettings:
-    """Constants of the meshes in the r-z plane."""
+    """Constants of the axisymmetric meshes of wide covers, in the r-z plane."""
 
     #: Radius, over the cover thickness, within which the mesh of a point load has elements of equal size [-].
     even: float = 4.0
@@ -87,17 +87,17 @@ class RadialCover:
 
     @cached_property
     def base(self) -> IntArray:
-        """Nodes of the base, from the axis outwards."""
+        """Indices of the nodes of the base, from the axis outwards."""
         return self._sort_nodes(0.0)
 
     @cached_property
     def top(self) -> IntArray:
-        """Nodes of the top, from the axis outwards."""
+        """Indices of the nodes of the top, from the axis outwards."""
         return self._sort_nodes(1.0)
 
     @property
     def constrained(self) -> IntArray:
-        """Indices of the displacements that are zero."""
+        """Indices of the displacements that are zero: on the axis, on the base and on the outer boundary."""
         r, z = self.elements.nodes.T
         return find_constrained(self.cover, r, z, self.reach)
 
@@ -127,6 +127,7 @@ class RadialCover:
         )
 
     def _sort_nodes(self, height: float) -> IntArray:
+        """Return the indices of the nodes at a height [thicknesses], from the axis outwards."""
         r, z = self.elements.nodes.T
         nodes = np.flatnonzero(np.abs(z - height) < _TOLERANCE)
         return nodes[np.argsort(r[nodes])]

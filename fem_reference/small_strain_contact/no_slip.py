@@ -158,9 +158,9 @@ class FaceGrid:
     order: int = 2
 
 
-#: Number of elements through the cover on the three axisymmetric grids [-].
+#: Number of elements through the cover on the three axisymmetric grids for a round punch without slip [-].
 DISK_GRIDS = (3, 4, 6)
-#: The three grids in three dimensions.
+#: The three grids for a flat face without slip in three dimensions, coarsest first.
 FACE_GRIDS = (
     FaceGrid(through=2, edge=0.04, growth=1.2, across=8),
     FaceGrid(through=3, edge=0.02, growth=1.0, across=12),
@@ -295,7 +295,7 @@ class _Lines:
 
     @cached_property
     def _half(self) -> float:
-        """Smaller half width of the face [thicknesses]."""
+        """Smaller half width of the flat face of the indenter [thicknesses]."""
         return min(self.face.footprint) / self.cover.thickness
 
     @cached_property
@@ -331,7 +331,13 @@ class _Lines:
         return np.concatenate(parts)
 
     def _find_ends(self, axis: int, low: float, high: float) -> tuple[float, float]:
-        """Return the positions of the outer boundary along an axis, given those of the ends of the face."""
+        """Return the positions of the two outer boundaries of the mesh along an axis [thicknesses].
+
+        Args:
+            axis: 0 for x, 1 for y.
+            low: Lower end of the face [thicknesses].
+            high: Upper end of the face [thicknesses].
+        """
         if self.cover.size is not None:
             half = self.cover.size[axis] / 2 / self.cover.thickness
             return -half, half
@@ -367,7 +373,11 @@ class _Lines:
         return size
 
     def along_z(self) -> tuple[FloatArray, IntArray]:
-        """Place element edges along z; return them and the layer of each element."""
+        """Place element edges along z.
+
+        Returns:
+            Positions of the edges [thicknesses], and index of the layer of each element.
+        """
         edges, layers, bottom = [np.zeros(1)], [], 0.0
         for number, each in enumerate(self.cover.layers):
             thickness = each.thickness / self.cover.thickness
@@ -385,7 +395,7 @@ class _Lines:
 
 
 def _sample(first: float, last: float) -> FloatArray:
-    """Return positions from `first` to `last` that lie close together at both ends."""
+    """Return sample positions from `first` to `last` that lie close together at both ends, shape (n,)."""
     near = np.concatenate([[0.0], np.geomspace(_SETTINGS.closest, 0.5, _SETTINGS.samples)])
     return np.asarray(first + (last - first) * np.unique(np.concatenate([near, 1 - near])))
 
@@ -460,7 +470,7 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
 
 
 def _study_disk(path: LoadingPath, progress: Progress) -> GridStudy | None:
-    """Solve a flat punch of revolution without slip on a wide cover on three grids."""
+    """Solve a loading path of a round flat punch without slip on a wide cover on three grids, see `study_path`."""
     cover, radius = path.cover, path.indenter.footprint[0]
 
     def compute() -> list[tuple[GridSolution, float]]:

@@ -296,7 +296,7 @@ def _intersect(upward: FloatArray, y: float) -> FloatArray:
 
 
 def _extends(part: list[FloatArray], bottom: FloatArray, top: FloatArray, size: float) -> bool:
-    """Return whether a trapezoid stands on the upper edge of a part, and the union of the two is convex.
+    """Return whether a trapezoid shares the upper edge of a part of a face, and the union of the two is convex.
 
     Args:
         part: Rows (left x, right x, y) of the part, by ascending y [m].

@@ -217,7 +217,7 @@ class AxisymmetricIndenter(Indenter):
     radius: float = quantity_field("length")
 
     def __post_init__(self) -> None:
-        """Check the radius; raises a ValueError if it is not positive."""
+        """Check that the radius is positive; raise a ValueError otherwise."""
         require_positive(self, self.radius)
 
     @property
@@ -332,7 +332,7 @@ class Roller(Indenter):
     length: float = quantity_field("length")
 
     def __post_init__(self) -> None:
-        """Check the lengths; raises a ValueError if one is not positive."""
+        """Check that radius and length are positive; raise a ValueError otherwise."""
         require_positive(self, self.radius, self.length)
 
     @property
@@ -362,7 +362,7 @@ class Box(FlatPunch):
     size: tuple[float, float, float] = quantity_field("length")
 
     def __post_init__(self) -> None:
-        """Check the edges; raises a ValueError if the size is not three positive edge lengths."""
+        """Check that the size is three positive edge lengths; raise a ValueError otherwise."""
         if np.shape(self.size) != (3,):
             raise ValueError(f"Box needs three edge lengths, not {self.size}")
         require_positive(self, *self.size)
@@ -477,7 +477,7 @@ class Prism(PolygonalPunch):
 
 
 def _make_hull(outline: Polygon, height: float) -> Primitive:
-    """Make the upright prism on a convex outline [m]."""
+    """Make the upright prism on a convex outline, as a convex solid; outline and height in metres."""
     return Primitive(kind="hull", vertices=tuple((x, y, z) for z in (0.0, height) for x, y in outline))
 
 

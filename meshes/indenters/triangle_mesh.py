@@ -23,16 +23,18 @@ from meshes.surfaces.triangles import enclosed_volume, normal_vectors
 
 @dataclass(frozen=True, kw_only=True)
 class _Numbers:
-    """Numbers of the measures of a body."""
+    """Constants of the checks and measures of a body of triangles."""
 
     #: Value below which a ratio counts as zero [-]; above rounding.  The ratios are the volume over the cube of the
     #: body's size, and the height over the size.
     zero: float = 1e-9
-    #: Grid points along x and along y at which the gap is compared with its mirror image [-]; chosen.
+    #: Grid points along x and along y at which the gap is compared with its mirror image [-]; chosen by judgement.
     symmetry_points: int = 61
-    #: Distance of the middles of two edges that are one, over the larger half width [-]; single precision.
+    #: Distance below which the middles of two edges coincide, so that the edges are the same, over the larger half
+    #: width of the body [-]; rounding of single precision.
     same_place: float = 1e-6
-    #: Angle between two facets above which they form an edge of the body [rad]; chosen, 29 degrees.
+    #: Angle between two facets above which their common side is an edge of the body and not part of a smooth surface
+    #: [rad]; 29 degrees, chosen by judgement.
     edge_angle: float = 0.5
 
 
@@ -170,7 +172,7 @@ class TriangleMesh(Indenter):
 
 @dataclass(frozen=True, kw_only=True)
 class _GapNumbers:
-    """Constants of the search for the lowest triangle over a point."""
+    """Constants of the search for the lowest triangle over a point, which uses a grid of cells."""
 
     #: Length that counts as zero, over the larger edge of the bounding box [-]; rounding in double precision.
     zero: float = 1e-12
@@ -179,8 +181,8 @@ class _GapNumbers:
     #: Largest number of cells along the longer side of the search grid [-].  By measurement, more cells hardly save
     #: time.
     most_cells: int = 256
-    #: Largest mean number of grid cells that list the same triangle [-]; chosen.  For long triangles the grid is made
-    #: coarser until the mean number is below this limit.
+    #: Largest mean number of grid cells that list the same triangle [-]; chosen by judgement.  For long triangles the
+    #: grid is made coarser until the mean number is below this limit.
     most_entries: int = 30
 
 
@@ -188,27 +190,31 @@ class _GapNumbers:
 class HullNumbers:
     """Constants of the approximation by convex hulls."""
 
-    #: Largest distance of a hull from the body, over half the longer edge of the bounding rectangle [-]; chosen.
+    #: Largest distance of a hull from the body, over half the longer edge of the bounding rectangle [-]; chosen by
+    #: judgement.
     tolerance: float = 5e-3
     #: Most hulls of a body [-]; each is a geom of MuJoCo, whose contacts take computing time.
     most: int = 64
     #: Most corners of a hull [-]; MuJoCo's collision detection becomes slower with more.
     most_corners: int = 1000
-    #: Fraction of the directions that point down, among the directions in which the outermost corners are kept [-];
-    #: chosen.  Only the lower surface touches the cover.
+    #: Fraction of the directions that point down, among the directions in which the outermost corners of a hull are
+    #: kept [-]; chosen by judgement.  Only the lower surface touches the cover.
     downward: float = 0.8
-    #: Grid points along the longer edge of the bounding rectangle, where hull and body are compared [-]; chosen.
+    #: Grid points along the longer edge of the bounding rectangle, where hull and body are compared [-]; chosen by
+    #: judgement.
     points: int = 97
     #: Distance of the first grid point from the edge, in grid steps [-].  The value is not round, so that grid lines do
     #: not lie on edges of the body.
     offset: float = 0.517
-    #: Number of heights for which the horizontal distance to the body is tabulated [-]; chosen.
+    #: Number of heights for which the horizontal distance to the body is tabulated [-]; chosen by judgement.
     levels: int = 16
-    #: Angles between the x axis and the normals of the vertical planes that are tried as cuts [rad]; chosen.
+    #: Angles between the x axis and the normals of the vertical planes that are tried as cuts [rad]; chosen by
+    #: judgement.
     cut_angles: tuple[float, ...] = (0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4)
-    #: Vertical component of a unit normal below which a triangle counts as vertical [-]; rounding of qhull.
+    #: Vertical component of a unit normal below which a triangle counts as vertical [-]; above the rounding of qhull,
+    #: which computes the hulls.
     upright: float = 1e-6
-    #: Width of a piece over the largest accepted distance, below which it gets no hull [-]; chosen.
+    #: Width of a piece over the largest accepted distance, below which it gets no hull [-]; chosen by judgement.
     narrow: float = 1e-3
 
 
@@ -517,7 +523,12 @@ class _Piece:
 
     @classmethod
     def make(cls, triangles: FloatArray, underside: _Underside) -> _Piece | None:
-        """Make a piece of the given triangles (n, 3, 3); None if they are too narrow for a hull with a volume."""
+        """Make a piece of the underside from its triangles; None if they are too narrow for a hull with a volume.
+
+        Args:
+            triangles: Corners of the n triangles of the piece, shape (n, 3, 3) [m].
+            underside: The sampled underside of the whole body, with which the hull is compared.
+        """
         from trimesh.convex import convex_hull
 
         points = np.unique(triangles.reshape(-1, 3), axis=0)

@@ -18,11 +18,11 @@ from meshes.surfaces.triangles import enclosed_volume
 
 #: Volume of a regular tetrahedron over the cube of its edge [-].
 _REGULAR = 1 / (6 * np.sqrt(2))
-#: Largest expected number of tetrahedra of a mesh [-].
+#: Largest expected number of tetrahedra of a mesh [-].  More are refused before the mesher starts.
 _MOST_TETRAHEDRA = 150_000
 #: Factor by which the element size is reduced if a mesh has too few elements through the thickness [-].
 _SMALLER = 0.85
-#: Largest number of reductions of the element size [-].
+#: Largest number of reductions of the element size if a mesh has too few elements through the thickness [-].
 _TRIES = 3
 #: Element size of the mesh of `SolidCover.refine`, over the thickness [-].  This mesh is finer than the meshes of all
 #: results and verifies them.
@@ -32,7 +32,8 @@ _FINER_LAYERS = 6
 
 #: Function that receives a line of text before each step.
 Progress = Callable[[str], None]
-#: Function that returns the arrays computed from some inputs, or those stored by an earlier call with the same inputs.
+#: Function of some inputs and of a function that computes arrays from them.  It returns the arrays that an earlier call
+#: with the same inputs stored, or computes and stores them.
 Keep = Callable[[Mapping[str, Any], Callable[[], Mapping[str, Any]]], Mapping[str, Any]]
 
 

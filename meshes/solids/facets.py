@@ -65,7 +65,7 @@ def facet_slope(nodes: int, place: FloatArray) -> FloatArray:
 
 
 def node_places(nodes: int) -> FloatArray:
-    """Return the nodes of the reference facet, shape (nodes, 2) [-]."""
+    """Return the positions of the nodes on the reference facet with a given number of nodes, shape (nodes, 2) [-]."""
     if nodes != QUADRILATERAL:
         corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
         return np.array(corners[:nodes])

@@ -36,11 +36,11 @@ class _OffsetNumbers:
     #: Distance of an offset over the requested distance, below which folds are not smoothed further but left to the
     #: mesher [-].
     wanted: float = 0.75
-    #: Edges below this length are collapsed before the offset, over the thickness [-].
+    #: Length of an edge, over the thickness, below which the edge is collapsed before the offset is made [-].
     short: float = 0.2
-    #: Number of rounds after which one more ring of neighbours is smoothed [-].
+    #: Number of rounds of smoothing after which one more ring of neighbours around a fold is smoothed [-].
     widen: int = 3
-    #: Largest number of rings of neighbours that are smoothed [-].
+    #: Largest number of rings of neighbours around a fold that are smoothed [-].
     most_rings: int = 10
     #: Factor on the length of smoothed offsets [-]; shorter offsets fold less.
     kept: float = 0.995
@@ -50,19 +50,20 @@ class _OffsetNumbers:
 
 @dataclass(frozen=True, kw_only=True)
 class _SideNumbers:
-    """Numbers that decide which side of a surface is the outside, and which part of a body is bonded; chosen."""
+    """Limits that decide which side of a surface is the outside, and which part is bonded; chosen by judgement."""
 
     #: Largest distance from the base of a triangle that belongs to the base, over the size of the surface [-].
     on_base: float = 0.01
     #: Smallest cosine of the angle between the normals of a triangle of the base and of the nearest base triangle [-].
     aligned: float = 0.5
-    #: Sum of solid angles, over that of a whole sphere, above which a point counts as inside [-].
+    #: Solid angle of a closed surface seen from a point, over that of a whole sphere, above which the point counts as
+    #: inside the surface [-].
     inside: float = 0.5
     #: Area-weighted mean of the scalar product of normal and position relative to the middle of a surface, over the
     #: size of the surface [-].  Below this value the normals point inwards.
     inwards: float = -0.02
-    #: Value of the mean of `inwards` up to which a surface counts as flat [-].  The order of the corners then decides
-    #: which side is the outside.
+    #: Value of the same area-weighted mean up to which a surface counts as flat [-].  The order of the corners of its
+    #: triangles then decides which side is the outside.
     outwards: float = 0.02
 
 
@@ -88,8 +89,8 @@ class Shell:
     Attributes:
         surface: Triangles of the whole surface, counterclockwise as seen from outside, shape (n, 3, 3) [m].
         base: Triangles of the bonded part, facing into the cover, shape (b, 3, 3) [m].
-        notes: Sentences on changes and assumptions.
-        nominal: Thickness of an offset [m]; None if the shell has none.
+        notes: Sentences on changes of the shape and assumptions about it.
+        nominal: Requested distance between a surface and its offset [m]; None if the shell was not made by an offset.
         is_folded: Whether the surface crosses itself at small folds of an offset.
     """
 
@@ -306,7 +307,11 @@ def _find_folds(points: FloatArray, moved: FloatArray, faces: IntArray, border: 
 
 
 def _close(outer: FloatArray, inner: FloatArray, faces: IntArray, border: IntArray) -> FloatArray:
-    """Join two surfaces with the same triangles by a strip along their border.  The order is outer, inner, strip."""
+    """Join an outer and an inner surface, which have the same triangles, by a strip along their border.
+
+    Returns:
+        Triangles of the outer surface, then of the inner surface, then of the strip, shape (n, 3, 3) [m].
+    """
     first, second = border.T
     strip = np.concatenate(
         [
@@ -318,7 +323,16 @@ def _close(outer: FloatArray, inner: FloatArray, faces: IntArray, border: IntArr
 
 
 def _smooth(step: FloatArray, near: list[list[int]], spots: set[int], *, rings: int) -> FloatArray:
-    """Average the offsets around some points, with lengths near those of the neighbours."""
+    """Average the offset vectors of some points and their neighbours, to remove folds of an offset surface.
+
+    An averaged vector keeps about the mean length of the vectors.
+
+    Args:
+        step: Offset vector of each of p points, shape (p, 3) [m].
+        near: Indices of the neighbours of each point.
+        spots: Indices of the points at folds.
+        rings: Number of rings of neighbours that are averaged as well, and number of repetitions.
+    """
     for _ in range(rings):
         spots = spots | {other for spot in spots for other in near[spot]}
     out = step.copy()
@@ -360,7 +374,15 @@ def _zip(outer: FloatArray, border: IntArray, base: FloatArray, edge: IntArray) 
 
 
 def _order(border: IntArray, name: str) -> IntArray:
-    """Order the points of a border that is one loop."""
+    """Order the points of the border of a surface along the border, which must be one loop.
+
+    Args:
+        border: First and last point of each directed edge of the border, shape (k, 2).
+        name: Name of the surface in messages.
+
+    Raises:
+        ValueError: If the border has several loops.
+    """
     following = dict(border.tolist())
     loop = [int(border[0, 0])]
     while following[loop[-1]] != loop[0] and len(loop) <= len(border):

@@ -23,13 +23,13 @@ from meshes.surfaces.triangles import label_parts
 HEXAHEDRON = 27
 #: Number of nodes of a tetrahedron [-].
 TETRAHEDRON = 4
-#: Number of nodes of a facet of an element; the key is the number of nodes of the element [-].
+#: Number of nodes of a facet of an element, by the number of nodes of the element [-].
 _FACET_NODES = {HEXAHEDRON: QUADRILATERAL, TETRAHEDRON: TRIANGLE}
-#: Arrays of a mesh.
+#: Names of the arrays of a mesh.
 ARRAYS = ("nodes", "cells", "base", "top", "sides")
 #: Version of the file format.
 _FORMAT = "softcover-mesh 1"
-#: A setting from which a mesh was made.
+#: Type of the value of a setting from which a mesh was made, for example the element size.
 Setting = str | float | int | bool
 
 
@@ -50,11 +50,12 @@ class MeshLimits:
     #: Smallest and largest accepted length of a cover's largest edge [m].  Other lengths indicate a wrong unit.
     sizes: tuple[float, float] = (1e-3, 0.3)
     #: Largest distance of a texel's centre from the nearest point of the base, along the normal and across it, over the
-    #: mean thickness [-]; chosen.
+    #: mean thickness [-]; chosen by judgement.
     off_base: float = 0.1
-    #: Smallest cosine of the angle between a texel's normal and that of the base [-]; 30 degrees, chosen.
+    #: Smallest cosine of the angle between a texel's normal and that of the base [-]; 30 degrees, chosen by judgement.
     cosine: float = float(np.cos(np.radians(30)))
-    #: Sample points along each side of a facet in the search for the nearest point of the base [-]; chosen.
+    #: Sample points along each side of a facet in the search for the nearest point of the base [-]; chosen by
+    #: judgement.
     samples: int = 6
     #: Number of elements whose Jacobians are computed at once [-]; limits the memory to some 100 MB.
     block: int = 5000
@@ -122,7 +123,7 @@ class SolidMesh:
 
     @property
     def arrays(self) -> dict[str, FloatArray | IntArray]:
-        """The arrays by their names."""
+        """The arrays of the mesh by their names: nodes, cells, base, top and sides."""
         return {name: getattr(self, name) for name in ARRAYS}
 
     @cached_property
@@ -210,7 +211,7 @@ class Quality:
     faults: tuple[str, ...]
 
     def require(self) -> None:
-        """Raise a ValueError with one line per fault if the mesh exceeds a limit."""
+        """Raise a ValueError if the quality of the mesh exceeds a limit, with one line per fault."""
         if self.faults:
             raise ValueError("\n".join(self.faults))
 

@@ -20,9 +20,9 @@ from meshes.solids.texels import cylinder_texels, fingertip_texels
 
 #: Number of layers of elements through a cover unless one is given [-].
 LAYERS = 4
-#: Half of the angle that a face of the cubed sphere spans, which is divided evenly [rad].
+#: Half of the angle that a face of the cubed sphere spans [rad].  The angle is divided evenly into elements.
 _FACE = np.pi / 4
-#: Advice for a mesh of too many elements.
+#: Advice at the end of error messages about a mesh of too many elements.
 _COARSER = "take a thicker cover or a larger element size"
 
 
@@ -33,21 +33,22 @@ class _Numbers:
     #: Size of the cells in which points are equal, over the size of the surface [-]; above the rounding at borders of
     #: grids.
     same: float = 1e-7
-    #: Offset of the cells of `same`, in cells [-].  The value is not round, so that round coordinates do not lie on the
-    #: border of a cell.
+    #: Offset of the cells in which points are equal, over the size of a cell [-].  The value is not round, so that
+    #: round coordinates do not lie on the border of a cell.
     offset: float = 0.3127
     #: Largest number of quadrilaterals of a surface [-].  The memory of a workstation does not suffice for more.
     most_quads: int = 20_000
     #: Largest number of quadrilaterals along an edge [-].  Checked before memory is allocated.
     most_along: int = 1000
-    #: Smallest accepted number of layers of elements [-]; one layer locks.
+    #: Smallest accepted number of layers of elements [-]; a single layer is too stiff (it locks).
     least_layers: int = 2
-    #: Height of the elements at base and top over that in the middle of a cover of many layers [-]; chosen.
+    #: Height of the elements at base and top over that in the middle of a cover of many layers [-]; chosen by
+    #: judgement.
     grading: float = 0.5
-    #: Element size along the base over the thickness, unless one is given [-]; chosen.
+    #: Element size along the base over the thickness, unless one is given [-]; chosen by judgement.
     element_size: float = 0.5
-    #: Element size over the thickness, and number of layers, of each of three meshes for an error estimate [-]; chosen
-    #: by the coverage of the estimates.
+    #: Element size over the thickness, and number of layers, of each of three meshes for an error estimate [-].  They
+    #: were chosen by the coverage of the estimates.
     meshes: tuple[tuple[float, int], ...] = ((0.48, 3), (0.38, 3), (0.3, 4))
 
 

@@ -1,8 +1,8 @@
 """Fill a closed surface of triangles with tetrahedra by fTetWild (Hu et al. 2020), for covers that cannot be swept.
 
-The mesher gives another mesh at every call, so a mesh is an input: callers keep it, and the spread of results over
-several meshes is their noise.  The mesher runs in a process and a folder of its own, because it
-writes a file into its working folder and may crash on bad surfaces.
+The mesher gives a different mesh at each call.  Callers therefore store a mesh and treat it as an input; the spread of
+results over several meshes is the numerical noise of the results.  The mesher runs in a process and a folder of its
+own, because it writes a file into its working folder and may crash on bad surfaces.
 """
 
 from __future__ import annotations
@@ -34,16 +34,18 @@ from meshes.surfaces.triangles import (
 class _Numbers:
     """Constants of meshes of tetrahedra."""
 
-    #: Largest distance between the surfaces of the mesh and of the cover, over the cover's thickness [-]; chosen.
+    #: Largest distance between the surfaces of the mesh and of the cover, over the cover's thickness [-]; chosen by
+    #: judgement.
     envelope: float = 1 / 50
-    #: Largest distance of a facet of the base from the given base, in units of `envelope` [-]; chosen.
+    #: Largest distance of a facet of the base from the given base, over the largest distance between the surfaces of
+    #: mesh and cover [-]; chosen by judgement.
     near_base: float = 3.0
-    #: Smallest cosine between the normals of the base and of a facet of the base [-]; 45 degrees, chosen.
+    #: Smallest cosine between the normals of the base and of a facet of the base [-]; 45 degrees, chosen by judgement.
     on_base: float = 0.7
     #: Smallest cosine between the normals of a facet of the top and of the nearest point of the base [-]; 60 degrees,
     #: chosen.  Facets below this value belong to the sides.
     on_top: float = 0.5
-    #: Time limit for a mesh [s]; chosen.
+    #: Largest time in which the mesher must finish a mesh [s]; chosen by judgement.
     seconds: int = 900
 
 

@@ -65,7 +65,7 @@ def covered_share(texels: TexelArray, points: FloatArray, normals: FloatArray, s
 def cylinder_texels(
     radius: float, *, rows: int, columns: int, pitch: tuple[float, float], size: tuple[float, float], name: str
 ) -> TexelArray:
-    """Place texels on a cylinder about y, in rows along y and columns around, with the middle at z = radius.
+    """Place texels on a cylinder about y, in rows along y and columns around; the middle of the array is at z = radius.
 
     Args:
         radius: Radius of the base [m].
@@ -85,7 +85,9 @@ def cylinder_texels(
 
 
 def fingertip_texels(radius: float, length: float, *, pitch: float, size: float, name: str) -> TexelArray:
-    """Place texels on half a cylinder from y = -length to 0 and on the quarter sphere at its end, in rings of even y.
+    """Place texels on half a cylinder about y and on the quarter sphere at its end, as on a fingertip.
+
+    The half cylinder extends from y = -length to 0.  The texels lie in rings, and all texels of a ring have the same y.
 
     Args:
         radius: Radius of the base [m].

@@ -155,7 +155,17 @@ def _read(path: Path, *, most: int = LIMITS.surface_bytes, what: str = "a surfac
 
 
 def _read_mesh(name: str, content: bytes, kind: str, largest: float) -> tuple[FloatArray, IntArray]:
-    """Read points and triangles by trimesh; refuse coordinates above the limit."""
+    """Read points and triangles from the bytes of an STL, OBJ or PLY file by trimesh.
+
+    Args:
+        name: Name of the file in messages.
+        content: Bytes of the file.
+        kind: Format of the file: `stl`, `obj` or `ply`.
+        largest: Largest accepted coordinate, in the unit of the file.
+
+    Raises:
+        ValueError: If the file is damaged, or has coordinates above the limit or too many triangles.
+    """
     import trimesh
 
     log = logging.getLogger("trimesh.util")
@@ -180,7 +190,7 @@ def _read_mesh(name: str, content: bytes, kind: str, largest: float) -> tuple[Fl
 
 
 def _check_points(name: str, points: FloatArray, count: int, largest: float) -> None:
-    """Refuse coordinates that are not finite or above the limit, and too many triangles."""
+    """Raise a ValueError if a coordinate is not finite or exceeds a limit, or if there are too many triangles."""
     if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > largest:
         raise ValueError(f"{name} is damaged: a corner is not a number; export it again")
     if count > LIMITS.triangles:

@@ -38,8 +38,8 @@ class _CrackNumbers:
     beside: float = 0.1
     #: Largest cosine between the directions of two edges of a seam, which run in opposite directions [-].
     against: float = -0.7
-    #: Largest extent of a group of corners that are merged, over the width of a crack [-].  Larger groups belong to a
-    #: finely divided border and stay.
+    #: Largest extent of a group of corners that are merged to close a crack, over the largest width of a crack [-].
+    #: Larger groups of close corners are part of a finely divided border and are not merged.
     chain: float = 4.0
     #: Number of edges of seams after which the search ends [-]; the surface is then refused in any case.
     enough: int = 1000
@@ -49,11 +49,12 @@ class _CrackNumbers:
 class _CollapseNumbers:
     """Constants of the collapse of short edges; chosen so that offsets of the tested surfaces do not fold."""
 
-    #: Most passes over all edges [-].
+    #: Largest number of passes over all edges of a surface [-].
     passes: int = 30
     #: Smallest cosine of the angle by which a collapse may rotate the normal of a triangle [-].
     turned: float = 0.3
-    #: Height of a triangle over its longest side, below which a collapse must not reduce it [-].
+    #: Ratio of height to longest side of a triangle that a collapse must not go below [-], unless the ratio of the
+    #: triangle was smaller before.
     sliver: float = 0.1
 
 
@@ -135,7 +136,11 @@ def list_border(faces: IntArray, name: str, *, closed: bool = False) -> IntArray
 
 
 def merge_corners(triangles: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Merge equal corners; returns points, shape (p, 3) [m], and the points of each triangle, shape (n, 3)."""
+    """Merge equal corners of triangles to points.
+
+    Returns:
+        Positions of the points, shape (p, 3) [m], and indices of the points of each triangle, shape (n, 3).
+    """
     flat = triangles.reshape(-1, 3)
     place = cluster(flat, _SURFACE.same * float(np.ptp(flat, axis=0).max()))
     first = np.unique(place, return_index=True)[1]
@@ -143,13 +148,15 @@ def merge_corners(triangles: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def cluster(points: FloatArray, distance: float) -> IntArray:
-    """Number the clusters of points, shape (p,).
+    """Find clusters of points that lie in one place; return the number of the cluster of each point, shape (p,).
 
-    Within a cluster, the sorted values of each coordinate have no gap wider than `distance` [m].  The distance should
-    be far below that between different places, so that each cluster is one place.
+    Args:
+        points: Positions of p points, shape (p, 3) [m].
+        distance: Largest gap in the sorted values of each coordinate within a cluster [m].  It should be far smaller
+            than the distance between different places.
     """
     label, count = np.zeros(len(points), dtype=np.int64), 0
-    while True:  # a cut along one axis may open gaps along another
+    while True:  # dividing a cluster along one axis may leave parts with gaps along another axis
         for values in points.T:
             order = np.lexsort((values, label))
             apart = (np.diff(label[order]) != 0) | (np.diff(values[order]) > distance)
@@ -171,7 +178,7 @@ def normal_vectors(triangles: FloatArray) -> FloatArray:
 
 
 def unit_vectors(vectors: FloatArray) -> FloatArray:
-    """Scale vectors to length 1, shape (n, 3); zero vectors stay zero."""
+    """Scale n vectors to length 1, shape (n, 3) [-]; vectors of length zero stay zero."""
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))
 
 
@@ -407,7 +414,7 @@ def label_parts(count: int, faces: IntArray) -> IntArray:
     while True:
         before = label.copy()
         lowest = label[faces].min(axis=1, keepdims=True)
-        # relabel whole parts at once, so that long rows of points take few rounds
+        # Relabelling whole parts at once, not only single points, connects long chains of points in few rounds.
         np.minimum.at(label, before[faces], lowest)
         np.minimum.at(label, faces, lowest)
         label = label[label]
@@ -416,7 +423,7 @@ def label_parts(count: int, faces: IntArray) -> IntArray:
 
 
 def describe(place: FloatArray | tuple[float, ...]) -> str:
-    """Format a position in millimetres."""
+    """Format a position in metres as text in millimetres, for example "1.5, 0, -2"."""
     return ", ".join(f"{round(1e3 * each, 2) + 0.0:g}" for each in place)
 
 
@@ -465,7 +472,19 @@ def collapse_short_edges(points: FloatArray, faces: IntArray, length: float) -> 
 def _collapse(
     points: FloatArray, faces: IntArray, around: dict[int, list[int]], edge: list[int], kept: tuple[set[int], set[int]]
 ) -> set[int]:
-    """Collapse one edge if possible; return the triangles that vanish, and change `faces` in place."""
+    """Collapse one edge to one of its ends, if the surface stays manifold and no triangle turns over.
+
+    Args:
+        points: Positions of the points, shape (p, 3) [m].
+        faces: Points of each triangle, changed in place, shape (f, 3).
+        around: Triangles around each point.
+        edge: The two points of the edge.
+        kept: Points on the border, which must not be removed; and points near an edge that was collapsed in the same
+            pass, which are added here.
+
+    Returns:
+        Indices of the triangles that vanish; empty if the edge was not collapsed.
+    """
     border, locked = kept
     gone, stays = edge if edge[1] in border else edge[::-1]
     if gone in border or gone in locked or stays in locked:
