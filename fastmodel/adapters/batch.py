@@ -77,7 +77,8 @@ class Batch:
             raise FastModelError("the same sensor is given twice; attach each sensor once")
         worlds, processes = check_count("worlds", worlds, 1), check_count("processes", processes, 1)
         _check_seed(seed)
-        # Bound here once, for the warnings and errors of `bind` and to compile the kernels before processes start.
+        # The sensors are bound once in this process, so that `bind` gives its warnings and errors here, and kernels are
+        # compiled before other processes start.
         twins = [sensor.twin().bind(model).twin() for sensor in sensors]
         parts = np.array_split(np.arange(worlds), min(processes, worlds))
         self._closed, self._sensors = False, len(sensors)
