@@ -90,13 +90,28 @@ def field_convergence(values: npt.ArrayLike, sizes: Sequence[float], *, least: f
 
 
 def _predict_ratio(order: float, sizes: Sequence[float]) -> float:
-    """Predict the ratio of the coarse to the fine difference of values that converge with `order`."""
+    """Predict the ratio of successive differences between three grids, for values that converge with an order.
+
+    Args:
+        order: Order of convergence [-].
+        sizes: Element sizes of the three grids, descending.
+
+    Returns:
+        Difference between the two coarser grids over that between the two finer grids [-].
+    """
     h = np.array(sizes) ** order
     return float((h[0] - h[1]) / (h[1] - h[2]))
 
 
 def _find_order(ratio: float, sizes: Sequence[float], least: float, most: float) -> float:
-    """Find the order, in a range, that explains the ratio of the coarse to the fine difference."""
+    """Find the order of convergence that explains the ratio of successive differences between three grids.
+
+    Args:
+        ratio: Difference between the two coarser grids over that between the two finer grids [-].
+        sizes: Element sizes of the three grids, descending.
+        least: Smallest order that is returned [-].
+        most: Largest order that is returned [-].
+    """
     if _predict_ratio(least, sizes) < ratio < _predict_ratio(most, sizes):
         return float(brentq(lambda p: _predict_ratio(p, sizes) - ratio, least, most))
     return least if ratio <= _predict_ratio(least, sizes) else most

@@ -2,9 +2,10 @@
 
 The energy per reference volume is W(F) = isochoric(F) - p (J - 1) - p^2 / 2 K, with the deformation gradient F and its
 determinant J.  The mean pressure p is an independent unknown, so that an infinite bulk modulus K needs no special case
-(Simo, Taylor and Pister 1985).  A material supplies the isochoric part, which does not change when F is multiplied by
-a number.  A compressible energy V(F) of small-strain bulk modulus K supplies V(F) - K (J - 1)^2 / 2 in its place; p is
-then the pressure less that of this part.
+(Simo, Taylor and Pister 1985).  K is `Material.bulk_modulus`, which follows from shear modulus and Poisson ratio.  A
+material supplies the isochoric part, which does not change when F is multiplied by a number.  For a law whose term of
+the volume is K (J - 1)^2 / 2 this is the rest of its energy.  A law with another term of the volume supplies its whole
+energy less K (J - 1)^2 / 2; p is then the pressure less that of the supplied part.
 
 F has shape (..., 3, 3).  Derivatives are taken only with respect to the components of F that can differ from those of
 the unit matrix: all nine in three dimensions, five in axisymmetric states.  First derivatives have shape (..., g) and
@@ -107,7 +108,8 @@ def second_isochoric(F: FloatArray, J: Invariant) -> Invariant:
     b = F @ F.swapaxes(-1, -2)
     trace = np.einsum("...ii->...", C)
     i, j = np.array(J.places).T
-    k, m = i, j  # component of F of the second differentiation, along the last axis
+    # Row and column of the component of F of the second differentiation, along the last axis.
+    k, m = i, j
     i, j = i[:, None], j[:, None]
     flat = pick_components(F, J.places)
     second = (
@@ -266,7 +268,8 @@ class Ogden:
             powers = stretch**alpha * (J ** (-alpha / 3))[..., None]
             total = powers.sum(axis=-1, keepdims=True)
             energy += 2 * mu / alpha**2 * (total[..., 0] - 3)
-            part = 2 * mu / alpha * (powers - total / 3)  # l dW/dl
+            # The derivative dW/dl times the principal stretch l.
+            part = 2 * mu / alpha * (powers - total / 3)
             slope += part * inverse
             cross = -powers[..., :, None] / 3 - powers[..., None, :] / 3 + total[..., None] / 9
             block = 2 * mu * cross * inverse[..., :, None] * inverse[..., None, :]
@@ -297,13 +300,16 @@ def create_energy(material: Material, unit: float = 1.0) -> Energy:
     Raises:
         ValueError: If the material is `linear-elastic`, which has no stored energy at finite strain.
     """
-    if material.model not in ENERGIES:
+    if material.small_strain_only:
         raise ValueError(f"{material.model} is a small-strain model; take neo-hookean for finite strain")
     return ENERGIES[material.model](material, unit)
 
 
 def create_finite_strain_energy(material: Material, unit: float = 1.0) -> Energy:
-    """Create the energy of `create_energy`; `linear-elastic` becomes neo-Hookean of equal shear modulus."""
+    """Create the isochoric stored energy of a material for finite strain.
+
+    A `linear-elastic` material becomes neo-Hookean with the same shear modulus.  `unit` is that of `create_energy`.
+    """
     if material.small_strain_only:
         return Polynomial(c1=material.shear_modulus / unit / 2)
     return create_energy(material, unit)

@@ -47,7 +47,7 @@ class StoreSettings:
     #: Largest accepted number of arrays of an entry; a path in three dimensions has about 36 for each load or depth
     #: [-].
     most_arrays: int = 2**14
-    #: Time in the year 2242; later ones are no times at which an entry was written [s since 1970].
+    #: Time of writing, in the year 2242, from which on a time in a manifest is not believed [s since 1970].
     latest: float = 2.0**33
 
 
@@ -65,18 +65,18 @@ _SUFFIX = ".entry"
 #: Libraries whose versions are part of every key, because the results depend on the versions.
 _LIBRARIES = ("numpy", "scipy", "scikit-fem")
 
-#: The arrays of a result by name.
+#: Arrays of a stored result, by name.
 Arrays = dict[str, npt.NDArray[Any]]
-#: Type of a result.
+#: Type of a stored result.
 Stored = TypeVar("Stored")
 
 
-#: Whether `fetch` refuses to compute, set by `stored_only`.
+#: Whether `fetch` raises an error instead of computing a result, set by `stored_only`.
 _STORED_ONLY: ContextVar[bool] = ContextVar("stored_only", default=False)
 
 
 class NotStoredError(LookupError):
-    """A result is not in the store, and `stored_only` forbids to compute it."""
+    """A result is not in the result store, and `stored_only` forbids to compute it."""
 
 
 class DamagedEntryError(ValueError):
@@ -265,7 +265,7 @@ def hash_sources() -> str:
 
 
 def hash_file(path: str) -> str:
-    """Hash a source outside these packages that computes a result, as an input for `fetch`."""
+    """Hash the source file of a function that computes a result outside `fem_reference`, as an input for `fetch`."""
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
 
 
@@ -342,7 +342,7 @@ def unpack(arrays: Mapping[str, Any]) -> Any:  # noqa: ANN401 -- any tree
 
 
 def _path(key: str) -> Path:
-    """Return the file of the entry with this key."""
+    """Return the path of the file that holds the stored result with this key."""
     return folder() / f"{key}{_SUFFIX}"
 
 

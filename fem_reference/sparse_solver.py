@@ -33,7 +33,7 @@ from meshes.array_types import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class SparseSettings:
-    """Numbers that choose the backend and check its solutions."""
+    """Constants for the choice of a solver of sparse linear systems, and for the check of its solutions."""
 
     #: Non-zero entries in the upper triangle of a matrix from which pardiso is chosen.  Loading pardiso takes longer
     #: than solving a smaller system (2000 unknowns in 2-D, 600 in 3-D) with SuperLU [-].
@@ -44,7 +44,7 @@ class SparseSettings:
     #: Residual over the largest entry of the right-hand side below which refinement of a solution stops, near double
     #: precision [-].
     rounding: float = 1e-13
-    #: Largest number of refinements [-].
+    #: Largest number of steps of iterative refinement of a solution [-].
     refinements: int = 2
     #: Residual after refinement, over the largest entry of the right-hand side, above which the matrix counts as
     #: singular [-].
@@ -54,7 +54,7 @@ class SparseSettings:
 _SETTINGS = SparseSettings()
 
 
-#: Names of the solver backends.
+#: Names of the backends, the libraries that can solve sparse linear systems; see the top of this file.
 BACKENDS = ("pardiso", "metis", "plain")
 
 
@@ -183,7 +183,8 @@ class _Pardiso:
     """
 
     def __init__(self, upper: sp.csr_matrix) -> None:
-        os.environ.setdefault("MKL_CBWR", "AUTO")  # MKL reads it when it is first called
+        # MKL reads this variable at its first call.
+        os.environ.setdefault("MKL_CBWR", "AUTO")
         import pypardiso
 
         # Creating a PyPardisoSolver searches the disk for MKL (0.2 s); copying the existing solver avoids the search.
@@ -267,7 +268,8 @@ def _can_load_pardiso() -> bool:
     """Return whether pypardiso is installed and finds the MKL library."""
     library = next(Path(sys.prefix).glob("lib/libmkl_rt*"), None)
     if library is not None:
-        os.environ.setdefault("PYPARDISO_MKL_RT", str(library))  # avoids pypardiso's search of 0.5 s
+        # Without this variable pypardiso searches the disk for the library, which takes 0.5 s.
+        os.environ.setdefault("PYPARDISO_MKL_RT", str(library))
     try:
         import pypardiso  # noqa: F401
     except (ImportError, OSError):
@@ -297,7 +299,7 @@ def _order_nodes(matrix: sp.csr_matrix) -> IntArray:
 
     n = matrix.shape[0]
     label = np.random.default_rng(0).integers(0, 2**63, n, dtype=np.uint64)
-    # Each column has a random label; rows of equal pattern have equal sums of labels, modulo 2^64.
+    # Each column has a random label.  Rows with entries in the same columns have equal sums of labels, modulo 2^64.
     mark = np.add.reduceat(label[matrix.indices], matrix.indptr[:-1])
     group = np.unique(mark, return_inverse=True)[1]
     gather = sp.csr_matrix((np.ones(n), (group, np.arange(n))), shape=(group.max() + 1, n))

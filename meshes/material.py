@@ -37,13 +37,28 @@ class Model:
             term.
         poisson_ratio: Function that returns the Poisson ratio at small strain of a material of this model, for models
             whose parameters determine it [-]; None if the Poisson ratio is given beside the parameters.
+        at_poisson_ratio: Function that returns the parameters of a material with another Poisson ratio, below 0.5, and
+            the same response to a change of shape; needed together with `poisson_ratio`.
     """
 
     parameters: Mapping[str, Parameter]
     shear_modulus: Callable[[Material], float]
     has_terms: bool = False
     poisson_ratio: Callable[[Material], float] | None = None
+    at_poisson_ratio: Callable[[Material, float], Mapping[str, Value]] | None = None
 
+    def __post_init__(self) -> None:
+        """Check that a model which determines its Poisson ratio can also take another one.
+
+        Raises:
+            ValueError: If only one of the two functions is given.
+        """
+        if (self.poisson_ratio is None) != (self.at_poisson_ratio is None):
+            raise ValueError("poisson_ratio and at_poisson_ratio belong together; give both or neither")
+
+
+#: Value of a material parameter: one number, or one number per term of the strain energy.
+Value = float | tuple[float, ...]
 
 #: Material models by name.
 MODELS: Mapping[str, Model] = MappingProxyType(
@@ -82,8 +97,10 @@ MODELS: Mapping[str, Model] = MappingProxyType(
     }
 )
 
-#: Value of a material parameter: one number, or one number per term of the strain energy.
-Value = float | tuple[float, ...]
+#: Largest error of rounding of a Poisson ratio that is computed from parameters [-].
+_ROUNDING = 1e-12
+#: Largest Poisson ratio of a material whose parameters determine it, so that its bulk modulus stays finite [-].
+_NEARLY_INCOMPRESSIBLE = 0.5 - 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,8 +136,8 @@ class Material:
 
         Raises:
             ValueError: If the model is unknown, a parameter is missing, unknown or not a finite number, the parameters
-                have different numbers of terms, the Poisson ratio is out of range, or the shear modulus is not
-                positive.
+                have different numbers of terms, the Poisson ratio is out of range, or the shear modulus or a parameter
+                that must be positive is not.
         """
         if self.model not in MODELS:
             raise ValueError(f"unknown material model {self.model!r}; known models: {', '.join(MODELS)}")
@@ -136,26 +153,39 @@ class Material:
         object.__setattr__(self, "parameters", _Parameters(values))
         if has_terms:
             self._check_terms()
-        if (find := MODELS[self.model].poisson_ratio) is not None:
-            ratio = find(self)
+        for name, parameter in MODELS[self.model].parameters.items():
+            if parameter.positive and min(self.terms(name)) <= 0:
+                raise ValueError(f"{self.model} {name} must be positive, not {min(self.terms(name)):g}")
+        self._check_poisson_ratio()
+        if self.shear_modulus <= 0:
+            raise ValueError(f"the small-strain shear modulus must be positive, not {self.shear_modulus} Pa")
+
+    def _check_poisson_ratio(self) -> None:
+        """Compute the Poisson ratio if the parameters determine it, and check its range.
+
+        Raises:
+            ValueError: If the ratio is out of range, or differs from the one that the parameters determine.
+        """
+        find, name = MODELS[self.model].poisson_ratio, "poisson_ratio"
+        if find is not None:
+            ratio, name = find(self), f"the Poisson ratio that the parameters of {self.model} determine"
+            if math.isclose(ratio, 0, abs_tol=_ROUNDING):
+                ratio = 0.0  # The ratio is a difference of two moduli, which may come out slightly negative.
             if not (math.isnan(self.poisson_ratio) or math.isclose(self.poisson_ratio, ratio)):
                 raise ValueError(f"the parameters of {self.model} determine poisson_ratio, {ratio:.6g}; leave it out")
             object.__setattr__(self, "poisson_ratio", ratio)
         if not 0 <= self.poisson_ratio <= 0.5:  # noqa: PLR2004 -- the incompressible limit
-            raise ValueError(f"poisson_ratio must lie in 0..0.5, not {self.poisson_ratio}")
-        if self.shear_modulus <= 0:
-            raise ValueError(f"the small-strain shear modulus must be positive, not {self.shear_modulus} Pa")
+            raise ValueError(f"{name} must lie in 0..0.5, not {self.poisson_ratio:g}")
 
     def with_poisson_ratio(self, ratio: float) -> Material:
-        """Return this material with another Poisson ratio and the same parameters.
+        """Return this material with another Poisson ratio and the same response to a change of shape.
 
-        A model whose parameters determine the Poisson ratio becomes a neo-Hookean one of the same shear modulus: the
-        result is meant for changes at small strain.
+        A model whose parameters determine the Poisson ratio takes ratios up to 0.499999; a larger one is reduced to it.
         """
-        if MODELS[self.model].poisson_ratio is None:
+        find = MODELS[self.model].at_poisson_ratio
+        if find is None:
             return replace(self, poisson_ratio=ratio)
-        parameters = {"shear_modulus": self.shear_modulus}
-        return replace(self, model="neo-hookean", parameters=parameters, poisson_ratio=ratio)
+        return replace(self, parameters=find(self, min(ratio, _NEARLY_INCOMPRESSIBLE)), poisson_ratio=math.nan)
 
     def number(self, parameter: str) -> float:
         """Return the value of a material parameter that is one number, in the unit that `MODELS` states.

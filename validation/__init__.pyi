@@ -7,9 +7,9 @@ from .api import (
     export as export,
     load as load,
     press as press,
-    read_report as read_report,
     record as record,
     regress as regress,
     replay as replay,
     validate as validate,
 )
+from .results.report import read_report as read_report

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from validation.recordings.capture import Captured
     from validation.recordings.recording import Recording
     from validation.regression.baseline import Regression
-    from validation.results.report import Report
     from validation.simulator_models import Exported
     from validation.weiss.protocol import MatrixInfo, Reading
     from validation.weiss.stream import Gap
@@ -550,21 +549,3 @@ def datasheet(sensor: Sensor, *, out: str | Path | None = None, progress: Progre
     if target is not None:
         write_text(target, sheet.html() if target.suffix == ".html" else sheet.markdown())
     return sheet
-
-
-def read_report(path: str | Path) -> Report:
-    """Read the results of `validate` from a report.
-
-    Args:
-        path: The report's `report.json`, or the folder that holds it.
-
-    Returns:
-        The report, equal to the report that was written.
-
-    Raises:
-        InputError: If the file is no report; one line per fault, with its place.
-        OSError: If it cannot be read.
-    """
-    from validation.results import report
-
-    return report.read_report(Path(path) / "report.json" if Path(path).is_dir() else path)

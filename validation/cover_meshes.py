@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from meshes.solids import SolidMesh
     from validation.sensor_file import SensorDescription
 
-#: Name of the file with the mesh that was solved.
+#: Name of the file with the finest mesh of a solid cover.
 MESH_FILE = "mesh.npz"
 
 

@@ -16,14 +16,15 @@ from meshes.array_types import FloatArray
 from validation.results import JsonObject, Result, result_model
 from validation.sensor_file import BUILT_IN, SensorDescription
 
+#: Text of an entry without a value.
 NOT_STATED = "not stated"
-#: Number of forces at which the characteristic is evaluated [-].
+#: Number of forces at which the characteristic (counts over force) is evaluated to find its range and linearity [-].
 _STEPS = 200_001
 #: Largest force up to which the saturation of the characteristic is searched [N].
 _LARGEST_FORCE = 1e6
 #: Full width of a Gaussian at half of its maximum, over its standard deviation: sqrt(8 ln 2) [-].
 _WIDTH_AT_HALF = 2.3548200450309493
-#: Origin of the electronics of the built-in sensors.
+#: Origin of the numbers of the electronics, by name of a built-in sensor.
 _BUILT_IN_SOURCES = {
     "wts-0614-34": "2015 internship report on the WTS 0614-34",
     "sdh2-distal": "slope of the WTS 0614-34 in the 2015 internship report; that of this array is unpublished",
@@ -50,7 +51,7 @@ class Entry(Result):
 
     @property
     def is_stated(self) -> bool:
-        """Whether the entry has a value."""
+        """Whether the line of the data sheet has a value, and not the words `not stated`."""
         return not self.text.startswith(NOT_STATED)
 
 
@@ -68,7 +69,7 @@ class DataSheet:
 
     @property
     def title(self) -> str:
-        """Heading of the sheet."""
+        """Heading of the data sheet, with the name of the sensor."""
         return f"Data sheet: {self.sensor}"
 
     def as_json(self) -> dict[str, Any]:
@@ -86,13 +87,13 @@ class DataSheet:
         return {"sensor": self.sensor, "entries": entries}
 
     def markdown(self) -> str:
-        """Return the sheet as a Markdown document with one table."""
+        """Return the data sheet as a Markdown document with one table."""
         rows = [_HEADINGS, ("---",) * len(_HEADINGS), *self._rows()]
         lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
         return "\n".join([f"# {self.title}", "", *lines, ""])
 
     def html(self) -> str:
-        """Return the sheet as an HTML document with one table."""
+        """Return the data sheet as an HTML document with one table."""
         rows = "\n".join(
             f'<tr><th scope="row">{html.escape(name)}</th>'
             + "".join(f"<td>{html.escape(each)}</td>" for each in rest)
@@ -294,12 +295,12 @@ def _list_errors(parameters: Parameters, source: str) -> Iterator[Entry]:
 
 
 def _is_bent(electronics: Electronics) -> bool:
-    """Return whether the characteristic is not a straight line with a sharp end."""
+    """Return whether counts over force are a polynomial or a line that bends into saturation, and no straight line."""
     return electronics.characteristic is not None or bool(electronics.saturation_band)
 
 
 def _trace_range(electronics: Electronics) -> tuple[FloatArray, FloatArray]:
-    """Compute the counts of one texel between the smallest forces with a count and with the largest count.
+    """Compute the counts of one texel from the smallest force with a count to the smallest one with the largest count.
 
     Returns:
         Forces on the texel, shape (k,) [N], and counts, shape (k,) [-].  If the counts never reach the largest one, the
@@ -317,7 +318,7 @@ def _trace_range(electronics: Electronics) -> tuple[FloatArray, FloatArray]:
 
 
 def find_nonlinearity(electronics: Electronics) -> float | None:
-    """Compute the largest distance of the counts from their least-squares line over the range, over the largest count.
+    """Compute the nonlinearity: largest distance of the counts from their least-squares line, over the largest count.
 
     Returns:
         The distance [-]; None if the characteristic is a straight line with a sharp end.
@@ -330,7 +331,11 @@ def find_nonlinearity(electronics: Electronics) -> float | None:
 
 
 def _separate_two_points(parameters: Parameters) -> float | str:
-    """Compute the two-point separation on the texels [m], or return the reason why it is not known."""
+    """Compute the smallest distance of two point loads that the texels can separate [m].
+
+    Returns:
+        The distance, or a text with the reason why it is not known.
+    """
     tables = parameters.tables
     if "point_response_radius" not in tables:
         return "the parameters hold no point response"

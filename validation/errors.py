@@ -39,12 +39,13 @@ def at(place: str) -> Iterator[None]:
 
 
 class Faults(list[str]):
-    """Faults of several inputs, which are reported together."""
+    """List of faults of several inputs, one line each, which are reported together."""
 
     def read(self, function: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
-        """Return what a function returns; keep the faults of the `InputError` that it raises.
+        """Call a function that reads an input, and keep the faults of the `InputError` that it raises.
 
-        After a fault the value is None, for any type.  Call `refuse` before values are used.
+        The result is the value of the function; after a fault it is None, whatever its type.  Call `refuse` before
+        results are used.
         """
         try:
             return function(*arguments, **options)
@@ -53,7 +54,7 @@ class Faults(list[str]):
             return cast("T", None)
 
     def refuse(self) -> None:
-        """Raise one error if there are faults.
+        """Raise one error with all faults that were kept; do nothing if there is none.
 
         Raises:
             InputError: With all faults.
@@ -94,7 +95,7 @@ def refuse_existing(option: str, path: Path | None) -> None:
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Return the hint of an error message on an unknown name.
+    """Return the part of an error message that lists accepted names, after an unknown name.
 
     Args:
         word: The unknown name.
@@ -104,15 +105,16 @@ def nearest(word: str, known: Iterable[str]) -> str:
         Text with the accepted names, after the name most similar to `word` if any is similar.
     """
     names = list(known)
-    close = difflib.get_close_matches(word.lower(), [name.lower() for name in names], n=1, cutoff=0.5)
-    hint = f"did you mean {close[0]!r}? " if close else ""
+    lower = {name.lower(): name for name in names}
+    close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.5)
+    hint = f"did you mean {lower[close[0]]!r}? " if close else ""
     return f"{hint}accepted: {', '.join(names)}"
 
 
 def match_name(word: str, known: Iterable[str]) -> str:
-    """Return the accepted name with the letters and digits of `word`, in any case; `word` itself if there is none.
+    """Return the accepted name that has the same letters and digits as a word; the word itself if there is none.
 
-    Hyphens, blanks and underscores are ignored: `Dragon Skin 30` and `dragon_skin_30` are `dragon-skin-30`.
+    Case, hyphens, blanks and underscores are ignored: `Dragon Skin 30` and `dragon_skin_30` are `dragon-skin-30`.
     """
     wanted = _keep_letters(word)
     return next((name for name in known if _keep_letters(name) == wanted), word)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from importlib.util import find_spec
 
-#: Optional modules that each extra of the package installs.
+#: Modules of the optional packages, by name of the extra of softcover that installs them.
 _MODULES = {
     "fem": ("skfem", "pymetis", "trimesh", "manifold3d"),
     "curved": ("pytetwild",),

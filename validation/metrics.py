@@ -111,9 +111,9 @@ class Score(Result):
     width_error_y_m: Annotated[Number, Column(heading="width error y", unit="mm", factor=1e3, shown=False)]
 
 
-#: Heading, unit and format of each metric in tables, by the name of the metric.
+#: Printed form of each metric in tables (heading, unit and format), by the name of the metric.
 METRICS = columns(Score)
-#: The metrics whose means over the cases are tabulated, with heading, unit and format.
+#: Printed form of the metrics whose means over the cases are in the tables of the report, by the name of the metric.
 TABULATED = {name: column for name, column in METRICS.items() if column.shown}
 
 
@@ -194,7 +194,7 @@ def score_images(reference: npt.ArrayLike, image: npt.ArrayLike, *, active: npt.
     )
 
 
-# --- single metrics: `reference` and `forces` hold the forces on the n active texels, shape (n,) [N] ----------
+# --- Single metrics.  The arguments `reference` and `forces` hold the forces on n active texels, shape (n,) [N]. ---
 
 
 def total_force_error(reference: FloatArray, forces: FloatArray, *, load: float) -> float:
@@ -296,11 +296,11 @@ def wasserstein(reference: FloatArray, forces: FloatArray, positions: FloatArray
     return mass * float(distance)
 
 
-# --- grey levels --------------------------------------------------------------------------------------------
+# --- Grey levels of texel forces. --------------------------------------------------------------------------
 
 
 def published_line(electronics: Electronics) -> Electronics:
-    """Return the published straight line of the WTS 0614-34 sensor as a function of the force on a sensor's texels.
+    """Return the published line from force to counts of the WTS 0614-34, for the forces on the texels of a sensor.
 
     The line was calibrated against the force of a tip on the cover.  The share of that force on the texel depends on
     the cover and on the texel.  It is known if the sensor was calibrated with the same tip.  Otherwise the line is
@@ -326,7 +326,7 @@ def grey_by_line(forces: npt.ArrayLike, line: Electronics = WTS_0614_34) -> npt.
     return np.asarray(grey_levels(line.counts(forces), line.output_max))
 
 
-# --- checks ------------------------------------------------------------------------------------------------
+# --- Checks of arguments. ----------------------------------------------------------------------------------
 
 
 def _check_forces(values: npt.ArrayLike, array: TexelArray, name: str) -> FloatArray:

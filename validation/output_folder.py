@@ -28,7 +28,7 @@ from validation.errors import InputError
 _MANIFEST = ".softcover-output"
 #: Largest size of a manifest that is read [bytes].
 _MOST_MANIFEST_BYTES = 2**24
-#: Name of the previous output in a temporary folder, between the two renames of `_replace`.
+#: Name of the previous output in a temporary folder, while `new_folder` replaces it by two renames.
 _BEFORE = "before"
 #: Argument of Linux' `renameat2` that means "relative to the current folder"; see `man 2 renameat2`.
 _AT_FDCWD = -100
@@ -38,7 +38,7 @@ _RENAME_EXCHANGE = 2
 _STALE_AGE = 24 * 3600.0
 #: Largest number of characters of a file name that `make_file_name` makes [-].
 _LONGEST_NAME = 64
-#: Names of devices, which Windows does not accept as names of files.
+#: Pattern of names that Windows reserves for devices and does not accept as names of files.
 _DEVICE = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
@@ -105,7 +105,7 @@ def new_folder(target: Path) -> Iterator[Path]:
 
 
 def _exchange(one: Path, other: Path) -> bool:
-    """Exchange two folders in one step; return whether the operating system and the file system can do so."""
+    """Exchange two folders in one step; return false if the operating system or the file system cannot do so."""
     rename = getattr(ctypes.CDLL(None), "renameat2", None) if sys.platform == "linux" else None
     if rename is None:
         return False
@@ -113,7 +113,10 @@ def _exchange(one: Path, other: Path) -> bool:
 
 
 def _discard(work: Path, target: Path) -> None:
-    """Remove a temporary folder; a previous output in it is moved back first if there is no `target`."""
+    """Remove the temporary folder `work`.
+
+    If the output folder `target` is missing, a previous output in `work` is first moved back to `target`.
+    """
     before = work / _BEFORE
     if before.exists() and not target.exists():
         before.rename(target)  # If this fails, the temporary folder stays, and the next run tries again.
@@ -138,7 +141,7 @@ def _list_work_folders(target: Path) -> list[Path]:
 
 
 def _make_work_folder(target: Path) -> Path:
-    """Make an empty temporary folder beside `target`, after old temporary folders of killed runs are removed."""
+    """Make an empty temporary folder beside the output folder `target`; old ones of killed runs are removed first."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         _remove_leftovers(target)
@@ -148,7 +151,10 @@ def _make_work_folder(target: Path) -> Path:
 
 
 def _remove_leftovers(target: Path) -> None:
-    """Remove temporary output folders beside `target` that are older than `_STALE_AGE`; others may still be in use."""
+    """Remove temporary folders beside the output folder `target` that are older than a day.
+
+    Younger ones stay, because another run may still write to them.
+    """
     for folder in _list_work_folders(target):
         is_ours = any((folder / name / _MANIFEST).is_file() for name in (target.name, _BEFORE))
         if is_ours and time.time() - folder.stat().st_mtime > _STALE_AGE:
@@ -201,7 +207,11 @@ def _hash(path: Path) -> str:
 
 
 def _check_replaceable(target: Path) -> None:
-    """Raise `InputError` if `target` is no folder, or if its files differ from those in its manifest."""
+    """Check that the output folder `target` is missing, or holds only what this program wrote to it.
+
+    Raises:
+        InputError: If it is a file or a link, or its files differ from those in its manifest.
+    """
     if target.is_symlink():
         raise InputError(f"--out: {target} is a link; name a folder")
     if not target.is_dir():

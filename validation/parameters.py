@@ -12,7 +12,7 @@ from validation.sensor_file import BUILT_IN, CURVED, SensorDescription
 
 
 def holds_parameters(sensor: str) -> bool:
-    """Return whether the text is the path of a folder that `softcover derive` wrote, or of its `parameters.toml`."""
+    """Return whether a user's name of a sensor is the path of a folder with parameters, or of its `parameters.toml`."""
     path = Path(sensor)
     return sensor not in (*BUILT_IN, *CURVED) and (
         path.name == "parameters.toml" or (path / "parameters.toml").is_file()

@@ -34,13 +34,13 @@ _OFF_GRID_X = 0.206
 #: Offset of the place `off grid` along y, and of the place `corner` along x and y, from lines of symmetry of the
 #: texels, over the pitch [-].  It is 1.1 mm on a pitch of 3.4 mm.
 _OFF_GRID_Y = 0.324
-#: Directions of motion by name.
+#: Names of directions in which an indenter can move onto a curved cover.
 DIRECTIONS = ("normal", "oblique x", "oblique y")
 #: Angle between an oblique direction and the normal of the cover [rad].
 _OBLIQUE = math.radians(30)
 #: Largest tilt of an indenter about one axis on a solid cover [rad].
 _MOST_TILT = math.radians(80)
-#: Largest distance of a wanted place from the top of a solid cover, over its thickness [-].
+#: Largest accepted distance of a place that a user gives from the top of a solid cover, over its thickness [-].
 _OFF_TOP = 1.0
 #: Pattern of one component of a direction vector: a number without unit.
 _NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*")
@@ -176,7 +176,7 @@ class FlatPlaces(Places):
 
     @property
     def named(self) -> dict[str, tuple[float, float]]:
-        """Positions (x, y) by name [m].
+        """Positions (x, y) on planar layers by name [m].
 
         The places are the centre of the array, the centre of a texel (also called middle), a point less than half a
         pitch from the array's centre, a point over an edge and a point near a corner.
@@ -195,7 +195,7 @@ class FlatPlaces(Places):
         }
 
     def find(self, pose: PoseText) -> Pose:
-        """Return the pose; see `Places`."""
+        """Return the pose of an indenter that moves along -z; see `Places`."""
         at = self.named[pose.at] if isinstance(pose.at, str) else pose.at or (0.0, 0.0)
         return Pose.planar((at[0], at[1]), pose.yaw, pose.tilt)
 
@@ -256,14 +256,14 @@ class SolidPlaces(Places):
 
     @cached_property
     def above(self) -> FloatArray:
-        """Point of the top above each of n texels along the texel's normal, shape (n, 3) [m]."""
+        """Points of the top above n texels, each along the normal of its texel, shape (n, 3) [m]."""
         from fem_reference.curved_cover.responses import find_above
 
         return find_above(self.top, self.sensor.array)
 
     @cached_property
     def thickness(self) -> float:
-        """Mean thickness of the mesh [m]."""
+        """Mean thickness of the solid cover, measured on its finest mesh [m]."""
         return measure_thickness(self.mesh)
 
     @cached_property
@@ -360,7 +360,10 @@ class SolidPlaces(Places):
         return point, normal / np.linalg.norm(normal)
 
     def _find_covered(self, prefix: str) -> int:
-        """Return the index of the active texel, with a top above it, nearest to the middle of the active texels."""
+        """Return the index of the texel nearest to the middle of the active texels, among those below the cover's top.
+
+        A texel lies below the top if the line along its normal meets the top.
+        """
         from fem_reference.curved_cover.responses import find_uncovered
 
         texels = self.sensor.array

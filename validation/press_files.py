@@ -29,14 +29,15 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 
-#: Distance of a node from the plane of the profile, over the thickness of the cover, up to which it is drawn [-].
+#: Tolerance with which nodes are found on the top of the cover and in the plane of the drawn depth profile, over the
+#: thickness of the cover [-].
 _IN_PLANE = 1e-6
-#: Largest distance that the profile extends to each side of the axis, over the contact radius [-].
+#: Half the width of the drawn depth profile of the cover, over the radius of the contact area [-].
 _EXTENT = 4.0
 
 
 def write_press(comparison: Comparison, folder: Path) -> tuple[str, ...]:
-    """Write the finite elements' result of one indentation, and pictures where possible.
+    """Write the result of one indentation by finite elements to files, with pictures where this machine can draw.
 
     The files are `press.json`, `texels.csv` and `contact.csv`; for solid covers also `mesh.npz`; for fields in the
     cover also `fields.npz` and, with pyvista, `fields.vtu`.
@@ -150,7 +151,10 @@ def write_picture(comparison: Comparison, folder: Path) -> tuple[str, ...]:
 
 
 def list_images(comparison: Comparison) -> Iterator[tuple[str, FloatArray]]:
-    """Yield title and texel forces of each model, shape (n,) [N], and of their difference if there are both."""
+    """Yield title and texel forces of each computed model, shape (n,) [N].
+
+    If both models are computed, the difference of the fast model from the finite elements follows.
+    """
     fem = comparison.fem if "fem" in comparison.models else None
     if fem is not None:
         yield "finite elements", fem.texel_forces
@@ -161,7 +165,7 @@ def list_images(comparison: Comparison) -> Iterator[tuple[str, FloatArray]]:
 
 
 def find_profile(fields: CoverFields, at: tuple[float, float], yaw: float) -> tuple[FloatArray, FloatArray]:
-    """Find the surface of the deformed cover along the indenter's x axis.
+    """Find the depth profile: the surface of the deformed cover along the indenter's x axis.
 
     Args:
         fields: Displacement in the cover.
@@ -189,7 +193,10 @@ def find_profile(fields: CoverFields, at: tuple[float, float], yaw: float) -> tu
 
 
 def _draw_image(axes: Axes, array: TexelArray, title: str, forces: FloatArray, *, peak: float) -> None:
-    """Draw one image of texel forces in mN, row 0 at the bottom; a difference has a scale of its own, with its sign."""
+    """Draw one image of texel forces in mN, row 0 at the bottom.
+
+    Forces have the colours from zero to `peak` [N].  The difference of two models has a symmetric scale of its own.
+    """
     image = np.where(array.image(array.active), 1e3 * np.asarray(array.image(forces), dtype=np.float64), np.nan)
     signed = title == "difference"
     top = float(np.nanmax(np.abs(image))) or 1.0 if signed else 1e3 * peak
@@ -215,7 +222,7 @@ def _draw_profile(axes: Axes, comparison: Comparison, fields: CoverFields) -> No
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoadCurve:
-    """Indentations at ascending loads or depths of one loading path.
+    """Curve of load over depth: indentations at ascending loads or depths of one loading path.
 
     Attributes:
         indentations: Results in ascending order.
@@ -233,7 +240,7 @@ class LoadCurve:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of all results, each with the load of its first occurrence."""
+        """Warnings of all points of the curve, each once, with the load at which it first occurs."""
         first: dict[str, float] = {}
         for each in self.indentations:
             for sentence in each.warnings:
@@ -241,7 +248,10 @@ class LoadCurve:
         return tuple(f"at {load:.4g} N: {sentence}" for sentence, load in first.items())
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return one row for each result: load, depth, area, energy, forces, balance, error estimates and warnings."""
+        """Return one row for each point of the curve, as names with values in SI units.
+
+        A row holds load, depth, contact area, energy, forces, balance, error estimates and warnings.
+        """
         return [
             {
                 "load_N": each.total_force,
@@ -279,7 +289,7 @@ class LoadCurve:
         return ("curve.csv", "curve.png")
 
     def _draw(self, path: Path) -> None:
-        """Draw load and largest texel force over depth, with error bars from the estimates."""
+        """Draw load and largest texel force over depth to a file, with error bars from the error estimates."""
         from matplotlib.figure import Figure
 
         rows = self.rows()

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from fastmodel import Parameters
     from validation.press_files import LoadCurve
 
-#: Strain formulations of the finite elements.
+#: Kinds of strain of the finite elements that a user can name.
 STRAINS = ("small", "finite")
-#: Largest number of points of a curve [-].
+#: Largest accepted number of points of a curve of load over depth [-].
 _MOST_POINTS = 1000
 
 Progress = Callable[[str], None]
@@ -70,18 +70,18 @@ class PressRequest:
 
     @property
     def needs_reference(self) -> bool:
-        """Whether finite elements are computed."""
+        """Whether the press is computed by finite elements, alone or to find the load of a given depth."""
         return "fem" in self.models or self.depth is not None
 
     @property
     def way_out(self) -> str:
-        """Alternative without finite elements; empty if there is none."""
+        """Advice on how to press without finite elements, for a user who lacks them; empty if there is no such way."""
         stored = self.sensor is BUILT_IN.get(self.sensor.array.name)
         unused = self.depth is None and self.accuracy is None and not self.friction
         return "compute the fast model alone: --model fast" if stored and unused and "fast" in self.models else ""
 
     def find_case(self, progress: Progress | None = None) -> Case:
-        """Return the case; a cover that is a solid is meshed for its place.
+        """Return the requested indentation as a case; a solid cover is meshed to locate the place of first touch.
 
         Args:
             progress: Called with a line of text before each step.
@@ -93,7 +93,7 @@ class PressRequest:
         return Case(name="press", indenter=self.indenter, shape=self.shape, load=self.load or 0.0, pose=pose)
 
     def run(self, *, fields: bool = False, as_far: bool = False, progress: Progress | None = None) -> Comparison:
-        """Compute the press by the chosen models.
+        """Compute the requested press by the chosen models.
 
         Args:
             fields: Whether the finite elements return displacement and stress in the cover.
@@ -113,8 +113,8 @@ class PressRequest:
             return find_parameters(self.sensor, progress)
 
         if "fast" in self.models:
-            # What the solver refuses is told before the fast model is derived, and a method that the cover does not
-            # support before the finite elements are computed.
+            # The fast model is derived after the finite elements, because their solver may refuse the request.  A
+            # chosen contact method is checked first, because the cover may not support it.
             parameters = find
             if self.method != "default":
                 from fastmodel.attachment import choose_method
@@ -174,7 +174,7 @@ def read_request(
     curve: int | None = None,
     out: object = None,
 ) -> PressRequest:
-    """Read the options of a press, and report all faults together.
+    """Read the options of a press from text, and report all faults together.
 
     Args:
         find_sensor: Function that returns the sensor; its argument states whether finite elements are needed.
@@ -200,7 +200,7 @@ def read_request(
     sensor = faults.read(find_sensor, known and needs_reference)
     shape = faults.read(read_indenter, indenter)
     texts = {name: text for name, text in pose.items() if text is not None}
-    # Without the sensor it is not known how places on its cover are written.
+    # The form of a pose depends on the cover, so that a pose is read only if the sensor could be read.
     placed = None if sensor is None else faults.read(_find_places(sensor).parse, texts, "--")
     if strain not in (None, *STRAINS):
         faults.append(f"--strain: {str(strain)[:40]!r} is neither of {' and '.join(STRAINS)}")
@@ -228,7 +228,7 @@ def read_request(
 
 
 def _find_places(sensor: SensorDescription | Parameters, progress: Progress | None = None) -> Places:
-    """Return the places of a press; on planar layers the axis of the indenter must lie over the array."""
+    """Return the places on a cover; on planar layers the indenter's axis must lie over the array in a single press."""
     places = find_places(sensor.cover if isinstance(sensor, SensorDescription) else None, sensor, progress)
     return replace(places, whole=True) if isinstance(places, FlatPlaces) else places
 
@@ -243,7 +243,7 @@ def _read_models(text: str) -> tuple[str, ...]:
 
 
 def _read_force(load: str | None, depth: str | None) -> tuple[float | None, float | None]:
-    """Read the load [N] or the depth [m], one of which is None."""
+    """Read the options --load and --depth, one of which must be given, and return load [N] and depth [m]."""
     if load is not None and depth is None:
         return read_load(load), None
     if depth is not None and load is None:
@@ -252,7 +252,10 @@ def _read_force(load: str | None, depth: str | None) -> tuple[float | None, floa
 
 
 def _read_friction(text: str | None, *, used: bool) -> float | None:
-    """Read a coefficient of friction [-], infinite for `no-slip`; refused for the fast model, which has no friction."""
+    """Read the option --friction, a coefficient [-], infinite for `no-slip`.
+
+    A coefficient above 0 is refused if only the fast model is computed (`used` is false), which has no friction.
+    """
     if text is None:
         return None
     value = read_friction(text, place="--friction", example="--friction 0.4")
@@ -262,7 +265,10 @@ def _read_friction(text: str | None, *, used: bool) -> float | None:
 
 
 def _read_accuracy(given: str | float | None, *, used: bool) -> float | None:
-    """Read a relative error such as 1% or 0.01 [-]; refused for the fast model, which has no error estimate."""
+    """Read the option --accuracy, a relative error such as 1% or 0.01 [-].
+
+    It is refused if only the fast model is computed (`used` is false), which has no error estimate.
+    """
     if given is None:
         return None
     text = str(given).strip()

@@ -14,7 +14,7 @@ from validation.errors import Faults, InputError, check_choice
 from validation.results import Result, result_model
 from validation.sensor_file import SensorDescription
 
-#: Formats that can be written, with the suffix of the file.
+#: Suffix of the model's file by format of the model: MuJoCo, the Gazebo plugin of 2015, SDFormat, URDF.
 FORMATS = {"mjcf": ".xml", "gazebo": ".xml", "sdf": ".sdf", "urdf": ".urdf"}
 
 
@@ -69,7 +69,7 @@ def _read_mass(text: str, form: str) -> float:
 
 
 def check_gazebo(sensor: SensorDescription | Parameters) -> None:
-    """Refuse an array or electronics that the Gazebo plugin cannot describe, before the parameters are derived.
+    """Refuse a sensor whose array or electronics the Gazebo plugin cannot describe, before its parameters are derived.
 
     Raises:
         InputError: If the plugin cannot describe the array or the electronics.

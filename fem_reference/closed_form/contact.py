@@ -33,7 +33,7 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class ContactSettings:
-    """Constants of the integral equation of the contact."""
+    """Constants of the integral equation for the pressure between an indenter of revolution and a layered cover."""
 
     #: Smallest number of Gauss points of the integral equation [-].
     nodes: int = 96
@@ -50,21 +50,21 @@ class ContactSettings:
     #: Product of wave number and thickness of the top layer at which the integral for m(s) ends: exp(-2 x 25) = 2e-22
     #: [-].
     deep: float = 25.0
-    #: Number of rings in which the sign of the contact pressure is checked [-].
+    #: Number of concentric rings of the contact on which the force is checked to be compressive [-].
     rings: int = 48
-    #: Force on a ring, over the total force, below which its sign is due to rounding [-].
+    #: Largest tensile force on such a ring, over the total force, that counts as rounding error [-].
     pull: float = 1e-7
-    #: Gauss points along a panel in the integral of a texel's force [-].
+    #: Gauss points along each side of a panel of a texel, in the integral of the base pressure over the texel [-].
     points: int = 8
-    #: Panels per cover thickness in the integral of a texel's force [-].
+    #: Panels along the side of a texel per cover thickness, in the integral of the base pressure over the texel [-].
     panels: int = 2
 
 
 _SETTINGS = ContactSettings()
 
-#: Number of points of a logarithmic grid [-].
+#: Number of wave numbers of the logarithmic grid on which Hankel transforms are computed (scipy's `fht`) [-].
 LOGARITHMIC_POINTS = 8192
-#: Natural logarithm of the largest value of a logarithmic grid over its middle value [-].
+#: Natural logarithm of the largest wave number of this grid over its middle wave number [-].
 LOGARITHMIC_HALF_WIDTH = 20.0
 
 
@@ -103,7 +103,7 @@ class LayerContact:
         return np.asarray(self.force - 2 * np.pi * beyond)
 
     def base_pressure(self, reach: float) -> CubicSpline:
-        """Tabulate the pressure on the base over the distance from the axis, from 0 to `reach` [Pa].
+        """Tabulate the pressure on the base [Pa] over the distance from the indenter's axis, from 0 to `reach` [m].
 
         Raises:
             ValueError: If there is no base, or a contact of zero size.
@@ -251,7 +251,16 @@ def indent(
 
 
 def _bracket_root(function: Callable[[float], float], start: float, largest: float) -> tuple[float, float] | None:
-    """Find an interval of length one with a root of a rising function; None if the root is above `largest`."""
+    """Bracket the root of a rising function of one variable by an interval of length one.
+
+    Args:
+        function: The function.
+        start: Value at which the search starts.
+        largest: Largest value that is tried.
+
+    Returns:
+        Lower and upper end of the interval; None if the root is above `largest`.
+    """
     low = high = start
     while function(high) < 0:
         if high == largest:
@@ -317,7 +326,14 @@ class _Equation:
     def solve(
         self, radius: float, profile: Callable[[FloatArray], FloatArray], depth: float | None = None
     ) -> LayerContact:
-        """Solve for the shape depth - g(t), and for the depth at which phi(a) = 0 if it is None."""
+        """Solve the integral equation for an indenter of revolution.
+
+        Args:
+            radius: Radius a of the contact [m].
+            profile: Function whose value at t is the depth minus the right-hand side g(t) of the equation [m].
+            depth: Approach of the indenter [m]; None for the depth at which the pressure vanishes at the edge of the
+                contact, phi(a) = 0.
+        """
         x, weight = self._x, self._weight
         flat, curved = np.linalg.solve(self._matrix, np.column_stack([np.ones_like(x), profile(x)])).T
         if depth is None:
@@ -351,7 +367,9 @@ def _describe_unresolved(cover: Cover) -> str:
 
 @lru_cache(maxsize=8)
 def _tabulate_kernel(cover: Cover) -> CubicSpline:
-    """Tabulate m(s) of the module's integral equation over the logarithm of s [1/m].
+    """Tabulate the kernel m(s) = int_0^inf (L(k) - 1) cos(k s) dk of the contact equation over log(s) [1/m].
+
+    L(k) is the compliance of the cover at the wave number k over that of a half space of the top layer's material.
 
     The cosine transform is a Hankel transform of order -1/2.  The integrand is -1 at k = 0.  The transform -b / (b^2 +
     s^2) of -exp(-b k) is separated, so that the remaining integrand vanishes at k = 0.

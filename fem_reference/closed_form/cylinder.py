@@ -46,17 +46,17 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class SeriesSettings:
-    """Constants of Fourier series and of their quadrature."""
+    """Constants of the Fourier series of loads on round layers, and of the quadrature for their coefficients."""
 
-    #: Gauss points in a panel [-].
+    #: Gauss points in each panel of the quadrature over a loaded interval of angles [-].
     points: int = 16
-    #: Largest phase of a harmonic in a panel [rad].
+    #: Largest change of the phase of the highest harmonic within a panel [rad].
     phase: float = 8.0
-    #: Smallest number of panels in each half of the interval [-].
+    #: Smallest number of panels in each half of a loaded interval of angles [-].
     panels: int = 2
-    #: Largest change of a harmonic between two sets of panels, over the sum of the moduli of the forces [-].
+    #: Largest change of a harmonic when the number of panels is doubled, over the sum of the absolute forces [-].
     settled: float = 1e-9
-    #: Smallest number of terms [-].
+    #: Smallest number of terms of the series of the traction on the base [-].
     first: int = 64
     #: Largest number of terms of the traction on the base [-].
     most_terms: int = 2**17
@@ -66,7 +66,8 @@ class SeriesSettings:
     most_top: int = 2**13
     #: Relative rounding error of a sum [-].
     rounding: float = 1e-14
-    #: Order times span at which the transfer to the base is negligible: exp(-60) = 1e-26 [-].
+    #: Product of order and logarithm of outer over core radius above which a harmonic does not reach the base, because
+    #: its amplitude there is below exp(-60) = 1e-26 [-].
     deep: float = 60.0
 
 
@@ -186,7 +187,7 @@ def taper(count: int) -> FloatArray:
     return np.asarray(expit(1 / x - 1 / (1 - x)))
 
 
-#: Product k S above which the exponential is written with projectors [-].
+#: Product k S above which the matrix exponential is split into growing and decaying parts, to avoid overflow [-].
 _LARGE = 4.0
 
 
@@ -232,7 +233,7 @@ def transfer_cylinder(orders: FloatArray, core: float, outer: float, material: M
 
 
 def stack_rows(rows: list[list[FloatArray]]) -> FloatArray:
-    """Stack the entries of a matrix, each of shape (n,), to shape (n, 4, 4)."""
+    """Build n matrices of shape (4, 4) from rows of entries, each entry of shape (n,)."""
     return np.moveaxis(np.array(rows), 2, 0)
 
 
@@ -251,7 +252,7 @@ def cross_layer(
     core, outer = radii
     span = np.log(outer / core)
     crossing, exponent = _exponentiate(matrix - mean * np.eye(4), k, span)
-    # Rows u and r sigma of the columns that belong to tractions on the core, where displacements vanish.
+    # The displacements of the core are zero, so that only the columns of its tractions are needed.
     moved, stressed = crossing[:, :2, 2:], crossing[:, 2:, 2:]
     inverse = np.linalg.inv(stressed)
     decay = np.exp(-exponent - mean * span) * outer / core
@@ -329,7 +330,7 @@ class ArcLoad:
     angle: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the width.
+        """Check that the half width of the arc lies in 0..pi.
 
         Raises:
             ValueError: If the half width is not in 0..pi.
@@ -371,7 +372,7 @@ class CylinderLayer:
     material: Material
 
     def __post_init__(self) -> None:
-        """Check the dimensions.
+        """Check that radius and thickness of the layer are positive.
 
         Raises:
             ValueError: If a dimension is not positive.
@@ -474,7 +475,8 @@ class CylinderResponse:
         start, end = _read_patches(patches).T
         m = np.arange(self.terms)
         total = np.zeros(len(start), dtype=complex)
-        # The vector, as a complex number, is (outward + i tangential) exp(i theta); Re z = (z + conj z) / 2.
+        # The traction vector, written as a complex number x + i y, is (outward + i tangential) exp(i theta).  The real
+        # parts of the amplitudes are written as Re z = (z + conj z) / 2.
         radial, tangential = self._base.T
         for values, turn in ((radial + 1j * tangential, m + 1), (np.conj(radial - 1j * tangential), 1 - m)):
             middle, half = (start + end) / 2, (end - start) / 2
@@ -523,7 +525,11 @@ class CylinderResponse:
         return _turn(np.einsum("nij,nj->ni", response, self._expand(self.terms)), -1)
 
     def _expand(self, count: int) -> ComplexArray:
-        """Expand the loads, with the phases of `transfer_cylinder`, shape (count, 2) [Pa]."""
+        """Compute the Fourier coefficients of the loads on the top, with the phases of `transfer_cylinder`.
+
+        Returns:
+            Coefficients of the outward and the tangential traction, shape (count, 2) [Pa].
+        """
         total = np.zeros((count, 2), dtype=complex)
         radius = self.layer.outer_radius
         for load in self.loads:
@@ -548,7 +554,7 @@ class CylinderResponse:
 
 
 def _read_patches(patches: npt.ArrayLike) -> FloatArray:
-    """Read patches, shape (n, 2) [rad].
+    """Convert the first and last angles of n patches of the base to an array of shape (n, 2) [rad], and check them.
 
     Raises:
         ValueError: If the shape is wrong, or a patch ends before it starts or is longer than the circumference.
@@ -563,7 +569,10 @@ def _read_patches(patches: npt.ArrayLike) -> FloatArray:
 
 
 def _turn(amplitudes: ComplexArray, sign: int) -> ComplexArray:
-    """Multiply the tangential amplitudes by +-i, since radial cos(m theta) goes with tangential sin(m theta)."""
+    """Multiply the tangential Fourier amplitudes by +i or -i, according to `sign`.
+
+    A radial traction cos(m theta) belongs to a tangential traction sin(m theta).
+    """
     return np.asarray(amplitudes * np.array([1.0, sign * 1j]))
 
 
@@ -581,7 +590,15 @@ def _integrate_waves(angles: FloatArray, values: FloatArray, count: int) -> Comp
 
 
 def _sum_series(amplitudes: ComplexArray, angles: FloatArray) -> FloatArray:
-    """Sum Re (amplitude exp(i m angle)) over m, shape (len(angles), 2)."""
+    """Sum the Fourier series Re (amplitude exp(i m angle)) over the orders m.
+
+    Args:
+        amplitudes: Outward and tangential amplitudes of n orders, shape (n, 2).
+        angles: k angles, shape (k,) [rad].
+
+    Returns:
+        Sums, shape (k, 2).
+    """
     m = np.arange(len(amplitudes))
     pieces = np.array_split(angles, len(angles) * len(m) // 10**6 + 1)
     return np.concatenate([(np.exp(1j * np.outer(piece, m)) @ amplitudes).real for piece in pieces])

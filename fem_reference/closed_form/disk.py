@@ -65,9 +65,14 @@ class _Edge:
     t_z: FloatArray
 
     def work(self, other: _Edge, weight: FloatArray) -> FloatArray:
-        """Compute the work of these tractions on other displacements, shape (fields, fields of `other`).
+        """Compute the work of the tractions of these fields on the displacements of other fields on the free edge.
 
-        `weight` holds the weights of the integral over the edge, shape (points,).
+        Args:
+            other: Displacements at the same points of the edge.
+            weight: Weights of the integral over the edge, shape (points,).
+
+        Returns:
+            Work of each of these fields (row) on each of the other fields (column).
         """
         return (self.t_r * weight[:, None]).T @ other.u_r + (self.t_z * weight[:, None]).T @ other.u_z
 

@@ -25,7 +25,7 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class LayerSettings:
-    """Constants of the integrals over the wave number."""
+    """Constants of the exact response of layers to waves, and of its integrals over the wave number."""
 
     #: Product of wave number k and cover thickness below which the response is interpolated [-].  The interpolation is
     #: a parabola in k that ends at the exact limit for k = 0, because the linear systems are ill-conditioned at small
@@ -36,7 +36,7 @@ class LayerSettings:
     large: float = 60.0
     #: Smallest number of panels of a Hankel transform [-].
     panels: float = 64.0
-    #: Gauss points in each panel [-].
+    #: Gauss points in each panel of a Hankel transform [-].
     panel_points: int = 10
     #: Number of distances for which Bessel functions are computed at once, to limit the memory [-].
     block: int = 512
@@ -197,7 +197,7 @@ def variance(layer: Layer) -> float:
 
 
 def _compute_uniform_limit(cover: Cover) -> tuple[float, float]:
-    """Compute compliance [m/Pa] and base pressure [-] in the limit k = 0.
+    """Compute the compliance of the top [m/Pa] and the base pressure [-] under an even pressure, the wave number k = 0.
 
     On a bonded base the layers have no lateral strain.  On a sliding base they extend together along the wave, so that
     the lateral forces of all layers, sum of h (2 mu strain - nu pressure) / (1 - nu), vanish.
@@ -227,7 +227,8 @@ def _evaluate_face(layer: Layer, k: FloatArray, z: float, scale: float) -> Float
     nu, h = layer.material.poisson_ratio, layer.thickness
     compliance = scale / (2 * layer.material.shear_modulus)
     rows = np.empty((k.size, 4, 4))
-    # columns of the potentials that decay from the bottom, and from the top
+    # Columns 0 and 1 belong to potentials that decay from the bottom of the layer, columns 2 and 3 to those that decay
+    # from its top.
     for column, sign, s in ((0, -1.0, z), (2, 1.0, z - h)):
         e = np.exp(sign * k * s)
         ks = k * s
@@ -248,7 +249,7 @@ def _evaluate_face(layer: Layer, k: FloatArray, z: float, scale: float) -> Float
 
 
 def _solve(cover: Cover, k: FloatArray) -> Transfer:
-    """Compute the response to normal pressure for every wave number k > 0."""
+    """Compute the response of a cover to the surface pressure cos(k x) for m wave numbers k > 0, shape (m,) [1/m]."""
     displacement, base = _solve_tractions(cover, k)
     return Transfer(compliance=displacement[:, 0, 0], base=base[:, 0])
 
@@ -285,18 +286,18 @@ def _solve_tractions(cover: Cover, k: FloatArray) -> tuple[FloatArray, FloatArra
 
 @dataclass(frozen=True, kw_only=True)
 class InfluenceSettings:
-    """Constants of the table of texel responses."""
+    """Constants of the table of the force on a texel over the position of a point load."""
 
-    #: Points per cover thickness of the table of texel responses [-].
+    #: Points per cover thickness of the table of the force on a texel over the position of a point load [-].
     resolution: int = 12
-    #: Largest number of points along a side of the table [-].
+    #: Largest number of points along a side of this table, to limit the memory [-].
     most_points: int = 3072
-    #: Base pressure, over its largest value, below which it counts as zero beyond some distance [-].
+    #: Base pressure over its largest value below which the response to a point load is neglected [-].
     negligible: float = 1e-7
 
 
 _INFLUENCE = InfluenceSettings()
-#: Distances from the load that are searched, over the cover thickness [-].
+#: Distances from a point load, over the cover thickness, at which the base pressure is compared with this limit [-].
 _DISTANCES = np.linspace(6.0, 60.0, 109)
 
 

@@ -36,7 +36,7 @@ class SolidContactSettings:
 
     #: Number of unit forces on the top that are solved for at once, to limit the memory [-].
     block: int = 64
-    #: Largest number of changes of the set of hats in contact [-].
+    #: Largest number of changes of the set of hats (shape functions of the pressure) in contact [-].
     exchanges: int = 200
     #: Largest number of successive changes in which all wrong hats enter or leave the contact without a new minimum of
     #: the number of wrong hats [-].  After that only one hat changes at a time.
@@ -51,7 +51,7 @@ class SolidContactSettings:
     closed: float = 0.02
     #: Largest difference between the load and its target, over the target [-].
     load_error: float = 1e-7
-    #: Largest number of steps to a load [-].
+    #: Largest number of depths that are tried in the search for a load [-].
     steps: int = 60
     #: Number of steps in the search for a load after which the interval of depths is bisected instead of a secant step
     #: [-].  Bisection also shrinks the interval where secant steps do not.
@@ -88,10 +88,17 @@ class TopCompliance:
         self._rows: dict[int, FloatArray] = {}
 
     def rows(self, loaded: IntArray) -> FloatArray:
-        """Return the displacements of all places per force on each of k places, shape (k, m * d) [m/N]."""
+        """Return the displacements of all places of the top per unit force on each of k places.
+
+        Args:
+            loaded: Indices of the loaded places, shape (k,).
+
+        Returns:
+            Displacements, shape (k, m * d) [m/N].
+        """
         missing = np.array([place for place in loaded.tolist() if place not in self._rows], dtype=np.int64)
         count = self.directions.shape[1]
-        for start in range(0, len(missing), _SETTINGS.block):  # Loads on all nodes of the cover take much memory.
+        for start in range(0, len(missing), _SETTINGS.block):
             part = missing[start : start + _SETTINGS.block]
             forces = np.zeros((len(part), len(self.solid.nodes), 3))
             forces[np.arange(len(part)), self.top.index[part // count]] = self.directions[part // count, part % count]
@@ -195,7 +202,8 @@ class _Equations:
             if not wrong.any():
                 return found
             wrong = exchange.choose(wrong)
-            # Under stick such exchanges can cycle, because a hat that sticks again has another force.
+            # Without slip, exchanges of single hats can cycle, because a hat that sticks again has another force.  A
+            # hat that enters the contact a second time therefore slides in this step.
             if exchange.is_single:
                 sliding |= wrong & ~touching & released
                 released |= wrong & touching
@@ -203,7 +211,12 @@ class _Equations:
         raise ConvergenceError(f"the contact did not settle in {_SETTINGS.exchanges} exchanges")
 
     def _solve(self, touching: BoolArray, sliding: BoolArray) -> _Found:
-        """Solve for the forces with given hats in contact, some of which slide without friction."""
+        """Solve for the contact forces if the hats (shape functions of the pressure) in contact are given.
+
+        Args:
+            touching: Whether each of h hats is in contact, shape (h,).
+            sliding: Whether each hat is in contact and slides without friction, shape (h,).
+        """
         count, d = self.goals.shape
         kept = np.flatnonzero(np.column_stack([touching, *[touching & ~sliding] * (d - 1)]))
         forces, change = np.zeros((2, count, d))
@@ -211,7 +224,7 @@ class _Equations:
         if len(kept):
             loads = self.loads[:, kept]
             loaded = np.flatnonzero(np.diff(loads.tocsr().indptr))
-            each = loads[loaded].T @ self.compliance.rows(loaded)  # displacements of all places per unit force
+            each = loads[loaded].T @ self.compliance.rows(loaded)
             own = np.asarray(loads.T @ each.T)
             softness = np.broadcast_to(self.gaps.softness, count)
             own[np.diag_indices(len(kept))] += softness[kept // d] + _SETTINGS.soft * np.trace(own)
@@ -262,7 +275,7 @@ class MeshPress:
         return found
 
     def at_depth(self, depth: float) -> ContactForces:
-        """Solve the contact at a depth [m]."""
+        """Solve the contact of the indenter with the top at a depth [m]."""
         if depth > self._deepest:
             raise PiercedError(
                 f"at a depth of {1e3 * depth:.4g} mm the indenter would go through most of the cover; use at most "
@@ -284,12 +297,12 @@ class MeshPress:
         return self._describe(equations, equations.find_forces(gaps.gap < 0), travel)
 
     def _describe(self, equations: _Equations, found: _Found, travel: float) -> ContactForces:
-        """Measure a solved contact."""
+        """Compute load, area, width and nodal forces of a solved contact after a travel of the indenter [m]."""
         gaps, compliance = equations.gaps, self._compliance
         nodal, more = (compliance.add_up(equations.loads @ each.ravel()) for each in (found.forces, found.change))
         closed = found.remaining < -_SETTINGS.closed * gaps.gap.min(initial=0.0)
         spacing = float(np.sqrt(gaps.whole[closed].mean())) if closed.any() else 0.0
-        places = (gaps.spread.T @ compliance.top.nodes)[closed]  # position of the force of each hat
+        places = (gaps.spread.T @ compliance.top.nodes)[closed]
         return ContactForces(
             forces=found.forces[:, 0],
             nodal=nodal,
@@ -361,7 +374,10 @@ class _State:
 
 
 class StickingPress(MeshPress):
-    """Contact without slip; the compliance has three directions at each node.  See `MeshPress`."""
+    """Contact of one indenter without slip on one mesh; see `MeshPress`.
+
+    The compliance of the top needs the directions x, y and z at each node.
+    """
 
     def to(self, target: float, control: Control, steps: int = STEPS) -> ContactForces:
         """Follow the indenter to a load [N] or a depth [m] in a number of steps; see `MeshPress.to`."""
@@ -373,11 +389,12 @@ class StickingPress(MeshPress):
             touching=np.zeros(count, dtype=bool),
             record=np.zeros((count, 3)),
         )
-        # Solved in one step from first touch, points with late contact would stick at their position in the unloaded
-        # state.
+        # If the whole depth were one step, points that touch late would stick at their position in the unloaded state.
+        # This solution only gives the final depth.
         whole = super().to(target, control)
         for number in range(1, steps):
-            # The width of the contact of a round body grows with the root of the depth.
+            # Steps of the root of the depth make the contact of a round body grow evenly, because its width is
+            # proportional to that root.
             contact = self.at_depth((whole.travel - self.touch) * (number / steps) ** 2)
             if control == "load" and contact.load >= target:
                 break
@@ -410,10 +427,10 @@ class StickingPress(MeshPress):
         return replace(self._describe(equations, found, travel), shear=shear)
 
     def _record_touch(self, gaps: MeanGaps, travel: float) -> FloatArray:
-        """Return `_State.record` of every hat at the end of a step, shape (m, 3) [m].
+        """Return the mean displacement of every hat minus that of the indenter at the end of a step, shape (m, 3) [m].
 
-        The record is unchanged for hats in contact.  For the others it is predicted: the time of first contact follows
-        from the gap and from the rate at which the gap closes.
+        This record is unchanged for hats in contact, which stick.  For all other hats it is predicted at the time of
+        their first contact, which follows from the gap and from the rate at which the gap closes.
         """
         last, before, normals = self._state, self._state.before, self._compliance.top.normals
         step = travel - last.travel

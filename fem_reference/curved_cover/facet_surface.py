@@ -19,9 +19,9 @@ _ORDER = 6
 #: Number of parts along each side of a facet in the search for the nearest point [-].  The middles of the parts are
 #: possible starts of the search.
 _PARTS = 4
-#: Number of nearest starts from which the nearest point is searched [-].
+#: Number of these middles, the nearest ones, from which the nearest point of the surface is searched [-].
 _CANDIDATES = 6
-#: Number of Gauss-Newton steps from each start [-].
+#: Number of Gauss-Newton steps of the search for the nearest point, from each start [-].
 _STEPS = 12
 
 
@@ -62,7 +62,7 @@ class FacetSurface:
 
     @cached_property
     def mass(self) -> sp.csr_matrix:
-        """Integrals of the products of shape functions, shape (m, m) [m2]."""
+        """Integrals over the surface of the products of shape functions of two nodes, shape (m, m) [m2]."""
         return self._integrate_products(self._quadrature[1])
 
     def integrate_pressure(self, pressure: FloatArray) -> FloatArray:
@@ -164,7 +164,7 @@ def quadrature(nodes: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _clip(nodes: int, place: FloatArray) -> FloatArray:
-    """Move reference coordinates outside the reference facet to its border."""
+    """Move reference coordinates that lie outside the reference facet of 9 or 6 nodes to its border."""
     if nodes == QUADRILATERAL:
         return np.clip(place, -1.0, 1.0)
     place = np.maximum(place, 0.0)

@@ -39,7 +39,7 @@ from fem_reference.finite_strain.contact import SurfaceContact, TopPoints
 from fem_reference.finite_strain.contact_problem import ContactProblem
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
-from fem_reference.finite_strain.loading_path import Control, Units, name_part
+from fem_reference.finite_strain.loading_path import Control, Units, name_part, report
 from fem_reference.indentation.finite_strain import choose_solid_fillet, state_rounding
 from fem_reference.indentation.result import Indentation, PressProblem, warn_of_errors
 from meshes import Cover, Layer, Material, SolidCover, TexelArray
@@ -50,13 +50,13 @@ from meshes.solids.solid_mesh import SolidMesh, measure_thickness
 
 @dataclass(frozen=True, kw_only=True)
 class SolidPressSettings:
-    """Constants of presses into solids, and of their error estimates."""
+    """Constants of presses of an indenter into a solid cover, and of their error estimates."""
 
     #: Largest depth over the thickness that is solved [-].
     largest_depth: float = 0.8
     #: Depth over the thickness from which a warning states that strains are not small [-].
     warn_depth: float = 0.15
-    #: Smallest order of convergence in error estimates of depth, load and area [-]; the order at a sharp edge.
+    #: Smallest order of convergence in error estimates of depth, load and area: the order at a sharp edge [-].
     order: float = 1.0
     #: Smallest estimated relative error of depth and load without friction where the pressure ends at a sharp edge,
     #: over the relative node distance [-].  The relative node distance is the distance of the nodes in contact over
@@ -89,20 +89,21 @@ class SolidPressSettings:
     #: First step of the loading path at finite strain, over the difference between two depths [-]: the depth at which
     #: the first contact point touches, and the depth at small strain.
     first_step: float = 0.5
-    #: Mean penetration of indenter and cover, over the depth, below which augmentation stops [-].
+    #: Mean penetration of indenter and cover at finite strain, over the depth, below which augmentation stops [-].
     overlap: float = 0.002
     #: Stiffness of the contact springs at small strain over the penalty at finite strain [-].  Augmentation makes the
     #: contact at finite strain stiffer by about this factor.
     augmented: float = 30.0
     #: Estimated error of the effect of finite strain on one mesh, over the effect [-].
     one_mesh: float = 0.5
-    #: Safety factor on the difference between the effects of finite strain on two meshes [-].
+    #: Safety factor in the error of the effect of finite strain, on the difference of the effect between two meshes
+    #: [-].
     safety: float = 1.5
 
 
 _SETTINGS = SolidPressSettings()
 
-#: Assumptions of every result.
+#: Assumptions of every press into a solid cover at small strain, by topic.
 _ASSUMPTIONS = {
     "strain": "small strain; materials linearised at zero load",
     "motion": "the indenter moves along its direction and does not turn; forces across it are borne by its guide",
@@ -171,8 +172,7 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
     responses = texel_responses(meshes, texels, material, progress=tell)
     found, texel_forces, depths = [], [], []
     for mesh, grid in zip(meshes, responses.grids, strict=True):
-        if tell is not None:
-            tell(f"contact, {build_solid(mesh, material).unknowns} unknowns")
+        report(tell, f"contact, {build_solid(mesh, material).unknowns} unknowns")
         path = _begin(mesh, material, problem)
         contact = path.to(target, control)
         found.append(contact)
@@ -199,7 +199,14 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
 def _begin(
     mesh: SolidMesh, material: Material, problem: PressProblem, points: type[GapSampler] = GapSampler
 ) -> MeshPress:
-    """Create the small-strain contact problem on one mesh, frictionless or without slip; `points` places its points."""
+    """Create the small-strain contact problem on one mesh, frictionless or without slip.
+
+    Args:
+        mesh: Mesh of the cover.
+        material: Material, linearised at zero load.
+        problem: Indenter, pose and friction.
+        points: Kind of points of the top at which gaps are measured.
+    """
     top, indenter, pose = find_top(mesh), problem.indenter, problem.pose
     touch = find_touch(top, indenter, pose)
     if not np.isfinite(touch):
@@ -256,7 +263,8 @@ def _estimate(
         errors[name] = estimate_error(values, meshes, least=_SETTINGS.order) / abs(float(values[-1]))
     last = contacts[-1]
     if len(meshes) > 1 and last.area > 0:
-        # Half a node distance at the border of a circular area, relative to the area.
+        # The border of the contact is uncertain by half a node distance.  This is the relative change of a circular
+        # area.
         resolved = (1 + edge) * last.spacing / float(np.sqrt(last.area / np.pi))
         errors["contact_area"] = max(errors["contact_area"], resolved)
         narrow = last.spacing / last.half_width
@@ -297,7 +305,7 @@ def _add_step_error(
 
 
 def warn_of_all(errors: Mapping[str, float]) -> tuple[str, ...]:
-    """Describe which estimated errors are large, and which results are not resolved."""
+    """Describe in words which estimated errors are large, and which results the meshes do not resolve."""
     if not np.isnan(errors["contact_area"]) or np.isnan(errors["peak_texel"]):
         return warn_of_errors(errors)
     other = "load" if errors["depth"] == 0 else "depth"
@@ -338,7 +346,7 @@ def _collect(
     errors: Mapping[str, float],
     warnings: tuple[str, ...],
 ) -> Indentation:
-    """Solve for the displacements and the reactions under the contact forces, and collect the result."""
+    """Solve for displacements and base reactions of a solid under given contact forces, and return the whole result."""
     top = find_top(solid.mesh)
     nodal = np.zeros_like(solid.nodes)
     nodal[top.index] = contact.nodal
@@ -443,7 +451,7 @@ class _Full(_Small):
 
 
 def _press_mesh(mesh: SolidMesh, material: Material, problem: PressProblem, target: float, small: _Small) -> _Full:
-    """Follow the loading path at finite strain on one mesh, starting at a fraction of the depth at small strain."""
+    """Solve one press at finite strain on one mesh, in steps that start at a fraction of the small-strain depth."""
     indenter, pose = problem.indenter, problem.pose
     units = Units(length=measure_thickness(mesh), stress=material.shear_modulus)
     surface, turn = find_top(mesh), pose.rotation.T
@@ -532,7 +540,15 @@ def _combine(
     problem: PressProblem,
     assumptions: Mapping[str, str],
 ) -> Indentation:
-    """Correct the solution at finite strain for its discretisation error, and estimate the remaining error."""
+    """Correct a press at finite strain for its discretisation error, and estimate the remaining error.
+
+    Args:
+        accurate: Result at small strain, from the finest mesh.
+        small: Small-strain solutions on the coarser meshes.
+        full: Solutions at finite strain on the same meshes.
+        problem: Texels, and whether the load or the depth is prescribed.
+        assumptions: Statements about the result, by topic.
+    """
     shares = np.array([f.texel_forces / f.load - s.texel_forces / s.load for f, s in zip(full, small, strict=True)])
     stiffer = np.array([(f.load / f.depth) / (s.load / s.depth) for f, s in zip(full, small, strict=True)])
     texels, by_load, last = problem.array, problem.control == "load", full[-1]

@@ -94,11 +94,17 @@ class GapSampler:
         self._set_points(every[near], *self._choose_points(count))
 
     def _choose_points(self, nodes: int) -> tuple[FloatArray, FloatArray]:
-        """Return points and weights on a facet of 9 or 6 nodes."""
+        """Return the points at which gaps are measured and their weights, on a reference facet of 9 or 6 nodes."""
         return _middles(nodes, _PARTS)
 
     def _set_points(self, facets: IntArray, place: FloatArray, weight: FloatArray) -> None:
-        """Set the points of some facets from points and weights on the reference facet."""
+        """Place the points at which gaps are measured.
+
+        Args:
+            facets: Indices of the facets that get points, shape (f,).
+            place: Points on the reference facet, shape (q, 2).
+            weight: Weights of these points, shape (q,) [-].
+        """
         top = self._top
         self._cells = top.facets[facets]
         count = self._cells.shape[1]
@@ -109,11 +115,19 @@ class GapSampler:
         self._normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
 
     def spread_whole(self) -> sp.csc_matrix:
-        """Compute the force on each node (row) per unit force of each hat (column) where nothing is cut off [-]."""
+        """Compute nodal forces from forces of whole hats, of which no edge of the indenter cuts off a part.
+
+        Returns:
+            Force on each node (row) per unit force of each hat (column), shape (m, m) [-].
+        """
         return _spread_whole(self._cells, self._shape, self._hat, self._weight, len(self._top.nodes))
 
     def _measure(self, travel: float) -> FloatArray:
-        """Measure the gaps of all points along their normals, shape (f, q) [m]; inf where normals point away."""
+        """Measure the distance of all points to the indenter along their normals, after a travel of the indenter [m].
+
+        Returns:
+            Distances, shape (f, q) [m]; inf where the normal does not point against the motion.
+        """
         points, normals = self._points.reshape(-1, 3), self._normals.reshape(-1, 3)
         places = self._pose.points_to_indenter(points - travel * self._pose.towards)
         turned = self._pose.vectors_to_indenter(normals)
@@ -121,7 +135,7 @@ class GapSampler:
         return np.where(normals @ self._pose.towards < 0, gap, np.inf).reshape(self._weight.shape)
 
     def at(self, travel: float) -> MeanGaps:
-        """Compute the mean gaps after the indenter moved by a distance from its pose [m]."""
+        """Compute the mean gap under every hat after the indenter moved by the distance `travel` from its pose [m]."""
         count = len(self._top.nodes)
         gap = self._measure(travel)
         covered = np.isfinite(gap)
@@ -147,13 +161,16 @@ class GapSampler:
 
 
 class PointSampler(GapSampler):
-    """Gauss points of the part of a top that an indenter can touch, each with its own force; see `GapSampler`."""
+    """Gauss points of the part of a top that an indenter can touch; see `GapSampler`.
+
+    Every point bears its own contact force.
+    """
 
     def _choose_points(self, nodes: int) -> tuple[FloatArray, FloatArray]:
         return quadrature(nodes)
 
     def at(self, travel: float) -> MeanGaps:
-        """Compute the gaps of the points after the indenter moved by a distance from its pose [m]."""
+        """Compute the gap at every Gauss point after the indenter moved by the distance `travel` from its pose [m]."""
         weight = self._weight.ravel()
         rows = np.repeat(self._cells, len(self._shape), axis=0).ravel()
         values = np.tile(self._shape, (len(self._cells), 1)).ravel()
@@ -186,13 +203,20 @@ def _assemble_spread(
 
 
 def _spread_whole(cells: IntArray, shape: FloatArray, hat: FloatArray, weight: FloatArray, count: int) -> sp.csc_matrix:
-    """Assemble the spread of `_assemble_spread` for hats of which nothing is cut off, on `count` nodes."""
+    """Assemble the matrix of `_assemble_spread` for whole hats, of which no edge of the indenter cuts off a part.
+
+    `count` is the number of nodes.
+    """
     area = np.bincount(cells.ravel(), (weight @ hat).ravel(), count)
     return _assemble_spread(cells, shape, hat, weight, np.where(area > 0, area, np.inf))
 
 
 def spread_hats(top: FacetSurface) -> sp.csc_matrix:
-    """Compute the force on each node (row) per unit force of the pressure of each hat (column), shape (m, m) [-]."""
+    """Compute nodal forces from forces of hats, the shape functions of the contact pressure, on the whole top.
+
+    Returns:
+        Force on each node (row) per unit force of each hat (column), shape (m, m) [-].
+    """
     count = top.facets.shape[1]
     place, share = _middles(count, _PARTS)
     weight = np.linalg.norm(area_vectors(top.nodes, top.facets, place), axis=2) * share
@@ -200,7 +224,11 @@ def spread_hats(top: FacetSurface) -> sp.csc_matrix:
 
 
 def _middles(nodes: int, parts: int) -> tuple[FloatArray, FloatArray]:
-    """Return the middles of equal parts of a facet, shape (q, 2), and their areas, shape (q,) [-]."""
+    """Divide the reference facet of 9 or 6 nodes into equal parts.
+
+    Returns:
+        Middles of the q parts, shape (q, 2), and their areas, shape (q,) [-].
+    """
     place = split_facet(nodes, parts)[0]
     return place, np.full(len(place), (4.0 if nodes == QUADRILATERAL else 0.5) / len(place))
 

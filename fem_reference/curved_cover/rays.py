@@ -17,7 +17,7 @@ _PARALLEL = 1e-14
 #: Number of parts along each side of a facet in the first stage of the search for the first touch [-].  The distance to
 #: the indenter is measured at the middles of the parts.
 _PARTS = 6
-#: Number of facets with the smallest distances on which the search continues [-].
+#: Number of facets, those nearest to the indenter, on which the search for the first touch continues [-].
 _FACETS = 4
 #: Number of points along each side of a square of reference coordinates in the search on a facet [-].
 _POINTS = 9
@@ -50,7 +50,17 @@ def measure_gaps(indenter: Indenter, points: FloatArray, directions: FloatArray,
 
 
 def _cross(primitive: Primitive, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return where lines enter and leave a convex solid, in its frame [m]; entry exceeds exit if they miss it."""
+    """Compute the distances along lines at which they enter and leave a convex solid.
+
+    Args:
+        primitive: Convex solid, a part of an indenter.
+        points: Starts of k lines in the frame of the solid, shape (k, 3) [m].
+        directions: Unit directions of the lines, shape (k, 3) [-].
+
+    Returns:
+        Distances of entry and of exit, shape (k,) each [m]; the entry is larger than the exit if a line misses the
+        solid.
+    """
     if primitive.kind == "sphere":
         return _cross_round(points, directions, primitive.size[0])
     if primitive.kind == "box":
@@ -76,7 +86,10 @@ def _cross(primitive: Primitive, points: FloatArray, directions: FloatArray) -> 
 
 
 def _cross_round(points: FloatArray, directions: FloatArray, radius: float) -> tuple[FloatArray, FloatArray]:
-    """Intersect lines with |x| <= radius; components of x outside the cross-section are zero."""
+    """Compute the distances at which lines enter and leave a sphere or, if all z components are zero, a cylinder.
+
+    The body is centred at the origin.  Arguments and results are those of `_cross`, besides the radius [m].
+    """
     square = (directions**2).sum(axis=1)
     along = (points * directions).sum(axis=1)
     rest = along**2 - square * ((points**2).sum(axis=1) - radius**2)
@@ -93,7 +106,18 @@ def _cross_round(points: FloatArray, directions: FloatArray, radius: float) -> t
 def _cross_planes(
     points: FloatArray, directions: FloatArray, normals: FloatArray, offsets: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Intersect lines with the points whose component along each of p outward normals is at most its offset."""
+    """Compute the distances at which lines enter and leave a convex polyhedron.
+
+    Args:
+        points: Starts of k lines, shape (k, 3) [m].
+        directions: Unit directions of the lines, shape (k, 3) [-].
+        normals: Outward normals of p faces, shape (p, 3) [-].
+        offsets: Distances of the faces from the origin along their normals, shape (p,) [m].
+
+    Returns:
+        Distances of entry and of exit, shape (k,) each [m]; the entry is larger than the exit if a line misses the
+        body.
+    """
     speed, room = directions @ normals.T, offsets - points @ normals.T
     moving = np.abs(speed) > _PARALLEL
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -140,7 +164,11 @@ def explain_miss(top: FacetSurface, pose: Pose) -> str:
 
 
 def _search_facet(top: FacetSurface, facet: int, start: FloatArray, indenter: Indenter, pose: Pose) -> float:
-    """Find the smallest travel on one facet by searches in successively smaller squares of reference coordinates."""
+    """Find the smallest travel of an indenter to a point of one facet.
+
+    The search goes through successively smaller squares of reference coordinates around the nearest point so far, and
+    begins around the reference coordinates `start`.
+    """
     count = top.facets.shape[1]
     square = count == QUADRILATERAL
     low, high = (-1.0, 1.0) if square else (0.0, 1.0)
@@ -161,7 +189,7 @@ def _search_facet(top: FacetSurface, facet: int, start: FloatArray, indenter: In
 def _measure_travel(points: FloatArray, normals: FloatArray, indenter: Indenter, pose: Pose) -> FloatArray:
     """Measure the travel of the indenter to each of k points, shape (k,) [m]; inf where normals point away."""
     back = np.broadcast_to(pose.vectors_to_indenter(-pose.towards), points.shape)
-    # Start far behind the points, so that an indenter that has passed a point is found too.
+    # The lines start far behind the points, so that an indenter that has passed a point is detected as well.
     far = float(np.ptp(points, axis=0).max()) * 2 + float(np.linalg.norm(pose.position - points.mean(axis=0)))
     found = measure_gaps(indenter, pose.points_to_indenter(points) - far * back, back) - far
     return np.where(normals @ pose.towards < 0, found, np.inf)

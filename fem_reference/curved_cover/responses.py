@@ -14,7 +14,7 @@ traction that is recovered from the reactions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -25,6 +25,7 @@ import scipy.sparse.linalg as spla
 from fem_reference import result_store
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.solid import CoverSolid, DisplacementNodes
+from fem_reference.finite_strain.loading_path import Progress, report
 from fem_reference.grid_convergence import field_convergence
 from meshes import Material, TexelArray
 from meshes.array_types import BoolArray, FloatArray
@@ -32,17 +33,19 @@ from meshes.solids.facets import facet_shape, split_facet
 from meshes.solids.solid_mesh import SolidMesh, check_quality, check_texels, measure_thickness
 from meshes.solids.texels import covered_share
 
-#: Parts of a facet's side in which the border of a texel is located [-].
+#: Number of parts of each side of a facet; a part belongs to a texel to the share that the texel covers [-].
 _PARTS = 12
-#: Number of steps of the iteration for the point of the top above a texel [-].
+#: Number of iterations in the search for the point of the top above the centre of a texel [-].
 _STEPS = 8
-#: Largest distance of the point above a texel from the texel's normal, over the thickness [-].
+#: Largest distance of the point above a texel from the line along the texel's normal, over the cover thickness;
+#: beyond it, the texel counts as uncovered [-].
 _BESIDE = 0.25
-#: Height of the top above a texel, over the thickness, above which the top belongs to another side of the body [-].
+#: Height of the top above a texel, over the cover thickness, above which the texel counts as uncovered, because this
+#: part of the top belongs to another side of the body [-].
 _HIGH = 3.0
 #: Smallest order of convergence in error estimates [-]; quadratic elements have the order 3.
 _ORDER = 2.0
-#: Smallest ratio of the element sizes of two meshes in an error estimate [-].
+#: Ratio of the element sizes of two meshes that an error estimate assumes at least [-].
 _SAME_SIZE = 1.2
 #: Largest distance of a point from the top for `at`, over the size of the cover [-].
 _OFF_TOP = 1e-2
@@ -118,7 +121,7 @@ class TexelResponses:
 
     @property
     def finest(self) -> GridResponse:
-        """Responses on the finest mesh."""
+        """Responses of the texels on the finest mesh."""
         return self.grids[-1]
 
     def texel_forces(self, forces: FloatArray) -> FloatArray:
@@ -179,6 +182,7 @@ class TexelResponses:
         }
 
     def _evaluate(self, grid: GridResponse) -> FloatArray:
+        """Compute the force on each texel (column) per unit point force above each texel (row) on one mesh."""
         return grid.at(find_above(grid.top, self.texels), -self.texels.normals)
 
 
@@ -187,7 +191,7 @@ def texel_responses(
     texels: TexelArray,
     material: Material,
     *,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = None,
 ) -> TexelResponses:
     """Solve for the force on every texel per unit force anywhere on the top, or read it from the store of results.
 
@@ -208,8 +212,7 @@ def texel_responses(
 
         def compute(mesh: SolidMesh = mesh) -> FloatArray:
             solid = build_solid(mesh, material)
-            if progress is not None:
-                progress(f"{texels.count} texels, {solid.unknowns} unknowns")
+            report(progress, f"{texels.count} texels, {solid.unknowns} unknowns")
             return solve_texels(solid, texels)
 
         inputs = {"mesh": mesh.digest, "texels": places, "material": material}
@@ -238,7 +241,7 @@ def project_texels(base: FacetSurface, texels: TexelArray) -> FloatArray:
     share = covered_share(texels, middle.reshape(-1, 3), normals, edges.reshape(-1, 2, 3))
     weighted = share.reshape(texels.count, *size.shape) * size
     count = base.facets.shape[1]
-    part = weighted @ facet_shape(count, split_facet(count, _PARTS)[1]).mean(axis=1)  # texel, facet, node of the facet
+    part = weighted @ facet_shape(count, split_facet(count, _PARTS)[1]).mean(axis=1)  # axes: texel, facet, node
     load = np.stack([np.bincount(base.facets.ravel(), each.ravel(), len(base.nodes)) for each in part], axis=1)
     solution = spla.splu(base.mass.tocsc()).solve(load)
     return np.asarray(solution.T)
@@ -305,14 +308,14 @@ def check_meshes(meshes: Sequence[SolidMesh]) -> None:
 
 @lru_cache(maxsize=3)
 def build_solid(mesh: SolidMesh, material: Material) -> CoverSolid:
-    """Build the solid of a mesh; the last three are kept with their factorisations."""
+    """Build the linear elastic solid of a mesh; the last three solids stay in memory with their factorisations."""
     return CoverSolid(mesh, material)
 
 
 @lru_cache(maxsize=3)
 def find_top(mesh: SolidMesh) -> FacetSurface:
-    """Return the top of a mesh with its displacement nodes; the last three are kept."""
-    if mesh.is_hexahedral:  # Its displacement nodes are the nodes of the mesh. Preparing its elements takes a second.
+    """Return the top surface of a mesh with its displacement nodes; the last three surfaces stay in memory."""
+    if mesh.is_hexahedral:  # The displacement nodes are the nodes of the mesh; the elements are not needed.
         return FacetSurface.part_of(mesh.nodes, mesh.top)
     layout = lay_out(mesh)
     return FacetSurface.part_of(layout.elements.nodes, layout.top)
@@ -320,5 +323,5 @@ def find_top(mesh: SolidMesh) -> FacetSurface:
 
 @lru_cache(maxsize=3)
 def lay_out(mesh: SolidMesh) -> DisplacementNodes:
-    """Place the displacement nodes on a mesh; the last three layouts are kept."""
+    """Place the displacement nodes on a mesh; the last three layouts stay in memory."""
     return DisplacementNodes.on(mesh)

@@ -67,7 +67,7 @@ class CoverSolid:
 
     @property
     def unknowns(self) -> int:
-        """Number of free unknowns [-]."""
+        """Number of unknown displacements and pressures of the cover; those of the fixed base do not count [-]."""
         return self.nodes.size + self.layout.elements.pressures - 3 * len(self.base)
 
     @cached_property
@@ -123,7 +123,7 @@ class CoverSolid:
         return displacement * self._length, reaction[self.base] * self._force
 
     def _load(self, forces: FloatArray) -> FloatArray:
-        """Return right-hand sides of all unknowns from forces on the nodes, shape (k, n, 3) [N]."""
+        """Convert forces on all n nodes, shape (k, n, 3) [N], to scaled right-hand sides, shape (unknowns, k)."""
         load = np.zeros((self.nodes.size + self.layout.elements.pressures, len(forces)))
         load[: self.nodes.size] = forces.reshape(len(forces), -1).T / self._force
         return load
@@ -146,7 +146,15 @@ def _prepare_hexahedra(mesh: SolidMesh) -> MixedElements:
 
 
 def _add_middles(elements: MixedElements, facets: IntArray) -> IntArray:
-    """Add the midpoints of the sides to triangles of 3 corners; return indices of shape (f, 6)."""
+    """Extend triangles of 3 corners by the displacement nodes at the midpoints of their sides.
+
+    Args:
+        elements: Tetrahedra with quadratic displacements.
+        facets: Indices of the corners of f triangles, shape (f, 3).
+
+    Returns:
+        Indices of corners and midpoints, shape (f, 6).
+    """
     pairs = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))  # order of scikit-fem's edge functions
     count = len(elements.nodes)
     ends = np.sort(np.stack([elements.cells[:, list(pair)] for pair in pairs], axis=1), axis=2)

@@ -33,7 +33,7 @@ class Line:
 
     @cached_property
     def index(self) -> IntArray:
-        """Indices of the nodes of each of the e elements, shape (e, order + 1)."""
+        """Indices of the nodes of each of the e elements of the line, shape (e, order + 1)."""
         element = np.arange(len(self.edges) - 1)
         extra = np.isin(element, self.jumps).cumsum()
         return np.asarray((element * self.order + extra)[:, None] + np.arange(self.order + 1), dtype=np.int64)
@@ -74,7 +74,11 @@ class Line:
         return np.asarray(powers @ coefficients)
 
     def find(self, places: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return nodes and shape functions of the element at each of k positions, shape (k, order + 1) each."""
+        """Find the element at each of k positions on the line, shape (k,) [m].
+
+        Returns:
+            Indices of the nodes of the element and values of its shape functions, shape (k, order + 1) each.
+        """
         element = np.clip(np.searchsorted(self.edges, places, side="right") - 1, 0, len(self.edges) - 2)
         start, length = self.edges[element], np.diff(self.edges)[element]
         return self.index[element], self.shape(2 * (places - start) / length - 1)
@@ -87,7 +91,7 @@ class Line:
         return out
 
     def integral(self, low: float, high: float) -> FloatArray:
-        """Integrate the shape functions of all nodes from `low` to `high`, shape (count,) [m]."""
+        """Integrate the shape functions of all nodes over the interval from `low` to `high`, shape (count,) [m]."""
         start, end = np.clip(low, self.edges[:-1], self.edges[1:]), np.clip(high, self.edges[:-1], self.edges[1:])
         points, weights = np.polynomial.legendre.leggauss(self.order + 1)
         x = start[:, None] + np.maximum(end - start, 0)[:, None] * (points + 1) / 2

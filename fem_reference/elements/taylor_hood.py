@@ -22,7 +22,7 @@ import skfem
 from fem_reference.materials import EVERY_PLACE
 from meshes.array_types import FloatArray, IntArray
 
-#: scikit-fem's elements for displacement and pressure on each kind of mesh.
+#: Elements of scikit-fem for displacement and for pressure, by the kind of mesh.
 _ELEMENTS = {
     skfem.MeshTri1: (skfem.ElementTriP2, skfem.ElementTriP1),
     skfem.MeshQuad1: (skfem.ElementQuad2, skfem.ElementQuad1),
@@ -71,12 +71,12 @@ class MixedElements:
 
     @property
     def displacements(self) -> int:
-        """Number of displacement unknowns, which are numbered `dimension * node + component` [-]."""
+        """Number of displacement unknowns; the index of one is `dimension * node + component` [-]."""
         return self.nodes.size
 
     @property
     def pressures(self) -> int:
-        """Number of pressure unknowns, which are numbered after the displacement unknowns [-]."""
+        """Number of pressure unknowns; their indices follow those of the displacement unknowns [-]."""
         return int(self.pressure_cells.max()) + 1
 
     @cached_property
@@ -206,7 +206,7 @@ def prepare_elements(
     pressure = skfem.Basis(mesh, linear(), intorder=order)
     material = np.zeros(mesh.nelements, dtype=np.int64) if region is None else np.asarray(region, np.int64)
     shape = evaluate_shapes(basis)
-    # axes: dimension, element, quadrature point, node
+    # The axes of this array are dimension, element, quadrature point and node.
     slope = np.stack([np.asarray(basis.basis[a][0].grad) for a in range(basis.Nbfun)], axis=-1)
     position = np.asarray(basis.global_coordinates())
     return MixedElements(
@@ -271,15 +271,15 @@ class Pattern:
         width = np.where(np.arange(count) < nodes, d, 1)
         first = np.cumsum(width) - width
         pairs = points[:, :, None] * count + points[:, None, :]
-        # With `return_index`, numpy sorts by merging, which takes half the time on these partly sorted keys.
+        # `return_index` makes numpy sort by merging, which takes half the time because these keys are partly sorted.
         keys, _, slot = np.unique(pairs, return_index=True, return_inverse=True)
         row, column = np.divmod(keys, count)
         before = np.cumsum(width[column]) - width[column]
-        # number of entries of the row before the pair
+        # Number of matrix entries that precede the pair in its row.
         along = before - before[np.searchsorted(row, np.arange(count))][row]
         length = np.bincount(row, width[column], minlength=count).astype(np.int64)
         pointer = np.concatenate([[0], np.cumsum(np.repeat(length, width))])
-        local = np.repeat(np.arange(points.shape[1]), width[points[0]])  # point of each unknown of an element
+        local = np.repeat(np.arange(points.shape[1]), width[points[0]])
         component = np.arange(len(local)) - np.searchsorted(local, local)
         place = (pointer[first[row]] + along)[slot.reshape(pairs.shape)][:, local][:, :, local]
         self._slot = place + component[:, None] * length[points[:, local]][:, :, None] + component

@@ -53,13 +53,13 @@ class TensorSolid:
 
     @cached_property
     def lines(self) -> tuple[Line, Line, Line]:
-        """Line elements of the displacement along x, y and z."""
+        """One-dimensional elements of the displacement along x, y and z."""
         x, y, z = (Line(edges=edges, order=self.order) for edges in self.edges)
         return x, y, z
 
     @cached_property
     def pressure_lines(self) -> tuple[Line, Line, Line]:
-        """Line elements of the pressure along x, y and z; along z the pressure may jump between layers."""
+        """One-dimensional elements of the pressure along x, y and z; the pressure may jump between layers."""
         x, y = (
             Line(edges=edges, order=self.order - 1, jumps=jumps)
             for edges, jumps in zip(self.edges[:2], self.breaks, strict=True)
@@ -147,13 +147,21 @@ class TensorSolid:
         ]
 
     def _select(self, usual: str, special: dict[int, str] | None = None) -> tuple[Any, Any, Any]:
-        """Select line matrices along x, y and z by name: `special` for some axes, `usual` for all others."""
+        """Select the matrices of the one-dimensional elements along x, y and z by name.
+
+        Args:
+            usual: Name of the matrix for all axes that are not in `special`.
+            special: Name of the matrix by axis.
+        """
         x, y, z = (self._matrices[axis][(special or {}).get(axis, usual)] for axis in range(3))
         return x, y, z
 
     @cached_property
     def _matrices(self) -> list[dict[str, sp.csr_matrix]]:
-        """Line matrices of each axis by name; the moduli vary only along z and are factors of the matrices along z."""
+        """Matrices of the one-dimensional elements of each axis, by name.
+
+        The moduli vary only along z, so that they are factors of the matrices along z.
+        """
         out = []
         for axis, (u, p) in enumerate(zip(self.lines, self.pressure_lines, strict=True)):
             one = np.ones(len(u.edges) - 1)
@@ -174,7 +182,15 @@ class TensorSolid:
 
 
 def _number_nodes(parts: list[Any], shape: tuple[int, int, int]) -> IntArray:
-    """Number the nodes of the grid for all combinations of node indices along x, y and z, with z fastest."""
+    """Compute the node numbers of all combinations of node indices along x, y and z.
+
+    Args:
+        parts: Node indices along x, along y and along z.
+        shape: Number of nodes along x, y and z.
+
+    Returns:
+        Node numbers, in the order in which z varies fastest.
+    """
     x, y, z = (np.asarray(part, dtype=np.int64) for part in parts)
     across = (x[:, None] * shape[1] + y) * shape[2]
     return np.asarray((across.ravel()[:, None] + z).ravel())

@@ -58,7 +58,7 @@ class CoverFields:
         return np.asarray(np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2))))
 
     def scale(self, displacement: float, stress: float) -> CoverFields:
-        """Multiply the displacements by one factor and the stresses by another one."""
+        """Multiply all displacements by the factor `displacement` and all stresses by the factor `stress`."""
         return replace(self, displacement=self.displacement * displacement, stress=self.stress * stress)
 
     def unfold(self, symmetric: tuple[bool, bool]) -> CoverFields:
@@ -74,7 +74,7 @@ class CoverFields:
         return whole
 
     def _mirror(self, axis: int) -> CoverFields:
-        """Add the mirror image at the plane where the coordinate `axis` is 0."""
+        """Add the mirror image of the fields at the plane x = 0 (axis 0) or y = 0 (axis 1)."""
         sign = np.ones(3)
         sign[axis] = -1.0
         corners = _HEXAHEDRON
@@ -136,7 +136,15 @@ def recover_fields(
 
 
 def _project(elements: MixedElements, values: FloatArray) -> FloatArray:
-    """Project tensors at the quadrature points, shape (e, q, 3, 3), onto the corners of each layer, shape (n, 3, 3)."""
+    """Compute nodal values of a tensor field that is known at the quadrature points, by an L2 projection per layer.
+
+    Args:
+        elements: Elements of the cover.
+        values: Tensors at q quadrature points of e elements, shape (e, q, 3, 3).
+
+    Returns:
+        Tensors at the n corners of the elements, which occur once for each layer, shape (n, 3, 3).
+    """
     rows, shape = elements.pressure_cells, elements.pressure_shape
     weighted = shape * elements.weight[..., None]
     mass = np.einsum("eqa,eqb->eab", weighted, shape)
@@ -151,9 +159,11 @@ def _project(elements: MixedElements, values: FloatArray) -> FloatArray:
 def _order_corners(elements: MixedElements) -> IntArray:
     """Return the corners of every element in the order of VTK, as indices of pressure unknowns."""
     mesh = elements.basis.mesh
-    corner = mesh.p[:, mesh.t]  # axes: dimension, corner, element
+    # The axes of this array are dimension, corner and element.
+    corner = mesh.p[:, mesh.t]
     upper = corner > corner.mean(axis=1, keepdims=True)
     wanted = np.array(_HEXAHEDRON if elements.dimension == 3 else _QUADRILATERAL)  # noqa: PLR2004
     code = 2 ** np.arange(elements.dimension)
-    found = np.argsort(np.tensordot(code, upper.astype(int), 1), axis=0)  # corners by code; axes: corner, element
+    # Corners of each element in ascending order of their code; the axes are corner and element.
+    found = np.argsort(np.tensordot(code, upper.astype(int), 1), axis=0)
     return np.take_along_axis(elements.pressure_cells, found[wanted @ code].T, axis=1)

@@ -39,9 +39,9 @@ class AxisymmetricPathSettings:
     #: Gap between indenter and cover, over the depth, above which a surface node is out of contact [-].  In the
     #: outermost element in contact the surface deviates from the indenter by less than this value.
     open: float = 1e-2
-    #: Number of nodes out of contact from which the edge of the contact is extrapolated [-].
+    #: Number of surface nodes next to the contact from whose gaps the edge of the contact is extrapolated [-].
     open_nodes: int = 4
-    #: Largest number of nodes inside the contact by which the extrapolated edge may lie inwards [-].
+    #: Largest distance of the extrapolated edge of the contact from the first open node, inwards [surface nodes].
     closed_nodes: int = 3
 
 
@@ -130,10 +130,10 @@ def press_axisymmetric(
 def _describe_state(
     solid: Solid, path: LoadingPath, surface: IndenterSurface, reached: ContactEquilibrium, radial: RadialCover
 ) -> GridSolution:
-    """Convert the converged state at one target to SI units, without the load scale."""
+    """Convert the equilibrium at one target load or depth to a solution in SI units, without the load scale."""
     elements, units, scale = solid.elements, path.units, path.load_scale
     moved = elements.nodes + reached.state[: elements.displacements].reshape(-1, 2)
-    # At the scaled, very small strains the stored energy of finite strain is lost in rounding.
+    # With a small load scale the strains are so small that the energy of finite strain would be lost in rounding.
     stored = solid if scale == 1 else solid.linearise_at_rest()
     fields = None
     if path.fields:

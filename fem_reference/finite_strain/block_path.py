@@ -30,7 +30,7 @@ from fem_reference.finite_strain.loading_path import LoadingPath, Progress
 from fem_reference.indentation.grid_solution import Base, GridSolution
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from meshes import Cover, FlatPunch, TexelArray
-from meshes.array_types import FloatArray, IntArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import Pose
 
 
@@ -101,7 +101,9 @@ class _GridBase(Base):
 
 
 class NodalBase(_GridBase):
-    """Base pressure at the nodes of the base: the biquadratic field whose nodal forces are the base reactions.
+    """Base pressure of a solution, given at the nodes of the base.
+
+    The pressure is the biquadratic field whose nodal forces are the base reactions.
 
     The frame of the mesh is that of the array.
     """
@@ -120,7 +122,7 @@ class NodalBase(_GridBase):
 
 
 class GaussBase(_GridBase):
-    """Base pressure at the two Gauss points per element along x and along y, where its error vanishes.
+    """Base pressure of a solution, given at the two Gauss points per element along x and y, where its error vanishes.
 
     The frame of the mesh is that of the indenter.
     """
@@ -186,7 +188,8 @@ class BlockReactions:
             places = [gauss_points(line.edges, 2)[0] for line in lines]
             values = lines[0].at(places[0]) @ values @ lines[1].at(places[1]).T
         for axis, mirror in enumerate(self.symmetric):
-            if mirror:  # Points on the plane of symmetry are not repeated.
+            # Points on a plane of symmetry are not repeated.
+            if mirror:
                 first = int(places[axis][0] == 0)
                 image = np.flip(np.delete(values, slice(first), axis), axis)
                 places[axis] = np.concatenate([-places[axis][first:][::-1], places[axis]])
@@ -345,32 +348,52 @@ def mesh_block(block: Block, cover: Cover, elements_per_thickness: int) -> Mixed
 
 
 def find_constrained(block: Block, elements: MixedElements, *, bonded: bool) -> IntArray:
-    """Return the indices of the displacements of a meshed block that are zero.
+    """Return the indices of the displacements of a meshed block that are zero, see `mark_constrained`."""
+    components = mark_constrained(
+        list(elements.nodes.T), [side[[0, -1]] for side in block.sides], block.symmetric, bonded=bonded, free=block.free
+    )
+    return np.concatenate([3 * np.flatnonzero(nodes) + i for i, nodes in enumerate(components)])
+
+
+def mark_constrained(
+    nodes: Sequence[FloatArray],
+    ends: Sequence[FloatArray],
+    symmetric: tuple[bool, bool],
+    *,
+    bonded: bool,
+    free: bool,
+) -> list[BoolArray]:
+    """Mark the displacements of the meshed part of a cover that are zero.
 
     On a bonded base all components are zero, on a sliding base the normal component, and on planes of symmetry the
     normal component.  On an outer boundary that is not free, all components are zero above a bonded base.  Above a
     sliding base only the component normal to the boundary is zero, because fixing the others would load the base.
+
+    Args:
+        nodes: Coordinates x, y and z of the nodes, any shape [thicknesses].
+        ends: Lowest and highest coordinate of the mesh along x and along y, shape (2,) each [thicknesses].
+        symmetric: Whether x = 0 and y = 0 are planes of symmetry, at which the mesh starts.
+        bonded: Whether the base holds all components.
+        free: Whether the outer boundary is free.
+
+    Returns:
+        Whether each of the components x, y and z is zero at each node, shape of the coordinates.
     """
-    x, y, z = elements.nodes.T
-    base = z < _ON_BOUNDARY
-    outer = np.zeros_like(base)
-    planes, ends = [], []
-    for position, side, mirror in zip((x, y), block.sides, block.symmetric, strict=True):
-        planes.append((np.abs(position) < _ON_BOUNDARY) & mirror)
-        ends.append(position > side[-1] - _ON_BOUNDARY)
-        ends[-1] |= (position < side[0] + _ON_BOUNDARY) & (not mirror)
-        ends[-1] &= not block.free
-    if bonded:
-        outer = ends[0] | ends[1]
-        ends = [outer | base] * 2
-    components = [ends[0] | planes[0], ends[1] | planes[1], base | outer]
-    return np.concatenate([3 * np.flatnonzero(nodes) + i for i, nodes in enumerate(components)])
+    base = nodes[2] < _ON_BOUNDARY
+    planes, sides = [], []
+    for position, (low, high), mirror in zip(nodes[:2], ends, symmetric, strict=True):
+        start = position < low + _ON_BOUNDARY
+        planes.append(start & mirror)
+        sides.append(((position > high - _ON_BOUNDARY) | (start & (not mirror))) & (not free))
+    outer = (sides[0] | sides[1]) & bonded
+    held = base & bonded
+    return [sides[0] | planes[0] | outer | held, sides[1] | planes[1] | outer | held, base | outer]
 
 
 def describe_state(
     path: LoadingPath, solid: Solid | SmallStrainSolid, reached: ContactEquilibrium, block: Block
 ) -> GridSolution:
-    """Convert the converged state at one target to SI units, for the whole cover and without the load scale."""
+    """Convert the equilibrium of a block at one target to a solution of the whole cover in SI units."""
     units, scale = path.units, path.load_scale
     x, y, z = solid.elements.nodes.T
     base = np.flatnonzero(z < _ON_BOUNDARY)
@@ -430,7 +453,7 @@ class PairedPath:
     ratio: float
 
     def transfer_changes(self, target: MixedElements) -> list[Guess]:
-        """Interpolate the differences `full` - `ratio` * `baseline` at every target to another grid."""
+        """Interpolate the differences `full` - `ratio` * `baseline` at every target to the elements of another grid."""
         out = []
         for small, large in zip(self.baseline, self.full, strict=True):
             baseline, full = small.penalty_solution, large.penalty_solution
@@ -473,13 +496,11 @@ def press_paired(
     elements = mesh_block(block, units.scale_cover(path.cover), elements_per_thickness)
     solid = Solid.from_cover(elements, path.cover, units)
     small_strain_solid = solid.linearise_at_rest()
-    # Baseline.
     scale = path.baseline.load_scale
     undeformed = np.zeros(elements.displacements + elements.pressures)
     guesses = [Guess(state=undeformed, depth=scale * depth / units.length) for depth in approaches]
     tell = None if progress is None else lambda text: progress(f"small strain, {text}")
     baseline = _follow(path.baseline, block, small_strain_solid, guesses, tell, friction_steps=0)
-    # Full path.
     ratio = path.load_scale / scale
     guesses = [] if path.friction else _guess_full(path, block, baseline, elements, coarser)
     full_solid = small_strain_solid if path.load_scale == scale else solid
@@ -503,7 +524,10 @@ def _guess_full(
     elements: MixedElements,
     coarser: PairedPath | None,
 ) -> list[Guess]:
-    """Return an initial guess for every target: the scaled baseline plus the difference found on the coarser grid."""
+    """Return an initial guess of the full solution at every target.
+
+    The guess is the scaled baseline plus the difference between full solution and baseline on the coarser grid.
+    """
     ratio = path.load_scale / path.baseline.load_scale
     solutions = [each.penalty_solution for each in baseline]
     scaled = [Guess(state=ratio * each.state, depth=ratio * each.depth) for each in solutions]

@@ -46,7 +46,8 @@ class SurfaceContactSettings:
     order: int = 5
     #: Largest factor on the last motion of a point, when its position of first contact is extrapolated [-].
     ahead: float = 2.0
-    #: Absolute value below which a shape function counts as zero on a facet [-].
+    #: Absolute value below which the shape function of a node counts as zero on a facet, so that the node is not on it
+    #: [-].
     zero: float = 1e-9
 
 
@@ -124,7 +125,7 @@ class TopPoints:
 
     @classmethod
     def on_plane(cls, elements: MixedElements, top: float) -> TopPoints:
-        """Place the points on the facets at the height `top` [m]."""
+        """Place quadrature points on all facets of the mesh that lie at the height `top` [m]."""
         mesh = elements.basis.mesh
         facets = mesh.facets_satisfying(lambda x: np.abs(x[-1] - top) < _ON_TOP * top, boundaries_only=True)
         basis = skfem.FacetBasis(mesh, elements.basis.elem, facets=facets, intorder=_SETTINGS.order)
@@ -342,12 +343,17 @@ class SurfaceContact:
         self._multiplier = pressure
 
     def _assemble_vector(self, density: FloatArray, size: int) -> FloatArray:
-        """Sum forces at the quadrature points, shape (f, q, d), to forces on all unknowns, shape (size,) [N]."""
+        """Sum contact forces at the quadrature points, shape (f, q, d), to forces on all unknowns, shape (n,) [N]."""
         each = np.einsum("fqa,fqi->fai", self._shape, density).reshape(self._unknowns.shape)
         return np.bincount(self._unknowns.ravel(), each.ravel(), minlength=size).astype(float)
 
     def _assemble_matrix(self, density: FloatArray, size: int) -> sp.csr_matrix:
-        """Sum derivatives of forces at the quadrature points, shape (f, q, d, d), to a matrix, shape (size, size)."""
+        """Sum derivatives of contact forces at the quadrature points to the tangent matrix of all unknowns.
+
+        Args:
+            density: Derivatives with respect to the position of the point, shape (f, q, d, d) [N/m].
+            size: Number of unknowns.
+        """
         touching = np.flatnonzero(np.abs(density).max(axis=(1, 2, 3)) > 0)
         shape = self._shape[touching]
         block = np.einsum("fqa,fqij,fqb->faibj", shape, density[touching], shape, optimize=True)

@@ -22,7 +22,7 @@ from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.errors import ConvergenceError, PathConvergenceError
 from fem_reference.finite_strain.contact import ContactState, SurfaceContact
 from fem_reference.finite_strain.hyperelastic import SmallStrainSolid, Solid
-from fem_reference.finite_strain.loading_path import Control, Units
+from fem_reference.finite_strain.loading_path import Control, Progress, Units, report
 from fem_reference.finite_strain.newton import (
     EASY_ITERATIONS,
     STEP_FAILURES,
@@ -38,14 +38,14 @@ from meshes.array_types import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class PathSettings:
-    """Constants of loading paths."""
+    """Constants of Newton's method along the loading path of an indenter."""
 
     #: Depth over cover thickness at which a loading path ends, before the cover under the indenter vanishes [-].
     deepest: float = 0.98
     #: Largest relative residual at a target [-].  Forces are relative to the largest nodal contact force, volumes to
     #: the volume per pressure unknown, and the error of the load to the load.
     target_tolerance: float = 1e-6
-    #: Largest residual in the steps between targets [-].
+    #: Largest relative residual in the steps between targets, see `target_tolerance` [-].
     step_tolerance: float = 1e-3
     #: Largest number of augmentations at a target [-].
     augmentations: int = 6
@@ -142,7 +142,7 @@ class ContactProblem:
         first: float,
         guesses: Sequence[Guess] = (),
         between: Sequence[Guess] = (),
-        progress: Callable[[str], None] | None = None,
+        progress: Progress = None,
         record: Callable[[ContactEquilibrium], None] | None = None,
     ) -> list[ContactEquilibrium]:
         """Solve for the equilibrium at every target of a loading path, one after the other.
@@ -180,8 +180,7 @@ class ContactProblem:
                     error.depth *= self.units.length / self.load_scale
                     raise
             out.append(replace(self._tighten(reached, control), before_augmentation=reached))
-            if progress is not None:
-                progress(self._describe(out[-1]))
+            report(progress, self._describe(out[-1]))
         return out
 
     def _describe(self, here: ContactEquilibrium) -> str:
@@ -206,7 +205,11 @@ class ContactProblem:
     def _start_between(
         self, between: Sequence[Guess], target: float, control: Control, last: ContactEquilibrium | None
     ) -> ContactEquilibrium | None:
-        """Solve from initial guesses between the last and the next target; return the first that converges."""
+        """Solve for an equilibrium between the last and the next target, from initial guesses of a coarser mesh.
+
+        Returns:
+            The first equilibrium for which Newton's method converges; None if there is none.
+        """
         reached = getattr(last, control) if last else 0.0
         for guess in between:
             aim = getattr(guess, control)
@@ -222,7 +225,7 @@ class ContactProblem:
         step: float,
         *,
         control: Control,
-        progress: Callable[[str], None] | None,
+        progress: Progress,
         record: Callable[[ContactEquilibrium], None] | None,
     ) -> ContactEquilibrium:
         """Reach a target in steps; the initial guess of each step is the line through the last two equilibria."""
@@ -239,8 +242,7 @@ class ContactProblem:
             self.contact.record_slip(reached.contact)
             if record is not None:
                 record(reached)
-            if progress is not None:
-                progress(self._describe(reached))
+            report(progress, self._describe(reached))
             return reached
 
         friction = self.contact.friction
@@ -301,7 +303,7 @@ class ContactProblem:
         return self._solve_again(here, control, _SETTINGS.target_tolerance) or here
 
     def _solve_again(self, here: ContactEquilibrium, control: Control, tolerance: float) -> ContactEquilibrium | None:
-        """Solve for the same target from a nearby state; return None if Newton's method does not converge."""
+        """Solve again for the target of an equilibrium, from its state; None if Newton's method does not converge."""
         load = here.load if control == "load" else None
         try:
             out = self._solve(here.state, here.depth, load, here.iterations, tolerance=tolerance, near=here)
@@ -387,7 +389,7 @@ class ContactProblem:
         return np.append(at_depth + change * per_depth, change)
 
     def _is_balanced(self, residual: FloatArray, contact: ContactState, load: float | None, tolerance: float) -> bool:
-        """Return whether the residual and the error of the load are below the tolerance."""
+        """Return whether the residual of equilibrium and the error of the load are below the tolerance [-]."""
         reference = np.abs(contact.force).max()
         balanced = is_balanced(
             self.solid.elements, residual, self.constrained, reference=reference, tolerance=tolerance
@@ -396,7 +398,7 @@ class ContactProblem:
 
     @cached_property
     def _system(self) -> ConstrainedSystem:
-        """Linear system in which the constrained unknowns are zero."""
+        """Linear solver for the Newton steps, in which the constrained unknowns are zero."""
         return ConstrainedSystem(self.constrained)
 
 
@@ -449,6 +451,7 @@ class SolvedPath:
         return [self._transfer(self.steps[index], target) for index in chosen] + coarse
 
     def _transfer(self, reached: ContactEquilibrium, target: MixedElements) -> Guess:
+        """Interpolate one equilibrium to another mesh as an initial guess."""
         return Guess(
             state=transfer_state(self.elements, target, reached.state),
             depth=reached.depth,
@@ -512,5 +515,5 @@ def _interpolate(positions: FloatArray, values: FloatArray, wanted: FloatArray) 
 
 
 def _find_pressures(elements: MixedElements, region: int) -> IntArray:
-    """Return the indices of the pressure unknowns of one region."""
+    """Return the indices of the pressure unknowns of one region, that is of one layer."""
     return np.unique(elements.pressure_cells[elements.region == region])

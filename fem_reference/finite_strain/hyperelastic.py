@@ -33,7 +33,7 @@ from meshes.array_types import FloatArray
 
 #: Number of quadrature points that are evaluated together, so small that their tensors fit in the processor cache [-].
 _POINTS = 1152
-#: Largest displacement gradient to which a state is scaled to compute the stress of linear elasticity [-].
+#: Largest displacement gradient of the scaled state from which the stress of linear elasticity is computed [-].
 _LINEAR_STRAIN = 1e-6
 
 
@@ -199,13 +199,23 @@ class Solid:
         return F, J, p
 
     def _split_bulk(self, part: slice) -> tuple[FloatArray, FloatArray]:
-        """Return 1 / (K - k) and k of some elements, shape (e, 1) each [1/Pa], [Pa]."""
+        """Split the bulk modulus K of some elements into the part k that acts on the displacements and the rest.
+
+        Returns:
+            1 / (K - k) [1/Pa] and k [Pa], shape (e, 1) each.
+        """
         region = self.elements.region[part]
         compliance, direct = self.bulk_compliance[region, None], self.direct_bulk[region, None]
         return compliance / (1 - direct * compliance), direct
 
     def _evaluate_isochoric(self, F: FloatArray, J: Invariant, part: slice) -> Response:
-        """Compute isochoric energy, stress and tangent moduli at the quadrature points of some elements."""
+        """Compute isochoric energy, stress and tangent moduli of some elements at their quadrature points.
+
+        Args:
+            F: Deformation gradients, shape (e, q, 3, 3) [-].
+            J: Determinants of F with derivatives.
+            part: Range of the elements.
+        """
         region = self.elements.region[part]
         if (region == region[0]).all():
             return self.energies[int(region[0])].isochoric(F, J)

@@ -35,9 +35,9 @@ class SurfaceSettings:
     highest: float = 2.0
     #: Step of the difference quotients for slope and curvature, over the radius of the fillet [-].
     step: float = 1 / 100
-    #: Grid cells on each side outside the footprint of the indenter [-].
+    #: Number of grid cells of the heightmap on each side outside the footprint of the indenter [-].
     margin: int = 5
-    #: Largest number of cells along the longer half of the footprint, to limit the memory [-].
+    #: Largest number of grid cells of the heightmap along the longer half of the footprint, to limit the memory [-].
     most_cells: int = 500
     #: Radius of the cone with which one erosion of the heightmap limits its slope [cells].
     cone_radius: int = 3
@@ -140,7 +140,7 @@ class IndenterSurface:
 
     @cached_property
     def _heightmap(self) -> SmoothedHeightmap:
-        """Smoothed surface of a curved shape without an axis of revolution."""
+        """Smoothed lower surface of the indenter, used for curved shapes without an axis of revolution."""
         return SmoothedHeightmap(
             self.indenter, cell=self.fillet / 2, steepest=STEEPEST, highest=_SETTINGS.highest, unit=self.unit
         )

@@ -44,7 +44,7 @@ class Units:
 
     @property
     def force(self) -> float:
-        """Unit of force [N]."""
+        """Unit of force in which a problem is solved: stress times squared length [N]."""
         return self.stress * self.length**2
 
     def scale_moduli(self, cover: Cover) -> tuple[FloatArray, FloatArray]:
@@ -91,12 +91,12 @@ class LoadingPath:
 
     @property
     def units(self) -> Units:
-        """Units of length and stress in which the problem is solved."""
+        """Units of length and stress in which the loading path is solved."""
         return Units.of(self.cover)
 
     @property
     def scaled_targets(self) -> list[float]:
-        """Targets times the load scale, in the units of computation [-]."""
+        """Target loads or depths times the load scale, in the units of computation [-]."""
         unit = self.units.force if self.control == "load" else self.units.length
         return [self.load_scale * target / unit for target in self.targets]
 
@@ -107,19 +107,23 @@ class LoadingPath:
 
     @property
     def baseline(self) -> LoadingPath:
-        """This loading path at small strain and with the friction of the baseline."""
+        """The baseline of this loading path: the same path at small strain and with the friction of the baseline."""
         return replace(self, friction=self.baseline_friction, load_scale=_SMALL_STRAIN_SCALE)
 
     @property
     def has_friction_effect(self) -> bool:
-        """Whether the friction differs from that of the baseline."""
+        """Whether the coefficient of friction differs from that of the baseline solution."""
         return self.friction != self.baseline_friction
 
     @property
+    def is_in_plane(self) -> bool:
+        """Whether the path can be solved in the r-z plane: an indenter of revolution on a wide cover."""
+        return self.cover.size is None and self.indenter.axisymmetric
+
+    @property
     def refines_in_turn(self) -> bool:
-        """Whether grids refine edge radius and element size alternately: flat faces with friction, in 3-D."""
-        in_plane = self.cover.size is None and self.indenter.axisymmetric
-        return self.indenter.is_flat and self.has_friction_effect and not in_plane
+        """Whether the grids refine edge radius and element size alternately: under flat faces with friction, in 3-D."""
+        return self.indenter.is_flat and self.has_friction_effect and not self.is_in_plane
 
 
 def name_part(progress: Progress, part: str) -> Progress:
@@ -130,3 +134,9 @@ def name_part(progress: Progress, part: str) -> Progress:
 def name_grid(progress: Progress, count: int) -> Progress:
     """Wrap a progress callback so that each line begins with the number of elements through the cover."""
     return name_part(progress, f"{count} elements through the cover")
+
+
+def report(progress: Progress, text: str) -> None:
+    """Call a progress callback with a line of text, unless the callback is None."""
+    if progress is not None:
+        progress(text)

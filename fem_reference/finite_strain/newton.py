@@ -78,7 +78,7 @@ class Equilibrium:
     iterations: int
 
 
-#: Type of equilibrium that a problem returns.
+#: Type of the equilibrium that the equations of a problem return.
 Reached = TypeVar("Reached", bound=Equilibrium)
 
 
@@ -123,7 +123,7 @@ def solve_newton(
     """
     unknowns, step, slope, halvings = start, None, 0.0, 0
     for iteration in range(iterations):
-        # A step that inverts an element is halved.
+        # A Newton step that turns an element inside out is halved.
         try:
             here = linearise(unknowns, iteration)
         except InvertedElementError:
@@ -186,7 +186,8 @@ def walk_to(
         except STEP_FAILURES as error:
             _LOG.info("step to %s %.4g failed: %s", control, aim, error)
             if extrapolates and before is not None:
-                extrapolates = False  # solve again, from the last equilibrium itself
+                # The step is solved again, with the last equilibrium as the initial guess.
+                extrapolates = False
                 continue
             step, growth = abs(aim - done) / 2, _SETTINGS.careful_growth
             if step < abs(done or target) * _SETTINGS.smallest_step:

@@ -62,7 +62,7 @@ _NARROW_EDGE = 3 / 8
 #: strain, radii down to a fortieth of the thickness can be solved, and the ratio is 0.9 to 2.1
 #: (`tests/verification/test_rounded_edges.py`).
 _ON_LINES = 2.0
-#: Safety factor as `_ON_LINES` for edges that are not on mesh lines, which the elements resolve less well [-].
+#: Safety factor for edges that are not on mesh lines, which the elements resolve less well; else as `_ON_LINES` [-].
 _OFF_LINES = 3.0
 #: Largest distance from a convex corner of a face to its inset outline, over the inset, for a corner of 50 degrees [-].
 #: Points of the face that are farther from the inset outline lie on a wall that the inset removes.
@@ -124,18 +124,13 @@ def choose_edge_safety(path: LoadingPath, pose: Pose) -> float:
 
 
 def choose_fillet(thickness: float, indenter: Indenter) -> float:
-    """Choose the radius of an indenter's rounded edges on the finest grid, on a wide cover [m].
+    """Choose the radius of rounded edges of an indenter of revolution on the finest axisymmetric grid [m].
 
     Args:
         thickness: Thickness of the cover [m].
-        indenter: Indenter; solved in three dimensions unless it is axisymmetric.
-
-    Raises:
-        ValueError: If even the thickest wall is too thin, see `choose_solid_fillet`.
+        indenter: Indenter of revolution.
     """
-    if indenter.axisymmetric:
-        return min(thickness, *indenter.footprint) * _FINE
-    return choose_solid_fillet(thickness, indenter)
+    return min(thickness, *indenter.footprint) * _FINE
 
 
 def choose_solid_fillet(thickness: float, indenter: Indenter) -> float:
@@ -217,10 +212,11 @@ CONTACT_ASSUMPTION = {
     "contact": "tractions and fields of the finest mesh of finite strain and friction, multiplied by one factor to the "
     "total force; their local error is that of this mesh, up to 10 % under edges"
 }
-#: Smallest estimated error of a loading path with friction, due to its steps and friction springs [-].
+#: Smallest estimated relative error of the force with friction, due to the steps of the path and to the tangential
+#: springs of the friction model [-].
 _LEAST_FRICTION_ERROR = 0.015
-#: Smallest estimated error of a loading path whose baseline has the same friction, steps and springs [-].  Most of the
-#: error of steps and springs then cancels.
+#: Smallest estimated relative error of the force if the baseline has the same friction, steps and springs, so that most
+#: of their error cancels [-].
 _LEAST_PAIRED_FRICTION_ERROR = 0.003
 #: Smallest depth over cover thickness at which the grids resolve the effect of finite strain under a flat face [-].  At
 #: smaller depths the effect is below the discretisation error.
@@ -308,12 +304,22 @@ def _needs_no_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolu
 
 
 def _find_limit(path: LoadingPath, grids: Sequence[GridSolution]) -> GridSolution:
-    """Return the accurate solution of one target, extrapolated from its grids."""
+    """Return the accurate small-strain solution of one target.
+
+    Under a flat face without friction it is extrapolated to element size zero, else it is that of the finest grid.
+    """
     return extrapolate_solutions(grids) if path.indenter.is_flat and not path.baseline_friction else grids[-1]
 
 
 def pair_grids(solved: Sequence[Sequence[Sequence[GridSolution]]]) -> SolvedPair:
-    """Order solutions of baseline and full path, given by grid, kind of path and target, by kind, target and grid."""
+    """Reorder the solutions of a loading path and its baseline.
+
+    Args:
+        solved: Solutions by grid, by kind (baseline, then full path) and by target.
+
+    Returns:
+        Solutions by kind, by target and by grid.
+    """
     baseline, full = ([list(grids) for grids in zip(*side, strict=True)] for side in zip(*solved, strict=True))
     return baseline, full
 
@@ -333,15 +339,10 @@ def _raise_targets(targets: Sequence[float], relative_depths: Sequence[float]) -
 #: Number of elements through the cover on each axisymmetric grid, coarsest grid first [-].  Three neighbouring grids
 #: are solved.  The result is that of the finest of the three, with an error estimate from all three.
 GRIDS = (6, 9, 13, 19, 28)
-#: Number of elements through the cover under a ball on one coarse grid [-].
+#: Number of elements through the cover on the single coarse grid of `press_ball` [-].
 _BALL_ELEMENTS = 4
-#: Largest radius of the region of small elements under a ball, over the radius of the ball [-].
+#: Largest radius of the region of small elements on the grid of `press_ball`, over the radius of the ball [-].
 _LARGEST_CONTACT = 0.8
-
-
-def is_in_plane(path: LoadingPath) -> bool:
-    """Return whether a loading path is solved in the r-z plane."""
-    return path.cover.size is None and path.indenter.axisymmetric
 
 
 def study_path(
@@ -375,7 +376,7 @@ def study_path(
         )
     if rubbing is not None:
         path = replace(path, baseline_friction=path.friction)
-    in_plane = is_in_plane(path)
+    in_plane = path.is_in_plane
     grids = () if in_plane else choose_solid_grids(cover.thickness, indenter, in_turn=path.refines_in_turn)
     fillet = choose_fillet(cover.thickness, indenter) if in_plane else min(grid.fillet for grid in grids)
     accurate = None
@@ -388,7 +389,7 @@ def study_path(
         contact = accurate.solutions[-1][0].contact[:, :2]
 
         def solve(part: LoadingPath, approaches: Sequence[float]) -> SolvedPair:
-            """Solve a part of the path and its baseline on three grids."""
+            """Solve a loading path and its baseline on three grids."""
             if in_plane:
                 baseline, full = (
                     _solve_axisymmetric(each, contact, progress, refinement) for each in (part.baseline, part)
@@ -545,7 +546,7 @@ def press_ball(cover: Cover, radius: float, depths: Sequence[float], *, progress
     ball = Sphere(radius=radius)
 
     def solve(wanted: Sequence[float]) -> list[GridSolution]:
-        """Solve the path to some depths on one grid."""
+        """Solve for a ball at the wanted depths on one grid."""
         # On a thick cover the contact of a ball is smaller than the section of the ball at the depth, because the
         # surface next to the ball moves down.
         contact = min(np.sqrt(radius * wanted[-1]), _LARGEST_CONTACT * radius)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,7 +33,7 @@ _LEAST_SHARE = 0.2
 
 
 class Base(ABC):
-    """Load on the base of a cover under one indenter."""
+    """Distributed load on the base of a cover under one indenter, from which texel forces follow."""
 
     @abstractmethod
     def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
@@ -68,7 +68,7 @@ class RadialBase(Base):
     force: float
 
     def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
-        """Integrate the pressure, see `Base.forces`."""
+        """Integrate the axisymmetric base pressure over the texels and outside them, see `Base.forces`."""
         return self.spread.base_forces(array, np.array(pose.at[:1]), np.array(pose.at[1:]), np.array([[self.force]]))
 
 
@@ -85,11 +85,14 @@ class BaseSum(Base):
     like: Base | None = None
 
     def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
-        """Sum the forces, see `Base.forces`; parts of weight 0 are not evaluated."""
+        """Compute the weighted sum of the texel forces of the parts, see `Base.forces`.
+
+        Parts of weight 0 are not evaluated.
+        """
         return np.asarray(sum(weight * base.forces(array, pose) for weight, base in self.parts if weight))
 
     def estimate_error(self, place: Place, texel: int, share: float) -> float:
-        """Estimate the error of `like`, see `Base.estimate_error`."""
+        """Estimate the relative error of the force on a texel as that of the load `like`, see `Base.estimate_error`."""
         return 0.0 if self.like is None else self.like.estimate_error(place, texel, share)
 
 
@@ -102,10 +105,10 @@ class GridSolution:
         total_force: Normal force on the indenter [N].
         depth: Approach of the indenter from first touch of the undeformed cover [m].
         area: Contact area [m2].
-        overlap: Mean penetration of indenter and cover that remains in the contact solution, over the depth [-].
         contact: Columns x, y [m] and normal force [N] of m contact points in the frame of the indenter, shape (m, 3).
         base: Load on the base.
         energy: Elastic energy stored in the cover [J].
+        overlap: Mean penetration of indenter and cover that remains in the contact solution, over the depth [-].
         shear: Components x and y of the frictional force on the cover at the contact points, in the frame of the
             indenter, shape (m, 2) [N]; None without friction.
         fields: Displacement and stress in the cover in the frame of the mesh: of the array on a cover of limited size,
@@ -116,10 +119,10 @@ class GridSolution:
     total_force: float
     depth: float
     area: float
-    overlap: float
     contact: FloatArray
     base: Base
     energy: float
+    overlap: float = 0.0
     shear: FloatArray | None = None
     fields: CoverFields | None = None
 
@@ -148,7 +151,7 @@ class GridStudy:
     """
 
     solutions: Sequence[Sequence[GridSolution]]
-    least_order: float
+    least_order: float = 1.0
     most_order: float = 4.0
     edge_safety: float = 0.0
     extrapolate: bool = False
@@ -156,7 +159,7 @@ class GridStudy:
     least_error: float = 0.0
     least_area_error: float = 0.0
     accurate: GridStudy | None = None
-    assumptions: dict[str, str]
+    assumptions: dict[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
     def combine(self, grids: Sequence[GridSolution], quantity: Callable[[GridSolution], npt.ArrayLike]) -> FloatArray:
@@ -228,7 +231,7 @@ def weigh_grids(grids: Sequence[GridSolution]) -> tuple[float, float, float]:
 def _average(
     grids: Sequence[GridSolution], weights: Sequence[float], quantity: Callable[[GridSolution], npt.ArrayLike]
 ) -> FloatArray:
-    """Compute the weighted mean of a quantity of several solutions; solutions of weight 0 are not evaluated."""
+    """Compute the weighted sum of a quantity over several solutions; solutions of weight 0 are not evaluated."""
     parts = [w * np.asarray(quantity(each), dtype=float) for each, w in zip(grids, weights, strict=True) if w]
     return np.asarray(sum(parts))
 
@@ -262,7 +265,10 @@ def extrapolate_solutions(solutions: Sequence[GridSolution]) -> GridSolution:
 
 
 def _combine_solutions(solutions: Sequence[GridSolution], weights: Sequence[float]) -> GridSolution:
-    """Compute the weighted mean of force, depth, energy and texel forces; the rest is from the last solution."""
+    """Combine solutions on several grids to one solution.
+
+    Force, depth, energy and texel forces are weighted sums; all other attributes are those of the last solution.
+    """
     return replace(
         solutions[-1],
         total_force=float(_average(solutions, weights, lambda each: each.total_force)),
@@ -329,7 +335,7 @@ def correct_solution(
         depth = share * full.depth
         force = depth * correct(lambda each: each.total_force / each.depth)
 
-    # Shares of the accurate solution, and their change from `baseline` to `full`.
+    # Texel forces per total force are those of the accurate solution plus their change from `baseline` to `full`.
     weights = (force / accurate.total_force, -share * force / baseline.total_force, share * force / full.total_force)
     scale = force / full.total_force
     return GridSolution(

@@ -26,7 +26,7 @@ from fem_reference.errors import (
     TooShallowError,
     UnsupportedError,
 )
-from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress
+from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress, report
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, estimate_spread
 from fem_reference.indentation.result import Indentation, PressProblem, warn_of_errors
@@ -39,7 +39,7 @@ from meshes.pose import Place
 if TYPE_CHECKING:
     from fem_reference.fields.cover_fields import CoverFields
 
-#: Function that returns a quantity of a solution.
+#: Function that returns a quantity of the solution on one grid, such as its total force [N].
 Quantity = Callable[[GridSolution], float]
 
 #: Depth over thickness that messages state as the largest possible depth if a load would pierce the cover [-].
@@ -50,7 +50,7 @@ _SMALL_STRAIN_DEPTH = 0.3
 #: Relative error of a force per relative error of the depth.  The penetration that remains in the contact is an error
 #: of the depth, and contact forces increase at most with the square of the depth [-].
 _FORCE_PER_OVERLAP = 2.0
-#: Smallest estimated error of a contact area: that of the measured area of a face [-].
+#: Smallest estimated relative error of a contact area: that of the measured area of a flat face [-].
 _LEAST_AREA_ERROR = 2e-5
 #: Difference between the forces on the base and the load, over the load, above which a result has a warning [-].
 _LARGE_IMBALANCE = 1e-3
@@ -147,15 +147,17 @@ class LayerPress:
             except IncompletePathError:
                 if not best:
                     raise
-                break  # The results of the coarser grids are complete.
+                # The results of the coarser grids are complete and are returned.
+                break
             reached = max(max(each.error_estimate.values()) for each in results)
             if reached <= accuracy:
                 return results
-            if reached < least:  # The estimate need not decrease from grid to grid.
+            # The estimated error need not decrease from grid to grid.
+            if reached < least:
                 best, least = results, reached
-            if self.progress is not None and refinement < finest:
+            if refinement < finest:
                 wanted = f"{100 * accuracy:.3g} % wanted"
-                self.progress(f"estimated error {100 * reached:.3g} %, {wanted}: a finer grid is added")
+                report(self.progress, f"estimated error {100 * reached:.3g} %, {wanted}: a finer grid is added")
         return [_state_missed_accuracy(each, accuracy) for each in best]
 
     def solve_as_far(self, path: LoadingPath, refinement: int = 0) -> list[Indentation]:
@@ -180,7 +182,7 @@ class LayerPress:
             try:
                 return self.solve(path, refinement + 1)
             except (ConvergenceError, np.linalg.LinAlgError):
-                pass  # report the result of the coarser grids
+                pass  # The failure on the coarser grids is reported below.
         part, shares = path, _WITHIN[path.control]
         for within in shares if path.indenter.axisymmetric else shares[:1]:
             part = _shorten(part, failure, within)
@@ -216,8 +218,8 @@ class LayerPress:
                     "load",
                 )
         seconds = (time.perf_counter() - started) / len(path.targets)
-        if path.fields and self.progress is not None:
-            self.progress("displacement and stress in the cover")
+        if path.fields:
+            report(self.progress, "displacement and stress in the cover")
         count = len(path.targets)
         return [_combine_grids(study, number, path, self.place, seconds=seconds) for number in range(count)]
 
@@ -230,11 +232,11 @@ class LayerPress:
 
         small, cover = path.cover.small_strain_only, path.cover
         if small and np.isinf(path.friction) and path.indenter.is_flat:
-            return 0  # the grids of a face without slip are fixed
+            return 0  # The grids of a flat face without slip are fixed.
         if is_far_from_sides(path, self.place, self.progress):
             cover = replace(cover, size=None)
-        if not finite_strain.is_in_plane(replace(path, cover=cover)):
-            return 0  # finer grids are not feasible in three dimensions
+        if not replace(path, cover=cover).is_in_plane:
+            return 0  # Finer grids are not feasible in three dimensions.
         return len(friction_rings.GRIDS if small else finite_strain.GRIDS) - 3
 
 
@@ -257,9 +259,10 @@ def study_nonlinear(path: LoadingPath, place: Place, progress: Progress, refinem
             least_error=max(study.least_error, _SIDES_ERROR),
             assumptions=study.assumptions | {"sides": "too far from the contact to matter"},
         )
-    small, in_plane = path.cover.small_strain_only, finite_strain.is_in_plane(path)
+    small, in_plane = path.cover.small_strain_only, path.is_in_plane
     rubbing = None
-    # Not in three dimensions at finite strain, where the correction would have a larger effect of rounded edges.
+    # In three dimensions at finite strain, the correction of a solution without slip would contain a larger effect of
+    # rounded edges.
     if np.isinf(path.friction) and path.indenter.is_flat and (small or in_plane):
         rubbing = no_slip.study_path(path, place, progress)
     if rubbing is None and path.friction and in_plane:
@@ -310,7 +313,7 @@ def _shorten(path: LoadingPath, error: Exception, within: float) -> LoadingPath:
 
 
 def _is_linear(path: LoadingPath) -> bool:
-    """Return whether every target of a path is solved by itself, at small strain without friction."""
+    """Return whether a path is at small strain without friction, where every target is solved by itself."""
     return path.cover.small_strain_only and not path.friction
 
 
@@ -349,7 +352,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
 
     @cache
     def base_forces(solution: GridSolution) -> FloatArray:
-        """Compute the base forces of a solution once, for the result and for its error."""
+        """Compute the forces of a solution on the texels and outside them; they are kept for the error estimate."""
         return solution.base.forces(place.array, place.pose)
 
     base = study.combine(grids, base_forces)
@@ -360,7 +363,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
         "depth": attrgetter("depth"),
         "peak_texel": lambda each: float(base_forces(each)[peak]),
     }
-    # A prescribed load is the requested one, so that `balance` shows a solver that misses it.
+    # If the load is prescribed, `total` is the requested load, so that `balance` reveals a solver that misses it.
     by_load = path.control == "load"
     total = path.targets[number] if by_load else float(study.combine(grids, lambda each: each.total_force))
     balance = float(base.sum()) / total - 1
@@ -423,7 +426,13 @@ def _find_fields(
 
 
 def _warn(path: LoadingPath, balance: float, depth: float) -> list[str]:
-    """Describe forces that do not balance, and materials that are pressed beyond their stability."""
+    """Return warnings about forces that do not balance, and about materials that are pressed beyond their stability.
+
+    Args:
+        path: Cover that is pressed.
+        balance: Force on the base over the load, minus 1 [-].
+        depth: Depth of the indenter [m].
+    """
     out = []
     if abs(balance) > _LARGE_IMBALANCE:
         out.append(f"the forces on the base differ from the load by {balance:+.2%}")
@@ -447,8 +456,8 @@ def _place_contact(
         scale: Total force of the result over that of the contact forces [-].
     """
     x, y, pressed = finest.contact.T
-    # Points of the contact lie on the indenter.  Points beside a flat face, the middles of cut cells, count as points
-    # of the face.
+    # Contact points lie on the indenter.  The middles of cells that its outline cuts may lie beside a flat face; they
+    # count as points of the face.
     height = path.indenter.gap(x, y)
     points = np.column_stack(
         [*place.pose.to_array(x, y), path.cover.thickness - depth + np.where(np.isfinite(height), height, 0.0)]

@@ -90,7 +90,7 @@ def state_missing_fields(path: LoadingPath, pose: Pose) -> str:
 
 
 def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, depth: float) -> CoverFields:
-    """Solve for the fields around the axis of an indenter of revolution, in its frame."""
+    """Solve for displacement and stress around the axis of an indenter of revolution, in the frame of the indenter."""
     units = path.units
     r = np.hypot(contact[:, 0], contact[:, 1]) / units.length
     radius = float(r.max())
@@ -106,7 +106,7 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, depth: float) ->
 
 
 def _solve_wide_block(path: LoadingPath, contact: FloatArray, depth: float) -> CoverFields:
-    """Solve for the fields in a block of a wide cover, in the frame of the indenter."""
+    """Solve for displacement and stress in a wide cover around an indenter, in the frame of the indenter."""
     unit = path.units.length
     halves = np.abs(contact[:, :2]).max(axis=0) / unit
     reach = choose_solid_reach(path.cover) / unit
@@ -124,7 +124,14 @@ def _solve_wide_block(path: LoadingPath, contact: FloatArray, depth: float) -> C
 
 
 def _solve_block(path: LoadingPath, contact: FloatArray, block: Block, depth: float) -> CoverFields:
-    """Solve for the fields in a block under contact forces, both in the frame of the block, and unfold the block."""
+    """Solve for displacement and stress in a meshed part of a cover, and extend them by mirror images.
+
+    Args:
+        path: Cover and indenter.
+        contact: Columns x, y [m] and force [N] of m contact points in the frame of the block, shape (m, 3).
+        block: The part of the cover.
+        depth: Approach of the indenter [m].
+    """
     units = path.units
     elements = mesh_block(block, units.scale_cover(path.cover), _SOLID_COUNT)
     x, y, z = elements.nodes.T

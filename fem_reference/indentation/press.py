@@ -16,7 +16,7 @@ from fem_reference.finite_strain.loading_path import Control
 from fem_reference.indentation.result import STRAINS, Indentation, PressProblem
 from meshes import Cover, Indenter, Pose, SolidCover, TexelArray
 
-#: Pose above the middle of a flat array, along -z.
+#: Pose of an indenter above the middle of a flat array that moves along -z.
 FLAT = Pose()
 
 

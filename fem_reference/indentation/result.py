@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from fem_reference.fields.cover_fields import CoverFields
     from meshes.solids import SolidMesh
 
-#: Kinds of strain that a user can request.
+#: Kinds of strain that a user of `press` can request.
 STRAINS = ("small", "finite")
 #: Estimated relative error above which a result has a warning [-].
 _LARGE_ERROR = 0.05
@@ -119,6 +119,6 @@ class Indentation:
 
 
 def warn_of_errors(errors: Mapping[str, float]) -> tuple[str, ...]:
-    """Describe in words which estimated errors are large."""
+    """Return a warning that names the estimated relative errors above 5 %, by name of the result; empty without any."""
     large = [f"{name.replace('_', ' ')} {value:.0%}" for name, value in errors.items() if value > _LARGE_ERROR]
     return (f"large estimated error: {', '.join(large)}",) if large else ()

@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from fem_reference import result_store
-from fem_reference.finite_strain.loading_path import LoadingPath, Progress
+from fem_reference.finite_strain.loading_path import LoadingPath, Progress, report
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.indentation.grid_solution import Base, GridSolution, GridStudy, scale_solution
 from fem_reference.linear_response.axisymmetric import point_spread
@@ -72,11 +72,9 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
         ]
     return GridStudy(
         solutions=solutions,
-        least_order=1.0,
         most_order=1.0,
         extrapolate=flat,
         least_error=_LEAST_ERROR if path.cover.size is None else _LEAST_ERROR_LIMITED,
-        assumptions={},
     )
 
 
@@ -119,11 +117,11 @@ class PressedCells(Base):
     response: TexelInfluence
 
     def forces(self, array: TexelArray, pose: Pose) -> FloatArray:
-        """Superpose the responses, see `Base.forces`."""
+        """Superpose the responses of the base to the forces on all cells, see `Base.forces`."""
         return superpose(self.contact, self.response, array, pose)
 
     def estimate_error(self, place: Place, texel: int, share: float) -> float:
-        """Estimate the error from the three grids of the response, see `Base.estimate_error`."""
+        """Estimate the error of a texel force from the base response on three grids, see `Base.estimate_error`."""
         force = self.contact[:, 2].sum()
         forces = [superpose(self.contact, each, place.array, place.pose) for each in self.response.on_grids[:-1]]
         coarse = [float(each[texel] / force) for each in forces]
@@ -131,16 +129,16 @@ class PressedCells(Base):
 
 
 def _build_solution(patch: ContactPatch, indenter: Indenter, response: TexelInfluence) -> GridSolution:
-    """Build the solution on one grid from a solved contact."""
+    """Build the solution on one grid from the solved contact of an indenter and the response of the base."""
     contact = np.column_stack([patch.x, patch.y, patch.force])
     gap = indenter.gap(patch.x, patch.y)
-    work = patch.depth - np.where(np.isfinite(gap), gap, 0.0)  # Centres of scaled cells may lie outside a flat face.
+    # The middles of scaled cells may lie outside a flat face, where the gap is inf.
+    work = patch.depth - np.where(np.isfinite(gap), gap, 0.0)
     return GridSolution(
         size=float(np.sqrt(np.prod(patch.cell))),
         total_force=patch.total_force,
         depth=patch.depth,
         area=patch.area,
-        overlap=0.0,
         contact=contact,
         base=PressedCells(contact=contact, response=response),
         energy=float(patch.force @ work) / 2,
@@ -157,7 +155,7 @@ def _solve_response(path: LoadingPath, place: Place | None, progress: Progress) 
 
 
 def _require_place(place: Place | None) -> Place:
-    """Return the place, or raise a ValueError if it is None."""
+    """Return the place of an indenter; raise a ValueError if it is None."""
     if place is None:
         raise ValueError("the solution on a cover of limited size depends on the place: give the indenter's pose")
     return place
@@ -170,11 +168,11 @@ def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, g
     load, depth = (target, None) if path.control == "load" else (None, target)
 
     def compute() -> ContactPatch:
-        if progress is not None:
-            progress(f"contact on {cells} x {cells} cells or more")
+        report(progress, f"contact on {cells} x {cells} cells or more")
         reach = max(3.0 * float(np.hypot(*bound_contact(indenter, cover.thickness))), 4 * decay_length(cover))
         surface = _tabulate_surface(replace(cover, size=None), reach)
-        with np.errstate(over="ignore", invalid="ignore"):  # An extreme load pierces the cover, which `press` refuses.
+        # An extreme load, which `press` refuses afterwards because it pierces the cover, may overflow here.
+        with np.errstate(over="ignore", invalid="ignore"):
             if cover.size is None:
                 return solve_contact(surface, indenter, cells=cells, load=load, depth=depth)
             pose = _require_place(place).pose
@@ -213,7 +211,8 @@ def _touch_near_sides(
         patch = solve_contact(surface, indenter, cells=cells, load=load, depth=depth, sides=sides)
         cut_off = (_measure_extent(patch) > _FULL * half) & (half < largest)
         if indenter.is_flat or not cut_off.any():
-            x, y = sides.clip_to_cover(patch.x, patch.y)  # Centres of scaled cells may lie outside the cover.
+            # The middles of scaled cells may lie outside the cover.
+            x, y = sides.clip_to_cover(patch.x, patch.y)
             return replace(patch, x=x, y=y)
         half = np.minimum(largest, _WINDOW * half)
 

@@ -14,7 +14,6 @@ square cover with a square array, the solutions of the two mixed parities are eq
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -28,7 +27,7 @@ from fem_reference import result_store
 from fem_reference.elements.grading import fill_by_spacing, layer_heights
 from fem_reference.elements.line import Line, interpolation_matrix, line_matrix
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.finite_strain.loading_path import Units
+from fem_reference.finite_strain.loading_path import Progress, Units, report
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.point_spread import TexelInfluence
 from fem_reference.linear_response.surface_compliance import decay_length
@@ -46,7 +45,7 @@ class FiniteCoverSettings:
     #: Distance from texel edges and side edges, over the cover thickness, within which elements have the smallest size
     #: [-].
     near: float = 2.0
-    #: Increase of the element size per distance farther away [-].
+    #: Increase of the element size per distance beyond `near` from texel edges and side edges [-].
     growth: float = 0.35
     #: Distance between two texel edges, over the element size, below which both share one element edge [-].
     sliver: float = 0.05
@@ -63,11 +62,11 @@ class FiniteCoverSettings:
     many: int = 300_000
     #: Unknowns of the finest grid above which grids are coarsened: about 4.5 GB and two minutes [-].
     most: int = 450_000
-    #: Smallest number of elements per thickness that is left, over that of `GRIDS` [-].
+    #: Smallest number of elements per thickness on coarsened grids, over that of `GRIDS` [-].
     coarsest: float = 0.4
-    #: Loads evaluated at once, to limit the memory [-].
+    #: Number of point loads that are evaluated at once, to limit the memory [-].
     block: int = 4000
-    #: Texels solved at once, to limit the memory [-].
+    #: Number of texels that are solved at once, to limit the memory [-].
     columns: int = 64
 
 
@@ -114,7 +113,12 @@ class MirroredTexels:
 
     @classmethod
     def group(cls, array: TexelArray, thickness: float) -> MirroredTexels:
-        """Group the texels of a planar array into mirror images; `thickness` is that of the cover [m]."""
+        """Group the texels of a planar array that are mirror images of one another.
+
+        Args:
+            array: Planar array.
+            thickness: Thickness of the cover, the unit of length of the result [m].
+        """
         centres = np.round(array.centres[:, :2] / thickness, 9)
         spans, numbers = [], []
         for axis in (0, 1):
@@ -128,7 +132,7 @@ class MirroredTexels:
 
     @property
     def swapped(self) -> IntArray | None:
-        """Index of the group of texels with x and y exchanged, for each group; None if the array is not square."""
+        """Index of the group that results from exchange of x and y, for each group of texels; None if there is none."""
         if self.spans[0].shape != self.spans[1].shape or not np.allclose(*self.spans, atol=1e-9):
             return None
         numbers = {tuple(pair): number for number, pair in enumerate(self.pairs.tolist())}
@@ -208,7 +212,8 @@ def constrain_parity(
             view[0, -1 if parity == (1, 1) else 0, 0] = True
     row = np.repeat(np.arange(len(constrained)), np.diff(upper.indptr))
     values = np.where(constrained[row] | constrained[upper.indices], 0.0, upper.data)
-    values[upper.indptr[:-1][constrained]] = 1.0  # the diagonal is the first entry of each row of an upper triangle
+    # The diagonal is the first entry of each row of an upper triangle.
+    values[upper.indptr[:-1][constrained]] = 1.0
     return sp.csr_matrix((values, upper.indices, upper.indptr), shape=upper.shape), constrained
 
 
@@ -233,7 +238,8 @@ def _grade_side(cover: Cover, array: TexelArray, axis: int, across: float) -> Fl
     edges = [np.zeros(1)]
     for low, high in pairwise(zip(marks, sharp, strict=True)):
         x = np.linspace(low[0], high[0], _SETTINGS.samples)
-        distance = np.minimum(x - low[0] if low[1] else np.inf, high[0] - x)  # all but the middle are sharp
+        # Elements are small at all marks except the middle of the cover, unless a texel edge lies there.
+        distance = np.minimum(x - low[0] if low[1] else np.inf, high[0] - x)
         spacing = (1 + _SETTINGS.growth * np.maximum(distance - _SETTINGS.near, 0)) / across
         edges.append(fill_by_spacing(x, spacing)[1:])
     return np.concatenate(edges)
@@ -283,7 +289,7 @@ class SolidInfluence(TexelInfluence):
 
     @property
     def thickness(self) -> float:  # type: ignore[override]
-        """Thickness of the cover [m]."""
+        """Thickness of the cover of limited size [m]."""
         return self.cover.thickness
 
     def texel_influence(self, array: TexelArray, positions: npt.ArrayLike) -> FloatArray:
@@ -365,7 +371,8 @@ class SolidInfluence(TexelInfluence):
         distance = np.linspace(
             0, self.array.texel_size[0] / 2 + _SETTINGS.width_reach * self.thickness, _SETTINGS.width_points
         )
-        side = -np.sign(centre[0]) or 1.0  # towards the middle of the cover
+        # The load moves towards the middle of the cover.
+        side = -np.sign(centre[0]) or 1.0
         places = centre + np.column_stack([side * distance, np.zeros(len(distance))])
         places = places[np.abs(places[:, 0]) <= grid.x.edges[-1] * self.thickness]
         value = self._evaluate(grid, places)[:, self.array.middle]
@@ -403,9 +410,7 @@ class SolidInfluence(TexelInfluence):
             raise ValueError("this solution is of another array; solve for this one with solid_influence(cover, array)")
 
 
-def solid_influence(
-    cover: Cover, array: TexelArray, *, progress: Callable[[str], None] | None = None
-) -> SolidInfluence:
+def solid_influence(cover: Cover, array: TexelArray, *, progress: Progress = None) -> SolidInfluence:
     """Solve for the force on every texel per unit load anywhere on a cover, on three grids, or read it from the store.
 
     Args:
@@ -424,10 +429,9 @@ def solid_influence(
     def compute() -> list[AdjointSolution]:
         out = []
         for resolution in resolutions:
-            if progress is not None:
-                unknowns = _count_unknowns(cover, array, resolution)
-                patience = "; this takes minutes" if unknowns > _SETTINGS.many else ""
-                progress(f"solid, {resolution.through} elements through the cover, {unknowns} unknowns{patience}")
+            unknowns = _count_unknowns(cover, array, resolution)
+            patience = "; this takes minutes" if unknowns > _SETTINGS.many else ""
+            report(progress, f"solid, {resolution.through} elements through the cover, {unknowns} unknowns{patience}")
             out.append(solve_adjoint(cover, array, resolution))
         return out
 
@@ -437,7 +441,7 @@ def solid_influence(
 
 
 def _count_unknowns(cover: Cover, array: TexelArray, resolution: Resolution) -> int:
-    """Count the displacements of the quarter that is solved on one grid."""
+    """Count the displacement unknowns of a quarter of the cover on one grid."""
     return int(3 * np.prod([line.count for line in mesh_quarter(cover, array, resolution).lines]))
 
 
@@ -491,9 +495,10 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
             chosen = chosen[swapped >= chosen]
         displaced = [base[axis][texels.pairs[chosen, axis]] for axis in (0, 1)]
         if parity == (0, 0):
-            displaced = [np.vstack([part, np.ones(part.shape[1])]) for part in displaced]  # last: the whole base
+            # The last displacement is that of the whole base.
+            displaced = [np.vstack([part, np.ones(part.shape[1])]) for part in displaced]
         if not all(part.any() for part in displaced):
-            continue  # the indicator of a single row or column in the middle has no odd part
+            continue  # The indicator function of a single row or column in the middle has no odd part.
         matrix, constrained = constrain_parity(solid, upper, parity, sliding=cover.base == "sliding")
         factors.factorise(matrix)
         tops = []
@@ -501,7 +506,7 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
             load = -solid.compute_base_forces(*(part[start : start + _SETTINGS.columns] for part in displaced))
             load[constrained] = 0.0
             normal = factors.solve(load)[solid.offsets[2] : solid.offsets[3]].reshape(*solid.field_shape(2), -1)
-            tops.append(normal[:, :, -1].transpose(2, 0, 1))  # at the top
+            tops.append(normal[:, :, -1].transpose(2, 0, 1))
         top = np.concatenate(tops)
         if parity == (0, 0):
             whole = top[-1]

@@ -27,17 +27,18 @@ from meshes.array_types import FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class TensionSettings:
-    """Constants of the integrals over the wave number."""
+    """Constants of the Hankel transforms (integrals over the wave number) of a cover whose top is stretched."""
 
     #: Product of wave number and cover thickness at which the integrals end [-].
     last_wave: float = 60.0
-    #: Smallest number of panels of the integrals [-].
+    #: Smallest number of panels of the integrals over the wave number [-].
     panels: float = 64.0
-    #: Gauss points in each panel [-].
+    #: Gauss points in each panel of the integrals over the wave number [-].
     panel_points: int = 10
     #: Distances for which Bessel functions are computed at once, to limit the memory [-].
     block: int = 256
-    #: Least product of wave number and contact radius in the transform of Hertz's pressure, which cancels below [-].
+    #: Smallest product of wave number and contact radius for which the Hankel transform of Hertz's pressure is
+    #: evaluated [-].  At smaller products its terms cancel.
     small_wave: float = 1e-3
 
 
@@ -122,7 +123,7 @@ class StretchedResponse:
         return np.asarray(self.hankel @ (load * self.waves.base * (1 - self._reduce(stretch))))
 
     def _reduce(self, stretch: Stretch) -> FloatArray:
-        """Compute the part of the response that the stretch takes away, shape (n,) [-]."""
+        """Compute the relative reduction of the response by the stretch at each of n wave numbers, shape (n,) [-]."""
         k = self.wave_number
         resistance = stretch.tension * k**2 * self.waves.compliance + (k * stretch.length) ** 2
         return resistance / (1 + resistance)

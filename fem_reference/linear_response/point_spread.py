@@ -44,13 +44,13 @@ class PointSpreadSettings:
 
     #: Smallest number of Gauss points along a side of a texel [-].
     least_points: int = 8
-    #: Equal panels near the axis, in integrals of the base pressure over the distance from the axis [-].
+    #: Number of equal panels near the axis, in integrals of the base pressure over the distance from the axis [-].
     even_panels: int = 48
-    #: Equal panels per cover thickness [-].
+    #: Number of these equal panels per cover thickness [-].
     per_thickness: int = 12
-    #: Ratio of neighbouring panels farther away [-].
+    #: Ratio of the lengths of neighbouring panels farther from the axis [-].
     panel_growth: float = 1.1
-    #: Largest distance in the table of outlines over the reach of the pressure [-].
+    #: Largest distance in the table for integrals along the outline of the texels, over the reach of the pressure [-].
     farthest: float = 300.0
     #: Smallest singular value of a table that is kept, over the largest [-].
     rank: float = 1e-11
@@ -58,7 +58,7 @@ class PointSpreadSettings:
     same_edge: float = 1e-6
     #: Step of the grid to which contact forces are moved for the superposition, over the cover thickness [-].
     grid_step: float = 1 / 8
-    #: Grid points that replace one force along each axis [-].
+    #: Number of grid points along each axis to which one contact force is distributed [-].
     stencil: int = 6
 
 
@@ -249,7 +249,7 @@ class PointSpread(TexelInfluence):
 
     @cached_property
     def _corners(self) -> _OddTable:
-        """Integral of the pressure over the rectangle from the axis to (x, y), per unit load [-]."""
+        """Table of the integral of the base pressure over the rectangle from the load to (x, y), per unit load [-]."""
         edges = _cut_panels(self.thickness, float(self.radius[-1]))
         points, share = gauss_points(edges, 4)
         density = self.pressure(np.hypot(points[:, None], points)) * np.outer(share, share)
@@ -260,12 +260,16 @@ class PointSpread(TexelInfluence):
 
     @cached_property
     def _outlines(self) -> _OddTable:
-        """Force on the triangle of the axis, (x, 0) and (x, y): x times the integral of Q / r^2 from 0 to y."""
+        """Table of the base force on the triangle with the corners (0, 0), (x, 0) and (x, y), per unit load [-].
+
+        The load is above (0, 0).  The force is x times the integral of Q / r^2 over the other coordinate from 0 to y,
+        with Q(r) the integral of pressure times distance from 0 to r.
+        """
         edges = _cut_panels(self.thickness, _SETTINGS.farthest * float(self.radius[-1]))
         points, share = gauss_points(edges, 6)
         distance = np.hypot(edges[:, None], points)
         r = np.minimum(distance, self.radius[-1])
-        density = self._half_mean(r) * (r / np.maximum(distance, r)) ** 2 * share  # Q(r) / r^2
+        density = self._half_mean(r) * (r / np.maximum(distance, r)) ** 2 * share
         cells = density.reshape(len(edges), -1, 6).sum(axis=2)
         line = np.zeros((len(edges), len(edges)))
         line[:, 1:] = cells.cumsum(axis=1)
@@ -273,7 +277,7 @@ class PointSpread(TexelInfluence):
 
     @cached_property
     def _within(self) -> FloatArray:
-        """Integral of pressure times distance from the axis to each of `radius`, shape (m,)."""
+        """Integral of base pressure times distance from the load, from 0 to each of `radius`, shape (m,) [-]."""
         points, share = gauss_points(self.radius, 4)
         parts = (share * points * self.pressure(points)).reshape(-1, 4).sum(axis=1)
         return np.append(0.0, parts.cumsum())
@@ -301,10 +305,14 @@ class _OddTable:
 
     @classmethod
     def tabulate(cls, edges: FloatArray, values: FloatArray) -> _OddTable:
-        """Interpolate values at the grid of positions (edges, edges), the first of which is 0.
+        """Create the table of a function from its values on a square grid of positions x, y >= 0.
 
-        The mirror images are part of the interpolation: without them it is least accurate near the axis, where narrow
-        texels have all their corners.
+        The mirror images are part of the interpolation.  Without them it would be least accurate near the axis, where
+        narrow texels have all their corners.
+
+        Args:
+            edges: Positions along x and along y, from 0, shape (n,) [m].
+            values: Values at the grid points, shape (n, n).
         """
         both = np.append(-edges[:0:-1], edges)
         right = np.vstack([-values[:0:-1], values])
@@ -334,14 +342,26 @@ class _OddTable:
         return np.asarray(sum(a @ loads @ b.T for a, b in zip(along, across, strict=True)))
 
     def _factor(self, axis: int, offset: FloatArray) -> FloatArray:
-        """Evaluate the factors of all terms along one axis at offsets of shape (p, m), shape (terms, p, m)."""
+        """Evaluate the factors of all terms of the factorised table along one axis.
+
+        Args:
+            axis: 0 for the factors along x, 1 for those along y.
+            offset: Offsets of p points from m loads along the axis, shape (p, m) [m].
+
+        Returns:
+            Factors, shape (terms, p, m).
+        """
         knots = self.spline.get_knots()[axis]
         value = BSpline(knots, self._factors[axis], 3)(np.minimum(np.abs(offset), self.limit))
         return np.moveaxis(np.sign(offset)[..., None] * value, -1, 0)
 
     @cached_property
     def _factors(self) -> tuple[FloatArray, FloatArray]:
-        """Spline coefficients of the factors along x and along y, shapes (coefficients, terms)."""
+        """Spline coefficients of the terms f(x) g(y) whose sum is the table, from a singular value decomposition.
+
+        Returns:
+            Coefficients of f and of g, shape (coefficients, terms) each.
+        """
         knots = self.spline.get_knots()
         matrix = self.spline.get_coeffs().reshape(len(knots[0]) - 4, len(knots[1]) - 4)
         left, size, right = np.linalg.svd(matrix)
@@ -361,7 +381,15 @@ def _cut_panels(thickness: float, reach: float) -> FloatArray:
 
 
 def _difference(corner: FloatArray, texel: IntArray) -> FloatArray:
-    """Compute integrals over texels from values at the crossings of all edges, shape (..., x edges, y edges)."""
+    """Compute integrals over texels from a table of integrals over rectangles between the axis and a corner.
+
+    Args:
+        corner: Values of the table at the crossings of all edges of texels, shape (..., x edges, y edges).
+        texel: Indices of the low and high edge of n texels along x, then along y, shape (4, n).
+
+    Returns:
+        Integrals, shape (..., n).
+    """
     low_x, high_x, low_y, high_y = texel
     return np.asarray(
         (corner[..., high_x, high_y] - corner[..., low_x, high_y])

@@ -31,17 +31,17 @@ class SurfaceSettings:
     #: Part of the largest wave number above which the effect of the layers below is faded out [-].  If the effect ended
     #: abruptly, the error of the elements at short waves would cause oscillations at all distances.
     fade: float = 0.8
-    #: Quadratic elements through each layer [-].
+    #: Number of quadratic elements through each layer [-].
     elements: int = 16
     #: Largest length of a panel of the integral over the wave number k, in half periods of J0(k reach) [-].
     panel_periods: float = 4.0
-    #: Length of the panel at k = 0, times the cover thickness [-].
+    #: Length of the first panel of this integral, at k = 0, times the cover thickness [-].
     first_panel: float = 0.25
-    #: Length of a panel over k at larger k [-].
+    #: Largest length of a panel of this integral over k, at larger k [-].
     panel_ratio: float = 0.3
-    #: Gauss points in each panel [-].
+    #: Gauss points in each panel of this integral [-].
     panel_points: int = 12
-    #: Points of the compliance table per thickness of the thinnest layer [-].
+    #: Number of points of the table of compliance over distance, per thickness of the thinnest layer [-].
     table_points: int = 10
     #: Largest number of points of the table per thickness of the top layer [-].
     most_per_layer: int = 40
@@ -56,9 +56,9 @@ class SurfaceSettings:
     solved_waves: int = 30
     #: Distance between cells over their larger side below which their compliance is integrated exactly [-].
     neighbours: float = 32.0
-    #: Length of the panels of quadratures over the thickness of the top layer [-].
+    #: Largest length of a panel of a quadrature over a cell, over the thickness of the top layer [-].
     panel: float = 0.6
-    #: Size of a cell, over the thickness of the top layer, below which a pair of points suffices [-].
+    #: Size of a cell, over the thickness of the top layer, below which a quadrature of two points suffices [-].
     small_cell: float = 0.2
     #: Parts in which the compliance table is computed, to limit the memory of the Bessel functions [-].
     blocks: int = 8
@@ -150,7 +150,8 @@ def solve_waves(cover: Cover, wave_number: FloatArray, *, elements_per_layer: in
     """
     constant, linear, square = _assemble(cover, elements_per_layer)
     nodes = 2 * elements_per_layer * len(cover.layers) + 1
-    base, top = np.array([0, nodes]), 2 * nodes - 1  # U and W at the base, W at the top
+    # Indices of U and W at the base, and of W at the top.
+    base, top = np.array([0, nodes]), 2 * nodes - 1
     constrained = base if cover.base == "bonded" else base[1:]
     free = np.setdiff1d(np.arange(len(constant)), constrained)
     load = np.zeros((len(free), 1))
@@ -236,7 +237,8 @@ class SurfaceCompliance:
             for rise, part in zip(*rules[1], strict=True):
                 distance = np.hypot(x + move, y + rise)
                 value = self.regular(np.minimum(distance, self.reach))
-                if self.decayed:  # beyond the reach the regular part cancels the displacement of the half space
+                # Beyond the reach the displacement is zero, so that the regular part cancels that of the half space.
+                if self.decayed:
                     beyond = -self.half_space / np.maximum(distance, self.reach)
                     value = np.where(distance < self.reach, value, beyond)
                 out += share * part * value
@@ -286,7 +288,11 @@ def surface_compliance(
 
 
 def _wave_numbers(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
-    """Compute Gauss points and weights in the wave number k, fine enough for J0(k r) up to r = `reach` [1/m]."""
+    """Compute Gauss points and weights in the wave number k for integrals that contain J0(k r) with r up to `reach`.
+
+    Returns:
+        Points and weights, shape (m,) each [1/m].
+    """
     end = _SETTINGS.short_waves / cover.layers[-1].thickness
     longest = np.pi / reach * _SETTINGS.panel_periods
     edges = [0.0]
@@ -346,7 +352,7 @@ def _integrate_twice(x: FloatArray, y: FloatArray, width: float, height: float) 
     """
 
     def antiderivative(u: FloatArray, v: FloatArray) -> FloatArray:
-        """Evaluate that function; even in u and v [m3]."""
+        """Evaluate the function whose fourth derivative is 1 / distance; it is even in u and in v [m3]."""
         u, v = np.abs(u) + _TINY, np.abs(v) + _TINY
         distance = np.hypot(u, v)
         return (u**2 * v * np.arcsinh(v / u) + v**2 * u * np.arcsinh(u / v)) / 2 - distance**3 / 6
@@ -359,7 +365,12 @@ def _integrate_twice(x: FloatArray, y: FloatArray, width: float, height: float) 
 
 
 def _cut_uniform(size: float, scale: float) -> tuple[FloatArray, FloatArray]:
-    """Return points and weights of a quadrature for the mean over an interval of a size around 0, weights sum to 1."""
+    """Return points and weights of a quadrature for the mean over an interval around 0; the weights sum to 1.
+
+    Args:
+        size: Length of the interval [m].
+        scale: Distance over which the integrand varies [m].
+    """
     points, weights = gauss_points(
         np.linspace(-size / 2, size / 2, int(np.ceil(size / scale / _SETTINGS.panel)) + 1), 2
     )
@@ -367,11 +378,17 @@ def _cut_uniform(size: float, scale: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _cut_triangular(size: float, scale: float) -> tuple[FloatArray, FloatArray]:
-    """Return points and weights of a quadrature for the mean difference of positions in two intervals of a size.
+    """Return points and weights of a quadrature for the mean over all pairs of points of two equal intervals.
 
-    The difference of two positions, each distributed evenly over an interval, has a triangular distribution.
+    The integrand depends on the difference of the two positions.  If both positions are distributed evenly, their
+    difference has a triangular distribution.
+
+    Args:
+        size: Length of each interval [m].
+        scale: Distance over which the integrand varies [m].
     """
-    if size < _SETTINGS.small_cell * scale:  # exact up to degree 3
+    # Two points integrate polynomials up to degree 3 exactly.
+    if size < _SETTINGS.small_cell * scale:
         return size / np.sqrt(6) * np.array([-1.0, 1.0]), np.array([0.5, 0.5])
     half = np.linspace(0, size, int(np.ceil(size / scale / _SETTINGS.panel)) + 1)
     points, weights = gauss_points(half, 3)
@@ -420,7 +437,7 @@ def choose_solid_reach(cover: Cover) -> float:
 
 
 def warn_of_boundary(cover: Cover) -> tuple[str, ...]:
-    """State that a stiff foil reaches beyond the outer boundary of the meshes, if it does."""
+    """Return a warning if a stiff top layer is stretched beyond the outer boundary of the meshes; else nothing."""
     wanted = _SETTINGS.reach_membrane * membrane_length(cover)
     if wanted <= max(_SETTINGS.longest * cover.thickness, _SETTINGS.reach * decay_length(cover)):
         return ()

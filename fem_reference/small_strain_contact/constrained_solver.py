@@ -29,7 +29,7 @@ from meshes.array_types import BoolArray, FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class ActiveSetSettings:
-    """Limits and tolerances of the active set and of its conjugate gradients."""
+    """Limits and tolerances of the search for the cells in contact and of its conjugate gradients."""
 
     #: Largest number of changes of the set of cells in contact [-].
     exchanges: int = 400
@@ -71,7 +71,14 @@ class Exchange:
         self.fewest, self._most, self._patience, self.is_single = count + 1, patience, patience, False
 
     def choose(self, wrong: BoolArray) -> BoolArray:
-        """Return all wrong unknowns; only the last of them where exchanges of all do not make them fewer."""
+        """Choose the unknowns that enter or leave the contact.
+
+        Args:
+            wrong: Whether each unknown violates its condition of contact; changed in place.
+
+        Returns:
+            All wrong unknowns; only the last of them if exchanges of all did not make them fewer.
+        """
         count, self.is_single = int(wrong.sum()), False
         if count < self.fewest:
             self.fewest, self._patience = count, self._most
@@ -79,7 +86,8 @@ class Exchange:
             self._patience -= 1
         else:
             self.is_single = True
-            wrong.flat[np.flatnonzero(wrong)[:-1]] = False  # exchanges of the last one alone cannot cycle (Murty 1974)
+            # If only the last wrong unknown is exchanged, the exchanges cannot cycle (Murty 1974).
+            wrong.flat[np.flatnonzero(wrong)[:-1]] = False
         return wrong
 
 
@@ -104,7 +112,8 @@ class ComplianceOperator:
         self._shape, self._area, self._addition = shape, cell[0] * cell[1], addition
         self._padded = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in shape)
         x, y = np.meshgrid(*(np.arange(n) * edge for n, edge in zip(shape, cell, strict=True)), indexing="ij")
-        # Offsets beyond the number of cells are negative offsets, except those that no pair of cells has.
+        # In the periodic convolution, large offsets between cells stand for negative offsets.  Offsets that no pair of
+        # cells has are clipped.
         turned = [
             np.minimum(np.minimum(np.arange(m), m - np.arange(m)), n - 1)
             for m, n in zip(self._padded, shape, strict=True)
@@ -130,7 +139,7 @@ class ComplianceOperator:
         return self._filter(residual, self._inverse)
 
     def _filter(self, values: FloatArray, spectrum: npt.NDArray[np.inexact[Any]]) -> FloatArray:
-        """Convolve values on the cells with the kernel of the given spectrum."""
+        """Convolve values on the cells with the kernel whose Fourier transform is given."""
         full = fft.irfft2(fft.rfft2(values, self._padded) * spectrum, self._padded)
         return np.asarray(full[: self._shape[0], : self._shape[1]])
 
@@ -223,8 +232,8 @@ class _Touching:
             return -at_rest, np.zeros(0)
         per_motion = np.array(self._found[1:])
         stiffness = np.tensordot(columns, per_motion, ((1, 2), (1, 2)))
-        # With too few cells in contact a tilt is undetermined; lstsq returns the smallest motion, and cells that
-        # overlap are added to the set afterwards.
+        # With too few cells in contact the tilt is undetermined, and `lstsq` returns the smallest motion.  Cells that
+        # then overlap are added to the contact afterwards.
         balance = self._sums + np.tensordot(columns, at_rest, 2)
         motion: FloatArray = np.linalg.lstsq(stiffness, balance)[0].astype(float)
         return np.tensordot(motion, per_motion, 1) - at_rest, motion

@@ -46,7 +46,8 @@ class SideSettings:
     near_sliding: float = 15.0
     #: Width of the meshed surroundings on a sliding base, over the decay length of the cover's response [-].
     far_sliding: float = 40.0
-    #: Size of the pattern's elements at the sides of the cover over the distance of the sides from the contact [-].
+    #: Element size of the coarse pattern at the sides of the cover, over the distance of the sides from the contact
+    #: [-].
     fine: float = 4 / 3
     #: Smallest size of the pattern's elements at the sides of the cover, over the cover thickness [-].
     smallest: float = 1 / 2
@@ -68,7 +69,7 @@ class SideSettings:
     samples: int = 2001
     #: Exponent of the depths of the element edges in the top layer; above 1 the elements are small at the top [-].
     crowding: float = 1.5
-    #: Right-hand sides solved at once, to limit the memory [-].
+    #: Number of right-hand sides that are solved at once, to limit the memory [-].
     block: int = 64
 
 
@@ -158,7 +159,7 @@ class SideEdges:
 
     @cached_property
     def _box(self) -> tuple[FloatArray, FloatArray]:
-        """Bounds along x and y, in the frame of the array, of the part of the contact rectangle on the cover [m]."""
+        """Bounds along x and along y of the part of the contact rectangle on the cover, in the array's frame [m]."""
         signs = np.array([[1, 1, -1, -1], [1, -1, 1, -1]])
         corners = np.stack(self.pose.to_array(*(signs * self.half[:, None])))
         low, high = np.maximum(corners.min(axis=1), -self._side), np.minimum(corners.max(axis=1), self._side)
@@ -179,7 +180,7 @@ class SideEdges:
 
     @cached_property
     def _difference(self) -> tuple[list[Line], list[IntArray], list[FloatArray]]:
-        """Additional flexibility of the cover around the contact, due to its sides.
+        """Displacements of the top around the contact per force, in the cover alone minus those in a wider cover.
 
         Returns:
             Line elements of the mesh along x and y, indices of the k nodes around the contact, and for each parity the
@@ -206,7 +207,7 @@ class SideEdges:
             np.unique(line.index[(line.edges[:-1] <= high) & (line.edges[1:] >= low)])
             for line, (low, high) in zip(lines, spans, strict=True)
         ]
-        # The pressure may jump at the sides, so that the energies of the two meshes differ by that of the surroundings.
+        # In the wider mesh the pressure may jump at the sides of the cover, so that both meshes agree under the cover.
         ends = (len(inner[0]) - 1,), (len(inner[1]) - 1,)
         alone, surrounded = (
             _solve_flexibility(
@@ -231,7 +232,7 @@ def find_mirror_planes(indenter: Indenter, pose: Pose) -> tuple[bool, bool]:
 
 
 def _mirror_span(ends: FloatArray) -> tuple[float, float]:
-    """Return the smallest and the largest absolute value of the points between two ends."""
+    """Return the smallest and the largest absolute value of all coordinates between two ends."""
     low, high = ends
     return (0.0 if low <= 0 <= high else float(np.abs(ends).min())), float(np.abs(ends).max())
 

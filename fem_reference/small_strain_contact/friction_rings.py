@@ -25,7 +25,7 @@ from fem_reference.errors import ConvergenceError
 from fem_reference.fields.cover_fields import recover_fields
 from fem_reference.finite_strain.contact import divide_rings
 from fem_reference.finite_strain.hyperelastic import Solid
-from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress, Units, name_grid
+from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress, Units, name_grid, report
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.finite_strain import SolvedPair, correct_path, pair_grids
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, RadialBase
@@ -38,7 +38,7 @@ from meshes.array_types import FloatArray, IntArray
 
 @dataclass(frozen=True, kw_only=True)
 class RingSettings:
-    """Constants of the rings, their approach and their active set."""
+    """Constants of the contact with friction on concentric rings, and of the search for the state of the rings."""
 
     #: Radius of the outermost ring under a curved indenter, over that of the largest contact without friction [-].
     margin: float = 1.2
@@ -148,7 +148,7 @@ class RingContact:
         return np.asarray(edges), radii
 
     def _load_shapes(self, radii: FloatArray) -> None:
-        """Compute nodal loads, displacements and base reactions per traction of each ring, and the compliance."""
+        """Compute nodal loads, displacements and base reactions per traction on each ring, and the compliance."""
         half = np.diff(self._edges)[:, None] / 2
         self._points = self._edges[:-1, None] + half * (_NODES + 1)
         self._area_weights = 2 * np.pi * self._points * half * _WEIGHTS
@@ -207,7 +207,7 @@ class RingContact:
         return reached
 
     def _plan_depths(self, last: float, steps: int) -> Iterator[float]:
-        """Yield depths without end, for even growth of the contact that reaches the depth `last` after `steps`."""
+        """Yield depths at which the contact radius has grown evenly, without end; depth number `steps` is `last`."""
         steps = 1 if self._indenter.is_flat else steps
         for number in itertools.count(1):
             share = number / steps
@@ -215,16 +215,17 @@ class RingContact:
             yield last * (share if self._indenter.is_flat or share > 1 else float(inside[0] / inside[1]))
 
     def _find_load(self, here: _Step, ahead: _Step, target: float, friction: float) -> _Step:
-        """Find the step from `here` at a load between those of `here` and of `ahead`."""
+        """Find the equilibrium at the load `target`, which lies between the loads of the steps `here` and `ahead`."""
 
         def miss(depth: float) -> float:
+            """Compute the load at a depth over the target, minus 1 [-]."""
             return self._measure(self._advance(here, depth, friction), "load") / target - 1
 
         depth = brentq(miss, here.depth, ahead.depth, xtol=1e-14, rtol=_SETTINGS.tolerance)
         return self._advance(here, float(depth), friction)
 
     def _measure(self, step: _Step, control: Control) -> float:
-        """Return the depth or the load of a step, in units of computation."""
+        """Return the depth or, under load control, the load of a solved step, in units of computation."""
         return step.depth if control == "depth" else float(self._area @ step.traction[: len(self._area)])
 
     def _height(self, radius: FloatArray) -> FloatArray:
@@ -291,7 +292,7 @@ class RingContact:
         return out
 
     def _describe(self, step: _Step, *, rubs: bool, fields: bool) -> GridSolution:
-        """Convert a solved step to SI units."""
+        """Convert a solved step to a solution in SI units."""
         n, units, radial = len(self._area), self._units, self._radial
         pressure, shear = step.traction[:n], step.traction[n:]
         load = float(self._area @ pressure)
@@ -308,7 +309,6 @@ class RingContact:
             total_force=load * units.force,
             depth=step.depth * units.length,
             area=np.pi * self._find_edge(step) ** 2 * units.length**2,
-            overlap=0.0,
             contact=points[:, :3],
             shear=points[:, 3:] if rubs else None,
             base=RadialBase(
@@ -337,6 +337,7 @@ class RingContact:
         )
 
         def miss(radius: float) -> float:
+            """Compute the error of the ratio of forces for a contact of this radius."""
             outside = (radius**2 - middle**2) ** 1.5
             return float(outside - ratio * ((radius**2 - inner**2) ** 1.5 - outside))
 
@@ -370,12 +371,12 @@ def _find_violations(
 
 
 def _exchange(condition: IntArray, pressure: FloatArray, shear: FloatArray, friction: float) -> IntArray:
-    """Return the new conditions of rings that violate their present conditions."""
+    """Return the new conditions (open, sticking, sliding) of rings that violate their present conditions."""
     slides = np.where(shear > 0, _OUTWARD, _INWARD)
     after = np.where(
         condition == _OPEN, _STICKS if friction else _INWARD, np.where(condition == _STICKS, slides, _STICKS)
     )
-    # A ring that would have to pull in order to stick may still press when it slides.
+    # A sticking ring under tension may be under pressure when it slides; it opens only if it slid or cannot slide.
     pulls = (pressure <= 0) & ((condition > _STICKS) | ((condition == _STICKS) & np.isinf(friction)))
     return np.where(pulls, _OPEN, after)
 
@@ -402,9 +403,7 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
         def compute() -> SolvedPair:
             pairs = []
             for count in grids:
-                tell = name_grid(progress, count)
-                if tell is not None:
-                    tell("rings with friction")
+                report(name_grid(progress, count), "rings with friction")
                 contact = RingContact(
                     part.cover, part.indenter, contact_radius=(smooth.area / np.pi) ** 0.5, count=count
                 )
@@ -421,10 +420,8 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
 
     return GridStudy(
         solutions=correct_path(path, accurate.solutions, solve),
-        least_order=1.0,
         least_error=_SETTINGS.least_error,
-        # The edge of the contact is found within half a ring, a change of the area by the width of the ring.
+        # The radius of the contact is located within half the width of a ring.
         least_area_error=0.0 if path.indenter.is_flat else 1 / (_SETTINGS.rings * grids[-1]),
         accurate=accurate,
-        assumptions={},
     )

@@ -26,24 +26,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class GridSettings:
-    """Numbers that choose the cells of a contact and measure the face of an indenter."""
+    """Constants for the choice of cells of a contact, and for the measurement of an indenter's flat face."""
 
-    #: Samples along each side of a rectangle around a face [-].
+    #: Number of samples along each side of the rectangle around a flat face, in its measurement [-].
     samples: int = 801
     #: Parts along each side of a sample at the outline, in each of which one point is tested [-].
     parts: int = 8
-    #: Smallest number of cells of the repeated pattern along an axis [-].
+    #: Smallest number of cells along an axis in the pattern that all grids of a contact repeat [-].
     least: int = 16
-    #: Largest number of cells of the repeated pattern along an axis [-].
+    #: Largest number of cells along an axis in this pattern [-].
     most: int = 96
-    #: Largest number of cells of the repeated pattern, to limit the computing time [-].
+    #: Largest total number of cells in this pattern, to limit the computing time [-].
     most_in_all: int = 3600
-    #: Largest number of cells that is tried over the wanted number of cells [-].  A finer grid may fit the edges of the
-    #: face better.
+    #: Largest number of cells along an axis that is tried, over the wanted number [-].  Edges of the face may coincide
+    #: with edges of cells only on a finer grid.
     finer: float = 1.2
-    #: Number of cells across the walls of a face if the pattern is repeated nine times [-].
+    #: Number of cells across a thin wall of a face on the grid that repeats the pattern nine times [-].
     per_wall: int = 45
-    #: Number of cells per thickness of the top layer if the pattern is repeated nine times [-].
+    #: Number of cells per thickness of the top layer on the grid that repeats the pattern nine times [-].
     per_layer: int = 4
     #: Share of a face on walls that are thinner than the wall thickness that the cells must resolve [-].
     thin_share: float = 0.1
@@ -52,7 +52,8 @@ class GridSettings:
     jump: float = 0.05
     #: Largest change of the width of a face over four samples at a straight edge, over the change over two samples [-].
     sharp: float = 1.2
-    #: Largest distance between an edge and a cell edge, over a cell, that counts as a fit [-].
+    #: Largest distance between an edge of the face and the nearest cell edge, over the size of a cell, at which both
+    #: count as coincident [-].
     fit: float = 0.02
 
 
@@ -150,7 +151,7 @@ class CellGrid:
 
     @property
     def area(self) -> float:
-        """Area of a cell [m2]."""
+        """Area of one cell of the grid [m2]."""
         return self.cell[0] * self.cell[1]
 
     @property
@@ -208,7 +209,14 @@ def _sample(gap: GapFunction, middle: FloatArray, half: FloatArray) -> FloatArra
 
 
 def _find_end(width: FloatArray) -> float:
-    """Find the position at which a face begins from its width at every sample; the first sample counts in part."""
+    """Find the position along an axis at which a face begins.
+
+    Args:
+        width: Width of the face at every sample along the axis, shape (n,) [samples].
+
+    Returns:
+        Position [samples]; the first sample counts in the proportion of its width to the next one.
+    """
     first = int(np.flatnonzero(width)[0])
     following = width[min(first + 1, len(width) - 1)]
     return first + 1 - min(1.0, float(width[first] / max(following, width[first])))
@@ -241,13 +249,22 @@ def _find_edges(width: FloatArray) -> FloatArray:
     around = np.abs(padded[4:] - padded[:-4])
     largest = ndimage.maximum_filter1d(jump, 3, mode="constant")
     middle = np.flatnonzero((jump > _GRID.jump * width.max()) & (jump == largest) & (around < _GRID.sharp * jump))
-    middle = middle[np.diff(middle, prepend=-2) > 1]  # an edge between two samples is found in both
+    # An edge exactly between two samples is found in both of them and must count once.
+    middle = middle[np.diff(middle, prepend=-2) > 1]
     before, own, after = (padded[middle + shift] for shift in (1, 2, 3))
     return np.asarray(middle + (after - own) / (after - before))
 
 
 def _fit_edges(least: int, edges: FloatArray) -> int:
-    """Find the smallest number of cells, at least `least`, that fits edges; the best of all tried if none does."""
+    """Find the number of cells along an axis whose edges coincide with the edges of a face.
+
+    Args:
+        least: Smallest number of cells [-].
+        edges: Positions of the edges of the face within the divided length, from 0 to 1 [-].
+
+    Returns:
+        The smallest number that fits; the best of all that are tried if none fits.
+    """
     tried = np.arange(least, int(_GRID.finer * least) + 1)
     miss = np.array([np.abs(n * edges - np.round(n * edges)).max(initial=0.0) for n in tried])
     return int(tried[np.argmax(miss < _GRID.fit)] if (miss < _GRID.fit).any() else tried[miss.argmin()])
@@ -259,9 +276,9 @@ class FrictionlessSettings:
 
     #: Samples of the height of an axisymmetric indenter along its radius [-].
     radii: int = 10_001
-    #: Largest number of solutions on successively smaller grids [-].
+    #: Largest number of times that a contact is solved, on grids that shrink to its size [-].
     refinements: int = 8
-    #: Half width of the contact over that of the grid, along each axis, above which the grid is fine enough [-].
+    #: Half width of the contact over that of the grid, along each axis, above which the grid no longer shrinks [-].
     filled: float = 0.8
     #: Half width of a new grid, over the half width of the contact on the previous grid [-].
     margin: float = 1.1
@@ -277,7 +294,7 @@ class FrictionlessSettings:
     #: Without a good guess many changes of the set of cells in contact are needed, because under a stiff top layer each
     #: change removes only one ring of cells.
     coarsening: int = 3
-    #: Smallest number of cells of the coarser grid along an axis [-].
+    #: Smallest number of cells along an axis of such a coarser grid [-].
     coarsest: int = 16
     #: Half width of the square of cells to which a polynomial is fitted at the edge of the contact [cells].
     fitted: int = 2
@@ -396,7 +413,7 @@ def _enclose(
 
 
 def _clip(middle: FloatArray, half: FloatArray, first: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Clip a rectangle to the first rectangle, so that cell edges stay on the sharp edges of a tilted face.
+    """Clip a rectangle of cells to the first rectangle, so that cell edges stay on the sharp edges of a tilted face.
 
     Rectangles are given and returned as middle and half widths, shape (2,) each [m].
     """
@@ -548,7 +565,15 @@ def measure_area(pressure: FloatArray, allowed: BoolArray, cell: tuple[float, fl
 
 
 def _fit_squares(values: FloatArray, place: tuple[IntArray, IntArray]) -> FloatArray:
-    """Fit a quadratic polynomial to the 5 x 5 values around each of m places, coefficients of shape (6, m)."""
+    """Fit a quadratic polynomial of x and y to the 5 x 5 values around each of m cells.
+
+    Args:
+        values: Values on all cells, shape (rows, columns).
+        place: Row and column of each of the m cells, shape (m,) each.
+
+    Returns:
+        Coefficients of the terms of `_list_powers`, shape (6, m).
+    """
     offset = np.arange(-_SETTINGS.fitted, _SETTINGS.fitted + 1)
     rows, columns = (each.ravel() for each in np.meshgrid(offset, offset, indexing="ij"))
     around = np.array([values[place[0] + i, place[1] + j] for i, j in zip(rows, columns, strict=True)])

@@ -51,12 +51,12 @@ class Body:
 
     @property
     def pose(self) -> Pose:
-        """Position and rotation of the indenter in the frame of the array."""
+        """Pose of the indenter in the frame of the array."""
         return Pose.planar(at=self.at, yaw=self.yaw)
 
     @property
     def corners(self) -> FloatArray:
-        """Corners of the indenter's footprint in the frame of the array, shape (4, 2) [m]."""
+        """Corners of the rectangle around the indenter's footprint, in the frame of the array, shape (4, 2) [m]."""
         signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
         return np.column_stack(self.pose.to_array(*(signs * self.indenter.footprint).T))
 
@@ -152,7 +152,8 @@ def _solve(
     for index, body in enumerate(bodies):
         own = found[mover == index]
         motion[index, : len(own)] = own
-        motion[index, 0] -= motion[index, 1:] @ (body.weight_point - body.at)  # approach of the axis
+        # The approach is that of the indenter's axis, not that of the point where its weight acts.
+        motion[index, 0] -= motion[index, 1:] @ (body.weight_point - body.at)
     return np.column_stack([x[touching], y[touching], pressure[touching] * cell**2]), motion
 
 

@@ -103,13 +103,14 @@ def test_a_model_may_determine_the_poisson_ratio(monkeypatch):
         parameters={"shear_modulus": Parameter(meaning="shear modulus"), "beta": Parameter(unit="-", meaning="beta")},
         shear_modulus=lambda each: each.number("shear_modulus"),
         poisson_ratio=lambda each: each.number("beta") / (1 + 2 * each.number("beta")),
+        at_poisson_ratio=lambda each, ratio: {**each.parameters, "beta": ratio / (1 - 2 * ratio)},
     )
     monkeypatch.setattr(material, "MODELS", {**material.MODELS, "foam": foam})
     made = Material(name="foam", model="foam", parameters={"shear_modulus": 1e5, "beta": 1.0})
     assert made.poisson_ratio == pytest.approx(1 / 3)
     assert made.youngs_modulus == pytest.approx(2e5 * 4 / 3)
     moved = made.with_poisson_ratio(0.4)
-    assert (moved.poisson_ratio, moved.shear_modulus) == (0.4, 1e5)
+    assert (moved.model, moved.poisson_ratio, moved.shear_modulus) == ("foam", pytest.approx(0.4), 1e5)
     with pytest.raises(ValueError, match=r"determine poisson_ratio, 0.333333; leave it out"):
         dataclasses.replace(made, poisson_ratio=0.4)
     with pytest.raises(ValueError, match="poisson_ratio must lie in"):

@@ -13,7 +13,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-#: Exit status after Ctrl-C, as in `entry`, which is not imported here so that this module loads fast.
+#: Exit status after Ctrl-C.  It repeats `INTERRUPTED` of `validation.cli.entry`, whose import takes too long here.
 _INTERRUPTED = 130
 
 

@@ -40,20 +40,22 @@ PIPE_CLOSED = 141
 #: Errors of the operating system that are due to the text of a path: a name that is too long, a file in place of a
 #: folder or the reverse, or a cycle of links.
 _PATH_FAULTS = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP, errno.EINVAL, errno.EILSEQ}
-#: Largest number of lines in which the faults of an input are printed [-].
+#: Largest number of faults of a user's input that are printed, one line each [-].
 _MOST_LINES = 50
 #: Commands, in the order of the help page.
 _COMMANDS = (
     "demo", "derive", "press", "mesh", "view", "validate", "regress", "export", "record", "replay", "import",
     "calibrate", "emulate", "store", "materials", "datasheet", "init", "doctor",
 )  # fmt: skip
-#: Places of commands as `module:name` in the folder `commands`, for commands that are not in the module of their own
-#: name.
+#: Module and function in the folder `commands`, as `module:function`, for each command whose module or function has
+#: another name than the command.
 _PLACES = {"demo": "validate:demo", "replay": "recordings:replay", "import": "recordings:import_recording"}
 
 
 def _convert(wanted: type, tokens: Sequence[Token]) -> object:
-    """Convert the words of one option. cyclopts itself rounds 1.5 to a whole number and accepts nan silently.
+    """Convert the words of one option to its type, and refuse numbers that cyclopts would change or accept silently.
+
+    cyclopts itself rounds 1.5 to a whole number and accepts nan.
 
     Raises:
         ValueError: If an option of a count is not a whole number, or another numeric option is not finite.
@@ -182,7 +184,7 @@ def _report_interrupt() -> int:
 
 
 def _drop_output() -> None:
-    """Redirect the remaining output to the null device after the reader of the pipe, such as `head`, has ended."""
+    """Discard all further output, because the program that reads it, such as `head`, has ended or the disk is full."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):  # not a file, as in tests
@@ -233,7 +235,7 @@ def _clarify(error: Exception, words: Sequence[str]) -> Exception:
 
 
 def _command(words: Sequence[str]) -> str:
-    """Return the name of the command and a space; empty if the first word is no command."""
+    """Return the name of the command among the words of the command line, and a blank; empty if there is none."""
     return f"{words[0]} " if words and words[0] in _COMMANDS else ""
 
 

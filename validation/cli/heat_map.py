@@ -14,7 +14,7 @@ from meshes import TexelArray
 from meshes.array_types import FloatArray
 from validation.render.image import Scale, choose_ink
 
-#: Width of a texel in the text [characters].
+#: Largest width of a texel in a tactile image that is drawn as text [characters].
 CELL = 6
 #: Width of the space between two images side by side [characters].
 GAP = 3
@@ -84,7 +84,7 @@ def draw_force_images(array: TexelArray, images: Sequence[tuple[str, FloatArray]
 
 
 def draw_share_image(image: FloatArray, *, most: int = 4) -> Text:
-    """Draw an image of shares of a load in percent, cut to the neighbourhood of its largest texel.
+    """Draw an image of shares of a load in percent, cut to the texels around the one with the largest share.
 
     Args:
         image: Shares, shape (rows, columns) [-].

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from rich.live import Live
 
-#: Shortest time between two images on a terminal [s].
+#: Shortest time between two live images on a terminal [s].
 PICTURE_INTERVAL = 0.1
 #: Shortest time between two lines of text if the output is not a terminal [s].
 LINE_INTERVAL = 5.0
@@ -37,11 +37,11 @@ class LiveImage(contextlib.ExitStack):
         self._next = time.monotonic()
 
     def set_up(self, columns: int, full_scale: int) -> None:
-        """Set the number of texels in a row [-] and the number of counts of the brightest colour."""
+        """Set the number of texels in a row of the image, and the counts that have the brightest colour [counts]."""
         self._columns, self._full_scale = columns, full_scale
 
     def __enter__(self) -> Self:
-        """Start the display if standard error is a terminal."""
+        """Start to show live images if standard error is a terminal."""
         if sys.stderr.isatty() and not self._quiet:
             from rich.console import Console
             from rich.live import Live
@@ -50,7 +50,7 @@ class LiveImage(contextlib.ExitStack):
             self._live = self.enter_context(live)
         return self
 
-    #: Whether the display is open.  It is always true here, because a user can close a window but not this display.
+    #: Whether the display is still open: always, because a user can close the viewer's window, but not this display.
     is_open = True
 
     @property

@@ -33,7 +33,8 @@ Sensor = Annotated[
         help="A sensor file, a built-in sensor (wts-0614-34, sdh2-distal), or a folder that `derive --out` wrote."
     ),
 ]
-#: Text that may begin with a minus sign, so that a negative quantity is refused as a quantity and not as an option.
+#: Type of options whose text may begin with a minus sign.  A negative quantity is then refused as a quantity, and not
+#: taken for an option.
 Quantity = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 Json = Annotated[
     bool, Parameter(name="--json", help="Print one JSON object on standard output, and nothing else there.")
@@ -61,7 +62,7 @@ class Labels:
     note: Annotated[str, Parameter(help="Any other text to keep in the file.")] = ""
 
 
-#: No labels.
+#: Labels of a recording for which no option is given.
 UNLABELLED = Labels()
 
 
@@ -84,7 +85,7 @@ class CoverChanges:
     ] = ()
 
 
-#: No change of the cover.
+#: Changes of a cover for which no option is given.
 UNCHANGED = CoverChanges()
 
 

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from meshes.array_types import FloatArray
     from validation.render.table import Table
 
-#: Largest width of printed lines of text [characters].
+#: Largest width of the lines of a printed paragraph [characters].
 WIDTH = 80
-#: Shortest time between two lines of progress, without a terminal [s].
+#: Shortest time between two lines of progress if standard error is no terminal [s].
 LINE_INTERVAL = 2.0
-#: Time between two lines which say that the computation takes long [s].
+#: Time between two lines of text which state that a computation is still busy [s].
 LONG = 30.0
-#: Notes that are written when the command has succeeded.
+#: Notes for the user that are printed at the end of a command that succeeds.
 _notes: list[str] = []
 
 
@@ -43,14 +43,14 @@ def note(message: str) -> None:
 
 
 def say_notes() -> None:
-    """Write the kept messages to standard error, each once."""
+    """Write the messages that `note` kept to standard error, each once."""
     for message in dict.fromkeys(_notes):
         say(f"softcover: note: {message}")
     forget_notes()
 
 
 def forget_notes() -> None:
-    """Drop the kept messages."""
+    """Drop the messages that `note` kept, without writing them."""
     _notes.clear()
 
 
@@ -92,7 +92,10 @@ def print_json(result: Mapping[str, Any]) -> None:
 
 
 def make_console() -> Console:
-    """Return a console of rich for standard output that raises `BrokenPipeError` instead of ending the process."""
+    """Return a console of the package rich for standard output.
+
+    If the reader of the output has ended, it raises `BrokenPipeError`; rich itself would end the process.
+    """
     from rich.console import Console
 
     class Output(Console):
@@ -163,7 +166,7 @@ class Progress(contextlib.ExitStack):
         return self
 
     def _tell_long(self) -> None:
-        """Write a line at regular intervals until the computation ends."""
+        """Write a line with the current stage at regular intervals until the computation ends."""
         while not self._finished.wait(LONG):
             seconds = time.perf_counter() - self._started
             sys.stderr.write(f"[{seconds:5.1f} s] this takes long; still busy with: {self._stage}\n")
@@ -207,19 +210,19 @@ def explain_error(estimates: Iterable[float], remedy: str) -> str:
     return f"{sentence}." if worst <= GOOD_ERROR else f"{sentence}: {remedy}."
 
 
-#: Names of the quantities of error estimates for people, where they differ from those in JSON.
+#: Printed names of quantities with an error estimate, by their key in JSON, where the two differ.
 _ESTIMATED = {"peak_texel": "largest texel", "sigma": "width of the kernel"}
 
 
 def describe_errors(estimates: Mapping[str, float]) -> str:
-    """Describe error estimates by the names of their quantities in percent; NaN is none."""
+    """Describe error estimates [-] in one line, in percent and with the names of their quantities; NaN is left out."""
     known = {_ESTIMATED.get(name, name.replace("_", " ")): value for name, value in estimates.items()}
     texts = [f"{name} {100 * value:.2g} %" for name, value in known.items() if not math.isnan(value)]
     return ", ".join(texts) or "none: there is one mesh only"
 
 
 def describe_vector(force: Sequence[float] | FloatArray) -> str:
-    """Describe the net force on an array, shape (3,) [N], for the line of a live image."""
+    """Describe the net force on an array, shape (3,) [N], for the line of text below a live image."""
     return "net force ({:.2f}, {:.2f}, {:.2f}) N".format(*force)
 
 

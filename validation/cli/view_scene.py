@@ -21,17 +21,17 @@ from fastmodel.contact.interface import TexelContact
 from meshes import Indenter
 from meshes.constants import STANDARD_GRAVITY
 
-#: Time step of the simulation [s].
+#: Time step of the simulation that `softcover view` shows [s].
 TIMESTEP = 1e-3
 #: Gap between indenter and array at the start [m].
 GAP = 2e-3
 #: Speed at which the indenter comes down through the gap [m/s].
 FALLING_SPEED = 5e-3
-#: Time at which sliding begins [s].
+#: Simulated time at which the indenter begins to slide [s].
 SLIDE_START = 1.0
-#: Duration of the motion from the array's centre out to the circle [s].
+#: Time in which the sliding indenter moves from the array's centre out to its circle [s].
 RAMP_TIME = 1.0
-#: Duration of one revolution on the circle [s].
+#: Time of one revolution of the indenter on its circle [s].
 REVOLUTION_TIME = 4.0
 #: Radius of the circle on which the indenter slides, over the array's shorter side [-].
 RADIUS_FRACTION = 0.2
@@ -88,12 +88,12 @@ class Scene:
 
     @property
     def position(self) -> tuple[float, float]:
-        """Position of the indenter's axis in the array's frame [m]."""
+        """Position (x, y) of the indenter's axis in the array's frame [m]."""
         return float(self.data.qpos[1]), float(self.data.qpos[2])
 
     @property
     def texel_forces(self) -> npt.NDArray[np.float64]:
-        """Forces on the n texels in the latest frame, shape (n,) [N]."""
+        """Forces on the n texels in the latest frame of the sensor, shape (n,) [N]."""
         return np.asarray(self.sensor.frame().texel_forces)
 
     def run(self, seconds: float = math.inf) -> Iterator[float]:

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 DRAW_INTERVAL = 1 / 30
 #: Distance of the tactile image from the window's corner [pixels].
 MARGIN = 10
-#: Largest edge of the tactile image [pixels].
+#: Largest edge of the tactile image in the window [pixels].
 IMAGE_HEIGHT = 420
-#: Azimuth of the camera [degrees]; the x axis points to the right, as in the tactile image.
+#: Azimuth of the viewer's camera [degrees]; the x axis points to the right, as in the tactile image.
 AZIMUTH = 90.0
-#: Elevation of the camera [degrees]; negative looks down.
+#: Elevation of the viewer's camera [degrees]; negative, so that it looks down.
 ELEVATION = -40.0
 #: Distance of the camera from the array, over the array's longer side [-].
 CAMERA_DISTANCE = 2.5
@@ -74,7 +74,7 @@ class Window(contextlib.ExitStack):
         self._next = time.monotonic()
 
     def __enter__(self) -> Self:
-        """Open the window."""
+        """Open the window of the viewer and place its camera."""
         from mujoco import viewer
 
         others = set(threading.enumerate())

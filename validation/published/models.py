@@ -139,22 +139,25 @@ class ComparisonModels:
     response: TexelResponse
 
     def check_unseen(self, cases: Sequence[Case]) -> None:
-        """Check that no row was fitted to one of the cases.
+        """Check that no row was fitted to one of the cases that are scored.
+
+        On a wide cover one indenter has the same contact at every pose.  It must therefore not be both fitted and
+        scored, at any pose.
 
         Raises:
             ValueError: If a row was fitted to a press by the indenter of a case.
         """
-        for row in self.rows:
-            check_disjoint(row.cases, cases)
+        fitted = [case.indenter for row in self.rows for case in row.cases]
+        for case in cases:
+            if case.indenter in fitted:
+                raise ValueError(f"{case.name} ({case.shape}) must not be scored: models were fitted to this indenter")
 
     def predict(self, cover: Cover, parameters: Parameters, case: Case) -> tuple[Scene, dict[str, Forces]]:
         """Make the scene of a case, and predict its forces by every row.
 
         Raises:
-            ValueError: If a row was fitted to a press by the case's indenter.
             FastModelError: If the texels do not carry the load in MuJoCo.
         """
-        self.check_unseen([case])
         scene = make_scene(cover, parameters, case, self.response)
         return scene, {row.name: row.predict(scene) for row in self.rows}
 
@@ -208,20 +211,6 @@ def choose_calibration(array: TexelArray, cases: Sequence[Case]) -> list[Case]:
         if all(case.indenter != scored.indenter for scored in cases):
             chosen.append(Case(name=name, indenter=case.indenter, shape=shape, load=case.load, pose=Pose.planar(at=at)))
     return chosen
-
-
-def check_disjoint(fitted: Sequence[Case], scored: Sequence[Case]) -> None:
-    """Check that no case is both fitted and scored.
-
-    On a wide cover one indenter has the same contact at every pose.  It must therefore not be both fitted and scored,
-    at any pose.
-
-    Raises:
-        ValueError: If an indenter is both fitted and scored.
-    """
-    for case in scored:
-        if any(case.indenter == other.indenter for other in fitted):
-            raise ValueError(f"{case.name} ({case.shape}) must not be scored: models were fitted to this indenter")
 
 
 def make_rows(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -> list[Row]:

@@ -17,25 +17,25 @@ from meshes import TexelArray
 from meshes.array_types import FloatArray
 from validation.places import find_middle
 
-#: Longest edge of the drawing [units of the drawing].
+#: Longest edge of the drawing of a tactile image, in units of its view box.
 _SIZE = 200.0
-#: Margin of the drawing [units of the drawing].
+#: Margin around the texels in the drawing of a tactile image, in units of its view box.
 _MARGIN = 2.0
-#: Largest width of the drawing on the page [px]; three drawings stand side by side.
+#: Largest width of a tactile image on the page [px]; three images stand side by side.
 _WIDEST = 190.0
-#: Largest height of the drawing on the page [px].
+#: Largest height of a tactile image on the page [px].
 _HIGHEST = 370.0
 #: Edge of the square that represents a texel, over the smallest distance between two texels [-].
 _EDGE = 0.94
-#: Font size of the printed value over the edge of the square [-].
+#: Font size of the value printed in a texel, over the edge of the square that represents the texel [-].
 _SHARE = 0.36
-#: Largest number of characters of a printed value [-].
+#: Largest number of characters of the value printed in a texel [-].
 _LONGEST = 5
-#: Colours of forces from zero to the peak, with increasing lightness.
+#: Colours of forces at equal steps from zero to the largest force, with increasing lightness.
 _FORCE = ("#1b1340", "#3b2f74", "#3f5a94", "#36839a", "#3aa78d", "#79c66a", "#c9dd4b", "#fdf3a1")
-#: Colours of differences from the negative to the positive peak, white at zero.
+#: Colours of differences of forces at equal steps from the most negative to the most positive one, white at zero.
 _DIFFERENCE = ("#0b4f8a", "#3f8cc4", "#a3cfe6", "#ffffff", "#f6b89b", "#d9604c", "#97142a")
-#: Colour of masked texels.
+#: Colour of texels that do not measure.
 _MASKED = "#e6e6ea"
 
 
@@ -57,11 +57,11 @@ class Scale:
 
     @property
     def colours(self) -> tuple[str, ...]:
-        """Colours at equal steps from the lowest to the highest value of the scale."""
+        """Colours `#rrggbb` of the scale, at equal steps from its lowest to its highest value."""
         return _DIFFERENCE if self.difference else _FORCE
 
     def rgb(self, values: npt.ArrayLike) -> npt.NDArray[np.uint8]:
-        """Return red, green and blue of values of any shape, each 0..255, shape (..., 3)."""
+        """Return the colours of values of any shape as red, green and blue, each 0..255, shape (..., 3)."""
         share = np.asarray(values, dtype=np.float64) / self.peak if self.peak > 0 else np.zeros(np.shape(values))
         place = 0.5 + share / 2 if self.difference else share
         steps = np.linspace(0, 1, len(self.colours))
@@ -70,7 +70,7 @@ class Scale:
         return np.asarray(np.rint(levels), dtype=np.uint8)
 
     def colour(self, value: float) -> str:
-        """Return the colour of a value, as `#rrggbb`."""
+        """Return the colour of one value of the scale as text, `#rrggbb`."""
         return "#" + self.rgb(value).tobytes().hex()
 
 
@@ -207,7 +207,7 @@ def shorten(value: float) -> str:
     return f"{value:.0e}"
 
 
-#: Luminance at which black and white text have the same contrast to the ground (WCAG 2, relative luminance) [-].
+#: Relative luminance of a ground on which black text has the same contrast as white text (by WCAG 2) [-].
 _MIDDLE = 0.179
 
 

@@ -42,7 +42,7 @@ class Cell:
 
 
 class Table:
-    """A table.  The first column names the row.
+    """A table of results; the first column names the row.
 
     Args:
         headings: Headings of the columns, with units; empty for a list of names and values.
@@ -65,7 +65,7 @@ class Table:
         self.rows = [[cell if isinstance(cell, Cell) else Cell(text=cell) for cell in row] for row in rows]
 
     def to_csv(self) -> str:
-        """Return the table as CSV: numbers in the units of `report.json`, else the printed text."""
+        """Return the table as CSV: numbers unrounded and in SI units as in `report.json`, other cells as printed."""
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(self.headings)
@@ -73,7 +73,7 @@ class Table:
         return out.getvalue()
 
     def to_rich(self, *, lines: bool = True) -> RichTable:
-        """Return the table for a terminal; small lines stand in brackets behind the text.
+        """Return the table for a terminal; the smaller second line of a cell stands in brackets behind its first line.
 
         Args:
             lines: Whether vertical lines separate the columns; without them a wide table fits a narrow terminal.
@@ -100,7 +100,7 @@ class Table:
 
 
 def tabulate(name: str, caption: str, results: Iterable[Result], shown: type[Result], fields: Sequence[str]) -> Table:
-    """Make a table with one row for each result, as the columns of its fields say.
+    """Make a table with one row for each result; the `Column` of a field defines how the field is printed.
 
     Args:
         name: Identifier of the table.
@@ -122,7 +122,7 @@ def tabulate(name: str, caption: str, results: Iterable[Result], shown: type[Res
 
 
 def tabulate_facts(name: str, caption: str, result: Result) -> Table:
-    """Make a table of two columns, quantity and value, of all columns of a result and of the results within it.
+    """Make a table of two columns, quantity and value, of all fields with a `Column` of a result and of results in it.
 
     A field without a value has no row; a mapping has a row for each of its entries.
 
@@ -196,7 +196,7 @@ def number(
 
 
 def interval(pooled: Pooled, column: Column) -> Cell:
-    """Make the cell of a mean, with its interval on a second line."""
+    """Make the cell of a mean over cases, with its confidence interval on a second, smaller line."""
     if math.isnan(pooled.mean):
         return Cell(text=DASH)
     ends = f"{column.text(pooled.low)} to {column.text(pooled.high)}"

@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger(__name__)
 
-#: Largest number of cases with a picture [-]; each picture takes a second or two.
+#: Largest number of cases with a picture in three dimensions [-], because each picture takes a second or two.
 _MOST_PICTURES = 24
 #: Colour of each scored model in the figures.
 _COLOURS = {"fast": "#2b6cb0", "area": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
 _COLOURS |= {"gaussian": _COLOURS["area"], "rigid": _COLOURS["boxes"]}
-#: Function that draws a plot.
+#: Function that draws a plot into the axes of a figure.
 Draw = Callable[["Axes"], None]
 
 
@@ -67,20 +67,23 @@ def render_svg(draw: Draw) -> str:
         metadata = dict.fromkeys(("Creator", "Date", "Format", "Type"))
         figure.savefig(out, format="svg", transparent=True, metadata=metadata)
     _, start, rest = out.getvalue().partition("<svg")
-    # A page holds several plots, so that names of groups would not be unique.
+    # Names of groups are removed, because they would not be unique on a page with several plots.
     return re.sub(r'<g id="[^"]*"', "<g", start + rest).replace("#000000", "currentColor")
 
 
 @singledispatch
 def plot_responses(derivation: object) -> dict[str, tuple[str, Draw]]:
-    """Return caption and plot by name for a derivation; a new kind of cover has none at first."""
+    """Return the plots of a derivation, each a caption and a function that draws it, by name.
+
+    A kind of cover without a registered function has no plots.
+    """
     del derivation
     return {}
 
 
 @plot_responses.register(LayeredDerivation)
 def _(derivation: LayeredDerivation) -> dict[str, tuple[str, Draw]]:
-    """Plot the forces on a column of texels and, of a wide cover, the pressure under a point load."""
+    """Plot the forces on a column of texels under planar layers; of a wide cover also the pressure of a point load."""
     from fem_reference.closed_form import point_response
 
     sensor, spread, sigma = derivation.sensor, derivation.point_spread, derivation.sigma
@@ -131,7 +134,11 @@ def draw_campaign(campaign: CampaignResult, axes: Axes) -> None:
 
 
 def find_outline(array: TexelArray, result: CaseResult) -> FloatArray | None:
-    """Return the convex hull (x, y) of the contact area of the reference, for images of planar arrays [m]."""
+    """Return the convex hull of the contact area of the reference in one case, to be drawn over its tactile image.
+
+    Returns:
+        Corners (x, y) in the array's frame, shape (m, 2) [m]; None for an array that is not planar.
+    """
     from scipy.spatial import ConvexHull, QhullError
 
     if not array.planar:
@@ -157,7 +164,7 @@ def draw_cases(derivation: object, evaluation: Evaluation, folder: Path) -> Pict
 
 @draw_cases.register(SolidDerivation)
 def _(derivation: SolidDerivation, evaluation: Evaluation, folder: Path) -> Pictures:
-    """Draw contact pressure, section, and forces on the texels."""
+    """Draw the cases of a solid cover: contact pressure, section, and forces on the texels."""
     from validation.scene.cover_scene import show_indentation
     from validation.scene.rendering import RenderingError
 
@@ -207,14 +214,17 @@ def write_derivation(derivation: Derivation, folder: Path, picture: str = "png")
 
 @singledispatch
 def draw_derivation(derivation: object, folder: Path, picture: str) -> tuple[str, ...]:
-    """Write pictures and further files of a kind of cover; return their names.  A new kind has none at first."""
+    """Write pictures and further files of a derivation, and return their names.
+
+    A kind of cover without a registered function has none.
+    """
     del derivation, folder, picture
     return ()
 
 
 @draw_derivation.register(SolidDerivation)
 def _(derivation: SolidDerivation, folder: Path, picture: str) -> tuple[str, ...]:
-    """Write the mesh, `responses.npz`, and pictures where possible.
+    """Write the mesh of a solid cover, `responses.npz`, and pictures where this machine can draw.
 
     `responses.npz` holds the nodes of the top and the force on each texel per unit force vector on each node.
     """
@@ -234,7 +244,7 @@ def _(derivation: SolidDerivation, folder: Path, picture: str) -> tuple[str, ...
 
 @draw_derivation.register(LayeredDerivation)
 def _(derivation: LayeredDerivation, folder: Path, picture: str) -> tuple[str, ...]:
-    """Draw the spread of a load as `psf.png` or `psf.svg`, if matplotlib is installed."""
+    """Draw the spread of a load under planar layers as `psf.png` or `psf.svg`, if matplotlib is installed."""
     try:
         return (_plot(derivation, folder / f"psf.{picture}"),)
     except ImportError:
@@ -243,7 +253,7 @@ def _(derivation: LayeredDerivation, folder: Path, picture: str) -> tuple[str, .
 
 
 def _plot(derivation: LayeredDerivation, path: Path) -> str:
-    """Draw the plots of the responses, and the image of the forces under a uniform load on one texel, row 0 below.
+    """Draw the plots of a derivation for planar layers, and the image of the forces under a uniform load on one texel.
 
     Returns:
         The name of the file.

@@ -17,12 +17,12 @@ from validation.output_folder import write_text
 _RUBBER_STRAIN = (-0.5, 1.0)
 #: Smallest and largest strain at which the curve of a linear elastic material is drawn [-].
 _ELASTIC_STRAIN = (-0.3, 0.3)
-#: Number of points of a curve [-].
+#: Number of points of a stress-strain curve [-].
 _POINTS = 301
 
 
 def trace_stress(material: Material) -> tuple[FloatArray, FloatArray]:
-    """Compute the curve of nominal stress over strain in uniaxial tension and compression.
+    """Compute the curve of nominal stress over strain of a material in uniaxial tension and compression.
 
     Returns:
         Strains, ascending, shape (k,) [-], and nominal stresses (force over undeformed area), shape (k,) [Pa].

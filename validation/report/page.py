@@ -54,7 +54,7 @@ _SHOWN = (FAST, f"{FAST}, texel gains", "reference, texel gains")
 
 
 def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
-    """Return all variables that the template of the page uses, by name.
+    """Return all variables that the template of the report's page uses, by name.
 
     Args:
         evaluation: The results to show.
@@ -71,7 +71,7 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         "verdict": evaluation.verdict,
         "plan": evaluation.plan,
         "evidence": evidence,
-        # The template shows nothing for a section without a note or table.
+        # A missing note or table has an empty value, for which the template shows nothing.
         "notes": defaultdict(str, evidence.notes),
         "tables": defaultdict(lambda: None, list_tables(evaluation)),
         "calibration": describe_calibration(derivation.parameters.electronics),
@@ -187,7 +187,7 @@ def _show_splits(scores: RecordingScores, array: TexelArray) -> list[dict[str, A
 
 
 def _draw_example(example: RecordingExample, array: TexelArray, names: tuple[str, ...]) -> dict[str, Any]:
-    """Draw the recorded image, and those of the named models with their differences from it, in grey levels."""
+    """Draw a recorded tactile image, the images of the named models, and their differences from it, in grey levels."""
     recorded = example.recorded.astype(np.float64).ravel()
     shown = {name: example.predicted[name].astype(np.float64).ravel() for name in names if name in example.predicted}
     peak = max(float(each.max()) for each in (recorded, *shown.values()))
@@ -200,12 +200,12 @@ def _draw_example(example: RecordingExample, array: TexelArray, names: tuple[str
     return {"images": images, "bars": colour_bar(grey) + colour_bar(apart)}
 
 
-#: Words for the status of a requirement.
+#: Printed words for the status of a requirement of the acceptance criterion.
 _STATUS = {"met": "met", "missed": "missed", "open": "not decided"}
 #: Printed words for two kinds of rows in the table of recordings that are no models of the sensor: null models, such as
 #: an image without force, and the difference between repeated recordings.
 _KINDS = {"null": "null", "floor": "repeatability"}
-#: Printed form of each range of the validated domain.
+#: Printed form of the ranges of the validated domain, by name of the quantity.
 _RANGES = {
     "load_N": Column(heading="load", unit="N"),
     "depth_over_thickness": Column(
@@ -217,9 +217,9 @@ _RANGES = {
     ),
     "share_outside_array": Column(heading="share of the load that acts outside the array", unit="%", factor=100),
 }
-#: Factor and printed unit of an input, by the unit in its name.
+#: Factor to the printed unit of an uncertain input, and the printed unit, by the unit in the name of the input.
 _INPUT_UNITS = {"relative": (100.0, " %"), "m": (1e3, " mm"), "rad": (math.degrees(1), "\u00b0"), "-": (1.0, "")}
-#: Metrics of the table of published models.
+#: Metrics in the table that compares published models with the fast model.
 _COMPARED = (*SKILL_METRICS, "centre_of_pressure_m")
 
 
@@ -408,7 +408,7 @@ def _list_fitted(row: RowScores) -> str:
 
 
 def describe_comparison(campaign: CampaignResult) -> dict[str, Any]:
-    """Name the presses of the fit, the models at least as good as the fast model, and what is not implemented.
+    """Describe the comparison with published models: presses of their fit, models as good, and parts left out.
 
     A model counts as equally good if the interval of the fast model's skill against it includes zero.
     """
@@ -474,7 +474,13 @@ def _tabulate_groups(evidence: Evidence) -> Table:
 
 
 def tabulate_recordings(split: str, rows: Sequence[RecordingRow], null: str) -> Table:
-    """Tabulate the models on the scored recordings of a split, with their skill against the best null model."""
+    """Tabulate the scores of the models on the recordings of one split.
+
+    Args:
+        split: Name of the division of the recordings into fitted and scored ones.
+        rows: Scores of the models in this split.
+        null: Name of the best null model, against which the skill of the models is stated.
+    """
     shown, skill = columns(CountScore), Column(heading="skill", decimals=2)
     return Table(
         name=f"recordings-{split.replace(' ', '-')}",
@@ -494,7 +500,7 @@ def tabulate_recordings(split: str, rows: Sequence[RecordingRow], null: str) -> 
 
 
 def list_inputs(evidence: Evidence) -> list[str]:
-    """Describe the standard uncertainties of the inputs of the first case."""
+    """Describe the standard uncertainties of the inputs, which are those of the first case, in one text each."""
     out = []
     for name, value in next((each.uncertainties for each in evidence.inputs.values()), {}).items():
         what, _, unit = name.removesuffix("]").partition(" [")
@@ -508,7 +514,7 @@ def list_inputs(evidence: Evidence) -> list[str]:
 
 
 def name_limits(evidence: Evidence) -> dict[str, Any]:
-    """Return the errors of the fast model by cause.
+    """Return what limits the fast model: its errors by cause, for a sentence on the page.
 
     Returns:
         `stage` is the name of the stage with the largest mean error; `error` is this error [%]; `hidden` is the mean

@@ -61,11 +61,11 @@ class Column:
 
     @property
     def title(self) -> str:
-        """Heading with the unit in brackets."""
+        """Heading of the column with its unit in brackets."""
         return f"{self.heading} [{self.unit}]" if self.unit else self.heading
 
     def text(self, value: float | None) -> str:
-        """Format a value without its unit; a dash if it is None or NaN."""
+        """Format a value of the quantity in the printed unit, without the unit; a dash if it is None or NaN."""
         if value is None or math.isnan(value):
             return DASH
         scaled = self.factor * value
@@ -73,7 +73,7 @@ class Column:
 
 
 def format_digits(value: float, digits: int) -> str:
-    """Format a number with significant digits, without exponent from 1e-4 to 1e6."""
+    """Format a number with the given number of significant digits, without exponent if it lies from 1e-4 to 1e6."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "inf"
     if not 1e-4 <= abs(value) < 1e6:  # noqa: PLR2004 -- as the docstring says
@@ -82,7 +82,7 @@ def format_digits(value: float, digits: int) -> str:
 
 
 class _Array:
-    """Schema of numpy arrays: lists are converted, null becomes NaN."""
+    """Annotation by which pydantic reads a numpy array from nested lists; null becomes NaN."""
 
     def __init__(self, dtype: npt.DTypeLike) -> None:
         self._dtype = dtype
@@ -92,7 +92,7 @@ class _Array:
 
 
 class Unread:
-    """Schema of an object that is kept unchanged, and is neither written nor read."""
+    """Annotation of a field that pydantic keeps unchanged, and that is neither written nor read."""
 
     def __get_pydantic_core_schema__(  # noqa: D105 -- as pydantic names it
         self, source: object, handler: GetCoreSchemaHandler
@@ -113,7 +113,7 @@ Bound = Annotated[float, BeforeValidator(lambda value: math.inf if value is None
 
 
 def renamed(key: str) -> Any:  # noqa: ANN401 -- as `pydantic.Field`
-    """Return the description of a required field with another name in JSON.
+    """Return the description of a required field whose key in JSON differs from its name.
 
     Args:
         key: Name in JSON.
@@ -127,9 +127,10 @@ class Result:
     Subclasses are decorated with `result_model`.
     """
 
-    #: Properties that are written in addition to the fields, as pairs of key in JSON and name.  They are not read.
+    #: Properties that are written to JSON in addition to the fields, as pairs (key in JSON, name of the property).
+    #: They are not read again.
     computed: ClassVar[tuple[tuple[str, str], ...]] = ()
-    #: Columns of properties, by name.
+    #: Printed form in tables of the properties of the class, by name of the property.
     printed: ClassVar[Mapping[str, Column]] = {}
 
     def as_json(self) -> dict[str, Any]:
@@ -150,30 +151,30 @@ class Result:
         return cast("Self", _adapter(cast("Hashable", cls)).validate_python(dict(values)))
 
     def __eq__(self, other: object) -> bool:
-        """Whether two results of one type write the same JSON."""
+        """Return whether both results have the same type and the same JSON values."""
         return type(self) is type(other) and isinstance(other, Result) and self.as_json() == other.as_json()
 
     def __hash__(self) -> int:
-        """Hash of the type only, because results hold arrays; it is equal for equal results."""
+        """Return the hash of the type, which is equal for equal results; arrays in a result have no hash."""
         return hash(type(self))
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, eq_default=False, field_specifiers=(Field, renamed))
 def result_model(cls: type[T]) -> type[T]:
-    """Make a class a result: a frozen keyword-only dataclass whose fields are checked."""
+    """Decorate a class as a `Result`: a frozen, keyword-only dataclass whose fields pydantic checks."""
     config = ConfigDict(extra="ignore", populate_by_name=True)
     made: Any = dataclass(frozen=True, kw_only=True, eq=False, config=config)(cls)
     return cast("type[T]", made)
 
 
 def columns(cls: type[Result]) -> dict[str, Column]:
-    """Return the columns of a result's fields and properties that have one, by name."""
+    """Return the printed forms (`Column`) of the fields and properties of a type of results, by name."""
     found = {name: info.metadata for name, info in _fields(cls).items()}
     fields = {name: column for name, metadata in found.items() for column in metadata if isinstance(column, Column)}
     return {**fields, **cls.printed}
 
 
-#: Nested value in its JSON form.
+#: A dictionary of JSON values; other values are converted when it is made.
 JsonObject = Annotated[Mapping[str, Any], BeforeValidator(to_json_values)]
 
 

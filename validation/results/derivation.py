@@ -12,7 +12,7 @@ from validation.results import Array, Column, JsonObject, Number, Result, result
 
 @result_model
 class Kernel(Result):
-    """Gaussian kernel fitted to the force on texels under uniform pressure over one texel.
+    """Gaussian kernel of a flat cover, fitted to the forces on texels under a uniform pressure over one texel.
 
     Attributes:
         sigma_x, sigma_y: Standard deviations [pitches].
@@ -35,7 +35,7 @@ class Kernel(Result):
 
 @result_model
 class SurfaceKernel(Result):
-    """Gaussian in surface coordinates, fitted to the responses to uniform loads on all texels.
+    """Gaussian of a curved cover in coordinates of its surface, fitted to the responses to uniform loads on all texels.
 
     Attributes:
         sigma_m: Standard deviations along the two axes of the surface [m].
@@ -142,7 +142,7 @@ class Responses(Result):
 
     @property
     def own_share(self) -> tuple[float, float] | None:
-        """Least and largest share of a point force above a texel that the texel measures, over the active texels."""
+        """Share of a point force above a texel that this texel measures: least and largest over active texels [-]."""
         if self.texels is None:
             return None
         shares = np.diag(self.texel_response)[np.asarray(self.texels["active"], dtype=bool)]
@@ -150,12 +150,12 @@ class Responses(Result):
 
     @property
     def sigma_by_thickness(self) -> float | None:
-        """Derivative of sigma with respect to thickness [pitches/m]."""
+        """Derivative of the kernel's standard deviation with respect to the thickness of the cover [pitches/m]."""
         return (self.sensitivity or {}).get("thickness")
 
     @property
     def sigma_by_poisson_ratio(self) -> float | None:
-        """Derivative of sigma with respect to Poisson ratio [pitches]."""
+        """Derivative of the kernel's standard deviation with respect to Poisson's ratio of the cover [pitches]."""
         return (self.sensitivity or {}).get("poisson_ratio")
 
     @property

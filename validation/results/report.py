@@ -15,7 +15,7 @@ from validation.errors import InputError
 from validation.results import JsonObject, Number, Result, result_model
 from validation.results.derivation import Responses
 
-#: Largest accepted size of a report [bytes].
+#: Largest accepted size of a file `report.json` [bytes].
 _MOST_BYTES = 2**28
 
 
@@ -54,10 +54,10 @@ class Report(Result):
 
 
 def read_report(path: Path | str) -> Report:
-    """Read a `report.json`.
+    """Read the results of `validate` from a report.
 
     Args:
-        path: Path of the file.
+        path: The report's `report.json`, or the folder that holds it.
 
     Returns:
         The report, equal to the report that was written.
@@ -66,8 +66,9 @@ def read_report(path: Path | str) -> Report:
         InputError: If the file is no report; one line per fault, with its place.
         OSError: If the file cannot be read.
     """
+    path = Path(path) / "report.json" if Path(path).is_dir() else Path(path)
     try:
-        return Report.from_json(parse_json(read_bytes(Path(path), most=_MOST_BYTES)))
+        return Report.from_json(parse_json(read_bytes(path, most=_MOST_BYTES)))
     except FileLimitError as error:
         raise InputError(f"{path}: {error}") from None
     except ValidationError as error:

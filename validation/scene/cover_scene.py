@@ -14,18 +14,19 @@ from meshes.solids.solid_mesh import SolidMesh
 
 @dataclass(frozen=True, kw_only=True)
 class _Numbers:
-    """Constants of the scenes; chosen for good visibility."""
+    """Constants of the pictures of covers; chosen for good visibility."""
 
     #: Number of steps in which half a turn of an axisymmetric solution is drawn [-].
     turn: int = 48
-    #: Distance from the contact to which a wide cover is drawn, over its thickness [-].
+    #: Distance from the contact up to which a wide cover is drawn, over the thickness of the cover [-].
     surroundings: float = 4.0
     #: Largest stress of one layer, over that of another layer, above which the colour scale is logarithmic [-].
     uneven: float = 20.0
 
 
 _NUMBERS = _Numbers()
-#: Corners of the 8 parts of a hexahedron of 27 nodes, in the order of VTK, shape (8, 8).
+#: Nodes at the corners of the 8 small hexahedra into which a hexahedron of 27 nodes is split, in the order of VTK,
+#: shape (8, 8).
 _PARTS = np.array(
     [
         [i + x + 3 * (j + y) + 9 * (k + z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
@@ -127,7 +128,7 @@ def show_indentation(
 
 
 def _show_solid(found: Indentation, texels: TexelArray, direction: FloatArray, title: str) -> CoverScene:
-    """Prepare the picture of an indentation of a solid."""
+    """Prepare the picture of an indentation of a solid cover."""
     from fem_reference.curved_cover.responses import find_top
     from meshes.solids.facets import area_vectors, split_facet
     from meshes.solids.solid_mesh import compute_volume, measure_area
@@ -163,7 +164,7 @@ def _show_solid(found: Indentation, texels: TexelArray, direction: FloatArray, t
 
 
 def show_mesh(mesh: SolidMesh, texels: TexelArray | None = None, *, title: str = "") -> CoverScene:
-    """Prepare the picture of a mesh without load.
+    """Prepare the picture of the mesh of a cover without load.
 
     Args:
         mesh: Mesh of a cover.
@@ -183,7 +184,10 @@ def show_mesh(mesh: SolidMesh, texels: TexelArray | None = None, *, title: str =
 
 
 def split_cells(mesh: SolidMesh) -> IntArray:
-    """Return the elements of a mesh for VTK: each hexahedron of 27 nodes as 8 of 8 nodes; tetrahedra unchanged."""
+    """Return the elements of a mesh for VTK.
+
+    A hexahedron of 27 nodes is split into 8 hexahedra of 8 nodes; tetrahedra are unchanged.
+    """
     return np.asarray(mesh.cells[:, _PARTS].reshape(-1, 8)) if mesh.is_hexahedral else mesh.cells
 
 
@@ -211,14 +215,14 @@ def average_pressure(facets: IntArray, forces: FloatArray, areas: FloatArray) ->
 
 
 def _is_uneven(fields: CoverFields) -> bool:
-    """Return whether the largest stresses of the layers differ too much for a linear scale of colours."""
+    """Return whether the largest stresses of a cover's layers differ too much for a linear scale of colours."""
     stress = fields.von_mises
     largest = [stress[np.unique(fields.cells[fields.layer == layer])].max() for layer in np.unique(fields.layer)]
     return bool(max(largest) > _NUMBERS.uneven * min(largest))
 
 
 def _revolve(fields: CoverFields) -> CoverFields:
-    """Revolve an axisymmetric solution by a full turn about its axis, to hexahedra."""
+    """Revolve the fields of an axisymmetric solution by a full turn about its axis, and return them on hexahedra."""
     axis = fields.position[np.argmin(fields.position[:, 0])] * [1.0, 1.0, 0.0]
     angles = np.linspace(0.0, 2 * np.pi, 2 * _NUMBERS.turn + 1)
     c, s, zero = np.cos(angles), np.sin(angles), np.zeros_like(angles)

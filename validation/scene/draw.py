@@ -25,37 +25,37 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class _Style:
-    """Sizes and colours of the pictures; chosen for good visibility."""
+    """Sizes and colours of the pictures of covers; chosen for good visibility."""
 
     #: Width of one view [pixels].
     width: int = 800
     #: Height of the picture [pixels].
     height: int = 820
-    #: Colours of the pressure on the surface.
+    #: Name of the colour map of the pressure on the surface of a cover.
     pressure_map: str = "YlGnBu"
-    #: Colours of the values in the section.
+    #: Name of the colour map of the values in the section through a cover.
     stress_map: str = "YlOrRd"
-    #: Colours of texel forces.
+    #: Name of the colour map of the forces on texels.
     force_map: str = "viridis"
-    #: Colour of surfaces without values.
+    #: Colour of surfaces that have no values.
     plain: str = "#b9c4cf"
-    #: Quantile of the values that has the last colour [-]; larger values have the same colour.  Stresses are infinite
-    #: at sharp edges.
+    #: Quantile of the values of a surface that has the last colour of the scale [-].  Larger values have the same
+    #: colour, because stresses are infinite at sharp edges.
     highest: float = 0.999
-    #: Smallest value over the largest one on a logarithmic scale of colours [-].
+    #: Smallest value on a logarithmic scale of colours, over the largest value [-].
     decades: float = 1e-4
-    #: Largest number of intervals of a ruled edge [-].
+    #: Largest number of intervals into which the marks on an edge of the ruled box divide the edge [-].
     intervals: int = 8
-    #: Accepted lengths of an interval of a ruled edge, up to a factor of a power of ten [-].
+    #: Accepted distances of two marks on an edge of the ruled box, up to a factor of a power of ten [-].
     steps: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)
-    #: Largest length by which the cover may extend beyond the end of a ruled edge, over the length of an interval [-].
+    #: Largest length by which a cover may reach out of the ruled box, over the distance of two marks on its edge [-].
     slack: float = 0.1
-    #: Factors by which displacements can be enlarged [-].  The largest factor is used for which no displacement exceeds
-    #: `most_moved`.
+    #: Factors by which displacements can be enlarged in a picture [-].  The largest factor is used for which no drawn
+    #: displacement exceeds `most_moved`.
     factors: tuple[int, ...] = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-    #: Largest displacement in the picture, over the thickness [-].
+    #: Largest drawn displacement, over the thickness of the cover [-].
     most_moved: float = 0.35
-    #: Fraction of ambient light [-].  Colours on faces in the shade must be readable.
+    #: Fraction of ambient light [-], so large that colours on faces in the shade are readable.
     ambient: float = 0.5
     #: Height of the bar of the largest texel force, over the largest edge of the array [-].
     bar: float = 0.3
@@ -180,7 +180,7 @@ def make_bars(scene: CoverScene, length: float) -> Any:
 
 
 def _draw_surface(plotter: Any, scene: CoverScene) -> None:
-    """Draw the deformed surface."""
+    """Draw the first view of a cover: its deformed surface, with an arrow along the load."""
     factor = _find_factor(scene)
     grid = _crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES)
     surface = _add_coloured(plotter, grid, scene, "surface", _STYLE.pressure_map)
@@ -197,7 +197,7 @@ def _draw_surface(plotter: Any, scene: CoverScene) -> None:
 
 
 def _draw_section(plotter: Any, scene: CoverScene) -> None:
-    """Draw the half of the deformed cover behind a plane through the contact."""
+    """Draw the second view of a cover: the half of the deformed body behind a plane through the contact."""
     origin, normal = _find_section(scene)
     grid = _crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES)
     half = grid.clip(normal=normal, origin=_MILLIMETRES * origin)
@@ -207,7 +207,7 @@ def _draw_section(plotter: Any, scene: CoverScene) -> None:
 
 
 def _draw_texels(plotter: Any, scene: CoverScene) -> None:
-    """Draw the forces on the texels as bars."""
+    """Draw the third view of a cover: the forces on its texels as bars."""
     bars = make_bars(scene, _MILLIMETRES)
     if scene.texel_forces is None:
         plotter.add_mesh(bars, color="#3a7ca5", show_edges=True)
@@ -284,7 +284,7 @@ def _round_edge(low: float, high: float) -> tuple[float, float, int]:
 
 
 def _find_view(scene: CoverScene) -> FloatArray:
-    """Return the unit vector from the middle of the scene to the camera."""
+    """Return the unit vector from the middle of the scene to the camera, shape (3,) [-]."""
     if not _is_round(scene):
         return np.asarray(_VIEW / np.linalg.norm(_VIEW))
     view = _VIEW_ROUND / np.linalg.norm(_VIEW_ROUND)
@@ -294,12 +294,12 @@ def _find_view(scene: CoverScene) -> FloatArray:
 
 
 def _is_round(scene: CoverScene) -> bool:
-    """Return whether the texels face in several directions."""
+    """Return whether the texels of a scene face in several directions."""
     return scene.texels is not None and not scene.texels.planar
 
 
 def _find_section(scene: CoverScene) -> tuple[FloatArray, FloatArray]:
-    """Return a point of the section and its normal, towards the half that is cut away."""
+    """Return a point of the cutting plane of the section [m], and its unit normal towards the half cut away [-]."""
     up = np.array([0.0, 0.0, 1.0]) if scene.touched is None else -scene.direction
     middle = (scene.position.min(axis=0) + scene.position.max(axis=0)) / 2
     view = _find_view(scene)
@@ -311,7 +311,7 @@ def _find_section(scene: CoverScene) -> tuple[FloatArray, FloatArray]:
 
 
 def _crop(grid: Any, scene: CoverScene, length: float) -> Any:
-    """Cut off a wide cover at a distance from the contact."""
+    """Cut off a wide cover at the distance `limits` of the scene from the contact."""
     if scene.touched is None or not np.isfinite(scene.limits):
         return grid
     for axis, sign in product((0, 1), (1.0, -1.0)):
@@ -322,7 +322,7 @@ def _crop(grid: Any, scene: CoverScene, length: float) -> Any:
 
 
 def _find_factor(scene: CoverScene) -> float:
-    """Find the factor on the displacements that makes them visible."""
+    """Find the factor by which displacements are enlarged in the pictures, so that they are visible [-]."""
     largest = float(np.linalg.norm(scene.displacement, axis=1).max())
     if largest == 0:
         return 1.0
@@ -330,9 +330,9 @@ def _find_factor(scene: CoverScene) -> float:
 
 
 def _find_limits(scene: CoverScene, name: str) -> tuple[float, float]:
-    """Find the values of the first and the last colour."""
+    """Find the values that have the first and the last colour of the scale, for the values `name` of a scene."""
     values = getattr(scene, name)
-    # Displacements are finite everywhere.
+    # No displacement is cut off by the quantile, because displacements are finite everywhere.
     share = 1.0 if getattr(scene, f"{name}_label").startswith("displacement") else _STYLE.highest
     high = float(np.quantile(values[np.abs(values) > 0], share)) if values.any() else 1.0
     high = max(high, np.finfo(float).tiny)
@@ -340,14 +340,14 @@ def _find_limits(scene: CoverScene, name: str) -> tuple[float, float]:
 
 
 def _find_force_limits(scene: CoverScene) -> tuple[float, float]:
-    """Find the texel forces of the first and the last colour [mN]."""
+    """Find the texel forces that have the first and the last colour of the scale [mN]."""
     forces = np.zeros(1) if scene.texel_forces is None else 1e3 * scene.texel_forces
     low, high = float(forces.min()), float(forces.max())
     return (0.0 if low > -_STYLE.hardly * high else low), max(high, np.finfo(float).tiny)
 
 
 def _bar(title: str) -> dict[str, Any]:
-    """Return the settings of a colour bar at the bottom of a view."""
+    """Return the settings of the colour bar at the bottom of a view, as options of pyvista."""
     return {
         "title": title, "color": "black", "vertical": False, "position_x": 0.22, "position_y": 0.01, "width": 0.7,
         "height": 0.11, "n_labels": 5, "fmt": "%.4g", "title_font_size": 22, "label_font_size": 18,
@@ -385,5 +385,5 @@ def write_scene(scene: CoverScene | None, folder: Path) -> tuple[str, ...]:
 
 
 def lacks_picture(files: tuple[str, ...]) -> bool:
-    """Return whether a picture is missing among written files because this machine cannot draw."""
+    """Return whether a picture is missing among the files of a cover because this machine cannot draw."""
     return "cover.vtu" in files and "cover.png" not in files

@@ -16,26 +16,27 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
 
-#: Libraries that VTK loads for a window without a display, by class of the window; one of each list must be installed.
+#: Names of the shared library that VTK loads to draw without a display, by class of VTK's window.  A library with one
+#: of the names must be installed.
 _LIBRARIES = {
     "vtkEGLRenderWindow": ("libEGL.so.1", "libEGL.so"),
     "vtkOSOpenGLRenderWindow": ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"),
 }
-#: Environment variable that selects VTK's window.
+#: Name of the environment variable that selects the class of VTK's window.
 _CHOICE = "VTK_DEFAULT_OPENGL_WINDOW"
-#: Program that draws a small picture and ends with status 0 if that works.
+#: Program that tries to draw a small picture with pyvista, and ends with status 0 if that works.
 _PROBE = """
 import sys, pyvista
 plotter = pyvista.Plotter(off_screen=True, window_size=(32, 32))
 plotter.add_mesh(pyvista.Plane())
 sys.exit(0 if plotter.screenshot(None, return_img=True).max() else "the picture is black")
 """
-#: Longest time to wait for the small picture [s].
+#: Longest time to wait for the program that tries to draw a small picture [s].
 _TIMEOUT = 120.0
 
 
 class RenderingError(OSError):
-    """No picture can be drawn on this machine; the message names the missing part."""
+    """Reports that VTK can draw no picture on this machine; the message names the missing part."""
 
 
 def import_pyvista() -> Any:  # noqa: ANN401 -- its types differ between versions
@@ -74,7 +75,7 @@ def open_plotter(**options: Any) -> Iterator[Any]:  # noqa: ANN401 -- its types 
 
 @cache
 def find_window_without_display() -> str:
-    """Find the kind of VTK's window that draws into memory; empty if VTK needs no choice.
+    """Find the class of VTK's window that draws into memory on this machine; empty if VTK needs no choice.
 
     Raises:
         RenderingError: If this machine can draw no picture.

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
     from pydantic_core import ErrorDetails
 
-#: Largest number of faults that are listed [-].  A list of wrong numbers would otherwise fill the terminal.
+#: Largest number of faults of a file that are listed [-].  A long list of wrong numbers would fill the terminal.
 _MOST_FAULTS = 20
-#: Largest number of characters of a value that a message repeats [-].
+#: Largest number of characters of a value from a file that an error message repeats [-].
 _LONGEST = 80
-#: Largest number of characters of a message [-].
+#: Largest number of characters of an error message about one fault [-].
 _LONGEST_LINE = 1000
-#: Correct key for each symbol that users write by mistake.
+#: Keys of a file by the symbols that users write instead of them by mistake.
 _KEYS_BY_SYMBOL = {"nu": "poisson_ratio", "E": "youngs_modulus", "G": "shear_modulus", "h": "thickness"}
 _BARE_KEY = re.compile(r"[A-Za-z0-9_\-]+")
 
@@ -130,7 +130,12 @@ def format_place(place: Sequence[int | str]) -> str:
 
 
 def _list_own_faults(table: Table, place: str) -> Iterator[str]:
-    """Yield one line per fault between several keys of a table, for the table and its subtables."""
+    """Yield one line for each fault that concerns several keys, in a table and its subtables.
+
+    Args:
+        table: The table.
+        place: Place of the table in the file.
+    """
     for key, text in table.list_faults():
         where = ".".join(filter(None, (place, key)))
         yield f"{where}: {text}" if where else text
@@ -146,7 +151,7 @@ def _list_own_faults(table: Table, place: str) -> Iterator[str]:
 
 
 def _list_faults(error: ValidationError, schema: type[Table], place: Sequence[int | str]) -> list[str]:
-    """Return one line of text per fault that pydantic found."""
+    """Return one line for each fault that pydantic found in a file, each once, in the order of the file."""
     lines: dict[str, None] = {}
     found = error.errors(include_url=False)
     for details in found:
@@ -161,7 +166,10 @@ def _list_faults(error: ValidationError, schema: type[Table], place: Sequence[in
 
 
 def _explain(details: ErrorDetails, schema: type[Table]) -> tuple[str, ...]:
-    """Describe a fault that pydantic found, and name accepted values; several lines if a text has several faults."""
+    """Describe one fault that pydantic found in a file, and name accepted values.
+
+    The result has several lines if one text in the file has several faults.
+    """
     kind, given, place = details["type"], shorten(details["input"]), details["loc"]
     key = str(place[-1]) if place else ""
     if kind == "value_error":
@@ -195,7 +203,13 @@ def _show_example(place: Sequence[int | str], field: FieldInfo) -> str:
 
 
 def _follow(schema: type[Table], place: Sequence[int | str]) -> type[Table]:
-    """Return the class of the table at a place.  Indices, keys of free tables and members of unions are skipped."""
+    """Return the class of the table at a place in a file.
+
+    Args:
+        schema: Class of the whole file.
+        place: Keys and indices from the outermost table, and names `[Class]` of the chosen members of unions.  Indices
+            and keys that the user chooses freely do not change the class.
+    """
     found = schema
     tables: list[type[Table]] = []
     for part in place:
@@ -209,7 +223,7 @@ def _follow(schema: type[Table], place: Sequence[int | str]) -> type[Table]:
 
 
 def _find_tables(annotation: Any, metadata: Sequence[Any] = ()) -> Iterator[type[Table]]:  # noqa: ANN401 -- a type
-    """Yield the classes of tables in an annotation, starting with those named by its metadata."""
+    """Yield the classes of tables in the type annotation of a field, starting with those that its metadata names."""
     for item in metadata:
         if (table := getattr(item, "table", None)) is not None:
             yield table

@@ -22,7 +22,7 @@ from validation.schema.data_set import DataSetTables
 from validation.schema.measured_force import Measurement
 from validation.schema.sensor import SensorTables
 
-#: Tables of each format by the name of its JSON Schema.
+#: Class of the tables of each file format, by name of the file with its JSON Schema.
 FORMATS: Mapping[str, type[Table]] = {
     "sensor": SensorTables,
     "campaign": CampaignTables,
@@ -41,11 +41,11 @@ class _Generator(GenerateJsonSchema):
     """
 
     def nullable_schema(self, schema: Any) -> dict[str, Any]:  # noqa: ANN401 -- a schema of pydantic
-        """Return the schema of the value without null."""
+        """Return the JSON Schema of an optional value without null, because a file leaves out the key instead."""
         return self.generate_inner(schema["schema"])
 
     def default_schema(self, schema: Any) -> dict[str, Any]:  # noqa: ANN401 -- a schema of pydantic
-        """Return the schema of the value, without a default in SI units if text is expected."""
+        """Return the JSON Schema of a value with a default; a default in SI units is dropped if the file holds text."""
         found = super().default_schema(schema)
         default = found.get("default")
         is_plain = isinstance(default, str | bool | int) or (isinstance(default, float) and "type" in found)

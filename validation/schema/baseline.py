@@ -12,7 +12,7 @@ from validation.schema.types import Read
 
 #: Version of the format of baseline files; files of other versions are refused [-].
 FORMAT = 2
-#: End of a tolerance that is a share of each number.
+#: End of the text of a tolerance that is a share of the stored number, such as `0.5 % of value`.
 OF_VALUE = " % of value"
 
 

@@ -25,17 +25,17 @@ from validation.schema.types import (
     quantity,
 )
 
-#: Metrics that a campaign can compare.
+#: Names of the metrics that a campaign can compare.
 METRICS = tuple(field.name for field in dataclasses.fields(Score))
-#: Metrics that count or compare areas: their limits are plain numbers.
+#: Names of metrics that count texels or compare areas, so that limits on them are plain numbers.
 _PLAIN = ("pixels_changed", "pixels_changed_line", "pixels_lit_line", "active_area_iou")
-#: Metrics that are no errors, so that an upper limit has no meaning.
+#: Names of metrics that are no errors, so that an upper limit on them has no meaning.
 _NOT_ERRORS = ("pixels_lit_line", "active_area_iou")
-#: Largest number of loads in one table [-].
+#: Largest accepted number of loads of one case in a campaign file [-].
 _MOST_LOADS = 100
-#: Largest number of cases [-].
+#: Largest accepted number of cases in a campaign file [-].
 _MOST_CASES = 1000
-#: Keys of a case of which exactly one must be given.
+#: Keys for the load of a case in a campaign file, of which exactly one must be given.
 _LOADS = ("load", "loads", "path")
 
 
@@ -56,7 +56,7 @@ class _LimitsBase(Table):
     @model_validator(mode="wrap")
     @classmethod
     def _keep_order(cls, data: Any, handler: Callable[[Any], Self]) -> Self:  # noqa: ANN401 -- content of a file
-        """Keep the order of the file, which reports use for the limits."""
+        """Keep the order in which the file states the limits, because reports list them in this order."""
         made = handler(data)
         made._order = tuple(data) if isinstance(data, Mapping) else ()  # noqa: SLF001 -- of this class
         return made
@@ -161,7 +161,7 @@ class CaseTable(Table):
 
     @property
     def all_loads(self) -> list[float]:
-        """Loads of the key that is given [N]."""
+        """Loads of the case from the one key for loads that is given: load, loads or path [N]."""
         return [self.load] if self.load is not None else self.loads or self.path or []
 
     def list_faults(self) -> Iterator[tuple[str, str]]:

@@ -12,7 +12,7 @@ from validation.schema import Table
 from validation.schema.types import LIMITS, OneOrMore, Read, TableOr, choice, number
 from validation.text.quantity import Kind, read_quantity
 
-#: Tolerance of the limits of a selection by load [-].
+#: Relative tolerance with which a selection of recordings by load includes its limits [-].
 _SAME_LOAD = 1e-6
 #: Word of a data-set file for a pose that is fitted to the recordings.
 FITTED = "fitted"
@@ -32,7 +32,12 @@ def _read_load(value: object) -> float:
 
 
 def _fitted_or_pair(kind: Kind, example: str) -> Read:
-    """Make the annotation of the word `fitted` or a pair of quantities along or about x and y."""
+    """Make the annotation of a pose that is the word `fitted` or a pair of quantities along or about x and y.
+
+    Args:
+        kind: Kind of the two quantities.
+        example: An accepted pair, for error messages.
+    """
 
     def convert(value: object) -> tuple[float, float] | str:
         if value == FITTED:

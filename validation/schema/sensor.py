@@ -34,8 +34,8 @@ from validation.text.quantity import read_quantity
 
 #: Largest radius of a calibration tip [m].  A wider tip presses on several texels of any array.
 _WIDEST_TIP = 0.02
-#: Form of the key `calibrated` for a characteristic of the force that a tip applies through the cover: a number and a
-#: unit follow.
+#: Pattern of the key `calibrated` of a sensor file for a characteristic that was measured with a tip on the cover.  The
+#: text ends with the radius of the tip, a number and a unit.
 _THROUGH_COVER = re.compile(r"through the cover, tip (\S{1,20} ?[a-zA-Z\u00b5\u03bc]{1,20})")
 #: Number of coefficients of the electronics' characteristic, a polynomial of degree 5 [-].
 _COEFFICIENTS = 6
@@ -68,7 +68,10 @@ def _refuse_other_degrees(coefficients: list[float]) -> list[float]:
 
 
 def _read_calibration(value: object) -> str:
-    """Read the force of the characteristic's calibration, and return it in the form of `Electronics.calibrated`."""
+    """Read to which force the characteristic relates the counts, and return it in the form of `Electronics.calibrated`.
+
+    It is the force on a texel, or the force of a tip on the cover.
+    """
     if value == TEXEL_FORCE:
         return TEXEL_FORCE
     accepted = f"accepted: '{TEXEL_FORCE}' or 'through the cover, tip 1 mm' (radius of the tip's hemispherical end)"

@@ -49,7 +49,7 @@ class Limits:
 
 
 LIMITS = Limits()
-#: Names of the parameters of all material models.
+#: Names of the parameters of all material models, each once.
 PARAMETERS = tuple(dict.fromkeys(name for model in MODELS.values() for name in model.parameters))
 _TEXT = {"type": "string"}
 _NUMBER_WITH_UNIT = r"^\s*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*\S.*$"
@@ -57,7 +57,7 @@ _NUMBER_WITH_UNIT = r"^\s*[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*\S
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """Annotation: a function reads the value of the file.
+    """Annotation of a value that a function reads from the form in a file.
 
     Attributes:
         read: Function that converts the value, and raises a `ValueError` that states the fault and what would be
@@ -192,7 +192,7 @@ def quantity(kind: Kind, *, positive: bool = True, most: float | None = None) ->
 
 
 def choice(*names: str) -> Read:
-    """Make the annotation of one of the given texts."""
+    """Make the annotation of a text that must be one of the given names."""
 
     def check(value: object) -> str:
         if not isinstance(value, str) or value not in names:
@@ -363,7 +363,7 @@ class _MaterialTable(Table):
 
 
 def _annotate(name: str) -> Any:  # noqa: ANN401 -- the type of a field
-    """Return the type and the default of the field of a material parameter, which several models may share."""
+    """Return type and default of the field of a material's table for a parameter, which several models may share."""
     models = [model for model in MODELS.values() if name in model.parameters]
     shared = [model.parameters[name] for model in models]
     if {each.unit for each in shared} == {"Pa"}:
@@ -376,7 +376,7 @@ def _annotate(name: str) -> Any:  # noqa: ANN401 -- the type of a field
 
 
 def _explain(name: str) -> str:
-    """Return the line of the documentation of a material parameter."""
+    """Return the line on a material parameter in the docstring of the table of a material."""
     meanings = [
         f"{model.parameters[name].meaning} of {key}" for key, model in MODELS.items() if name in model.parameters
     ]

@@ -15,17 +15,17 @@ from validation.errors import Faults, InputError, at
 from validation.schema import Table, parse
 from validation.schema.types import PARAMETERS, Length, MaterialTable, Read, read_material_name
 
-#: Largest accepted number of characters of one change [-].
+#: Largest accepted number of characters of one change of a layer as text [-].
 _LONGEST = 500
 _EXAMPLE = "write for example '--layer 1:thickness=1mm,youngs_modulus=2MPa'"
-#: Fields of the material's table that a change may replace.
+#: Keys of the table of a material whose values a change of a layer may replace.
 _FIELDS = ("youngs_modulus", "poisson_ratio", "hardness", "model", *PARAMETERS)
 _OPTIONAL: dict[str, Any] = {
     "material": (Annotated[Material, Read(read_material_name)] | None, None),
     "thickness": (Length | None, None),
     **{name: (MaterialTable.model_fields[name].rebuild_annotation() | None, None) for name in _FIELDS},
 }
-#: New values of a layer, as texts.
+#: Table with the new values of a layer, each of which may be missing.
 _Change: Any = create_model("_Change", __base__=Table, **_OPTIONAL)
 
 
@@ -103,13 +103,20 @@ def read_change(text: str, count: int) -> tuple[int, dict[str, str]]:
 
 
 def _is_known(change: Mapping[str, str]) -> bool:
-    """Return whether a change states the thickness and the whole elastic behaviour of a layer."""
-    elastic = "material" in change or {"youngs_modulus", "poisson_ratio"} <= set(change) or "hardness" in change
-    return "thickness" in change and elastic
+    """Return whether a change of a layer states its thickness and its whole elastic behaviour."""
+    model = MODELS.get(change.get("model", ""))
+    elastic = {"material", "hardness"} & set(change) or {"youngs_modulus", "poisson_ratio"} <= set(change)
+    return "thickness" in change and bool(elastic or (model is not None and model.poisson_ratio))
 
 
 def _change_layer(layer: Layer, change: Mapping[str, str], place: str) -> Layer:
-    """Change a layer; messages about its new values, which are texts by key, begin with `place`."""
+    """Change a layer of a cover.
+
+    Args:
+        layer: The layer.
+        change: New values as texts, by key.
+        place: Start of messages about faults in the new values.
+    """
     with at(place):
         read = parse({key: _convert(key, text) for key, text in change.items()}, _Change)
         material = layer.material if read.material is None else read.material
@@ -133,7 +140,7 @@ def _change_material(material: Material, change: dict[str, Any]) -> Material:
         ValueError: If the material model has no such parameter.
     """
     kept = {} if {"model", "hardness"} & set(change) else dict(material.parameters)
-    ratio = None if MODELS[material.model].poisson_ratio else material.poisson_ratio
+    ratio = None if MODELS[change.get("model", material.model)].poisson_ratio else material.poisson_ratio
     values = {"model": material.model, "poisson_ratio": ratio, **kept, **change}
     scaled = "youngs_modulus" in change and "model" not in change and material.model != "linear-elastic"
     modulus = values.pop("youngs_modulus") if scaled else 0.0
@@ -159,9 +166,9 @@ def _change_material(material: Material, change: dict[str, Any]) -> Material:
 
 
 def _convert(key: str, text: str) -> object:
-    """Convert the text of a value to what a sensor file holds: a number, a list with one value per term, or the text.
+    """Convert the new value of a layer from text to the form in a sensor file: a number, a list, or the text itself.
 
-    Values for several terms of a strain energy are separated by `/`.
+    A list has one value for each term of a strain energy; in the text the values are separated by `/`.
     """
 
     def read_number(part: str) -> float | str:

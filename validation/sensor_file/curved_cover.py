@@ -28,18 +28,18 @@ from validation.errors import InputError, at
 from validation.extras import require
 from validation.schema.sensor import CurvedCoverTable
 
-#: Element sizes of the two meshes of tetrahedra, coarse and fine, over the thickness, if the file states no size [-].
+#: Element sizes of the coarse and the fine mesh of tetrahedra if the sensor file states none, over the thickness [-].
 _SIZES = (0.6, 0.45)
-#: Element size of the coarse mesh of tetrahedra over the element size that the file states for the fine one [-].
+#: Element size of the coarse mesh of tetrahedra, over that of the fine mesh, which a sensor file may state [-].
 _COARSER = 1.33
-#: Distance over the mean thickness up to which texels are projected onto the base [-].
+#: Largest distance over which a texel is moved onto the base of a cover, over the cover's mean thickness [-].
 _FARTHEST = 2.5
-#: Tolerance with which the bonded facets of given tetrahedra are found again, over the size [-].
+#: Tolerance for facets of tetrahedra on the bonded base and for their total volume, over the size or volume [-].
 _SAME = 1e-6
 
 
 def build_solid(table: CurvedCoverTable, folder: Path) -> SolidCover:
-    """Make a solid cover.
+    """Make a solid cover from the table `[cover]` of a sensor file.
 
     Args:
         table: The table `[cover]`.
@@ -84,7 +84,8 @@ def project_texels(texels: TexelArray, cover: SolidCover) -> TexelArray:
             f"array.positions: {int((distance > _FARTHEST * cover.thickness).sum())} of {texels.count} texels are far "
             f"from the base: texel {worst} by {1e3 * distance[worst]:.4g} mm; check array.unit and the frame"
         )
-    # Barycentric coordinates: the corners, weighted by them, give the point, and their sum is one.
+    # The normals of the corners of the nearest triangle are weighted by the barycentric coordinates of the point.  With
+    # these weights the corners sum to the point; the weights sum to one.
     size = np.full((len(near), 1), cover.thickness)
     system = np.concatenate([corners[owner], np.broadcast_to(size[:, None], (len(near), 3, 1))], axis=2)
     share = np.linalg.pinv(system.swapaxes(1, 2)) @ np.hstack([near, size])[:, :, None]
@@ -104,7 +105,7 @@ def _check_size(triangles: FloatArray, name: str) -> None:
 
 
 def _build_shell(table: CurvedCoverTable, folder: Path) -> tuple[Shell, str]:
-    """Make the closed surface of the body, and describe in words from which files it is made."""
+    """Make the closed surface of a solid cover, and describe in words from which files it is made."""
     unit = table.unit or 1.0  # required by the schema
     if table.thickness is not None:
         name, inward = (table.surface, True) if table.surface is not None else (table.base, False)
@@ -119,7 +120,7 @@ def _build_shell(table: CurvedCoverTable, folder: Path) -> tuple[Shell, str]:
 
 
 def _take_mesh(table: CurvedCoverTable, folder: Path) -> SolidCover:
-    """Take tetrahedra or a mesh of softcover as they are, after repair of what can be repaired."""
+    """Make a solid cover from a file of tetrahedra, which are repaired where possible, or from a mesh of softcover."""
     path, notes = folder / str(table.mesh), []
     if path.suffix.lower() == ".npz":
         mesh = read_mesh(path)
@@ -162,7 +163,13 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> SolidCover:
 
 
 def _refuse_overlap(corners: FloatArray, boundary: FloatArray, name: str) -> None:
-    """Refuse tetrahedra, shape (e, 4, 3), whose volumes do not sum to that inside their boundary: they overlap."""
+    """Refuse tetrahedra that overlap: the sum of their volumes is not the volume inside their boundary.
+
+    Args:
+        corners: Corners of e tetrahedra, shape (e, 4, 3) [m].
+        boundary: Corners of the triangles of their boundary, shape (f, 3, 3) [m].
+        name: Name of the file, for the error message.
+    """
     total = float(np.linalg.det(corners[:, 1:] - corners[:, :1]).sum() / 6)
     inside = enclosed_volume(boundary)
     if abs(total - inside) > _SAME * total:

@@ -33,7 +33,7 @@ _MOST_BYTES = 200 * MOST_TEXELS
 _COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
 #: Largest accepted coordinate of a texel; larger ones must have a wrong unit [m].
 _FARTHEST = 1000.0
-#: Largest difference between the heights of texels of one plane [m].
+#: Largest difference between the heights of texels that count as one plane [m].
 _SAME_HEIGHT = 1e-9
 _EXAMPLE = "the first line must read x,y,z or x,y,z,nx,ny,nz, then one line of numbers in metres per texel"
 #: Frame rate of a sensor whose file does not state it [Hz].
@@ -128,7 +128,8 @@ class SensorDescription:
         }
 
 
-#: Sensors that a user can name instead of a sensor file, by name.  Their covers are assumed, not measured.
+#: Sensors with planar layers that a user can name instead of a sensor file, by name.  Their covers are assumed, not
+#: measured.
 BUILT_IN: Mapping[str, SensorDescription] = MappingProxyType(
     {
         name: SensorDescription(
@@ -142,7 +143,8 @@ BUILT_IN: Mapping[str, SensorDescription] = MappingProxyType(
     }
 )
 
-#: Built-in sensors with curved covers, and a flat pad with free sides, that are treated as solids.
+#: Sensors with solid covers that a user can name instead of a sensor file, by name: curved covers, and a flat pad with
+#: free sides.
 CURVED: Mapping[str, SensorDescription] = MappingProxyType(
     {
         name: SensorDescription(
@@ -245,7 +247,7 @@ def _build(tables: SensorTables, source: Path) -> SensorDescription:
 
 
 def _build_cover(tables: SensorTables, array: TexelArray, folder: Path) -> tuple[TexelArray, Cover | SolidCover]:
-    """Make the cover, and move texels to the base of a solid one."""
+    """Make the cover, and return it with the texels, which may have been moved to the base of a solid cover."""
     table = tables.cover
     if isinstance(table, CurvedCoverTable):
         from validation.sensor_file.curved_cover import build_solid, project_texels
@@ -320,9 +322,9 @@ def build_array(table: ArrayTable, *, name: str, folder: Path) -> TexelArray:
 
 
 def _find_nearest(places: FloatArray, norm: float) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-    """Find the distance to the nearest other one of n places, shape (n,), and its index.
+    """Find the nearest neighbour of each of n places: its distance, shape (n,) [m], and its index, shape (n,).
 
-    Only the nearest is looked for: all pairs of ten thousand texels in one place would fill the memory.
+    A search tree is used, because the distances of all pairs of ten thousand texels would fill the memory.
     """
     from scipy.spatial import cKDTree
 

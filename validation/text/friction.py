@@ -6,7 +6,7 @@ import math
 
 from validation.errors import InputError
 
-#: Largest accepted number of characters of a coefficient [-].
+#: Largest accepted number of characters of a friction coefficient as text [-].
 _LONGEST = 40
 
 
@@ -37,5 +37,5 @@ def read_friction(value: object, *, place: str = "", example: str = "0.4") -> fl
 
 
 def describe_friction(coefficient: float) -> str:
-    """Return a coefficient as `read_friction` accepts it: a number, or `no-slip` if it is infinite."""
+    """Return a friction coefficient as text that `read_friction` accepts: a number, or `no-slip` if it is infinite."""
     return "no-slip" if math.isinf(coefficient) else f"{coefficient:.6g}"

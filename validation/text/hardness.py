@@ -8,7 +8,7 @@ from meshes import Material
 from meshes.hardness import SCALES, HardnessModulus, modulus_from_hardness
 from validation.errors import InputError
 
-#: Largest accepted number of characters of a hardness [-].
+#: Largest accepted number of characters of a hardness as text [-].
 _LONGEST = 40
 _HARDNESS = re.compile(r"([0-9]+(?:\.[0-9]+)?) *(?:shore)?[ -]*([a-z]*|[0o]+)", re.IGNORECASE)
 _EXAMPLE = "write for example '30 shore-a' or '30 shore-00'"

@@ -29,11 +29,11 @@ from meshes.surfaces.files import LIMITS
 from validation.errors import Faults, InputError, nearest
 from validation.text.quantity import read_quantities, read_quantity
 
-#: Number of values of a parameter, by shape and parameter, for parameters with more than one value [-].
+#: Number of values of those parameters of indenters that have more than one, by (shape, parameter) [-].
 _VALUE_COUNTS = {("box", "size"): 3, ("h", "size"): 2, ("mesh", "axis"): 2}
-#: Least and greatest accepted load [N] and depth [m]: beyond them the numbers of the solvers lose all digits.
+#: Least and greatest accepted load [N] and depth [m], with their unit.  Beyond them the solvers lose all digits.
 _LIMITS = {"force": (1e-6, 1e6, "N"), "length": (1e-9, 1.0, "m")}
-#: Largest accepted yaw, 360 degrees with rounding [rad].
+#: Largest accepted yaw of an indenter, 360 degrees with an allowance for rounding [rad].
 _TURN = 2 * math.pi * (1 + 1e-9)
 #: Class or function that makes an indenter, and an example of an accepted text, by the name of the shape on the command
 #: line.
@@ -49,21 +49,21 @@ _SHAPES_AND_EXAMPLES: dict[str, tuple[Any, str]] = {
     "prism": (Prism, "prism:points=-5mm,-3mm/5mm,-3mm/0mm,6mm"),
     "mesh": (read_stl, "mesh:path=part.stl,unit=mm"),
 }
-#: Other names of shapes.
+#: Shapes by their other names on the command line.
 _ALIASES = {"ball": "sphere"}
 SHAPES = {name: shape for name, (shape, _) in _SHAPES_AND_EXAMPLES.items()}
 _EXAMPLES = {name: example for name, (_, example) in _SHAPES_AND_EXAMPLES.items()}
-#: Largest accepted number of characters of an indenter, which a prism of about a thousand corners needs [-].
+#: Largest accepted number of characters of an indenter as text [-]; a prism of a thousand corners has as many.
 _LONGEST = 20_000
 #: Largest number of characters of a faulty tilt that a message repeats [-].
 _SHOWN = 100
-#: Pattern of a comma before the name of a parameter; commas inside values do not match.
+#: Pattern of a comma that separates two parameters of an indenter; commas inside values do not match.
 _PARAMETER_COMMA = re.compile(r",(?=\s*[a-z]+\s*(?:=|,|$))")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Parameter:
-    """A parameter of a shape: the kind of its value, and whether the parameter is required."""
+    """A parameter of the shape of an indenter: the kind of its value, and whether a text must give it."""
 
     kind: Literal["length", "angle", "points", "path", "unit"]
     required: bool
@@ -130,7 +130,7 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
 
 
 def _parameters(shape: str) -> dict[str, _Parameter]:
-    """Return the parameters of a shape by name: the fields of its class that declare a quantity."""
+    """Return the parameters of an indenter's shape by name: the fields of its class that declare a quantity."""
     if shape == "mesh":
         return _MESH_PARAMETERS
     return {
@@ -195,7 +195,7 @@ def read_tilt(text: str, *, place: str = "--tilt") -> tuple[float, float]:
 
 
 def read_angles(text: str, *, place: str, example: str) -> tuple[float, float]:
-    """Parse two angles with their units about the x and y axes of an indenter, of any size [rad].
+    """Parse two angles of any size, rotations of an indenter about its x and y axes, and return them in radians [rad].
 
     Args:
         text: The text.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Kind = Literal["length", "pressure", "frequency", "force", "angle", "per force", "time", "mass"]
 
-#: For each kind of quantity, the SI unit of its dimension, and an accepted example for error messages.
+#: SI unit, and an accepted example for error messages, by kind of quantity.
 _EXAMPLES = {
     "length": ("m", "2 mm"),
     "pressure": ("Pa", "1 MPa"),
@@ -30,11 +30,11 @@ _EXAMPLES = {
     "time": ("s", "20 ms"),
     "mass": ("kg", "500 g"),
 }
-#: Largest accepted number of characters of one quantity [-]; with it, every pattern below ends in no time.
+#: Largest accepted number of characters of one quantity [-].  The patterns below take long on longer texts.
 LONGEST = 80
 _NUMBER = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,4})?)")
-#: A unit: names joined by `*`, `/` or a blank, each with a power of one digit at most; nothing else reaches pint, whose
-#: parser would also evaluate numbers and powers of powers.
+#: Pattern of one name in a unit, with a power of one digit at most.  A unit consists of such names, joined by `*`, `/`
+#: or a blank.  Other texts are not given to pint, whose parser would also evaluate numbers and powers of powers.
 _NAME = r"[A-Za-z\u00b0\u00b5\u03bc\u03a9\u2126\u00c5%]{1,40}(?:(?:\*\*|\^)[-+]?[1-9]|[\u00b2\u00b3])?"
 _UNIT = re.compile(rf"(?:1 ?/ ?)?{_NAME}(?:(?: ?[*/\u00b7] ?| ){_NAME}){{0,4}}")
 _SEPARATOR = re.compile(r"[x\u00d7,](?=\s*[-+.0-9])")
@@ -112,7 +112,7 @@ def _registry() -> pint.UnitRegistry[Any]:
 
 
 def _shorten(value: object) -> str:
-    """Return a value as text for a message, cut if it is long."""
+    """Return a value of any type as text for an error message; a long text is cut."""
     text = repr(value) if isinstance(value, str | int | float | bool) else f"a {type(value).__name__}"
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
@@ -129,7 +129,7 @@ def _factor(unit: str, kind: Kind) -> float | None:
     except Exception:  # noqa: BLE001 -- pint's parser raises many unrelated types on arbitrary text
         return None
     if quantity.dimensionality == registry.parse_units(_EXAMPLES[kind][0]).dimensionality:
-        # In pint, angles and plain numbers have the same dimension: accept radians for angles only.
+        # In pint, angles and plain numbers have the same dimension, so that the name of the unit tells them apart.
         return float(quantity.magnitude) if (kind == "angle") == ("radian" in str(quantity.units)) else None
     if kind == "force" and quantity.dimensionality == {"[mass]": 1}:
         return float(quantity.magnitude) * STANDARD_GRAVITY  # a force given as the mass of a weight

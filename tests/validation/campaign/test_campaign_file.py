@@ -5,11 +5,12 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from meshes.bounded_file import parse_toml
+from meshes.catalogue import ARRAYS
 from validation.campaign.campaign_file import Inputs, parse_campaign, read_campaign
-from validation.campaign.case import Case
 from validation.errors import InputError
 from validation.places import FlatPlaces
 from validation.schema.campaign import METRICS, CampaignTables, CaseTable, RequiredTable
@@ -182,11 +183,16 @@ def test_the_largest_file_and_the_most_cases_are_read_and_one_more_is_refused(wt
         parse_campaign({"case": tables["case"] + 1000 * [{}]}, FlatPlaces(array=wts), source="mine.toml")
 
 
-def test_named_positions_are_those_of_the_array(wts):
-    named = FlatPlaces(array=wts).named
-    cases = read_campaign(None, FlatPlaces(array=wts)).cases
-    assert {case.pose.at for case in cases} == set(named.values())
-    assert all(isinstance(case, Case) for case in cases)
+@pytest.mark.parametrize("name", ["wts-0614-34", "sdh2-distal"])
+def test_the_default_campaign_covers_shapes_loads_turns_and_all_named_places(name):
+    places = FlatPlaces(array=ARRAYS[name])
+    cases = read_campaign(None, places).cases
+    assert len({case.name for case in cases}) == len(cases) >= 12
+    assert {case.shape.split(":")[0] for case in cases} == {"sphere", "cylinder", "box", "tip"}
+    assert {round(math.degrees(case.pose.yaw)) for case in cases} == {0, 45, 90}
+    assert {round(case.load / 9.80665e-3) for case in cases} >= {100, 500}
+    assert {case.pose.at for case in cases} == set(places.named.values())
+    assert all((np.abs(case.pose.at) < np.array(places.array.extent) / 2).all() for case in cases)
 
 
 def test_the_documentation_names_every_key_position_and_metric(wts):

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
 from validation.campaign.comparison import compare_models
 
@@ -15,9 +14,8 @@ def comparison(wts_derivation):
     return compare_models(wts_derivation.sensor, CASE, parameters=wts_derivation.parameters)
 
 
-def test_a_comparison_scores_like_a_campaign(comparison, wts_derivation):
-    result = LayeredBench(cover=wts_derivation.sensor.cover, parameters=wts_derivation.parameters).solve(CASE)
-    assert comparison.score.as_json() == pytest.approx(result.predictions["fast"].score.as_json())
+def test_a_comparison_scores_like_a_campaign(comparison, bench):
+    assert comparison.score.as_json() == pytest.approx(bench.solve(CASE).predictions["fast"].score.as_json())
 
 
 def test_json_shows_images_and_the_models_that_were_named(comparison, wts_derivation):

@@ -35,29 +35,16 @@ def test_time_left_follows_the_finished_cases():
     assert plan.describe_left(2, 600.0, "c") == "c, about 10 min left"
 
 
-def test_an_interrupted_run_keeps_the_finished_cases(wts_derivation, monkeypatch):
-    cover, parameters = wts_derivation.sensor.cover, wts_derivation.parameters
-    finished = LayeredBench(cover=cover, parameters=parameters).solve(CASES[0])
-
-    def run(_bench, case):
-        if case is not CASES[0]:
-            raise KeyboardInterrupt
-        return finished
-
-    monkeypatch.setattr("validation.campaign.bench.LayeredBench.solve", run)
-    result = run_campaign(LayeredBench(cover=cover, parameters=parameters), CASES)
-    assert result.interrupted
-    assert [each.case.name for each in result.cases] == ["sphere"]
-    assert [(each.name, each.reason) for each in result.skipped] == [
-        ("the same elsewhere", "interrupted"),
-        ("box", "interrupted"),
-    ]
-
-
-def test_a_run_without_a_finished_case_is_interrupted(wts_derivation, monkeypatch):
-    def interrupt(*_, **__):
+def test_an_interrupted_run_keeps_the_finished_cases(bench, campaign, cases, monkeypatch):
+    def solve(_, case):
+        if case.name == "sphere":
+            return campaign.cases[0]
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("validation.campaign.bench.LayeredBench.solve", interrupt)
+    monkeypatch.setattr(LayeredBench, "solve", solve)
+    result = run_campaign(bench, cases)
+    assert result.interrupted
+    assert [each.case.name for each in result.cases] == ["sphere"]
+    assert [(each.name, each.reason) for each in result.skipped] == [("box", "interrupted"), ("edge", "interrupted")]
     with pytest.raises(KeyboardInterrupt):
-        run_campaign(LayeredBench(cover=wts_derivation.sensor.cover, parameters=wts_derivation.parameters), CASES)
+        run_campaign(bench, cases[1:])

@@ -5,28 +5,20 @@ import dataclasses
 import numpy as np
 import pytest
 
-from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import Criterion, read_campaign
-from validation.campaign.case import Case
 from validation.campaign.results import SkippedCase, judge, score_forces
-from validation.campaign.run import run_campaign, summarise
+from validation.campaign.run import summarise
 from validation.places import FlatPlaces
 
-CASES = (
-    Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),
-    Case.read("box", "box:size=6mmx10mmx5mm", "100 g", at="0.7mm,-1.1mm", yaw="45deg"),
-    Case.read("edge", "cylinder:radius=4mm", "100 g", at="8.5mm,0mm"),
-)
+
+@pytest.fixture(scope="module")
+def result(campaign):
+    return campaign
 
 
 @pytest.fixture(scope="module")
-def result(wts_derivation):
-    return run_campaign(LayeredBench(cover=wts_derivation.sensor.cover, parameters=wts_derivation.parameters), CASES)
-
-
-@pytest.fixture(scope="module")
-def plan(wts):
-    return dataclasses.replace(read_campaign(None, FlatPlaces(array=wts)), cases=CASES)
+def plan(wts, cases):
+    return dataclasses.replace(read_campaign(None, FlatPlaces(array=wts)), cases=cases)
 
 
 def move_to_right(image, share):
@@ -66,7 +58,7 @@ def test_the_fast_model_is_accepted_by_default(result, plan):
     verdict = judge(plan, result)
     assert verdict.word == "accepted"
     assert verdict.accepted
-    assert len(verdict.findings) == len(plan.criterion.mean) + len(CASES)
+    assert len(verdict.findings) == len(plan.criterion.mean) + 3
     assert {each.status for each in verdict.findings} == {"met"}
     assert verdict.short.startswith("verdict: ACCEPTED, 3 of 3 cases; misplaced force ")
     assert len(verdict.short) <= 80
@@ -120,7 +112,7 @@ def test_metrics_that_a_case_does_not_compare_do_not_count(result, plan):
     ("change", "reason"),
     [
         ({"interrupted": True}, "the run was interrupted"),
-        ({"skipped": (SkippedCase.of(CASES[0], "no", converged=False),)}, "not scored: sphere"),
+        ({"skipped": (SkippedCase(name="a", indenter="", load=1.0, reason="no", converged=False),)}, "not scored: a"),
         ({"noise_floor": {"peak_texel": 0.01}}, "the reference's own error of the peak texel, 1 %, is too large"),
     ],
 )

@@ -34,9 +34,11 @@ def test_kernel_is_fitted_to_the_uniform_response(derivation):
 
 
 def test_kernel_of_the_sensor_file_goes_to_the_fast_model():
-    own = fastmodel.Gaussian.from_sigma(1.0)
-    sensor = dataclasses.replace(load("wts-0614-34"), spread=own)
-    assert derive(sensor).parameters.spread == own
+    own, sensor = fastmodel.Gaussian.from_sigma(1.0), load("wts-0614-34")
+    electronics = dataclasses.replace(sensor.electronics, calibrated="texel force")
+    found = derive(dataclasses.replace(sensor, spread=own, electronics=electronics))
+    assert found.parameters.spread == own
+    assert (found.tip, found.parameters.electronics.tip_share, found.parameters.surface) == (None, None, None)
 
 
 def test_parameters_come_back_from_their_folder(derivation, tmp_path):
@@ -57,8 +59,13 @@ def test_curved_array_is_refused():
         derive(curved)
 
 
-def test_texels_in_no_grid_are_fitted_and_felt(derivation, tmp_path):
+def test_texels_in_no_grid_are_fitted_and_felt(derivation, tmp_path, monkeypatch):
     """A honeycomb: the kernel belongs to pitch and cover, whatever the order of texels; cells know where they are."""
+
+    def fail(*_):
+        raise ValueError("no range")
+
+    monkeypatch.setattr("validation.derivation.layers.press_ball_on_array", fail)
     rows = [((c + r % 2 / 2) * 3.926, r * 3.4) for r in range(-2, 3) for c in range(-2, 3)]
     (tmp_path / "texels.csv").write_text("x,y,z\n" + "".join(f"{x}e-3,{y}e-3,0\n" for x, y in rows))
     (tmp_path / "s.toml").write_text(
@@ -67,7 +74,12 @@ def test_texels_in_no_grid_are_fitted_and_felt(derivation, tmp_path):
         '[electronics]\nrate = "271 Hz"\nsensitivity = "2665.7 1/N"\n'
     )
     # cover and pitch are those of `derivation`, whose stored solutions serve here too
-    comb = derive(dataclasses.replace(load(str(tmp_path / "s.toml")), cover=derivation.sensor.cover))
+    told = []
+    comb = derive(
+        dataclasses.replace(load(str(tmp_path / "s.toml")), cover=derivation.sensor.cover), progress=told.append
+    )
+    assert "the range of the fast model is not stated: no range" in told
+    assert comb.parameters.validity is None
     assert comb.texel_response.shape == (1, 25)
     assert comb.fit.gaussian.sigma_x == pytest.approx(comb.fit.gaussian.sigma_y, rel=1e-6)
     pressed = fastmodel.indent(comb.parameters, Cylinder(radius=0.25e-3), load=1e-3, at=(1.963e-3, 3.4e-3))

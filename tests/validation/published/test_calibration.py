@@ -18,8 +18,8 @@ from validation.published.models import (
     AS_SHIPPED,
     PUBLISHED,
     CalibrationPress,
+    ComparisonModels,
     Row,
-    check_disjoint,
     choose_calibration,
     make_rows,
     measure_error,
@@ -146,9 +146,10 @@ def test_a_press_by_an_indenter_that_is_scored_is_left_out(wts):
     np.testing.assert_allclose(places, [(0.35, 0.15), (-0.3, 0.4), (-0.9, -1.6)])
     elsewhere = dataclasses.replace(fitted[0], load=1.0, pose=Pose(), name="elsewhere")
     assert choose_calibration(wts, [elsewhere]) == fitted[1:]
-    check_disjoint(fitted[1:], [elsewhere])
+    rows = [Row(model=PUBLISHED["penalty"], parameters={}, cases=tuple(each)) for each in ((), fitted[1:], fitted)]
+    ComparisonModels(rows=rows[:2], response=None).check_unseen([elsewhere])
     with pytest.raises(ValueError, match=r"elsewhere \(sphere:radius=6mm\) must not be scored"):
-        check_disjoint(fitted, [*SCORED, elsewhere])
+        ComparisonModels(rows=rows, response=None).check_unseen([*SCORED, elsewhere])
 
 
 def test_without_presses_every_model_with_known_parameters_has_one_row(wts, cover, parameters):

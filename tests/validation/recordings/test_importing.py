@@ -43,26 +43,16 @@ def test_labels_that_are_given_replace_the_old_ones(tmp_path):
     assert changed.source == "a.csv"
 
 
-def _save_and_open(file, folder):
-    """A recording, and what is read after it was saved."""
+MASKED = [file for file in FILES if file.name == "masked_matrix.dsa"]
+
+
+@pytest.mark.parametrize(
+    "file", [*MASKED, *(pytest.param(file, marks=pytest.mark.slow) for file in FILES[::6])], ids=lambda file: file.stem
+)
+def test_a_recording_of_six_masked_arrays_saved_as_mcap_comes_back(tmp_path, file):
     recording = relabel(open_recording(file), Setup(indenter="box:size=10.5mmx10.5mmx5mm", load=4.9, note="A"))
-    frames = save(recording, folder / f"{file.stem}.mcap")
-    assert frames == len(recording.times)
-    return recording, open_recording(folder / f"{file.stem}.mcap")
-
-
-@pytest.mark.skipif(not FILES, reason="the recordings are not here")
-def test_a_recording_of_six_masked_arrays_saved_as_mcap_comes_back(tmp_path):
-    recording, back = _save_and_open(next(file for file in FILES if file.name == "masked_matrix.dsa"), tmp_path)
-    assert find_differences(back, recording) == []
-    assert back.setup == replace(recording.setup, source_sha256=recording.sha256)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not FILES, reason="the recordings are not here")
-@pytest.mark.parametrize("file", FILES[::6], ids=lambda file: file.stem)
-def test_every_sixth_recording_saved_as_mcap_comes_back(file, tmp_path):
-    recording, back = _save_and_open(file, tmp_path)
+    assert save(recording, tmp_path / "a.mcap") == len(recording.times)
+    back = open_recording(tmp_path / "a.mcap")
     assert find_differences(back, recording) == []
     assert back.setup == replace(recording.setup, source_sha256=recording.sha256)
 

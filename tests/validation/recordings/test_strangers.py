@@ -14,6 +14,7 @@ from mcap.stream_reader import lz4, zstandard
 from mcap.writer import CompressionType, Writer
 
 from tests.support.bounded import bounded
+from tests.support.ros_bags import write_bag
 from validation.recordings import recording
 from validation.recordings.importing import open_recording, save
 from validation.recordings.mcap_reader import MOST_CHUNK_BYTES, unpack_records
@@ -88,23 +89,21 @@ def test_a_csv_file_of_too_many_numbers_is_refused(tmp_path, monkeypatch):
     refuse(tmp_path / "a.csv", "more than the 300 numbers accepted")
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a.mcap", "a.dsa"])
+@pytest.mark.parametrize("name", ["a.csv", "a.mcap", "a.dsa", "a.bag", "a.db3"])
 def test_a_pipe_is_not_waited_for(tmp_path, name):
     os.mkfifo(tmp_path / name)
     refuse(tmp_path / name, "is no regular file|no such file")
 
 
-def write_mcap(path, messages, *, compression=CompressionType.ZSTD):
+def write_mcap(path, messages, *, times=None, **options):
     """Write an MCAP file with messages on topics: (topic, bytes)."""
     with path.open("wb") as file:
-        writer = Writer(file, compression=compression)
+        writer = Writer(file, compression=CompressionType.ZSTD, **options)
         writer.start(profile="ros2")
         schema = writer.register_schema(TEXT, "ros2msg", DEFINITION)
-        channels = {}
-        for number, (topic, data) in enumerate(messages):
-            if topic not in channels:
-                channels[topic] = writer.register_channel(topic, "cdr", schema)
-            writer.add_message(channels[topic], log_time=number, data=data, publish_time=number, sequence=0)
+        channels = {topic: writer.register_channel(topic, "cdr", schema) for topic, _ in messages}
+        for (topic, data), time in zip(messages, times or range(len(messages)), strict=True):
+            writer.add_message(channels[topic], log_time=time, data=data, publish_time=0, sequence=0)
         writer.finish()
 
 
@@ -161,14 +160,9 @@ def test_truncated_messages_are_told_in_a_line(tmp_path, topic, data):
     refuse(tmp_path / "a.mcap", "damaged")
 
 
-def chunk(data, *, size, compression, crc=0):
+def chunk(data, *, size, crc=0, **options):
     return Chunk(
-        compression=compression,
-        data=data,
-        message_start_time=0,
-        message_end_time=0,
-        uncompressed_crc=crc,
-        uncompressed_size=size,
+        data=data, uncompressed_size=size, uncompressed_crc=crc, message_start_time=0, message_end_time=0, **options
     )
 
 
@@ -214,21 +208,17 @@ def test_damaged_chunks_are_refused(data, options, message):
 def test_a_small_file_with_a_large_chunk_is_refused(tmp_path):
     """A chunk of 256 MiB in a file of some kilobytes, as a message of zeros makes it."""
     setup = encode_text(json.dumps(good_labels()))
-    with (tmp_path / "a.mcap").open("wb") as file:
-        writer = Writer(file, compression=CompressionType.ZSTD, chunk_size=2**40)
-        writer.start(profile="ros2")
-        schema = writer.register_schema(TEXT, "ros2msg", DEFINITION)
-        for topic, data in ((SETUP_TOPIC, setup), ("/x", BOMB)):
-            writer.add_message(writer.register_channel(topic, "cdr", schema), log_time=0, data=data, publish_time=0)
-        writer.finish()
+    write_mcap(tmp_path / "a.mcap", [(SETUP_TOPIC, setup), ("/x", BOMB)], chunk_size=2**40)
     assert (tmp_path / "a.mcap").stat().st_size < 100_000
     refuse(tmp_path / "a.mcap", "a chunk of 256 MiB; at most 64 MiB")
 
 
 def test_more_messages_than_a_file_of_its_size_can_hold_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(recording, "LIMITS", recording.Limits(kept=10_000, ratio=0))
     save(simple_recording(frames=100), tmp_path / "a.mcap")
-    refuse(tmp_path / "a.mcap", "far more messages")
+    bag = write_bag(tmp_path / "a.bag", {"/pad": "wts_driver/msg/Frame"}, first=True)
+    monkeypatch.setattr(recording, "LIMITS", recording.Limits(kept=1000, ratio=0))
+    for path in (tmp_path / "a.mcap", bag):
+        refuse(path, "far more messages than a recording of its size")
 
 
 def test_a_frame_of_another_size_is_refused(tmp_path):
@@ -247,13 +237,7 @@ def test_a_frame_of_another_size_is_refused(tmp_path):
 @pytest.mark.parametrize("topic", [SETUP_TOPIC, FORCE_TOPIC, TEMPERATURE_TOPIC])
 def test_a_time_beyond_64_bits_is_refused(tmp_path, topic):
     data = encode_text(json.dumps(good_labels()))
-    with (tmp_path / "a.mcap").open("wb") as file:
-        writer = Writer(file)
-        writer.start(profile="ros2")
-        schema = writer.register_schema(TEXT, "ros2msg", DEFINITION)
-        for name, when in ((SETUP_TOPIC, 0), (topic, 2**64 - 1)):
-            writer.add_message(writer.register_channel(name, "cdr", schema), log_time=when, data=data, publish_time=0)
-        writer.finish()
+    write_mcap(tmp_path / "a.mcap", [(SETUP_TOPIC, data), (topic, data)], times=(0, 2**64 - 1))
     refuse(tmp_path / "a.mcap", "no possible time")
 
 

@@ -85,26 +85,6 @@ def test_force_and_temperature_come_back_at_the_times_of_the_frames(tmp_path):
     assert back.temperatures[:, 0].tolist() == [20.0, 21.5, 23.0]
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "what"),
-    [
-        ("10.5,0.2", "9.5,0.2", "line 7: time 9.5 s comes before"),
-        ("9,10,4095", "9,10,x", "line 7: not a number"),
-        ("9,10,4095", "9,10", "line 7: 8 columns; expected 9"),
-        ("9,10,4095", "9,10,nan", "line 7: all numbers must be finite"),
-        ("time,force", "force,time", "line 5: expected the columns"),
-        ("# rows = 2\n", "# rows = 4\n", "6 texels are not 4 rows x 3 columns"),
-        ("# rows = 2\n# columns = 3\n", "", "6 texels in an unknown number of rows and columns"),
-        ("# load = 1.5", "# load = heavy", "not a number"),
-    ],
-)
-def test_faults_are_refused_with_their_line(tmp_path, old, new, what):
-    path = tmp_path / "a.csv"
-    path.write_text(CSV.replace(old, new))
-    with pytest.raises(RecordingError, match=what):
-        tables.read(path)
-
-
 @given(text=st.text(max_size=60) | st.text("time,0123456789.#=\n -", max_size=60))
 def test_any_text_is_read_or_refused(tmp_path_factory, text):
     path = tmp_path_factory.mktemp("csv") / "a.csv"
@@ -157,24 +137,28 @@ def test_unknown_keys_fractions_and_negative_counts_are_kept_everywhere(tmp_path
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "what"),
+    ("text", "old", "new", "what"),
     [
-        ("0,-12.25,100.5,0\n1,-300,4095,7", "0,0.1,0.4,0.93", "no counts: rounding would change them by up to 0.4"),
-        ("-300,4095", "-300,65535", "exceeds the full scale of 4095"),
-        ("-300,4095", "-300,9e300", "exceeds the full scale"),
-        ("-300,4095", "-4096,4095", "a count of 4096 exceeds"),
-        (
-            "# rows = 1",
-            "# rows = 1\n# full_scale = 65535\n# gain = 1\n" + "".join(f"# k{n} = 1\n" for n in range(99)),
-            "64 keys",
-        ),
-        ("# mass = 500", "# mass = 500\n# mass = 600", "line 4: `# mass = ` stands twice"),
-        ("# rows = 1", "# rows = 1\n# rows = 2", "line 2: `# rows = ` stands twice"),
+        (CSV, "10.5,0.2", "9.5,0.2", "line 7: time 9.5 s comes before"),
+        (CSV, "9,10,4095", "9,10,x", "line 7: not a number"),
+        (CSV, "9,10,4095", "9,10", "line 7: 8 columns; expected 9"),
+        (CSV, "9,10,4095", "9,10,nan", "line 7: all numbers must be finite"),
+        (CSV, "time,force", "force,time", "line 5: expected the columns"),
+        (CSV, "# rows = 2\n", "# rows = 4\n", "6 texels are not 4 rows x 3 columns"),
+        (CSV, "# rows = 2\n# columns = 3\n", "", "6 texels in an unknown number of rows and columns"),
+        (CSV, "# load = 1.5", "# load = heavy", "not a number"),
+        (TARED, "0,-12.25,100.5,0\n1,-300,4095,7", "0,0.1,0.4,0.93", "rounding would change them by up to 0.4"),
+        (TARED, "-300,4095", "-300,65535", "exceeds the full scale of 4095"),
+        (TARED, "-300,4095", "-300,9e300", "exceeds the full scale"),
+        (TARED, "-300,4095", "-4096,4095", "a count of 4096 exceeds"),
+        (TARED, "# rows = 1", "# rows = 1\n" + "".join(f"# k{n} = 1\n" for n in range(99)), "64 keys"),
+        (TARED, "# mass = 500", "# mass = 500\n# mass = 600", "line 4: `# mass = ` stands twice"),
+        (TARED, "# rows = 1", "# rows = 1\n# rows = 2", "line 2: `# rows = ` stands twice"),
     ],
 )
-def test_values_that_would_be_changed_or_lost_are_refused(tmp_path, old, new, what):
-    assert old in TARED
-    (tmp_path / "a.csv").write_text(TARED.replace(old, new))
+def test_faults_and_values_that_would_be_changed_are_refused_with_their_line(tmp_path, text, old, new, what):
+    assert old in text
+    (tmp_path / "a.csv").write_text(text.replace(old, new))
     with pytest.raises(RecordingError, match=re.escape(what)):
         tables.read(tmp_path / "a.csv")
 

@@ -23,8 +23,6 @@ from validation.sensor_file import load
 pytestmark = pytest.mark.filterwarnings("error::fastmodel.OptionWarning")
 
 BALL = Case.read("ball", "sphere:radius=5mm", "300 g", at="0.7mm,-1.1mm")
-#: Groups of quantities that need no finite elements.
-FAST = tuple(EXPERIMENTS)[:13]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -74,11 +72,6 @@ def test_the_check_is_red_and_names_the_quantity(name, monkeypatch):
     healthy(group)
     parameters = plant(monkeypatch, healthy_parameters())
     assert title in find_changes(parameters, group)
-
-
-@pytest.mark.parametrize("group", FAST)
-def test_unchanged_is_green(group):
-    assert find_changes(healthy_parameters(), group) == {}
 
 
 def measured_reference(derivation, groups):

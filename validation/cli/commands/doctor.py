@@ -11,7 +11,7 @@ from validation.cli.entry import CHECK_FAILED, DONE
 from validation.cli.options import Json
 from validation.cli.output import print_json, print_table, show
 
-#: Parts of the installation, the base (empty name) and the extras, with the commands that need each part.
+#: Commands that need a part of the installation, by name of the part: an extra, or an empty name for the base.
 _PARTS = {
     "": "fast model, press --model fast, export, terminal view, store",
     "fem": "derive, press",

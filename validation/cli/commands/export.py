@@ -8,7 +8,7 @@ from validation.cli.options import UNCHANGED, CoverChanges, Json, Quantity, Sens
 from validation.cli.output import Progress, print_json, say
 from validation.errors import Faults
 
-#: Next step for the user after a file is written, by format.
+#: Advice on the next step after a model is written, by format of the model.
 _NEXT = {
     "mjcf": "look at it: python -m mujoco.viewer --mjcf={path}; put it on a robot: fastmodel.attach(spec, body, "
     "fastmodel.load('{out}')), which also computes texel forces and counts",

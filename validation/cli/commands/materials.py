@@ -70,7 +70,7 @@ def materials(
 
 
 def _show_all(materials: list[Material]) -> None:
-    # Without the numbers of each material, so that equal sources are listed once.
+    # A source ends with the numbers of its material.  Without these, equal sources are listed once.
     shortened = [material.source.split(": E0", 1)[0] for material in materials]
     sources = list(dict.fromkeys(shortened))
     rows = [
@@ -168,7 +168,7 @@ def _relative_width(poisson_ratio: float) -> float:
 
 
 def _format_spread(material: Material) -> str:
-    """Format the range of Young's modulus between sources: `±50 %`, or `5..45 MPa` if it is not symmetric."""
+    """Format the range of Young's modulus over the sources of a material: `±50 %`, or `5..45 MPa` if not symmetric."""
     if material.spread_above in (None, material.spread):
         return f"±{100 * material.spread:.0f} %"
     low, high = material.modulus_range

@@ -179,7 +179,7 @@ def _trace(request: PressRequest, points: int, out: Path, *, json: bool) -> int:
 
 
 def _list_points(curve: LoadCurve) -> Iterator[tuple[str, ...]]:
-    """Yield load, depth, contact area, largest texel force and energy of each result as text."""
+    """Yield the rows of the printed table of a curve: load, depth, contact area, largest texel force and energy."""
     for row in curve.rows():
         factors = {"load_N": 1, "depth_m": 1e3, "contact_area_m2": 1e6, "peak_texel_N": 1, "energy_J": 1e3}
         yield tuple(f"{factor * row[name]:.4g}" for name, factor in factors.items())
@@ -204,7 +204,7 @@ def _print_comparison(comparison: Comparison) -> None:
 
 
 def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
-    """Yield name and text of the results of each model and, if there are results of both models, of the scores."""
+    """Yield the printed results of a press as pairs (name, text): each model, and the scores if both are computed."""
     from validation.metrics import TABULATED
 
     fem, fast = comparison.fem, comparison.fast
@@ -236,7 +236,7 @@ def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
 
 
 def _describe_force(total: float, outside: float, *, along: bool) -> str:
-    """Describe a force [N]: that along the motion, or the whole force and its part outside the array."""
+    """Describe the force of a press [N]: its component along the motion, or its sum and the part outside the array."""
     # Adding 0.0 removes the minus sign of a value that is rounded to negative zero.
     part = " along the motion" if along else f", {round(outside, 4) + 0.0:.4f} N of it outside the array"
     return f"{total:.4f} N{part}"

@@ -81,7 +81,7 @@ def record(
 
 
 def _make_display(live: LiveImage) -> Callable[[Reading | Gap], None]:
-    """Make a function that counts frames and gaps, and shows the latest frame when the live image is due."""
+    """Make a function that counts the frames and gaps of a recording and shows the latest frame as a live image."""
     frames = gaps = shown = 0
     start = then = time.monotonic()
 

@@ -137,7 +137,7 @@ def import_recording(
 
 
 def _list_facts(recording: Recording) -> dict[str, Any]:
-    """Return the properties of a recording as a dictionary of JSON values."""
+    """Return the properties of a recording, as `softcover replay --json` prints them."""
     import numpy as np
 
     delays = recording.arrival_delays

@@ -80,7 +80,7 @@ def regress(
 
 
 def _check_options(baseline: Path, junit: Path | None, out: Path | None, seed: int, *, update: bool) -> None:
-    """Refuse options that cannot be executed, before the long computation."""
+    """Refuse options that exclude each other and files that cannot be written, before the long computation."""
     clashing = [name for name, path in (("--junit", junit), ("--out", out)) if update and path is not None]
     faults = [f"{option}, --update: give one of the two; --update checks nothing" for option in clashing]
     if seed < 0:
@@ -96,7 +96,11 @@ def _check_options(baseline: Path, junit: Path | None, out: Path | None, seed: i
 
 
 def explain_verdict(changes: Mapping[str, float]) -> str:
-    """Explain the largest changes of quantities over their tolerances [-], by title."""
+    """Explain in a few sentences which quantities left their tolerances.
+
+    Args:
+        changes: Largest change of each quantity over its tolerance [-], by title of the quantity.
+    """
     moved = [title for title, value in changes.items() if not value <= 1]
     if not moved:
         worst = max(changes, key=lambda title: changes[title], default="")

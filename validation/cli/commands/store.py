@@ -18,7 +18,7 @@ from validation.errors import InputError
 if TYPE_CHECKING:
     from fem_reference.result_store import Entry
 
-#: Largest number of elements of a list that are printed; of a longer list only the number is printed [-].
+#: Largest number of elements of a list of sizes that is printed in full [-].
 _LONGEST_LIST = 3
 
 store = App(
@@ -163,7 +163,7 @@ def _choose(found: Sequence[Entry], *, age: float, keep_latest: int, kept: str |
 
 
 def _show_entries(found: Sequence[Entry], code: str) -> None:
-    """Print one line per stored result, with the description of its inputs at the end, because it may be long."""
+    """Print one line for each stored result: key, size, age, state, and a description of its inputs."""
     from rich.filesize import decimal
 
     for entry in found:
@@ -176,7 +176,13 @@ def _show_entries(found: Sequence[Entry], code: str) -> None:
 
 
 def _list_entries(found: Sequence[Entry], code: str, *, name: str = "entries") -> dict[str, Any]:
-    """Return stored results and the sum of their sizes as JSON values, given the present version of the code."""
+    """Return stored results and the sum of their sizes as JSON values.
+
+    Args:
+        found: The stored results.
+        code: Present version of the code; results of other versions are not usable.
+        name: Key of the list of results.
+    """
     entries = [
         {
             "key": entry.key,

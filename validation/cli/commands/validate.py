@@ -43,9 +43,9 @@ _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings unde
 _DEMO = "wts-0614-34"
 #: Built-in sensor with which the recordings under known weights were made.
 _RECORDED = "sdh2-distal"
-#: Names of the metrics in the printed table of scores.
+#: Names of the metrics in the table of scores that the command prints.
 SHOWN = ("misplaced_force", "centre_of_pressure_m", "image_changed_percent")
-#: Largest number of rows of the printed table of scores [-].
+#: Largest number of rows of the table of scores that the command prints [-].
 _ROWS = 10
 
 
@@ -165,7 +165,7 @@ def _tell_problems(evaluation: Evaluation) -> None:
 
 
 def _print(evaluation: Evaluation) -> None:
-    """Print the verdict in words and a table of at most ten models; the report has the rest."""
+    """Print the verdict in words and a table of the scores of at most ten models; the report has all of them."""
     from validation.campaign.results import describe_reference_error
 
     sensor, campaign, verdict = evaluation.sensor, evaluation.campaign, evaluation.verdict
@@ -185,7 +185,7 @@ def _print(evaluation: Evaluation) -> None:
 
 
 def _tabulate(campaign: CampaignResult) -> Table:
-    """Make the table of the models of this package, the null models and the best published ones, ten rows at most."""
+    """Tabulate mean scores: models of this package, null models and the best published models, at most ten rows."""
     from validation.metrics import METRICS
     from validation.render.table import Cell, Table
 
@@ -258,7 +258,7 @@ def _describe_moduli(given: Measurement, row: Row) -> str:
 
 
 def _list_points(found: ForceComparison) -> Iterator[tuple[str, ...]]:
-    """Yield the numbers of each point that was not fitted, for each kind of friction."""
+    """Yield the rows of the printed comparison: each measured point that was not fitted, for each kind of friction."""
     for row, i in _list_scored(found):
         parts = (row.u_val[i], row.numerical[i], row.u_input[i], row.measured[i])
         yield (
@@ -272,7 +272,7 @@ def _list_points(found: ForceComparison) -> Iterator[tuple[str, ...]]:
 
 
 def _list_inputs(found: ForceComparison, names: list[str]) -> Iterator[tuple[str, ...]]:
-    """Yield the parts of the uncertainty by input of each point that was not fitted, for each kind of friction."""
+    """Yield the rows of the printed uncertainties by input: each point not fitted, for each kind of friction."""
     for row, i in _list_scored(found):
         parts = {name: f"{100 * part[i] / found.force[i]:.2f} %" for name, part in row.inputs.items()}
         yield row.name, f"{1e3 * found.depth[i]:.4g}", *(parts.get(name, "") for name in names)

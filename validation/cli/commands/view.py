@@ -29,9 +29,10 @@ from validation.render import escape
 if TYPE_CHECKING:
     from validation.cli.view_scene import Scene
 
-#: Places for the live image, as named by the user.
+#: Places for the live image, as a user names them.
 DISPLAYS = ("auto", "window", "terminal")
-#: Simulated time without a terminal [s].  The indenter comes down and slides once around its circle.
+#: Simulated time if nobody watches, because there is no terminal [s].  In this time the indenter comes down and slides
+#: once around its circle.
 _UNWATCHED_SECONDS = 5.0
 
 
