@@ -39,7 +39,7 @@ from fem_reference.finite_strain.contact import SurfaceContact, TopPoints
 from fem_reference.finite_strain.contact_problem import ContactProblem
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
-from fem_reference.finite_strain.loading_path import Control, Units, name_part
+from fem_reference.finite_strain.loading_path import Control, Units, name_part, report
 from fem_reference.indentation.finite_strain import choose_solid_fillet, state_rounding
 from fem_reference.indentation.result import Indentation, PressProblem, warn_of_errors
 from meshes import Cover, Layer, Material, SolidCover, TexelArray
@@ -172,8 +172,7 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
     responses = texel_responses(meshes, texels, material, progress=tell)
     found, texel_forces, depths = [], [], []
     for mesh, grid in zip(meshes, responses.grids, strict=True):
-        if tell is not None:
-            tell(f"contact, {build_solid(mesh, material).unknowns} unknowns")
+        report(tell, f"contact, {build_solid(mesh, material).unknowns} unknowns")
         path = _begin(mesh, material, problem)
         contact = path.to(target, control)
         found.append(contact)

@@ -14,7 +14,7 @@ traction that is recovered from the reactions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -25,6 +25,7 @@ import scipy.sparse.linalg as spla
 from fem_reference import result_store
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.solid import CoverSolid, DisplacementNodes
+from fem_reference.finite_strain.loading_path import Progress, report
 from fem_reference.grid_convergence import field_convergence
 from meshes import Material, TexelArray
 from meshes.array_types import BoolArray, FloatArray
@@ -190,7 +191,7 @@ def texel_responses(
     texels: TexelArray,
     material: Material,
     *,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = None,
 ) -> TexelResponses:
     """Solve for the force on every texel per unit force anywhere on the top, or read it from the store of results.
 
@@ -211,8 +212,7 @@ def texel_responses(
 
         def compute(mesh: SolidMesh = mesh) -> FloatArray:
             solid = build_solid(mesh, material)
-            if progress is not None:
-                progress(f"{texels.count} texels, {solid.unknowns} unknowns")
+            report(progress, f"{texels.count} texels, {solid.unknowns} unknowns")
             return solve_texels(solid, texels)
 
         inputs = {"mesh": mesh.digest, "texels": places, "material": material}

@@ -30,7 +30,7 @@ from fem_reference.finite_strain.loading_path import LoadingPath, Progress
 from fem_reference.indentation.grid_solution import Base, GridSolution
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from meshes import Cover, FlatPunch, TexelArray
-from meshes.array_types import FloatArray, IntArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.pose import Pose
 
 
@@ -348,26 +348,46 @@ def mesh_block(block: Block, cover: Cover, elements_per_thickness: int) -> Mixed
 
 
 def find_constrained(block: Block, elements: MixedElements, *, bonded: bool) -> IntArray:
-    """Return the indices of the displacements of a meshed block that are zero.
+    """Return the indices of the displacements of a meshed block that are zero, see `mark_constrained`."""
+    components = mark_constrained(
+        list(elements.nodes.T), [side[[0, -1]] for side in block.sides], block.symmetric, bonded=bonded, free=block.free
+    )
+    return np.concatenate([3 * np.flatnonzero(nodes) + i for i, nodes in enumerate(components)])
+
+
+def mark_constrained(
+    nodes: Sequence[FloatArray],
+    ends: Sequence[FloatArray],
+    symmetric: tuple[bool, bool],
+    *,
+    bonded: bool,
+    free: bool,
+) -> list[BoolArray]:
+    """Mark the displacements of the meshed part of a cover that are zero.
 
     On a bonded base all components are zero, on a sliding base the normal component, and on planes of symmetry the
     normal component.  On an outer boundary that is not free, all components are zero above a bonded base.  Above a
     sliding base only the component normal to the boundary is zero, because fixing the others would load the base.
+
+    Args:
+        nodes: Coordinates x, y and z of the nodes, any shape [thicknesses].
+        ends: Lowest and highest coordinate of the mesh along x and along y, shape (2,) each [thicknesses].
+        symmetric: Whether x = 0 and y = 0 are planes of symmetry, at which the mesh starts.
+        bonded: Whether the base holds all components.
+        free: Whether the outer boundary is free.
+
+    Returns:
+        Whether each of the components x, y and z is zero at each node, shape of the coordinates.
     """
-    x, y, z = elements.nodes.T
-    base = z < _ON_BOUNDARY
-    outer = np.zeros_like(base)
-    planes, ends = [], []
-    for position, side, mirror in zip((x, y), block.sides, block.symmetric, strict=True):
-        planes.append((np.abs(position) < _ON_BOUNDARY) & mirror)
-        ends.append(position > side[-1] - _ON_BOUNDARY)
-        ends[-1] |= (position < side[0] + _ON_BOUNDARY) & (not mirror)
-        ends[-1] &= not block.free
-    if bonded:
-        outer = ends[0] | ends[1]
-        ends = [outer | base] * 2
-    components = [ends[0] | planes[0], ends[1] | planes[1], base | outer]
-    return np.concatenate([3 * np.flatnonzero(nodes) + i for i, nodes in enumerate(components)])
+    base = nodes[2] < _ON_BOUNDARY
+    planes, sides = [], []
+    for position, (low, high), mirror in zip(nodes[:2], ends, symmetric, strict=True):
+        start = position < low + _ON_BOUNDARY
+        planes.append(start & mirror)
+        sides.append(((position > high - _ON_BOUNDARY) | (start & (not mirror))) & (not free))
+    outer = (sides[0] | sides[1]) & bonded
+    held = base & bonded
+    return [sides[0] | planes[0] | outer | held, sides[1] | planes[1] | outer | held, base | outer]
 
 
 def describe_state(

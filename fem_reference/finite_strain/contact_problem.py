@@ -22,7 +22,7 @@ from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.errors import ConvergenceError, PathConvergenceError
 from fem_reference.finite_strain.contact import ContactState, SurfaceContact
 from fem_reference.finite_strain.hyperelastic import SmallStrainSolid, Solid
-from fem_reference.finite_strain.loading_path import Control, Units
+from fem_reference.finite_strain.loading_path import Control, Progress, Units, report
 from fem_reference.finite_strain.newton import (
     EASY_ITERATIONS,
     STEP_FAILURES,
@@ -142,7 +142,7 @@ class ContactProblem:
         first: float,
         guesses: Sequence[Guess] = (),
         between: Sequence[Guess] = (),
-        progress: Callable[[str], None] | None = None,
+        progress: Progress = None,
         record: Callable[[ContactEquilibrium], None] | None = None,
     ) -> list[ContactEquilibrium]:
         """Solve for the equilibrium at every target of a loading path, one after the other.
@@ -180,8 +180,7 @@ class ContactProblem:
                     error.depth *= self.units.length / self.load_scale
                     raise
             out.append(replace(self._tighten(reached, control), before_augmentation=reached))
-            if progress is not None:
-                progress(self._describe(out[-1]))
+            report(progress, self._describe(out[-1]))
         return out
 
     def _describe(self, here: ContactEquilibrium) -> str:
@@ -226,7 +225,7 @@ class ContactProblem:
         step: float,
         *,
         control: Control,
-        progress: Callable[[str], None] | None,
+        progress: Progress,
         record: Callable[[ContactEquilibrium], None] | None,
     ) -> ContactEquilibrium:
         """Reach a target in steps; the initial guess of each step is the line through the last two equilibria."""
@@ -243,8 +242,7 @@ class ContactProblem:
             self.contact.record_slip(reached.contact)
             if record is not None:
                 record(reached)
-            if progress is not None:
-                progress(self._describe(reached))
+            report(progress, self._describe(reached))
             return reached
 
         friction = self.contact.friction

@@ -116,10 +116,14 @@ class LoadingPath:
         return self.friction != self.baseline_friction
 
     @property
+    def is_in_plane(self) -> bool:
+        """Whether the path can be solved in the r-z plane: an indenter of revolution on a wide cover."""
+        return self.cover.size is None and self.indenter.axisymmetric
+
+    @property
     def refines_in_turn(self) -> bool:
         """Whether the grids refine edge radius and element size alternately: under flat faces with friction, in 3-D."""
-        in_plane = self.cover.size is None and self.indenter.axisymmetric
-        return self.indenter.is_flat and self.has_friction_effect and not in_plane
+        return self.indenter.is_flat and self.has_friction_effect and not self.is_in_plane
 
 
 def name_part(progress: Progress, part: str) -> Progress:
@@ -130,3 +134,9 @@ def name_part(progress: Progress, part: str) -> Progress:
 def name_grid(progress: Progress, count: int) -> Progress:
     """Wrap a progress callback so that each line begins with the number of elements through the cover."""
     return name_part(progress, f"{count} elements through the cover")
+
+
+def report(progress: Progress, text: str) -> None:
+    """Call a progress callback with a line of text, unless the callback is None."""
+    if progress is not None:
+        progress(text)

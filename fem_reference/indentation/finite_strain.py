@@ -124,18 +124,13 @@ def choose_edge_safety(path: LoadingPath, pose: Pose) -> float:
 
 
 def choose_fillet(thickness: float, indenter: Indenter) -> float:
-    """Choose the radius of an indenter's rounded edges on the finest grid, on a wide cover [m].
+    """Choose the radius of rounded edges of an indenter of revolution on the finest axisymmetric grid [m].
 
     Args:
         thickness: Thickness of the cover [m].
-        indenter: Indenter; solved in three dimensions unless it is axisymmetric.
-
-    Raises:
-        ValueError: If even the thickest wall is too thin, see `choose_solid_fillet`.
+        indenter: Indenter of revolution.
     """
-    if indenter.axisymmetric:
-        return min(thickness, *indenter.footprint) * _FINE
-    return choose_solid_fillet(thickness, indenter)
+    return min(thickness, *indenter.footprint) * _FINE
 
 
 def choose_solid_fillet(thickness: float, indenter: Indenter) -> float:
@@ -350,11 +345,6 @@ _BALL_ELEMENTS = 4
 _LARGEST_CONTACT = 0.8
 
 
-def is_in_plane(path: LoadingPath) -> bool:
-    """Return whether a loading path is solved in the r-z plane: an indenter of revolution on a wide cover."""
-    return path.cover.size is None and path.indenter.axisymmetric
-
-
 def study_path(
     path: LoadingPath, place: Place, progress: Progress, refinement: int = 0, rubbing: GridStudy | None = None
 ) -> GridStudy:
@@ -386,7 +376,7 @@ def study_path(
         )
     if rubbing is not None:
         path = replace(path, baseline_friction=path.friction)
-    in_plane = is_in_plane(path)
+    in_plane = path.is_in_plane
     grids = () if in_plane else choose_solid_grids(cover.thickness, indenter, in_turn=path.refines_in_turn)
     fillet = choose_fillet(cover.thickness, indenter) if in_plane else min(grid.fillet for grid in grids)
     accurate = None

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,10 +105,10 @@ class GridSolution:
         total_force: Normal force on the indenter [N].
         depth: Approach of the indenter from first touch of the undeformed cover [m].
         area: Contact area [m2].
-        overlap: Mean penetration of indenter and cover that remains in the contact solution, over the depth [-].
         contact: Columns x, y [m] and normal force [N] of m contact points in the frame of the indenter, shape (m, 3).
         base: Load on the base.
         energy: Elastic energy stored in the cover [J].
+        overlap: Mean penetration of indenter and cover that remains in the contact solution, over the depth [-].
         shear: Components x and y of the frictional force on the cover at the contact points, in the frame of the
             indenter, shape (m, 2) [N]; None without friction.
         fields: Displacement and stress in the cover in the frame of the mesh: of the array on a cover of limited size,
@@ -119,10 +119,10 @@ class GridSolution:
     total_force: float
     depth: float
     area: float
-    overlap: float
     contact: FloatArray
     base: Base
     energy: float
+    overlap: float = 0.0
     shear: FloatArray | None = None
     fields: CoverFields | None = None
 
@@ -151,7 +151,7 @@ class GridStudy:
     """
 
     solutions: Sequence[Sequence[GridSolution]]
-    least_order: float
+    least_order: float = 1.0
     most_order: float = 4.0
     edge_safety: float = 0.0
     extrapolate: bool = False
@@ -159,7 +159,7 @@ class GridStudy:
     least_error: float = 0.0
     least_area_error: float = 0.0
     accurate: GridStudy | None = None
-    assumptions: dict[str, str]
+    assumptions: dict[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
     def combine(self, grids: Sequence[GridSolution], quantity: Callable[[GridSolution], npt.ArrayLike]) -> FloatArray:

@@ -26,7 +26,7 @@ from fem_reference.errors import (
     TooShallowError,
     UnsupportedError,
 )
-from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress
+from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress, report
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, estimate_spread
 from fem_reference.indentation.result import Indentation, PressProblem, warn_of_errors
@@ -155,9 +155,9 @@ class LayerPress:
             # The estimated error need not decrease from grid to grid.
             if reached < least:
                 best, least = results, reached
-            if self.progress is not None and refinement < finest:
+            if refinement < finest:
                 wanted = f"{100 * accuracy:.3g} % wanted"
-                self.progress(f"estimated error {100 * reached:.3g} %, {wanted}: a finer grid is added")
+                report(self.progress, f"estimated error {100 * reached:.3g} %, {wanted}: a finer grid is added")
         return [_state_missed_accuracy(each, accuracy) for each in best]
 
     def solve_as_far(self, path: LoadingPath, refinement: int = 0) -> list[Indentation]:
@@ -218,8 +218,8 @@ class LayerPress:
                     "load",
                 )
         seconds = (time.perf_counter() - started) / len(path.targets)
-        if path.fields and self.progress is not None:
-            self.progress("displacement and stress in the cover")
+        if path.fields:
+            report(self.progress, "displacement and stress in the cover")
         count = len(path.targets)
         return [_combine_grids(study, number, path, self.place, seconds=seconds) for number in range(count)]
 
@@ -235,7 +235,7 @@ class LayerPress:
             return 0  # The grids of a flat face without slip are fixed.
         if is_far_from_sides(path, self.place, self.progress):
             cover = replace(cover, size=None)
-        if not finite_strain.is_in_plane(replace(path, cover=cover)):
+        if not replace(path, cover=cover).is_in_plane:
             return 0  # Finer grids are not feasible in three dimensions.
         return len(friction_rings.GRIDS if small else finite_strain.GRIDS) - 3
 
@@ -259,7 +259,7 @@ def study_nonlinear(path: LoadingPath, place: Place, progress: Progress, refinem
             least_error=max(study.least_error, _SIDES_ERROR),
             assumptions=study.assumptions | {"sides": "too far from the contact to matter"},
         )
-    small, in_plane = path.cover.small_strain_only, finite_strain.is_in_plane(path)
+    small, in_plane = path.cover.small_strain_only, path.is_in_plane
     rubbing = None
     # In three dimensions at finite strain, the correction of a solution without slip would contain a larger effect of
     # rounded edges.

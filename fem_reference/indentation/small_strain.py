@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from fem_reference import result_store
-from fem_reference.finite_strain.loading_path import LoadingPath, Progress
+from fem_reference.finite_strain.loading_path import LoadingPath, Progress, report
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.indentation.grid_solution import Base, GridSolution, GridStudy, scale_solution
 from fem_reference.linear_response.axisymmetric import point_spread
@@ -72,11 +72,9 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
         ]
     return GridStudy(
         solutions=solutions,
-        least_order=1.0,
         most_order=1.0,
         extrapolate=flat,
         least_error=_LEAST_ERROR if path.cover.size is None else _LEAST_ERROR_LIMITED,
-        assumptions={},
     )
 
 
@@ -141,7 +139,6 @@ def _build_solution(patch: ContactPatch, indenter: Indenter, response: TexelInfl
         total_force=patch.total_force,
         depth=patch.depth,
         area=patch.area,
-        overlap=0.0,
         contact=contact,
         base=PressedCells(contact=contact, response=response),
         energy=float(patch.force @ work) / 2,
@@ -171,8 +168,7 @@ def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, g
     load, depth = (target, None) if path.control == "load" else (None, target)
 
     def compute() -> ContactPatch:
-        if progress is not None:
-            progress(f"contact on {cells} x {cells} cells or more")
+        report(progress, f"contact on {cells} x {cells} cells or more")
         reach = max(3.0 * float(np.hypot(*bound_contact(indenter, cover.thickness))), 4 * decay_length(cover))
         surface = _tabulate_surface(replace(cover, size=None), reach)
         # An extreme load, which `press` refuses afterwards because it pierces the cover, may overflow here.

@@ -13,7 +13,6 @@ the loaded point, and the dual solution is smooth at this point.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -26,7 +25,7 @@ from fem_reference import result_store
 from fem_reference.elements.grading import grade_outward, layer_heights
 from fem_reference.elements.line import Line, recover_pressure
 from fem_reference.elements.taylor_hood import MixedElements, assemble_linear, mesh_layers, prepare_elements
-from fem_reference.finite_strain.loading_path import Units
+from fem_reference.finite_strain.loading_path import Progress, Units, report
 from fem_reference.linear_response.point_spread import GRIDS, PointSpread
 from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.sparse_solver import ConstrainedSystem
@@ -151,7 +150,7 @@ def solve_point_load(cover: Cover, *, elements_per_thickness: int, reach: float)
     return radial.recover_base(reactions[2 * radial.base + 1], 1.0)
 
 
-def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None) -> PointSpread:
+def point_spread(cover: Cover, *, progress: Progress = None) -> PointSpread:
     """Solve for the point spread function of a cover on three grids, or read it from the result store.
 
     The differences between the grids give the error estimate.
@@ -170,8 +169,7 @@ def point_spread(cover: Cover, *, progress: Callable[[str], None] | None = None)
     def compute() -> PointSpread:
         grids = []
         for n in GRIDS:
-            if progress is not None:
-                progress(f"axisymmetric solve, {n} elements through the cover")
+            report(progress, f"axisymmetric solve, {n} elements through the cover")
             grids.append(solve_point_load(cover, elements_per_thickness=n, reach=reach))
         return replace(grids[-1], coarse=tuple(grids[:-1]))
 

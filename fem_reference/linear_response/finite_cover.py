@@ -14,7 +14,6 @@ square cover with a square array, the solutions of the two mixed parities are eq
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -28,7 +27,7 @@ from fem_reference import result_store
 from fem_reference.elements.grading import fill_by_spacing, layer_heights
 from fem_reference.elements.line import Line, interpolation_matrix, line_matrix
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.finite_strain.loading_path import Units
+from fem_reference.finite_strain.loading_path import Progress, Units, report
 from fem_reference.grid_convergence import grid_convergence
 from fem_reference.linear_response.point_spread import TexelInfluence
 from fem_reference.linear_response.surface_compliance import decay_length
@@ -411,9 +410,7 @@ class SolidInfluence(TexelInfluence):
             raise ValueError("this solution is of another array; solve for this one with solid_influence(cover, array)")
 
 
-def solid_influence(
-    cover: Cover, array: TexelArray, *, progress: Callable[[str], None] | None = None
-) -> SolidInfluence:
+def solid_influence(cover: Cover, array: TexelArray, *, progress: Progress = None) -> SolidInfluence:
     """Solve for the force on every texel per unit load anywhere on a cover, on three grids, or read it from the store.
 
     Args:
@@ -432,10 +429,9 @@ def solid_influence(
     def compute() -> list[AdjointSolution]:
         out = []
         for resolution in resolutions:
-            if progress is not None:
-                unknowns = _count_unknowns(cover, array, resolution)
-                patience = "; this takes minutes" if unknowns > _SETTINGS.many else ""
-                progress(f"solid, {resolution.through} elements through the cover, {unknowns} unknowns{patience}")
+            unknowns = _count_unknowns(cover, array, resolution)
+            patience = "; this takes minutes" if unknowns > _SETTINGS.many else ""
+            report(progress, f"solid, {resolution.through} elements through the cover, {unknowns} unknowns{patience}")
             out.append(solve_adjoint(cover, array, resolution))
         return out
 

@@ -25,7 +25,7 @@ from fem_reference.errors import ConvergenceError
 from fem_reference.fields.cover_fields import recover_fields
 from fem_reference.finite_strain.contact import divide_rings
 from fem_reference.finite_strain.hyperelastic import Solid
-from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress, Units, name_grid
+from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress, Units, name_grid, report
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.finite_strain import SolvedPair, correct_path, pair_grids
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, RadialBase
@@ -309,7 +309,6 @@ class RingContact:
             total_force=load * units.force,
             depth=step.depth * units.length,
             area=np.pi * self._find_edge(step) ** 2 * units.length**2,
-            overlap=0.0,
             contact=points[:, :3],
             shear=points[:, 3:] if rubs else None,
             base=RadialBase(
@@ -404,9 +403,7 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
         def compute() -> SolvedPair:
             pairs = []
             for count in grids:
-                tell = name_grid(progress, count)
-                if tell is not None:
-                    tell("rings with friction")
+                report(name_grid(progress, count), "rings with friction")
                 contact = RingContact(
                     part.cover, part.indenter, contact_radius=(smooth.area / np.pi) ** 0.5, count=count
                 )
@@ -423,10 +420,8 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
 
     return GridStudy(
         solutions=correct_path(path, accurate.solutions, solve),
-        least_order=1.0,
         least_error=_SETTINGS.least_error,
         # The radius of the contact is located within half the width of a ring.
         least_area_error=0.0 if path.indenter.is_flat else 1 / (_SETTINGS.rings * grids[-1]),
         accurate=accurate,
-        assumptions={},
     )

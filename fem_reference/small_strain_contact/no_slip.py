@@ -24,9 +24,9 @@ import scipy.sparse as sp
 from fem_reference import result_store
 from fem_reference.elements.grading import fill_by_spacing, grade_around_edge
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.finite_strain.block_path import BlockReactions
+from fem_reference.finite_strain.block_path import BlockReactions, mark_constrained
 from fem_reference.finite_strain.contact import divide_rings
-from fem_reference.finite_strain.loading_path import LoadingPath, Progress, Units
+from fem_reference.finite_strain.loading_path import LoadingPath, Progress, Units, report
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import (
     GridSolution,
@@ -129,7 +129,6 @@ def press_stuck_disk(cover: Cover, radius: float, *, elements_per_thickness: int
         total_force=force,
         depth=1.0,
         area=float(np.pi * radius**2),
-        overlap=0.0,
         contact=points[:, :3],
         shear=points[:, 3:],
         energy=force / 2,
@@ -219,10 +218,17 @@ def press_face(cover: Cover, face: FlatPunch, pose: Pose, grid: FaceGrid) -> lis
         int(solid.offsets[axis]) + np.arange(np.prod(solid.field_shape(axis))).reshape(solid.field_shape(axis))
         for axis in range(3)
     ]
-    constrained = _find_constrained(number, symmetric, bonded=cover.base == "bonded", wide=cover.size is None)
+    held = mark_constrained(
+        np.meshgrid(*(line.nodes for line in solid.lines), indexing="ij"),
+        [edges[[0, -1]] for edges in solid.edges[:2]],
+        symmetric,
+        bonded=cover.base == "bonded",
+        free=cover.size is not None,
+    )
+    constrained = np.concatenate([unknown[zero] for unknown, zero in zip(number, held, strict=True)])
     out = []
-    for held in ((2,), (0, 1, 2)):
-        top = [number[axis][:, :, -1][touched] for axis in held]
+    for axes in ((2,), (0, 1, 2)):
+        top = [number[axis][:, :, -1][touched] for axis in axes]
         fixed = np.unique(np.concatenate([constrained, *top]))
         displacement = np.zeros(matrix.shape[0])
         displacement[top[-1]] = -1.0
@@ -230,7 +236,7 @@ def press_face(cover: Cover, face: FlatPunch, pose: Pose, grid: FaceGrid) -> lis
         load = np.zeros_like(displacement)
         reaction = system.reaction(system.solve(load, displacement[fixed]), load) * units.force / unit
         shear_x, shear_y, normal = (reaction[each[:, :, -1][touched]] for each in number)
-        if len(held) == 1:
+        if len(axes) == 1:
             shear_x, shear_y = np.zeros_like(normal), np.zeros_like(normal)
         force = -float(normal.sum()) * (1 + symmetric[0]) * (1 + symmetric[1])
         reactions = BlockReactions(
@@ -243,33 +249,9 @@ def press_face(cover: Cover, face: FlatPunch, pose: Pose, grid: FaceGrid) -> lis
             order=grid.order,
         )
         size = grid.edge if lines.on_lines else 1 / grid.across
-        solution = reactions.describe(
-            rubs=True, size=size, total_force=force, depth=1.0, area=0.0, overlap=0.0, energy=force / 2
-        )
+        solution = reactions.describe(rubs=True, size=size, total_force=force, depth=1.0, area=0.0, energy=force / 2)
         out.append((solution, measure_tension(-normal, inside[touched], min(unit, *face.footprint))))
     return out
-
-
-def _find_constrained(number: list[IntArray], symmetric: tuple[bool, bool], *, bonded: bool, wide: bool) -> IntArray:
-    """Return the unknowns that are zero: on the base, on planes of symmetry, and on the outer boundary if `wide`.
-
-    Args:
-        number: Indices of the displacements along x, y and z at the nodes, each of shape (nodes along x, y, z).
-        symmetric: Whether x = 0 and y = 0 are planes of symmetry.
-        bonded: Whether the base holds all displacements, not only the normal one.
-        wide: Whether the outer boundary is held: all displacements above a bonded base, and the one normal to the
-            boundary above a sliding base, where the others would press on the base.
-    """
-    parts = [number[axis][:, :, 0] for axis in range(3) if bonded or axis == 2]  # noqa: PLR2004 -- normal
-    for axis, mirror in enumerate(symmetric):
-        held = number if bonded else [number[axis]]
-        if mirror:
-            parts.append(np.take(number[axis], 0, axis))
-        elif wide:
-            parts += [np.take(each, 0, axis) for each in held]
-        if wide:
-            parts += [np.take(each, -1, axis) for each in held]
-    return np.unique(np.concatenate([part.ravel() for part in parts]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -437,8 +419,7 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
     def compute() -> list[list[tuple[GridSolution, float]]]:
         pairs = []
         for grid in FACE_GRIDS:
-            if progress is not None:
-                progress(f"no slip, {grid.through} elements through the cover")
+            report(progress, f"no slip, {grid.through} elements through the cover")
             pairs.append(press_face(cover, face, pose, grid))
         return pairs
 
@@ -461,11 +442,9 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
             [correct(extrapolate_solutions(grids), pair, target) for pair in pairs]
             for target, grids in zip(path.targets, accurate.solutions, strict=True)
         ],
-        least_order=1.0,
         most_order=1.0 if on_lines else 4.0,  # the singular stress at the sides limits the order of convergence
         least_error=_SETTINGS.least_on_lines if on_lines else _SETTINGS.least_off_lines,
         accurate=accurate,
-        assumptions={},
     )
 
 
@@ -476,8 +455,7 @@ def _study_disk(path: LoadingPath, progress: Progress) -> GridStudy | None:
     def compute() -> list[tuple[GridSolution, float]]:
         out = []
         for count in DISK_GRIDS:
-            if progress is not None:
-                progress(f"no slip, {count} elements through the cover")
+            report(progress, f"no slip, {count} elements through the cover")
             out.append(press_stuck_disk(cover, radius, elements_per_thickness=count))
         return out
 
@@ -492,7 +470,5 @@ def _study_disk(path: LoadingPath, progress: Progress) -> GridStudy | None:
             ]
             for target in path.targets
         ],
-        least_order=1.0,
         least_error=_SETTINGS.least_disk,
-        assumptions={},
     )
