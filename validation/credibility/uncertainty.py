@@ -80,17 +80,19 @@ class InputUncertainty(Result):
 
     @property
     def misplaced(self) -> dict[str, float]:
-        """Misplaced force between the nominal image and one changed by one standard uncertainty, by input [-]."""
-        return {name: self._misplace(effect) for name, effect in self.effects.items()}
+        """Misplaced force between the nominal image and one changed by one standard uncertainty, by input [-].
+
+        It is half the sum of the absolute changes of the texel forces and of the force outside, over the load.
+        """
+        return {
+            name: float(np.abs(effect).sum() + abs(effect.sum())) / (2 * self.load)
+            for name, effect in self.effects.items()
+        }
 
     @property
     def misplaced_total(self) -> float:
         """Root of the sum of squares of `misplaced` [-]."""
         return math.sqrt(sum(value**2 for value in self.misplaced.values()))
-
-    def _misplace(self, effect: FloatArray) -> float:
-        """Return half the sum of the absolute changes of texel forces and force outside, over the load [-]."""
-        return float(np.abs(effect).sum() + abs(effect.sum())) / (2 * self.load)
 
 
 def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs) -> InputUncertainty:
