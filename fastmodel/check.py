@@ -297,7 +297,7 @@ def _describe_height(height: float) -> str:
 def _advise_on_flush_geom(model: mujoco.MjModel, geom: int, array: int) -> str:
     """State a remedy for a geom that carries part of the force on an array; `array` is one of the array's geoms."""
     if int(model.geom_type[geom]) in {mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD}:
-        return ""  # A floor is needed elsewhere and should not be removed.
+        return ""  # The remedy is not to remove the geom, because a floor or ground is needed in other places.
     if _find_sensor(model, geom):
         return "move that array aside, or "
     if model.geom_bodyid[geom] != model.geom_bodyid[array]:

@@ -71,11 +71,11 @@ def _compile(loops: Callable[..., Any]) -> Callable[..., Any]:
 
     while _CALLED:
         function = _CALLED.pop()
-        # As numba.extending.register_jitable, which does not accept compiler options.
+        # Numba's `register_jitable` does the same, but does not accept compiler options.
         numba.extending.overload(function, jit_options=_OPTIONS, strict=False)(lambda *_, compiled=function: compiled)
     try:
         kernel: Callable[..., Any] = numba.njit(cache=True, **_OPTIONS)(loops)
-    except RuntimeError:  # No folder for the machine code is writable: compile anew in every process.
+    except RuntimeError:  # Without a writable folder for the machine code, each process compiles the kernel.
         kernel = numba.njit(**_OPTIONS)(loops)
 
     @wraps(kernel, updated=())

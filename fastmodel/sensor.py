@@ -288,7 +288,7 @@ class Sensor:
             self._reading, self._sampled_at = reading, now
             if self._validity is not None and self._validity.is_exceeded(reading):
                 warn_user(f"sensor {self._label!r}: {self._validity.describe_excess(reading)}", RangeWarning)
-                self._validity = None  # Warn once.
+                self._validity = None  # Only the first contact beyond the range gives a warning.
         self._steps += 1
         due = int((self._sampled_at - self._start) * self.parameters.electronics.rate_hz + _CLOCK_TOLERANCE)
         if due <= self._frames:

@@ -297,7 +297,7 @@ class CoverCells:
         """
         side = _PATCH * self.thickness if width is None else width
         ny, nx = (max(1, round(side / edge)) for edge in self.cell[::-1])
-        # number of pairs of cells within the patch that lie i rows (or j columns) apart
+        # Number of pairs of cells within the patch that lie i rows apart, and the same for columns.
         pairs = [
             np.where(np.arange(n) == 0, count, 2.0 * np.maximum(count - np.arange(n), 0))
             for n, count in zip(self.compliance.shape, (ny, nx), strict=True)

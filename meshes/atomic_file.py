@@ -41,7 +41,7 @@ def replace(path: Path, parts: Iterable[bytes]) -> None:
     try:
         _refuse_special(path)
         _replace(path, parts)
-    except OSError as error:  # name the file that the user knows, also when the disk is full
+    except OSError as error:  # The error names the user's file instead of the temporary one.
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
 
 
@@ -109,11 +109,11 @@ def _create(folder: Path) -> tuple[int, Path]:
     while True:
         path = folder / f"{PREFIX}{secrets.token_hex(8)}"
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
-        with contextlib.suppress(OSError):  # on a file system without locks the file stays unlocked
+        with contextlib.suppress(OSError):  # A file system without locks raises an error; the file stays unlocked.
             _lock(handle, wait=True)
         if path.exists():
             return handle, path
-        os.close(handle)  # `sweep` in another process removed the file before it was locked: create another one
+        os.close(handle)  # Another process removed the file in `sweep` before it was locked; the loop makes a new file.
 
 
 def _write(handle: int, content: bytes) -> None:
@@ -155,7 +155,7 @@ def _is_abandoned(handle: int) -> bool:
         _lock(handle, wait=False)
     except BlockingIOError:
         return False
-    except OSError:  # the file system has no locks: only the age of the file shows whether it is abandoned
+    except OSError:  # The file system has no locks, so only the age of a file shows whether its writer has ended.
         return time.time() - os.fstat(handle).st_mtime > _ABANDONED_AFTER
     return True
 

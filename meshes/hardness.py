@@ -130,7 +130,7 @@ def modulus_by_ball(shore_00: float) -> float:
     """
     depth = _DUROMETER.depth * (1 - shore_00 / 100) / _DUROMETER.radius
     low, high = 0.0, 1.0
-    for _ in range(60):  # bisection on a / R: the depth increases with it
+    for _ in range(60):  # bisection for the ratio a / R, with which the depth increases
         ratio = (low + high) / 2
         low, high = (ratio, high) if ratio * math.atanh(ratio) < depth else (low, ratio)
     force = (1 + ratio**2) * math.atanh(ratio) - ratio

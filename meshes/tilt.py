@@ -83,7 +83,7 @@ class TiltedIndenter(Indenter):
         return float(x), float(y)
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the height of the lower surface over its lowest point; inf beside the face [m]."""
+        """Return the height of the tilted lower surface over its lowest point; inf where there is no surface [m]."""
         return self._height(np.asarray(x, dtype=float), np.asarray(y, dtype=float)) - self.lowest_point[2]
 
     @cached_property

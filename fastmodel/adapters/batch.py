@@ -77,7 +77,8 @@ class Batch:
             raise FastModelError("the same sensor is given twice; attach each sensor once")
         worlds, processes = check_count("worlds", worlds, 1), check_count("processes", processes, 1)
         _check_seed(seed)
-        # Bound here once, for the warnings and errors of `bind` and to compile the kernels before processes start.
+        # The sensors are bound once in this process, so that `bind` gives its warnings and errors here, and kernels are
+        # compiled before other processes start.
         twins = [sensor.twin().bind(model).twin() for sensor in sensors]
         parts = np.array_split(np.arange(worlds), min(processes, worlds))
         self._closed, self._sensors = False, len(sensors)
@@ -87,13 +88,9 @@ class Batch:
             methods = multiprocessing.get_all_start_methods()
             # A fork of this process might copy locks that other threads hold.
             context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-            self._workers = [ProcessPoolExecutor(1, mp_context=context) for _ in parts]
-            made = [
-                worker.submit(_make_worlds, model, twins, part.tolist())
-                for worker, part in zip(self._workers, parts, strict=True)
+            self._workers = [
+                ProcessPoolExecutor(1, context, _make_worlds, (model, twins, part.tolist())) for part in parts
             ]
-            for each in made:
-                each.result()
         self._call("seed", seed)
 
     def step(self, steps: int = 1, control: Control | None = None) -> list[list[list[Frame]]]:

@@ -75,7 +75,7 @@ class NetForceReader:
         # Axes of each geom in the frame of the array.  The quaternions give them in the frame of the body.
         turns = Rotation.from_quat(model.geom_quat[geoms], scalar_first=True).as_matrix()
         self._axes = np.ascontiguousarray(axes @ turns[0].T @ turns)
-        # masked texels measure nothing
+        # Masked texels measure nothing, so their tangential forces are set to zero.
         self._masked = None if array.active.all() else ~array.active
         self._tangents = np.stack(find_tangents(array), axis=1) * array.active[:, None, None]
         self._share_shear = compile_kernel(share_shear)
@@ -96,7 +96,7 @@ class NetForceReader:
         else:
             _, fronts, wrench, _ = sums
             if self._by_geom:
-                tangential = fronts[:, :2]  # the axes of a box are the tangents of its texel
+                tangential = fronts[:, :2]  # The x and y axes of a box are the two tangents of its texel.
                 if self._masked is not None:
                     tangential[self._masked] = 0.0
             else:
@@ -211,7 +211,7 @@ def sum_contacts(  # noqa: C901 -- in one function, as calls make it a tenth slo
             for axis in range(dim[k] - 3):
                 for i in range(3):
                     moment[i] += sign * local[3 + axis] * frame[k, 3 * axis + i]
-            x, y, z = 0.0, 0.0, 0.0  # the normal away from the box, along the axes of the box
+            x, y, z = 0.0, 0.0, 0.0  # components of the contact normal, away from the box, along the axes of the box
             for i in range(3):
                 x -= sign * frame[k, i] * geom_xmat[own, 3 * i]
                 y -= sign * frame[k, i] * geom_xmat[own, 3 * i + 1]

@@ -60,7 +60,9 @@ class MeshContact(TexelContact):
         check_box(1.0, self.contype, self.conaffinity)
         if self.surface is None:
             return
-        most = 0.1 * self.surface.thickness  # A deeper dent would be too far from bodies in MuJoCo.
+        # MuJoCo collides the convex hull, so that a body stops at the hull above a dent.  A dent of a tenth of the
+        # thickness is accepted.
+        most = 0.1 * self.surface.thickness
         planes = ConvexHull(_list_vertices(self.surface)).equations
         depth = -(self.surface.points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
         if depth.max() > most:

@@ -295,7 +295,7 @@ class CellReader(PressureReader):
             )
         found, poses, loads = [], [], []
         for body, (force, x, y, depth) in zip(bodies.tolist(), sums.tolist(), strict=True):
-            if force <= 0:  # false for nan
+            if force <= 0:  # A force that is nan passes this test and is refused below.
                 continue
             tilts = self._joints.let_tilt(data, body, frame[:3, 2])
             loads.append(Load(force=force + 0 * (x + y), moment=np.array([x, y]), tilts=tilts))
@@ -414,7 +414,8 @@ class PanelReader(CellReader):
         forces = touches.pressure + (touches.friction * normal).sum(axis=1, keepdims=True) * normal
         along = (forces * normal).sum(axis=1)
         front = (touches.outward * normal).sum(axis=1) >= FRONT
-        # places on the common grid, limited to the panels
+        # Positions of the contacts on the common grid of all panels.  A contact at the rim of a panel is moved onto the
+        # outermost cells of the panel.
         local = np.zeros((len(along), 2))
         for k, (number, point) in enumerate(zip(touches.part.tolist(), touches.place, strict=True)):
             part = panels[number]

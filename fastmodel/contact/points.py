@@ -83,8 +83,8 @@ def solve_pressure(
         columns, target, first = join_constraints(loads, near, cover.points, cover.normals)
         forces, motion, found = _exchange(cover, gap, columns, target, touching)
         touching = forces > 0
-        # The travel is the displacement along the first direction due to all motions of a body, because other
-        # directions may almost contain the first.
+        # The travel is computed from all motions of a body, projected on its first direction, because the other
+        # directions may be almost parallel to the first.
         along = columns[touching][:, first]
         change = (along * (columns[touching] @ motion)[:, None]).sum(axis=0) / np.maximum(
             (along**2).sum(axis=0), np.finfo(float).tiny

@@ -240,7 +240,7 @@ class PressureReader:
         contact = data.contact
         part = self._part_of[contact.geom]
         k, side = ((part >= 0) & (contact.efc_address >= 0)[:, None]).nonzero()
-        local = np.zeros((len(k), 6))  # force and torque
+        local = np.zeros((len(k), 6))  # force and torque of each contact in the frame of the contact
         for number, force in zip(k.tolist(), local, strict=True):
             mujoco.mj_contactForce(self._model, data, number, force)
         if not np.isfinite(local).all():

@@ -32,9 +32,9 @@ _POINTS = 200
 _LEAST_STEPS = 2.5
 #: Impedance of the plate's contacts [-].  It is increased if the depth with the smallest time constant is too large.
 _IMPEDANCE = 0.95
-#: Simulated time in which the ball comes to rest, over the time constant of the contact [-].
+#: Simulated time after which the ball on the plate counts as at rest, over the time constant of the contact [-].
 _REST = 60.0
-#: Smallest simulated time in which the ball comes to rest [s].
+#: Smallest simulated time after which the ball on the plate counts as at rest [s].
 _LEAST_REST = 0.5
 
 

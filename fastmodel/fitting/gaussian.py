@@ -13,7 +13,7 @@ describes a cover in two numbers for a report; the contact method `curved` does 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -180,9 +180,10 @@ def _fit_sigmas(
     """
 
     def difference(logs: FloatArray) -> FloatArray:
-        sigmas = np.exp(logs).tolist()
-        uncut = [2 * int(np.ceil(_UNCUT_REACH * sigma)) + 1 for sigma in sigmas]
-        return np.asarray((_sample_kernel(sigmas, ksizes or uncut, image.shape, loaded) - image)[mask])
+        sx, sy = np.exp(logs).tolist()
+        kx, ky = ksizes or (2 * int(np.ceil(_UNCUT_REACH * sigma)) + 1 for sigma in (sx, sy))
+        gaussian = Gaussian(sigma_x=sx, sigma_y=sy, ksize_x=kx, ksize_y=ky)
+        return np.asarray((_place_kernel(gaussian, image.shape, loaded) - image)[mask])
 
     # The search starts at the width of a Gaussian with the peak of the image, 1 / sqrt(2 pi peak).
     peak = np.clip(image[loaded], *_START_PEAK)
@@ -194,25 +195,18 @@ def _fit_sigmas(
 
 
 def _place_kernel(gaussian: Gaussian, shape: tuple[int, ...], loaded: tuple[int, int]) -> FloatArray:
-    """Sample a point spread function around the loaded texel, shape (rows, columns) [-]."""
-    sigmas, ksizes = (gaussian.sigma_x, gaussian.sigma_y), (gaussian.ksize_x, gaussian.ksize_y)
-    return _sample_kernel(sigmas, ksizes, shape, loaded)
-
-
-def _sample_kernel(
-    sigmas: Sequence[float], ksizes: Sequence[int], shape: tuple[int, ...], loaded: tuple[int, int]
-) -> FloatArray:
-    """Sample a Gaussian kernel around the loaded texel, cut at the edges of the image, shape (rows, columns) [-].
+    """Sample a point spread function around the loaded texel, cut at the edges of the image, shape (rows, columns) [-].
 
     Args:
-        sigmas: Standard deviations along x and y [pitches].
-        ksizes: Widths of the kernel along x and y [texels].
+        gaussian: The point spread function.
         shape: Rows and columns of the image.
         loaded: Row and column of the loaded texel.
     """
-    (sx, sy), (kx, ky), (row, column) = sigmas, ksizes, loaded
-    along_y, along_x = np.arange(shape[0]) - row, np.arange(shape[1]) - column
-    return np.outer(sample_gaussian(along_y, sy, ky), sample_gaussian(along_x, sx, kx))
+    along_y, along_x = np.arange(shape[0]) - loaded[0], np.arange(shape[1]) - loaded[1]
+    return np.outer(
+        sample_gaussian(along_y, gaussian.sigma_y, gaussian.ksize_y),
+        sample_gaussian(along_x, gaussian.sigma_x, gaussian.ksize_x),
+    )
 
 
 def _estimate_radially(

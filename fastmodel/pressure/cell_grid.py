@@ -241,7 +241,7 @@ class BaseForces:
         """
         cells = [start + np.arange(size) for start, size in zip(origin, shape, strict=True)]
         if self._table is not None:
-            # outside the grid there are no forces, so that any entry of the table will do
+            # Cells outside the grid carry no force, so that the table's values for the nearest cells can be used there.
             row, column = (np.clip(c, 0, most - 1) for c, most in zip(cells, self._table.shape[1:], strict=True))
             return self._table[:, row[:, None], column].reshape(len(self._table), -1), np.zeros(0), (slice(0), slice(0))
         data, factors, near = self._cells, [], []
@@ -533,7 +533,8 @@ def _share_cells(array: TexelArray, whole: CellGrid) -> sp.csr_array:
 
     A point belongs to the nearest texel, if this texel's centre is at most half a pitch away along x and along y.
     """
-    offset = (np.arange(4) + 0.5) / 4 - 0.5  # 4 x 4 points of a cell, in cells
+    # Each cell is sampled at 4 x 4 points; the offsets from its centre are in units of the cell's edges.
+    offset = (np.arange(4) + 0.5) / 4 - 0.5
     texels: list[IntArray] = []
     cells: list[IntArray] = []
     for k, part in enumerate(whole.panels):

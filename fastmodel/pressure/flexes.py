@@ -45,7 +45,7 @@ class FlexSurfaces:
             _divide(corners.shape[1], np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max() / spacing)
             for corners in (data.flexvert_xpos[elements] for elements in self._elements)
         ]
-        if self._elements:  # compile the kernel
+        if self._elements:  # This call compiles the kernel, so that nothing is compiled at the first contact.
             self.spread(0, 1.0, data.flexvert_xpos.copy(), 0.0, np.array([[0.0, 0.0, 0.0], [1e-3, 1e-3, 0.0]]))
 
     def replace_points(
@@ -160,7 +160,7 @@ def spread_depths(
 
 def _list_elements(model: mujoco.MjModel, flex: int) -> IntArray:
     """List the corners of the triangles or segments that make the surface of a flex, shape (elements, 3 or 2)."""
-    if model.flex_dim[flex] == _SOLID:  # the triangles of its surface
+    if model.flex_dim[flex] == _SOLID:  # MuJoCo lists the triangles of the surface of a solid flex as its shell.
         first, count = model.flex_shelldataadr[flex], model.flex_shellnum[flex]
         return model.flex_shell[first : first + count * _TRIANGLE].reshape(count, _TRIANGLE).astype(np.int64)
     corners = int(model.flex_dim[flex]) + 1

@@ -157,7 +157,7 @@ def _balance(
             factor = 1.0
             for a in range(k):
                 factor += columns[i, a] * found[a]
-            forces[i] *= max(factor, 0.2)  # A positive factor keeps forces positive.
+            forces[i] *= max(factor, 0.2)  # The factor is kept positive, so that forces stay positive.
     _scale_sums(forces, columns, target)
     return error, changed
 
@@ -302,11 +302,12 @@ def minimise_energy(
             for i in range(count):
                 overlap[i] += gap[i]
         energy, size, total, grows = _compute_residual(active, overlap, columns, matrix, motion, residual)
-        # The residual is small enough, or consists of rounding errors only.
+        # The iteration ends if the residual is small enough or consists of rounding errors only.
         if total <= limits[1] or (energy <= 1e-20 * size and not grows):
             converged = True
             break
-        # the conjugate search direction, restarted from the residual after cells were added to the active set
+        # The search direction is conjugate to the previous one.  After cells were added to the active set it is the
+        # residual alone.
         for i in range(count):
             direction[i] = active[i] * (residual[i] + conjugate * energy / previous * direction[i])
         _displace(cover, direction, room, image)
@@ -358,11 +359,13 @@ def place_cells(
         a, b = u - math.floor(u), v - math.floor(v)
         p, q, r, s = (1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b
         weight[0, k], weight[1, k], weight[2, k], weight[3, k] = p, q, r, s
-        # Self compliance of the divided cell by the convolution; for a whole cell it is near[0, 0].
+        # Self compliance that the convolution gives for a force divided among four cells.  That of a whole cell is
+        # near[0, 0].
         interpolated = near[0, 0] * (p * p + q * q + r * r + s * s) + 2 * near[0, 1] * (p * q + r * s)
         interpolated += 2 * near[1, 0] * (p * r + q * s) + 2 * near[1, 1] * (p * s + q * r)
         own[k] = near[0, 0] - interpolated + square * (1 / math.sqrt(coverage[k]) - 1)
-    shape = ((rows + 3) // 4 * 4, (cols + 3) // 4 * 4)  # Multiples of 4 reduce the number of different matrices.
+    # The window is enlarged to multiples of 4 cells, so that fewer sizes of convolution matrices are needed.
+    shape = ((rows + 3) // 4 * 4, (cols + 3) // 4 * 4)
     return (top, left), shape, corner, weight, own
 
 

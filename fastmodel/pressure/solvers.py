@@ -154,7 +154,7 @@ class Wrench(Load):
         first = along / np.linalg.norm(along)
         rest = span - np.outer(first, first @ span)
         left, sizes, _ = np.linalg.svd(rest, full_matrices=False)
-        # The singular value is 0 for a direction parallel to the first direction and 1 for a perpendicular one.
+        # The singular value of a direction is 0 if it is parallel to the first direction, and 1 if perpendicular.
         others = left[:, sizes > 0.5].T  # noqa: PLR2004
         return cls(
             force=float(vector @ first),
@@ -205,7 +205,8 @@ class Wrench(Load):
         rest = rest - np.outer(share, first)
         aims = np.array(wanted[1:]) - share * wanted[0]
         values, vectors = np.linalg.eigh(rest @ rest.T / len(place))
-        # Combinations with a smaller root mean square, after the first column is removed, are linearly dependent.
+        # Combinations of columns whose root mean square, after the first column is projected out, is at most 0.02 count
+        # as linearly dependent and are omitted.
         kept = values > 0.02**2
         mixed = vectors[:, kept] * (1 / np.sqrt(values[kept]))
         return np.ascontiguousarray(np.column_stack([first, rest.T @ mixed])), np.append(wanted[0], aims @ mixed)

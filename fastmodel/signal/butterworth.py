@@ -119,7 +119,7 @@ class LowPass:
             values: New sample of every signal, any shape [unit of the input].
         """
         xp, count = find_namespace(values), self._transition.shape[0]
-        if count == 1:  # no filter
+        if count == 1:  # There is no filter; the only state is the sample itself.
             return values[None, ...]
         before = xp.concat([states[:-1, ...], values[None, ...]])
         if values.ndim == 1:

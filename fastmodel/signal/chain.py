@@ -100,7 +100,8 @@ class ChainFunctions:
         self._ones = namespace.ones(array.count, dtype=dtype)
         self._spread = None
         if spreads:
-            # a product with the transposed operator, because the texels are the last dimension
+            # The operator is transposed, because the forces are multiplied from the left: texels are their last
+            # dimension.
             of_numpy = namespace is np
             operator = build_operator(parameters.spread, array) if of_numpy else parameters.spread.operator(array)
             self._spread = operator.T if of_numpy else namespace.asarray(operator.T.copy(), dtype=dtype)

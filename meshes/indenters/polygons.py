@@ -187,7 +187,7 @@ def _find_meeting_sides(corners: FloatArray, size: float) -> tuple[int, int] | N
         a, b = start[k], end[k]
         ahead = end[(k + 1) % n] - b
         if abs(cross(b - a, ahead)) <= _NUMBERS.coincident * size**2 and (b - a) @ ahead < 0:
-            return k, (k + 1) % n  # side k + 1 runs back along side k
+            return k, (k + 1) % n  # The next side of the polygon runs back along this side.
         others = np.arange(k + 2, n if k else n - 1)
         c, d = start[others], end[others]
         from_this = np.stack([cross(b - a, c - a), cross(b - a, d - a)]) / np.hypot(*(b - a))

@@ -448,7 +448,7 @@ class _Underside:
         step = float((extent / count).max())
         across, along = ((axis[:, None] - axis) ** 2 for axis in axes)
         beside = []
-        for level in levels:  # nearest marked point within each column of the grid, then over all columns
+        for level in levels:  # The nearest low point is found within each column of the grid, then among all columns.
             squared = np.where((grid <= level)[None], along[..., None], np.inf).min(axis=1)
             beside.append(np.sqrt((squared[:, None, :] + across[None]).min(axis=2)))
         return cls(

@@ -93,7 +93,8 @@ def split_facet(nodes: int, parts: int) -> tuple[FloatArray, FloatArray]:
     upright = np.column_stack([u[u + v < parts], v[u + v < parts]]) + 1 / 3
     inverted = np.column_stack([u[u + v < parts - 1], v[u + v < parts - 1]]) + 2 / 3
     middle = np.concatenate([upright, inverted]) / parts
-    around = np.array([[1, 1], [-2, 1], [1, -2]]) / (6 * parts)  # middles of the sides
+    # The middles of a triangle's three sides, relative to its centroid, are the quadrature points.
+    around = np.array([[1, 1], [-2, 1], [1, -2]]) / (6 * parts)
     sign = np.concatenate([np.ones(len(upright)), -np.ones(len(inverted))])
     return middle, middle[:, None] + sign[:, None, None] * around
 

@@ -31,10 +31,10 @@ class _OffsetNumbers:
     rounds: int = 40
     #: Largest fraction of the area at which the smoothed offset may still fold [-].  The mesher smooths small folds.
     most_folded: float = 0.005
-    #: Smallest accepted distance of an offset, over the requested distance [-].
+    #: Smallest accepted distance between a surface and its offset, over the requested distance [-].
     thinnest: float = 0.5
-    #: Distance of an offset over the requested distance, below which folds are not smoothed further but left to the
-    #: mesher [-].
+    #: Smallest distance between a surface and its offset, over the requested distance, to which folds are smoothed [-].
+    #: Smoothing reduces the distance; folds that remain are left to the mesher.
     wanted: float = 0.75
     #: Length of an edge, over the thickness, below which the edge is collapsed before the offset is made [-].
     short: float = 0.2
@@ -212,7 +212,7 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
     strip = _zip(outer_points, border, base_points, list_border(base_faces[:, ::-1], "the base")[:, :2])
     _refuse_crossings((outer_points[outer_faces], into, strip), (_SHEETS, _OUTLINES))
     surface = np.concatenate([outer_points[outer_faces], into[:, ::-1], strip])
-    if enclosed_volume(surface) < 0:  # the normals of the outer surface pointed to the base
+    if enclosed_volume(surface) < 0:  # The given triangles of the outer surface faced the base; turn all around.
         surface, into = surface[:, ::-1], into[:, ::-1]
     return Shell(surface=surface, base=into)
 
@@ -294,11 +294,12 @@ def _check_outward(points: FloatArray, faces: IntArray, name: str) -> tuple[str,
 def _find_folds(points: FloatArray, moved: FloatArray, faces: IntArray, border: IntArray, *, inward: bool) -> BoolArray:
     """Return whether the offset of each triangle is inverted or crosses another triangle, shape (f,)."""
     before, after = unit_vectors(normal_vectors(points[faces])), unit_vectors(normal_vectors(moved[faces]))
-    # The normal of a sliver may differ much from that of the surface.  Its offset must only not be turned further.
+    # The normal of a very thin triangle may differ much from the normal of the surface around it.  For such a triangle
+    # the limit is lower: its offset may be turned as much as the triangle itself, but not much more.
     surface = unit_vectors(point_normals(points, faces)[faces].sum(axis=1))
     limit = np.minimum(_OFFSET.folded, np.einsum("fc,fc->f", before, surface) - _OFFSET.folded)
     out = np.einsum("fc,fc->f", surface, after) < limit
-    if not out.any():  # the test for crossings takes longer
+    if not out.any():  # The search for crossing triangles takes long and is made only if no triangle is inverted.
         outer, inner = (points, moved) if inward else (moved, points)
         count = len(faces)
         for pair in find_crossings(_close(outer, inner, faces, border)):

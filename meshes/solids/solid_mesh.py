@@ -396,7 +396,7 @@ def _hexahedron_edges(nodes: FloatArray, points: FloatArray) -> FloatArray:
         points: p points along each reference coordinate, shape (p,).
     """
     shape, slope = line_shape(points), line_slope(points)
-    grid = nodes.reshape(len(nodes), 3, 3, 3, 3)  # element, k, j, i, component
+    grid = nodes.reshape(len(nodes), 3, 3, 3, 3)  # indices: element, node along each of k, j and i, component
     out = [
         np.einsum("zk,yj,xi,ekjic->ezyxc", *lines, grid, optimize=True)
         for lines in ((shape, shape, slope), (shape, slope, shape), (slope, shape, shape))

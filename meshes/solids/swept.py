@@ -118,11 +118,13 @@ def fingertip_surface(radius: float, length: float, element_size: float) -> Base
     half = _count(radius * _FACE, element_size)
     even, part = np.linspace(-_FACE, _FACE, 4 * half + 1), np.linspace(0.0, _FACE, 2 * half + 1)
     faces = []
+    # Four faces of the cube, whose normals are +y, +z, +x and -x.  The three numbers are the axes of the face's first
+    # and second coordinate and of its normal; -1 stands for -x.
     for axes, u, v in (
-        ((0, 2, 1), even, part),  # towards +y: the face's coordinates run along x and z
-        ((0, 1, 2), even, part),  # towards +z
-        ((2, 1, 0), part, part),  # towards +x
-        ((2, 1, -1), part, part),  # towards -x
+        ((0, 2, 1), even, part),
+        ((0, 1, 2), even, part),
+        ((2, 1, 0), part, part),
+        ((2, 1, -1), part, part),
     ):
         first, second = np.meshgrid(np.tan(u), np.tan(v))
         out = np.empty((*first.shape, 3))
@@ -181,7 +183,7 @@ def _merge_points(
     cell = _NUMBERS.same * float(np.ptp(points, axis=0).max())
     rounded = np.floor((points - points.min(axis=0)) / cell + _NUMBERS.offset).astype(np.int64)
     _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first, kind="stable")  # points stay in the order of the grids
+    order = np.argsort(first, kind="stable")  # The merged points are in the order in which they first occur.
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     return BaseSurface(

@@ -43,7 +43,7 @@ class _Numbers:
     #: Smallest cosine between the normals of the base and of a facet of the base [-]; 45 degrees, chosen by judgement.
     on_base: float = 0.7
     #: Smallest cosine between the normals of a facet of the top and of the nearest point of the base [-]; 60 degrees,
-    #: chosen.  Facets below this value belong to the sides.
+    #: chosen by judgement.  Facets below this value belong to the sides.
     on_top: float = 0.5
     #: Largest time in which the mesher must finish a mesh [s]; chosen by judgement.
     seconds: int = 900
@@ -177,7 +177,7 @@ def list_boundary(cells: IntArray) -> IntArray:
 def _run_mesher(surface: FloatArray, edge: float, envelope: float, name: str) -> tuple[FloatArray, IntArray]:
     """Run fTetWild in a process and a temporary folder of its own; return nodes and tetrahedra."""
     points, faces = merge_corners(surface)
-    scale = float(np.linalg.norm(np.ptp(points, axis=0)))  # the mesher works with lengths of order 1
+    scale = float(np.linalg.norm(np.ptp(points, axis=0)))  # Lengths for the mesher are scaled to be of order 1.
     with tempfile.TemporaryDirectory(prefix="softcover-mesh-") as folder:
         np.savez(
             Path(folder) / "surface.npz",

@@ -169,7 +169,7 @@ def _read_mesh(name: str, content: bytes, kind: str, largest: float) -> tuple[Fl
     import trimesh
 
     log = logging.getLogger("trimesh.util")
-    log.disabled = True  # trimesh prints tracebacks for damaged files
+    log.disabled = True  # Otherwise trimesh logs tracebacks for damaged files.
     try:
         with np.errstate(all="ignore"):
             found: Any = trimesh.load(
@@ -302,7 +302,7 @@ def _convert_to_prism(body: TriangleMesh, size: float) -> Prism | TriangleMesh:
     outlines = [tuple((x, y) for x, y in outline) for outline in _trace_outlines(face[..., :2])]
     try:
         return Prism(points=outlines[0], holes=tuple(outlines[1:]))
-    except ValueError:  # an outline touches itself, or the axis lies outside the shape: keep the body of triangles
+    except ValueError:  # The face has no valid outline, so the indenter stays a body of triangles.
         return body
 
 
@@ -323,7 +323,7 @@ def _trace_outlines(face: FloatArray) -> list[list[list[float]]]:
     outlines = []
     while following:
         chain = [next(iter(following))]
-        places = {chain[0]: 0}  # position of each point in the chain
+        places = {chain[0]: 0}  # index of each point in the list `chain`
         while chain:
             here = chain[-1]
             if here not in following:

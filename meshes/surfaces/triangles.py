@@ -237,8 +237,8 @@ def nearest_points(points: FloatArray, triangles: FloatArray) -> tuple[FloatArra
     block = max(1, _SURFACE.pairs // (2 * len(triangles)))
     for start in range(0, len(points), block):
         part = points[start : start + block]
-        # The distance to the nearest triangle's middle is an upper bound.  Triangles that are farther away cannot be
-        # nearest.
+        # The distance of a point from the nearest triangle's middle is an upper bound of its distance from the surface.
+        # Triangles beyond this distance are left out.
         away = np.linalg.norm(part[:, None] - middle, axis=2)
         point, triangle = np.nonzero(away - radius <= away.min(axis=1)[:, None])
         candidate = _nearest_of_each(part[point], triangles[triangle])
@@ -263,7 +263,7 @@ def _nearest_of_each(points: FloatArray, triangles: FloatArray) -> FloatArray:
     normal = normal / np.maximum(double_area, 1e-300)[:, None]
     plane = points - (away[:, 0] * normal).sum(axis=-1)[:, None] * normal
     inside = ((np.cross(along, plane[:, None] - triangles) * normal[:, None]).sum(axis=-1) >= 0).all(axis=-1)
-    # a triangle that is degenerate to a line has no normal
+    # A triangle whose corners lie on a line has no normal; its nearest point lies on one of its sides.
     inside &= double_area > _SURFACE.thinnest * square.max(axis=1)
     return np.asarray(np.where(inside[:, None], plane, side))
 
@@ -500,7 +500,8 @@ def _collapse(
     one, other = (normal_vectors(points[each]) for each in (before, after))
     size = np.linalg.norm(one, axis=1)
     turned = _dot(one, other) < _COLLAPSE.turned * size * np.linalg.norm(other, axis=1)
-    # The normals of slivers are unreliable.  Only larger triangles must not turn.
+    # The normals of tiny triangles are unreliable.  Only triangles of more than a tenth of the largest area are checked
+    # for turning over.
     if turned[size > 0.1 * size.max(initial=0.0)].any():
         return set()
     shape = [_shapes(points[each]).min(initial=1.0) for each in (before, after)]

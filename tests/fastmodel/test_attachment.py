@@ -9,7 +9,7 @@ from fastmodel import WTS_0614_34, FastModelError, Gaussian, Parameters
 from fastmodel.errors import LifeCycleError
 from meshes import TexelArray
 from tests.support.quaternions import rotate
-from tests.support.scenes import run
+from tests.support.scenes import add_body, make_spec, simulate
 
 PARAMETERS = Parameters(
     array=TexelArray.grid(3, 2, 3e-3), spread=Gaussian.from_sigma(0.5), electronics=WTS_0614_34, filter=None
@@ -115,10 +115,7 @@ PALM = """
 def test_the_array_carries_what_rested_on_the_replaced_geom_as_a_pair(method):
     spec = mujoco.MjSpec.from_string(PALM)
     sensor = fastmodel.attach(spec, "world", PARAMETERS, contact=method, replaces="pad")
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    sensor.bind(model)
-    run(sensor, model, data, 300)
+    simulate(spec, sensor, 300)
     assert sensor.carried() == pytest.approx(0.981, rel=1e-3)
     assert sensor.contact_forces().sum() == pytest.approx(0.981, rel=1e-3)
 
@@ -149,14 +146,18 @@ def test_a_geom_that_cannot_be_replaced_leaves_the_spec_as_it_was(replaces, mess
     assert spec.to_xml() == before
 
 
-def test_sites_and_geoms_of_another_spec_are_refused():
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda other: {"body": other.site("drawn")}, "site 'drawn' belongs to another spec"),
+        (lambda other: {"replaces": other.geom("pad")}, "geom 'pad' belongs to another spec"),
+        (lambda _: {"body": "figner"}, "no body or site named 'figner'; valid names: crossed, drawn, finger"),
+    ],
+)
+def test_sites_and_geoms_of_another_spec_are_refused(change, message):
     spec, other = finger(), finger()
-    with pytest.raises(FastModelError, match="site 'drawn' belongs to another spec"):
-        fastmodel.attach(spec, other.site("drawn"), PARAMETERS)
-    with pytest.raises(FastModelError, match="geom 'pad' belongs to another spec"):
-        fastmodel.attach(spec, "finger", PARAMETERS, replaces=other.geom("pad"))
-    with pytest.raises(FastModelError, match="no body or site named 'figner'; valid names: crossed, drawn, finger"):
-        fastmodel.attach(spec, "figner", PARAMETERS)
+    with pytest.raises(FastModelError, match=message):
+        fastmodel.attach(**{"spec": spec, "body": "finger", "parameters": PARAMETERS, **change(other)})
 
 
 def hand_with_two_fingers(**second):
@@ -164,14 +165,10 @@ def hand_with_two_fingers(**second):
     child = mujoco.MjSpec()
     tip = child.worldbody.add_body(name="tip")
     sensor = fastmodel.attach(child, tip, PARAMETERS, name="pad", contact="boxes")
-    hand = mujoco.MjSpec()
-    fastmodel.recommend_options(hand)
-    hand.option.timestep = 1e-3
+    hand = make_spec()
     hand.attach(child.copy(), prefix="left_", frame=hand.worldbody.add_frame(pos=[0, 0, 0]))
     hand.attach(child.copy(), frame=hand.worldbody.add_frame(pos=[0.1, 0, 0]), **second)
-    ball = hand.worldbody.add_body(pos=[0.1, 0, 5e-3])
-    ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[5e-3, 0, 0], mass=0.1)
+    add_body(hand, "sphere", [5e-3], [0.1, 0, 5e-3], slides="z", mass=0.1)
     return sensor, hand.compile()
 
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import re
-import warnings
 
 import mujoco
 import numpy as np
@@ -13,7 +12,7 @@ from fastmodel import WTS_0614_34, Gaussian, OptionWarning, Parameters, Plate
 from fastmodel.errors import LifeCycleError
 from meshes import TexelArray
 from tests.support.cover_data import parameters
-from tests.support.scenes import make_spec, run
+from tests.support.scenes import add_body, make_spec, run, simulate
 
 SMALL = Parameters(
     array=TexelArray.grid(4, 3, 3e-3), spread=Gaussian.from_sigma(0.5), electronics=WTS_0614_34, filter=None
@@ -31,9 +30,8 @@ def scene(*, pad=None, finger="finger", array=SMALL, ball=True, **settings):
     if pad is not None:
         body.add_geom(name="pad", type=KINDS.mjGEOM_BOX, size=[3e-3, 0.01, 3e-3], pos=[0, 0, -3e-3 - pad])
     if ball:
-        free = spec.worldbody.add_body(name="ball", pos=[0, 0, 0.1])
-        free.add_freejoint()
-        free.add_geom(name="round", type=KINDS.mjGEOM_SPHERE, size=[5e-3, 0, 0], mass=0.1)
+        free = add_body(spec, "sphere", [5e-3], [0, 0, 0.1], free=True, name="ball", mass=0.1)
+        free.geoms[0].name = "round"
     return spec, fastmodel.attach(spec, finger, array, contact=settings.pop("contact", "boxes"), **settings)
 
 
@@ -42,18 +40,13 @@ def press_on_pad(below):
     spec = make_spec()
     sensor = fastmodel.attach(spec, "world", parameters(filter=None), every=1)
     spec.worldbody.add_geom(name="pad", type=KINDS.mjGEOM_BOX, size=[9e-3, 9e-3, 4e-3], pos=[0, 0, -4e-3 - below])
-    box = spec.worldbody.add_body(pos=[0, 0, 4e-3])
-    box.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    box.add_geom(type=KINDS.mjGEOM_BOX, size=[4e-3, 4e-3, 4e-3], mass=0.1)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    said = sensor.check(model)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        sensor.bind(model)
-    data.qfrc_applied[0] = 0.1 * 9.81 - 16
-    run(sensor, model, data, 200)
-    return sensor.carried() / 16, said
+    add_body(spec, "box", [4e-3] * 3, [0, 0, 4e-3], slides="z", mass=0.1)
+
+    def push(data):
+        data.qfrc_applied[0] = 0.1 * 9.81 - 16
+
+    model, _ = simulate(spec, sensor, 200, push)
+    return sensor.carried() / 16, sensor.check(model)
 
 
 @pytest.mark.parametrize(
@@ -82,9 +75,8 @@ def test_a_replaced_pad_is_silent_and_the_array_carries_all():
 @pytest.mark.parametrize("kind", [mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE])
 def test_a_pad_on_a_body_that_is_welded_to_the_finger_is_told(kind):
     spec, sensor = scene()
-    holder = spec.worldbody.add_body(name="holder", pos=[0, 0, -0.003])
-    holder.add_freejoint()
-    holder.add_geom(name="cap", type=KINDS.mjGEOM_BOX, size=[3e-3, 0.01, 3e-3], mass=0.01)
+    holder = add_body(spec, "box", [3e-3, 0.01, 3e-3], [0, 0, -0.003], free=True, name="holder", mass=0.01)
+    holder.geoms[0].name = "cap"
     spec.worldbody.add_site(name="elsewhere")
     for body in ("finger", "holder"):
         spec.body(body).add_site(name=body)
@@ -204,9 +196,8 @@ def test_an_array_that_nothing_can_touch_is_told():
 def gripper(**settings):
     """Two fingers whose arrays face one another."""
     spec, left = scene(**settings)
-    other = spec.worldbody.add_body(name="other", pos=[0, 0, 0.02], quat=[0, 1, 0, 0])
-    other.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    other.add_geom(type=KINDS.mjGEOM_SPHERE, size=[5e-3, 0, 0], pos=[0, 0, -0.02], mass=0.1)
+    other = add_body(spec, "sphere", [5e-3], [0, 0, 0.02], slides="z", name="other", quat=[0, 1, 0, 0], mass=0.1)
+    other.geoms[0].pos = [0, 0, -0.02]
     return spec, left, fastmodel.attach(spec, "other", SMALL, name="right", **settings)
 
 
@@ -229,16 +220,12 @@ def run_asleep(**sleep):
     spec.option.enableflags = ENABLE.mjENBL_SLEEP
     for name, policy in sleep.items():
         spec.body(name).sleep = policy
-    model = spec.compile()
-    data, said, forces = mujoco.MjData(model), sensor.check(model), []
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        sensor.bind(model)
+    model, data = simulate(spec, sensor, 0)
+    forces = []
     for _ in range(500):
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+        run(sensor, model, data, 1)
         forces.append(sensor.carried())
-    return forces, said
+    return forces, sensor.check(model)
 
 
 def test_objects_that_fall_asleep_lose_their_force_and_this_is_told():

@@ -22,7 +22,7 @@ def given(tmp_path):
 
     def change(old="", new="", packed=None):
         toml = saved / "parameters.toml"
-        text = toml.read_text().replace(old, new, 1)
+        text = re.sub(old, new, toml.read_text(), count=1)
         if packed is not None:
             (saved / "cover.npz").write_bytes(packed)
             text = re.sub(r'sha256 = ".*"', f'sha256 = "{hashlib.sha256(packed).hexdigest()}"', text)
@@ -52,17 +52,13 @@ def refuse(folder, message):
         ("format = 1", "x" * 4_000_000, "more than the 3 MiB accepted"),
         ('sha256 = "', 'sha256 = "../../', "64 hexadecimal digits"),
         ('file = "cover.npz"', 'file = "../cover.npz"', "file must be 'cover.npz'"),
+        (r"ksize_x = \d+", "ksize_x = 9999999999", "ksize must be at most 10000 texels"),
+        (r"(?m)^name = .*", "name = 0", "name must be a text, not int"),
     ],
     ids=lambda text: text[:25],
 )  # fmt: skip
 def test_hostile_toml_is_refused_at_once(given, old, new, message):
     refuse(given(old, new), message)
-
-
-def test_a_wide_kernel_is_refused(given):
-    text = (given() / "parameters.toml").read_text()
-    old = re.search(r"ksize_x = \d+", text)[0]
-    refuse(given(old, "ksize_x = 9999999999"), "ksize must be at most 10000 texels")
 
 
 def zipped(entries, method=zipfile.ZIP_DEFLATED):
@@ -115,12 +111,6 @@ def test_hostile_npz_files_are_refused_at_once(given, case):
     refuse(given(packed=packed), message)
 
 
-def test_a_name_that_is_no_text_is_refused(given):
-    path = given() / "parameters.toml"
-    path.write_text(re.sub(r"(?m)^name = .*", "name = 0", path.read_text(), count=1))
-    refuse(path.parent, r"name must be a text, not int")
-
-
 @pytest.mark.parametrize("name", ["parameters.toml", "cover.npz"])
 def test_a_pipe_is_not_waited_for(given, name):
     folder = given()
@@ -130,7 +120,6 @@ def test_a_pipe_is_not_waited_for(given, name):
 
 
 def test_a_byte_order_mark_is_accepted(given):
-    assert load(given("format = 1", "format = 1", None)).array.count == 84
     path = given() / "parameters.toml"
     path.write_text(path.read_text(), encoding="utf-8-sig")
     assert load(path).array.count == 84

@@ -12,7 +12,7 @@ from fastmodel.errors import LifeCycleError
 from meshes import TexelArray
 from meshes.catalogue import ARRAYS
 from tests.support.quaternions import rotate
-from tests.support.scenes import make_spec, run
+from tests.support.scenes import add_body, make_spec, run, simulate
 
 WTS = ARRAYS["wts-0614-34"]
 PARAMETERS = Parameters(
@@ -26,15 +26,10 @@ IDENTITY = np.array([1.0, 0, 0, 0])
 
 def ball_on_array(parameters=PARAMETERS, turn=IDENTITY, timestep=1e-3, **settings):
     """A 100 g ball on a slide over an array, the whole scene turned by a quaternion."""
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = timestep
-    spec.option.gravity = rotate(turn, np.array([[0, 0, -9.80665]]))[0]
+    spec = make_spec(timestep, gravity=rotate(turn, np.array([[0, 0, -9.80665]]))[0])
     holder = spec.worldbody.add_body(name="holder", quat=turn)
     sensor = fastmodel.attach(spec, "holder", parameters, **settings)
-    ball = holder.add_body(name="ball", pos=[0.5e-3, 1e-3, 6.5e-3])
-    ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[6e-3, 0, 0], mass=0.1)
+    add_body(spec, "sphere", [6e-3], [0.5e-3, 1e-3, 6.5e-3], slides="z", parent=holder, mass=0.1)
     model = spec.compile()
     # The ball's body is a child of the holder, which MuJoCo takes for the fixed world: contacts stay on.
     return sensor.bind(model), model, mujoco.MjData(model)
@@ -106,36 +101,27 @@ def test_two_arrays_squeeze_one_free_mesh_between_moving_fingers():
     spec = make_spec(gravity=[0, 0, 0])
     corners = 4e-3 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     spec.add_mesh(name="cube", uservert=corners.ravel())
-    cube = spec.worldbody.add_body(name="cube")
-    cube.add_freejoint()
-    cube.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="cube", density=8000)
-    sensors = {}
-    for side, turn in (("left", [np.sqrt(0.5), 0, np.sqrt(0.5), 0]), ("right", [np.sqrt(0.5), 0, -np.sqrt(0.5), 0])):
-        sign = -1 if side == "left" else 1
-        finger = spec.worldbody.add_body(name=side, pos=[sign * 5e-3, 0, 0])
-        finger.add_joint(name=side, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1, 0, 0], damping=[2.0, 0, 0])
-        finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[1e-3, 0, 0], pos=[sign * 0.02, 0, 0], mass=0.05)
-        sensors[side] = fastmodel.attach(spec, finger, parameters, name=side, quaternion=turn)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    for sensor in sensors.values():
-        sensor.bind(model)
-    for _ in range(1500):
-        data.qfrc_applied[model.joint("left").dofadr[0]] = 0.7
-        data.qfrc_applied[model.joint("right").dofadr[0]] = -0.7
-        mujoco.mj_step(model, data)
-        for sensor in sensors.values():
-            sensor.step(data)
-    for sensor in sensors.values():
+    sensors = []
+    for sign in (-1, 1):
+        finger = add_body(spec, "sphere", [1e-3], [sign * 5e-3, 0, 0], slides="x", damping=2.0, mass=0.05)
+        finger.geoms[0].pos = [sign * 0.02, 0, 0]
+        turn = [np.sqrt(0.5), 0, -sign * np.sqrt(0.5), 0]
+        sensors.append(fastmodel.attach(spec, finger, parameters, name=f"side {sign}", quaternion=turn))
+    add_body(spec, "mesh", [], free=True, meshname="cube", density=8000)
+
+    def push(data):
+        data.qfrc_applied[:2] = 0.7, -0.7
+
+    simulate(spec, sensors, 1500, push)
+    for sensor in sensors:
         assert sensor.contact_forces().sum() == pytest.approx(0.7, rel=2e-3)
 
 
 def test_attach_leaves_the_models_options_alone_and_warns():
-    spec = mujoco.MjSpec()
-    before = (spec.option.cone, spec.option.solver, spec.option.timestep, spec.option.impratio, spec.option.integrator)
+    spec, plain = mujoco.MjSpec(), mujoco.MjSpec().option
     sensor = fastmodel.attach(spec, "world", PARAMETERS)
-    after = (spec.option.cone, spec.option.solver, spec.option.timestep, spec.option.impratio, spec.option.integrator)
-    assert before == after
+    for name in ("cone", "solver", "timestep", "impratio", "integrator"):
+        assert getattr(spec.option, name) == getattr(plain, name)
     with pytest.warns(OptionWarning, match="recommend_options"):
         sensor.bind(spec.compile())
 
@@ -163,7 +149,7 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
         fastmodel.attach(spec, "palm", PARAMETERS, quaternion=(0, 0, 0, 0))
     sensor = fastmodel.attach(spec, "palm", PARAMETERS)
     with pytest.raises(FastModelError, match="'sensor' is on this spec already"):
-        fastmodel.attach(spec, "palm", PARAMETERS)
+        fastmodel.attach(spec, "palm", PARAMETERS, contact="area")
     with pytest.raises(LifeCycleError, match="not bound"):
         sensor.frame()
     with pytest.raises(LifeCycleError, match="sensor/texel0"):

@@ -10,7 +10,7 @@ import fastmodel
 from fastmodel import Butterworth, FastModelError
 from fastmodel.errors import LifeCycleError
 from tests.support.cover_data import parameters
-from tests.support.scenes import make_spec
+from tests.support.scenes import add_body, make_spec
 
 #: An array whose frames depend on filter, hysteresis and noise.
 PARAMETERS = dataclasses.replace(
@@ -32,13 +32,8 @@ def scene(method, array=PARAMETERS, names=("one",)):
     sensors = [
         fastmodel.attach(spec, "world", array, name=name, position=PLACES[name], contact=method) for name in names
     ]
-    for kind, size, place in (
-        (mujoco.mjtGeom.mjGEOM_BOX, [5e-3, 4e-3, 3e-3], [0, 0, 3.5e-3]),
-        (mujoco.mjtGeom.mjGEOM_SPHERE, [4e-3, 0, 0], [2e-3, 14e-3, 4.5e-3]),
-    ):
-        body = spec.worldbody.add_body(pos=place)
-        body.add_freejoint()
-        body.add_geom(type=kind, size=size, mass=0.1)
+    add_body(spec, "box", [5e-3, 4e-3, 3e-3], [0, 0, 3.5e-3], free=True, mass=0.1)
+    add_body(spec, "sphere", [4e-3], [2e-3, 14e-3, 4.5e-3], free=True, mass=0.1)
     model = spec.compile()
     return model, mujoco.MjData(model), [sensor.bind(model) for sensor in sensors]
 
@@ -177,56 +172,47 @@ def test_seeds_determine_the_noise_and_episodes_without_a_seed_continue_it():
     np.testing.assert_array_equal(noise_of(one, model), runs["six"])
 
 
-def test_bad_seeds_and_states_are_refused():
-    _, _, (sensor,) = scene("cover")
-    with pytest.raises(FastModelError, match="must not be negative"):
-        sensor.reset(seed=-1)
-    with pytest.raises(FastModelError, match="whole number"):
-        sensor.reset(seed="one")
-    state = sensor.get_state()
-    for name in state:
-        if name.startswith(("chain", "clock", "contact/last", "contact/reach")):
-            with pytest.raises(FastModelError, match=name.split("/")[-1]):
-                sensor.set_state({key: array for key, array in state.items() if key != name})
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"seed": -1}, "must not be negative"),
+        ({"seed": "one"}, "whole number"),
+        *(({"contact_forces": wrong}, "contact.forces") for wrong in (-1.0, np.nan, np.zeros(3), "x")),
+    ],
+)
+def test_bad_starts_are_refused(arguments, message):
+    _, _, (sensor,) = scene("boxes")
+    with pytest.raises(FastModelError, match=message):
+        sensor.reset(**arguments)
+
+
+def test_a_state_that_does_not_fit_leaves_the_sensor_as_it_was():
+    model, data, (sensor,) = scene("cover")
+    run(model, data, [sensor], 30)
+    good = sensor.get_state()
+    other, moved, (boxes,) = scene("boxes")
+    run(other, moved, [boxes], 30)
+    parts = [name for name in good if name.startswith(("chain", "clock", "contact/last", "contact/reach"))]
+    assert len(parts) > 5
+    bad = [({key: array for key, array in good.items() if key != name}, name.split("/")[-1]) for name in parts]
     for change, message in (
         ({"chain/play": np.zeros(3)}, "this sensor has"),
         ({"reading/type": np.array("SensorWithAnotherName")}, "not one of"),
         ({"contact/last": np.zeros(4)}, "state"),
         ({"contact/reach": np.array("far")}, "state"),
         ({"chain/noise": np.array(["a"] * 6)}, "state"),
+        ({"clock": np.full(5, np.inf)}, "state: "),
+        ({"reading/contact_forces": np.full_like(good["reading/contact_forces"], np.nan)}, "state: "),
+        (boxes.get_state(), "state: "),
     ):
+        bad.append((good | change, message))
+    bad.append(({key: value for key, value in good.items() if not key.startswith("reading/type")}, "state: "))
+    bad.append(({key: value for key, value in good.items() if "type" not in key}, "state: "))
+    bad.append((None, "state must be a dict"))
+    for state, message in bad:
         with pytest.raises(FastModelError, match=message):
-            sensor.set_state(state | change)
-    for name, array in sensor.get_state().items():
-        np.testing.assert_array_equal(array, state[name])
-
-
-def test_a_state_that_does_not_fit_leaves_the_sensor_as_it_was():
-    model, data, (sensor,) = scene("boxes")
-    run(model, data, [sensor], 30)
-    good = sensor.get_state()
-    other, moved, (cover,) = scene("cover")
-    run(other, moved, [cover], 30)
-    bad = [
-        {key: value for key, value in good.items() if not key.startswith("reading/type")},
-        {key: value for key, value in good.items() if "type" not in key},
-        {**good, "clock": np.full(5, np.inf)},
-        {**good, "reading/contact_forces": np.full_like(good["reading/contact_forces"], np.nan)},
-        cover.get_state(),
-    ]
-    for state in bad:
-        with pytest.raises(FastModelError, match="state: "):
             sensor.set_state(state)
-        assert_same_arrays(sensor.get_state(), good)
-    with pytest.raises(FastModelError, match="state must be a dict"):
-        sensor.set_state(None)
-    sensor.set_state(good)
-    for wrong in (-1.0, np.nan, np.zeros(3), "x"):
-        with pytest.raises(FastModelError, match=r"contact_forces|contact forces"):
-            sensor.reset(wrong)
-
-
-def assert_same_arrays(some, others):
-    assert some.keys() == others.keys()
-    for key, value in some.items():
-        np.testing.assert_array_equal(value, others[key])
+        found = sensor.get_state()
+        assert found.keys() == good.keys()
+        for key, value in found.items():
+            np.testing.assert_array_equal(value, good[key])

@@ -3,6 +3,7 @@
 import warnings
 
 import mujoco
+import numpy as np
 
 import fastmodel
 
@@ -15,6 +16,20 @@ def make_spec(timestep=1e-3, **options):
     for name, value in {"timestep": timestep, **options}.items():
         setattr(spec.option, name, value)
     return spec
+
+
+def add_body(
+    spec, kind, size, pos=(0, 0, 0), *, slides="", free=False, parent=None, name="", quat=(1, 0, 0, 0), **geom
+):
+    """Add a body of one geom to the world or another body: free, on slides along some of x, y and z, or fixed."""
+    body = (parent or spec.worldbody).add_body(name=name, pos=pos, quat=quat)
+    if free:
+        body.add_freejoint()
+    damping = geom.pop("damping", 0.0)
+    for axis in slides:
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=np.eye(3)["xyz".index(axis)], damping=damping)
+    body.add_geom(type=getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}"), size=[*size, 0, 0][:3], **geom)
+    return body
 
 
 def bind(sensor, model):

@@ -5,6 +5,7 @@ import pytest
 from fastmodel.contact.boxes import BoxTexels
 from meshes import TexelArray
 from tests.support.quaternions import make_z_rotation, multiply
+from tests.support.scenes import add_body
 
 ARRAY = TexelArray.grid(4, 5, 10e-3)
 
@@ -16,14 +17,11 @@ def scene(cone, condim, tilt=(1.0, 0.0, 0.0, 0.0), seed=0):
     spec.option.cone = cone
     spec.option.timestep = 1e-3
     BoxTexels().attach(spec.worldbody.add_frame(quat=tilt), ARRAY, "a")
-    kinds = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID)
+    rough = {"density": 4000, "condim": condim, "friction": [0.6, 0.01, 0.001]}
     for k in range(6):
         place = [((k % 3) - 1) * 14e-3, (k // 3 - 0.5) * 16e-3, 7e-3]
-        body = spec.worldbody.add_body(pos=place, quat=rng.normal(size=4))
-        body.add_freejoint()
-        body.add_geom(
-            type=kinds[k % 3], size=[4e-3, 5e-3, 3e-3], density=4000, condim=condim, friction=[0.6, 0.01, 0.001]
-        )
+        kind = ("sphere", "box", "ellipsoid")[k % 3]
+        add_body(spec, kind, [4e-3, 5e-3, 3e-3], place, free=True, quat=rng.normal(size=4), **rough)
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qvel[:] = rng.normal(size=model.nv) * 0.05
@@ -78,11 +76,8 @@ def test_a_box_lifted_by_its_side_reads_zero_and_the_balance_stays():
     spec = mujoco.MjSpec()
     spec.option.timestep = 1e-3
     BoxTexels().attach(spec.worldbody.add_frame(), ARRAY, "a")
-    blade = spec.worldbody.add_body(pos=[1e-3, 2e-3, 3e-3], quat=make_z_rotation(0.7))
-    for axis in np.eye(3):
-        blade.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-    size, friction = [0.3e-3, 4e-3, 3e-3], [2.0, 0, 0]
-    blade.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, mass=0.2, friction=friction)
+    pose = {"pos": [1e-3, 2e-3, 3e-3], "quat": make_z_rotation(0.7)}
+    add_body(spec, "box", [0.3e-3, 4e-3, 3e-3], **pose, slides="xyz", mass=0.2, friction=[2.0, 0, 0])
     model = spec.compile()
     data, lifted = mujoco.MjData(model), 0
     reader = BoxTexels().bind(model, ARRAY, "a")

@@ -6,7 +6,7 @@ import pytest
 
 import fastmodel
 from tests.support.cover_data import parameters
-from tests.support.scenes import make_spec
+from tests.support.scenes import add_body, make_spec
 
 METHODS = ("cover", "foundation")
 
@@ -19,9 +19,7 @@ def build_pressed_ball(method):
     """A 10 mm ball on a slide along the normal, and its sensor."""
     spec = make_spec()
     sensor = fastmodel.attach(spec, "world", parameters(filter=None), contact=method)
-    ball = spec.worldbody.add_body(name="ball", pos=[0.4e-3, -0.3e-3, 10.05e-3])
-    ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[10e-3, 0, 0], mass=0.05)
+    add_body(spec, "sphere", [10e-3], [0.4e-3, -0.3e-3, 10.05e-3], slides="z", mass=0.05)
     model = spec.compile()
     return sensor.bind(model), mujoco.MjData(model), model
 
@@ -60,10 +58,7 @@ GUIDED = {
 
 def build_guided(geoms):
     """A tool moved by a mocap body, above an array on a slide, and the array's sensor."""
-    spec = mujoco.MjSpec()
-    spec.option.timestep = 1e-3
-    spec.option.gravity = np.zeros(3)
-    fastmodel.recommend_options(spec)
+    spec = make_spec(gravity=np.zeros(3))
     table = spec.worldbody.add_body(name="table")
     table.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=20)
     table.mass, table.explicitinertial, table.inertia = 0.5, True, [1e-4] * 3

@@ -13,7 +13,7 @@ from fastmodel import Butterworth, Parameters
 from fastmodel.contact.forces import BY_GEOM, SHARED
 from meshes import TexelArray
 from tests.support.bent_array import bent_array
-from tests.support.scenes import run
+from tests.support.scenes import add_body, make_spec, simulate
 
 # Many methods and rates are tried here that a user is warned of.
 pytestmark = pytest.mark.filterwarnings("ignore::fastmodel.OptionWarning", "ignore::fastmodel.RangeWarning")
@@ -25,20 +25,16 @@ METHODS = ("cover", "foundation", "area", "boxes")
 
 def drop_bodies(parameters: Parameters, method: str, cone: mujoco.mjtCone):
     """A tilted array on a tilted hand, onto which a box and a ball fall that turn, roll and slide off its edge."""
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.cone = cone
+    spec = make_spec(timestep=2e-3, cone=cone)
     turn = [1, 0.08, 0.1, 0.05]
     hand = spec.worldbody.add_body(name="hand", pos=[0.1, 0.2, 0.3], quat=turn)
     sensor = fastmodel.attach(
         spec, hand, parameters, name="pad", position=POSITION, quaternion=QUATERNION, contact=method, every=1
     )
     hand.add_site(name="origin", pos=POSITION, quat=QUATERNION)
-    box, ball = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE
-    for kind, size, beside in ((box, [6e-3, 5e-3, 4e-3], -6e-3), (ball, [4e-3, 0, 0], 9e-3)):
-        body = spec.worldbody.add_body(pos=[0.114, 0.216 + beside, 0.345])
-        body.add_freejoint()
-        body.add_geom(type=kind, size=size, density=30000, condim=6, friction=[0.7, 0.02, 0.01])
+    rough = {"density": 30000, "condim": 6, "friction": [0.7, 0.02, 0.01]}
+    for kind, size, beside in (("box", [6e-3, 5e-3, 4e-3], -6e-3), ("sphere", [4e-3], 9e-3)):
+        add_body(spec, kind, size, [0.114, 0.216 + beside, 0.345], free=True, **rough)
     model = spec.compile()
     return sensor, model, mujoco.MjData(model)
 
@@ -87,18 +83,15 @@ def slide_box(method, *, filtered=None, push=0.6, array=None, rate=500.0):
     parameters = dataclasses.replace(FLAT, filter=filtered, electronics=electronics)
     if array is not None:
         parameters = dataclasses.replace(parameters, array=array, tables={})
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
+    spec = make_spec(timestep=2e-3)
     sensor = fastmodel.attach(spec, "world", parameters, contact=method, every=1)
-    body = spec.worldbody.add_body(name="box", pos=[0, 0, 4e-3])
-    body.add_freejoint()
-    half = [6e-3, 8e-3, 4e-3]
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, mass=1.0 / 9.81, friction=[2, 0.005, 0.0001])
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    sensor.bind(model)
-    data.xfrc_applied[model.body("box").id, :2] = -push, push / 2
-    run(sensor, model, data, 400)
+    half, friction = [6e-3, 8e-3, 4e-3], [2, 0.005, 0.0001]
+    add_body(spec, "box", half, [0, 0, 4e-3], free=True, mass=1.0 / 9.81, friction=friction)
+
+    def pull(data):
+        data.xfrc_applied[1, :2] = -push, push / 2
+
+    model, data = simulate(spec, sensor, 400, pull)
     return sensor, sum_front(model, data)
 
 
@@ -169,20 +162,16 @@ def test_pressures_are_forces_over_the_sensitive_area():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_push_against_the_side_of_the_array_is_in_the_net_force_alone(method):
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.gravity = [0, 0, 0]
+    spec = make_spec(timestep=2e-3, gravity=[0, 0, 0])
     electronics = dataclasses.replace(FLAT.electronics, rate_hz=500.0)
     sensor = fastmodel.attach(spec, "world", dataclasses.replace(FLAT, electronics=electronics), contact=method)
     edge = 3.4e-3 * (3 if method in {"boxes", "area"} else 4)  # the plate has a margin of one pitch
-    body = spec.worldbody.add_body(name="box", pos=[edge + 5e-3, 0, -1e-3])
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1, 0, 0])
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-3, 5e-3, 0.5e-3], mass=0.2)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    sensor.bind(model)
-    data.xfrc_applied[model.body("box").id, 0] = -2.0
-    run(sensor, model, data, 400)
+    add_body(spec, "box", [5e-3, 5e-3, 0.5e-3], [edge + 5e-3, 0, -1e-3], slides="x", mass=0.2)
+
+    def push(data):
+        data.xfrc_applied[1, 0] = -2.0
+
+    simulate(spec, sensor, 400, push)
     frame = sensor.frame()
     assert frame.net_force == pytest.approx([-2, 0, 0], abs=0.01)
     assert frame.net_torque[1] == pytest.approx(2e-3, rel=0.1)  # 2 N, 1 mm below the front

@@ -12,7 +12,7 @@ from fastmodel.pressure.cell_grid import ScatteredBaseForces, divide_into_panels
 from meshes import Box, Sphere, TexelArray
 from tests.support.cover_data import WTS, cells, parameters
 from tests.support.quaternions import make_z_rotation, multiply, rotate
-from tests.support.scenes import bind, make_spec, run
+from tests.support.scenes import add_body, make_spec, simulate
 
 PITCH = 3.4e-3
 CELLS = cells(WTS)
@@ -144,15 +144,10 @@ def scene(array, turn, method):
     spec = make_spec(gravity=rotate(turn, np.array([[0, 0, -9.80665]]))[0])
     holder = spec.worldbody.add_body(name="holder", quat=turn, pos=[0.1, -0.2, 0.3])
     sensor = fastmodel.attach(spec, "holder", parameters(array, surface=CELLS), contact=method)
-    ball = holder.add_body(name="ball", pos=[0.4e-3, 1.2e-3, 6e-3])
+    ball = add_body(spec, "sphere", [6e-3], [0.4e-3, 1.2e-3, 6e-3], parent=holder, mass=0.1, condim=1)
     for axis in ([0, 1, 0], [0, 0, 1]):
         ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, stiffness=50, damping=2)
-    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[6e-3, 0, 0], mass=0.1)
-    spec.geoms[-1].condim = 1
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    bind(sensor, model)
-    run(sensor, model, data, 500)
+    simulate(spec, sensor, 500)
     return sensor
 
 

@@ -2,24 +2,19 @@ import mujoco
 import numpy as np
 import pytest
 
-import fastmodel
 from fastmodel import FastModelError, Foundation, Plate
 from tests.support.cover_data import WTS
+from tests.support.scenes import add_body, make_spec
 
 CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL}
 
 
 def build_blocks(cone, condim=3):
     """Two free blocks of 0.1 and 0.3 kg that slide over a tilted plate; reader, model and data."""
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.cone = cone
-    spec.option.gravity = [1.0, 0.5, -9.0]
+    spec = make_spec(timestep=2e-3, cone=cone, gravity=[1.0, 0.5, -9.0])
     Plate().attach(spec.worldbody.add_frame(pos=[0.1, 0.2, 0.3]), WTS, "pad")
-    for k, (x, mass) in enumerate(((-5e-3, 0.1), (5e-3, 0.3))):
-        body = spec.worldbody.add_body(name=f"block{k}", pos=[0.1 + x, 0.2, 0.303])
-        body.add_freejoint()
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[3e-3, 4e-3, 3e-3], mass=mass, condim=condim)
+    for x, mass in ((-5e-3, 0.1), (5e-3, 0.3)):
+        add_body(spec, "box", [3e-3, 4e-3, 3e-3], [0.1 + x, 0.2, 0.303], free=True, mass=mass, condim=condim)
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 200)

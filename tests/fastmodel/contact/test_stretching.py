@@ -45,13 +45,6 @@ def test_a_large_face_that_sinks_little_is_pressed_on_the_cover_without_stretch(
     assert found.texel_forces.sum() == pytest.approx(without.texel_forces.sum(), rel=0.05)
 
 
-def test_tables_survive_saving(parameters, tmp_path):
-    parameters.save(tmp_path)
-    found = fastmodel.load(tmp_path).surface
-    for name in ("loads", "load_depths", "loaded_compliance", "loaded_influence"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(parameters.surface, name))
-
-
 @pytest.mark.parametrize(
     ("changes", "error"),
     [
@@ -65,6 +58,13 @@ def test_tables_survive_saving(parameters, tmp_path):
 def test_incomplete_tables_are_refused(parameters, changes, error):
     with pytest.raises(error, match="load"):
         dataclasses.replace(parameters.surface, **changes)
+
+
+def test_tables_survive_saving(parameters, tmp_path):
+    parameters.save(tmp_path)
+    found = fastmodel.load(tmp_path).surface
+    for name in ("loads", "load_depths", "loaded_compliance", "loaded_influence"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(parameters.surface, name))
 
 
 def test_a_ball_smaller_than_a_cell_presses_where_it_stands():
