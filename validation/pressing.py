@@ -9,16 +9,8 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 from meshes import Indenter
+from validation.campaign import comparison
 from validation.campaign.case import Case
-from validation.campaign.comparison import (
-    METHODS,
-    MODELS,
-    Comparison,
-    choose_friction,
-    compare_models,
-    find_cover,
-    name_unsupported,
-)
 from validation.errors import Faults, InputError, check_choice
 from validation.parameters import find_parameters
 from validation.places import FlatPlaces, Places, PoseText, find_places
@@ -65,7 +57,7 @@ class PressRequest:
     friction: float | None = None
     strain: Literal["small", "finite"] | None = None
     accuracy: float | None = None
-    models: tuple[str, ...] = MODELS
+    models: tuple[str, ...] = comparison.MODELS
     method: str = "default"
 
     @property
@@ -92,7 +84,9 @@ class PressRequest:
         pose = _find_places(self.sensor, progress).find(self.pose)
         return Case(name="press", indenter=self.indenter, shape=self.shape, load=self.load or 0.0, pose=pose)
 
-    def run(self, *, fields: bool = False, as_far: bool = False, progress: Progress | None = None) -> Comparison:
+    def run(
+        self, *, fields: bool = False, as_far: bool = False, progress: Progress | None = None
+    ) -> comparison.Comparison:
         """Compute the requested press by the chosen models.
 
         Args:
@@ -120,7 +114,7 @@ class PressRequest:
                 from fastmodel.attachment import choose_method
 
                 choose_method(self.method, find())
-        return compare_models(
+        return comparison.compare_models(
             self.sensor, case, depth=self.depth, friction=self.friction, strain=self.strain, accuracy=self.accuracy,
             models=self.models, method=self.method, fields=fields, as_far=as_far, progress=progress,
             parameters=parameters,
@@ -142,15 +136,15 @@ class PressRequest:
         from fem_reference import IncompletePathError, press_path
         from validation.press_files import LoadCurve
 
-        cover, case, stopped = find_cover(self.sensor), self.find_case(progress), ""
+        cover, case, stopped = comparison.find_cover(self.sensor), self.find_case(progress), ""
         control, last = ("loads", self.load) if self.depth is None else ("depths", self.depth)
         options: dict[str, Any] = {control: [(last or 0.0) * (i + 1) / points for i in range(points)]}
         try:
-            with name_unsupported(self.sensor, self.friction):
+            with comparison.name_unsupported(self.sensor, self.friction):
                 found = press_path(
                     cover, self.sensor.array, case.indenter, pose=case.pose, strain=self.strain,
-                    friction=choose_friction(self.sensor, self.friction), accuracy=self.accuracy, progress=progress,
-                    **options,
+                    friction=comparison.choose_friction(self.sensor, self.friction), accuracy=self.accuracy,
+                    progress=progress, **options,
                 )  # fmt: skip
         except IncompletePathError as error:
             found, stopped = error.reached, str(error)
@@ -169,7 +163,7 @@ def read_request(
     friction: str | None = None,
     strain: str | None = None,
     accuracy: str | float | None = None,
-    models: str = ",".join(MODELS),
+    models: str = ",".join(comparison.MODELS),
     method: str = "default",
     curve: int | None = None,
     out: object = None,
@@ -205,8 +199,8 @@ def read_request(
     if strain not in (None, *STRAINS):
         faults.append(f"--strain: {str(strain)[:40]!r} is neither of {' and '.join(STRAINS)}")
     coefficient = faults.read(_read_friction, friction, used=needs_reference)
-    faults.read(check_choice, "--method", "contact method", method, METHODS)
-    if method in METHODS[1:] and known and ("fast" not in chosen or curve is not None):
+    faults.read(check_choice, "--method", "contact method", method, comparison.METHODS)
+    if method in comparison.METHODS[1:] and known and ("fast" not in chosen or curve is not None):
         reason = "--curve is computed by finite elements" if curve is not None else "--model names the finite elements"
         faults.append(
             f"--method: {reason} alone; leave --method out, which chooses how the fast model computes contact"
@@ -237,7 +231,7 @@ def _read_models(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(","))
     faults = Faults()
     for name in names:
-        faults.read(check_choice, "--model", "model", name, MODELS)
+        faults.read(check_choice, "--model", "model", name, comparison.MODELS)
     faults.refuse()
     return names
 

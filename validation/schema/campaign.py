@@ -9,21 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
 
 from validation.metrics import Score
-from validation.schema import Table
-from validation.schema.types import (
-    LIMITS,
-    Friction,
-    Indenter,
-    Length,
-    Load,
-    Name,
-    OneByOne,
-    Pressure,
-    choice,
-    number,
-    percentage,
-    quantity,
-)
+from validation.schema import Table, types
 
 #: Names of the metrics that a campaign can compare.
 METRICS = tuple(field.name for field in dataclasses.fields(Score))
@@ -42,9 +28,12 @@ _LOADS = ("load", "loads", "path")
 def _find_kind(metric: str) -> Any:  # noqa: ANN401 -- an annotation
     """Return the annotation of a limit on a metric: a number, a length or a percentage, by the name of the metric."""
     if metric in _PLAIN:
-        return Annotated[float, number(0, LIMITS.number)]
+        return Annotated[float, types.number(0, types.LIMITS.number)]
     return Annotated[
-        float, quantity("length", positive=False, most=LIMITS.longest) if metric.endswith("_m") else percentage()
+        float,
+        types.quantity("length", positive=False, most=types.LIMITS.longest)
+        if metric.endswith("_m")
+        else types.percentage(),
     ]
 
 
@@ -107,13 +96,13 @@ class InputsTable(Table):
         data: Relative uncertainty of measured forces; 0 if finite elements replace a measurement.
     """
 
-    modulus: Annotated[float, percentage(1)] | None = None
-    poisson_ratio: Annotated[float, number(0, 1)] | None = None
-    thickness: Annotated[float, percentage(1)] | None = None
-    position: Annotated[float, quantity("length", positive=False, most=1)] | None = None
-    yaw: Annotated[float, quantity("angle", positive=False, most=1)] | None = None
-    friction: Friction | None = None
-    data: Annotated[float, percentage(1)] | None = None
+    modulus: Annotated[float, types.percentage(1)] | None = None
+    poisson_ratio: Annotated[float, types.number(0, 1)] | None = None
+    thickness: Annotated[float, types.percentage(1)] | None = None
+    position: Annotated[float, types.quantity("length", positive=False, most=1)] | None = None
+    yaw: Annotated[float, types.quantity("angle", positive=False, most=1)] | None = None
+    friction: types.Friction | None = None
+    data: Annotated[float, types.percentage(1)] | None = None
 
 
 class LoadsForTable(Table):
@@ -124,8 +113,8 @@ class LoadsForTable(Table):
         thickness: Thickness.
     """
 
-    modulus: Pressure = Field(examples=["1 MPa"])
-    thickness: Length = Field(examples=["2 mm"])
+    modulus: types.Pressure = Field(examples=["1 MPa"])
+    thickness: types.Length = Field(examples=["2 mm"])
 
 
 class CaseTable(Table):
@@ -146,16 +135,16 @@ class CaseTable(Table):
         quick: Whether `--quick` runs the case.
     """
 
-    name: Name = Field(examples=["ball"])
-    indenter: Indenter = Field(examples=["sphere:radius=5mm"])
-    load: Load | None = None
-    loads: Annotated[list[Load], Field(min_length=1, max_length=_MOST_LOADS)] | None = None
-    path: Annotated[list[Load], Field(min_length=1, max_length=_MOST_LOADS)] | None = None
+    name: types.Name = Field(examples=["ball"])
+    indenter: types.Indenter = Field(examples=["sphere:radius=5mm"])
+    load: types.Load | None = None
+    loads: Annotated[list[types.Load], Field(min_length=1, max_length=_MOST_LOADS)] | None = None
+    path: Annotated[list[types.Load], Field(min_length=1, max_length=_MOST_LOADS)] | None = None
     at: str | None = None
     direction: str | None = None
     yaw: str | None = None
     tilt: str | None = None
-    compared: Annotated[tuple[Annotated[str, choice(*METRICS)], ...], Field(min_length=1)] | None = None
+    compared: Annotated[tuple[Annotated[str, types.choice(*METRICS)], ...], Field(min_length=1)] | None = None
     required: LimitsTable = LimitsTable()
     quick: Annotated[bool, Field(strict=True)] = False
 
@@ -206,4 +195,4 @@ class CampaignTables(Table):
     required: RequiredTable
     inputs: InputsTable = InputsTable()
     loads_for: LoadsForTable | None = None
-    case: Annotated[list[Any], OneByOne(CaseTable, most=_MOST_CASES)]
+    case: Annotated[list[Any], types.OneByOne(CaseTable, most=_MOST_CASES)]

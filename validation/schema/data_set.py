@@ -8,8 +8,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field
 
-from validation.schema import Table
-from validation.schema.types import LIMITS, OneOrMore, Read, TableOr, choice, number
+from validation.schema import Table, types
 from validation.text.quantity import Kind, read_quantity
 
 #: Relative tolerance with which a selection of recordings by load includes its limits [-].
@@ -31,7 +30,7 @@ def _read_load(value: object) -> float:
     return number
 
 
-def _fitted_or_pair(kind: Kind, example: str) -> Read:
+def _fitted_or_pair(kind: Kind, example: str) -> types.Read:
     """Make the annotation of a pose that is the word `fitted` or a pair of quantities along or about x and y.
 
     Args:
@@ -47,7 +46,7 @@ def _fitted_or_pair(kind: Kind, example: str) -> Read:
         first, second = (read_quantity(part, kind) for part in value)
         return first, second
 
-    return Read(convert, _PAIR_JSON)
+    return types.Read(convert, _PAIR_JSON)
 
 
 def _check_window(value: list[float]) -> tuple[float, float]:
@@ -61,14 +60,14 @@ def _read_selection(value: object, read_table: Callable[[Any], Any]) -> Any:  # 
 
 
 _Text = Annotated[str, Field(strict=True)]
-_Load = Annotated[float, Read(_read_load)]
-_AnyLoad = Annotated[float | str, Read(lambda value: value if value in (LABELS, FORCE) else _read_load(value))]
+_Load = Annotated[float, types.Read(_read_load)]
+_AnyLoad = Annotated[float | str, types.Read(lambda value: value if value in (LABELS, FORCE) else _read_load(value))]
 _Position = Annotated[tuple[float, float] | str, _fitted_or_pair("length", '["1.7 mm", "-3.4 mm"]')]
 _Tilt = Annotated[tuple[float, float] | str, _fitted_or_pair("angle", '["1 deg", "0 deg"]')]
-_Yaw = Annotated[float | str, Read(lambda value: FITTED if value == FITTED else read_quantity(value, "angle"))]
+_Yaw = Annotated[float | str, types.Read(lambda value: FITTED if value == FITTED else read_quantity(value, "angle"))]
 _Window = Annotated[list[float], AfterValidator(_check_window)]
-_Texts = Annotated[tuple[str, ...], OneOrMore(), Field(max_length=LIMITS.entries)]
-_Uses = Annotated[tuple[Annotated[str, choice("fit", "score")], ...], OneOrMore()]
+_Texts = Annotated[tuple[str, ...], types.OneOrMore(), Field(max_length=types.LIMITS.entries)]
+_Uses = Annotated[tuple[Annotated[str, types.choice("fit", "score")], ...], types.OneOrMore()]
 
 
 class CommonKeys(Table):
@@ -88,10 +87,10 @@ class CommonKeys(Table):
 
     indenter: _Text | None = None
     load: _AnyLoad | None = None
-    array: Annotated[int, number(0, 1000, whole=True)] | None = None
-    threshold: Annotated[float, number(0, 1e9)] | None = None
+    array: Annotated[int, types.number(0, 1000, whole=True)] | None = None
+    threshold: Annotated[float, types.number(0, 1e9)] | None = None
     window: _Window | None = None
-    temperature_channel: Annotated[int, number(-1000, 1000, whole=True)] | None = None
+    temperature_channel: Annotated[int, types.number(-1000, 1000, whole=True)] | None = None
     at: _Position | None = None
     yaw: _Yaw | None = None
     tilt: _Tilt | None = None
@@ -131,7 +130,7 @@ class SeriesTable(CommonKeys):
 
     name: str = Field(examples=["room"])
     files: _Texts = ()
-    file: Annotated[tuple[FileTable, ...], Field(max_length=LIMITS.entries)] = ()
+    file: Annotated[tuple[FileTable, ...], Field(max_length=types.LIMITS.entries)] = ()
     loads: dict[str, _Load] = Field(default_factory=dict)
     placement: str | None = None
     use: _Uses = ("fit", "score")
@@ -161,7 +160,7 @@ class SelectionTable(Table):
 
 
 _Selections = Annotated[
-    tuple[Annotated[SelectionTable, TableOr(SelectionTable, _read_selection, _TEXT)], ...], OneOrMore()
+    tuple[Annotated[SelectionTable, types.TableOr(SelectionTable, _read_selection, _TEXT)], ...], types.OneOrMore()
 ]
 
 
@@ -197,7 +196,7 @@ class DataSetTables(CommonKeys):
 
     MOST_BYTES: ClassVar[int] = 2**22
 
-    series: Annotated[list[SeriesTable], Field(min_length=1, max_length=LIMITS.entries)]
+    series: Annotated[list[SeriesTable], Field(min_length=1, max_length=types.LIMITS.entries)]
     split: tuple[SplitTable, ...] = ()
     name: str | None = None
     source: str = ""

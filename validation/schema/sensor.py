@@ -12,24 +12,7 @@ from fastmodel.signal.electronics import TEXEL_FORCE
 from meshes import Cover, Layer
 from meshes.surfaces.files import SURFACES, TETRAHEDRA
 from validation.errors import InputError
-from validation.schema import Table, shorten
-from validation.schema.types import (
-    AnyMaterial,
-    Count,
-    Frequency,
-    Friction,
-    LayerTable,
-    Length,
-    Lengths,
-    LengthUnit,
-    Number,
-    Read,
-    TableOr,
-    TexelCount,
-    choice,
-    number,
-    quantity,
-)
+from validation.schema import Table, shorten, types
 from validation.text.quantity import read_quantity
 
 #: Largest radius of a calibration tip [m].  A wider tip presses on several texels of any array.
@@ -87,9 +70,9 @@ def _read_calibration(value: object) -> str:
     return f"through the cover, tip {1e3 * radius:.9g} mm"
 
 
-_OddCount = Annotated[TexelCount, AfterValidator(_refuse_even)]
-_Sigma = Annotated[float, number(1e-3, 100)]
-_Counts = Annotated[float, number(0, 1e9)]
+_OddCount = Annotated[types.TexelCount, AfterValidator(_refuse_even)]
+_Sigma = Annotated[float, types.number(1e-3, 100)]
+_Counts = Annotated[float, types.number(0, 1e9)]
 _MASK_JSON = {"type": "array", "items": {"anyOf": [{"type": "string"}, {"type": "array", "items": {"enum": [0, 1]}}]}}
 
 
@@ -115,14 +98,14 @@ class ArrayTable(Table):
 
     model_config = ConfigDict(json_schema_extra=_allow_positions_in_json)
 
-    rows: TexelCount | None = Field(examples=[14])
-    columns: TexelCount | None = Field(examples=[6])
-    pitch: Lengths | None = Field(examples=["3.4 mm"])
+    rows: types.TexelCount | None = Field(examples=[14])
+    columns: types.TexelCount | None = Field(examples=[6])
+    pitch: types.Lengths | None = Field(examples=["3.4 mm"])
     positions: str | None = None
-    unit: LengthUnit | None = None
+    unit: types.LengthUnit | None = None
     project: Annotated[bool, Field(strict=True)] = False
-    texel_size: Lengths | None = None
-    mask: Annotated[list[list[str]], Read(_read_mask, _MASK_JSON)] | None = None
+    texel_size: types.Lengths | None = None
+    mask: Annotated[list[list[str]], types.Read(_read_mask, _MASK_JSON)] | None = None
     name: str | None = None
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
@@ -149,10 +132,10 @@ class FlatCoverTable(Table):
         free_edges: Refused, with an explanation.
     """
 
-    layer: Annotated[list[LayerTable], Field(min_length=1)]
-    base: Annotated[Literal["bonded", "sliding"], choice("bonded", "sliding")] = "bonded"
-    size: Lengths | None = None
-    free_edges: Annotated[None, Read(_refuse_free_edges, {"not": {}})] = None
+    layer: Annotated[list[types.LayerTable], Field(min_length=1)]
+    base: Annotated[Literal["bonded", "sliding"], types.choice("bonded", "sliding")] = "bonded"
+    size: types.Lengths | None = None
+    free_edges: Annotated[None, types.Read(_refuse_free_edges, {"not": {}})] = None
 
     def make(self) -> Cover:
         """Make the cover that the table describes."""
@@ -161,7 +144,7 @@ class FlatCoverTable(Table):
 
 
 #: A cover of flat layers.
-FlatCover = Annotated[Cover, TableOr(FlatCoverTable, lambda value, read_table: read_table(value).make())]
+FlatCover = Annotated[Cover, types.TableOr(FlatCoverTable, lambda value, read_table: read_table(value).make())]
 
 
 class CurvedCoverTable(Table):
@@ -178,14 +161,14 @@ class CurvedCoverTable(Table):
         base_distance: Distance up to which a surface counts as bonded.
     """
 
-    material: AnyMaterial = Field(examples=["dragon-skin-30"])
+    material: types.AnyMaterial = Field(examples=["dragon-skin-30"])
     surface: str | None = None
     base: str | None = None
     mesh: str | None = None
-    thickness: Length | None = None
-    unit: LengthUnit | None = None
-    element_size: Length | None = None
-    base_distance: Length | None = None
+    thickness: types.Length | None = None
+    unit: types.LengthUnit | None = None
+    element_size: types.Length | None = None
+    base_distance: types.Length | None = None
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
         """Yield faults of missing keys and of keys that exclude each other."""
@@ -215,7 +198,7 @@ class ContactTable(Table):
         friction: Coulomb's coefficient in the finite elements, or "no-slip"; the fast model has no friction.
     """
 
-    friction: Friction = 0.0
+    friction: types.Friction = 0.0
 
 
 class FilterTable(Table):
@@ -226,8 +209,8 @@ class FilterTable(Table):
         order: Order.
     """
 
-    cutoff: Frequency = Field(examples=["40 Hz"])
-    order: Annotated[int, number(1, 20, whole=True)] = 2
+    cutoff: types.Frequency = Field(examples=["40 Hz"])
+    order: Annotated[int, types.number(1, 20, whole=True)] = 2
 
 
 class SpreadTable(Table):
@@ -263,17 +246,17 @@ class ElectronicsTable(Table):
         calibrated: Force of the characteristic: "texel force", or "through the cover, tip 1 mm".
     """
 
-    rate: Frequency | None = None
-    sensitivity: Annotated[float, quantity("per force")] | None = None
-    offset: Number = 0.0
-    output_max: Count | None = None
-    bits: Annotated[int, number(1, 32, whole=True)] = 12
-    noise: Annotated[float, quantity("force", positive=False)] = 0.0
+    rate: types.Frequency | None = None
+    sensitivity: Annotated[float, types.quantity("per force")] | None = None
+    offset: types.Number = 0.0
+    output_max: types.Count | None = None
+    bits: Annotated[int, types.number(1, 32, whole=True)] = 12
+    noise: Annotated[float, types.quantity("force", positive=False)] = 0.0
     threshold: _Counts = 0.0
     saturation_band: _Counts = 0.0
-    characteristic: Annotated[list[Number], AfterValidator(_refuse_other_degrees)] | None = None
-    gains: list[Number] | None = None
-    calibrated: Annotated[str, Read(_read_calibration)] = TEXEL_FORCE
+    characteristic: Annotated[list[types.Number], AfterValidator(_refuse_other_degrees)] | None = None
+    gains: list[types.Number] | None = None
+    calibrated: Annotated[str, types.Read(_read_calibration)] = TEXEL_FORCE
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
         """Yield faults of two characteristics, and of a largest output that the converter cannot have."""

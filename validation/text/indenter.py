@@ -11,20 +11,7 @@ import math
 import re
 from typing import Any, Literal
 
-from meshes import (
-    Box,
-    Cone,
-    Cylinder,
-    Indenter,
-    LetterH,
-    Nut,
-    Prism,
-    Roller,
-    RoundedTip,
-    Sphere,
-    read_stl,
-    tilt_indenter,
-)
+import meshes
 from meshes.surfaces.files import LIMITS
 from validation.errors import Faults, InputError, nearest
 from validation.text.quantity import read_quantities, read_quantity
@@ -38,16 +25,16 @@ _TURN = 2 * math.pi * (1 + 1e-9)
 #: Class or function that makes an indenter, and an example of an accepted text, by the name of the shape on the command
 #: line.
 _SHAPES_AND_EXAMPLES: dict[str, tuple[Any, str]] = {
-    "sphere": (Sphere, "sphere:radius=5mm"),
-    "cylinder": (Cylinder, "cylinder:radius=4mm"),
-    "box": (Box, "box:size=10mmx10mmx5mm"),
-    "tip": (RoundedTip, "tip:radius=1mm"),
-    "roller": (Roller, "roller:radius=4mm,length=12mm"),
-    "cone": (Cone, "cone:angle=120deg,radius=4mm"),
-    "nut": (Nut, "nut:across=13mm,bore=8mm"),
-    "h": (LetterH, "h:size=12mmx16mm,bar=4mm"),
-    "prism": (Prism, "prism:points=-5mm,-3mm/5mm,-3mm/0mm,6mm"),
-    "mesh": (read_stl, "mesh:path=part.stl,unit=mm"),
+    "sphere": (meshes.Sphere, "sphere:radius=5mm"),
+    "cylinder": (meshes.Cylinder, "cylinder:radius=4mm"),
+    "box": (meshes.Box, "box:size=10mmx10mmx5mm"),
+    "tip": (meshes.RoundedTip, "tip:radius=1mm"),
+    "roller": (meshes.Roller, "roller:radius=4mm,length=12mm"),
+    "cone": (meshes.Cone, "cone:angle=120deg,radius=4mm"),
+    "nut": (meshes.Nut, "nut:across=13mm,bore=8mm"),
+    "h": (meshes.LetterH, "h:size=12mmx16mm,bar=4mm"),
+    "prism": (meshes.Prism, "prism:points=-5mm,-3mm/5mm,-3mm/0mm,6mm"),
+    "mesh": (meshes.read_stl, "mesh:path=part.stl,unit=mm"),
 }
 #: Shapes by their other names on the command line.
 _ALIASES = {"ball": "sphere"}
@@ -77,7 +64,7 @@ _MESH_PARAMETERS = {
 }
 
 
-def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
+def read_indenter(text: str, *, place: str = "--indenter") -> meshes.Indenter:
     """Make an indenter from text of the form `shape:parameter=value,...`.
 
     Args:
@@ -118,7 +105,7 @@ def read_indenter(text: str, *, place: str = "--indenter") -> Indenter:
     )
     faults.refuse()
     try:
-        made: Indenter = SHAPES[shape](**values)
+        made: meshes.Indenter = SHAPES[shape](**values)
     except ValueError as error:
         remedy = "" if shape == "mesh" else f"; write for example {_EXAMPLES[shape]}"
         raise InputError(f"{place}: {error}{remedy}") from None
@@ -188,7 +175,7 @@ def read_tilt(text: str, *, place: str = "--tilt") -> tuple[float, float]:
     """
     tilt = read_angles(text, place=place, example="2deg,0deg")
     try:
-        tilt_indenter(Sphere(radius=1.0), tilt)
+        meshes.tilt_indenter(meshes.Sphere(radius=1.0), tilt)
     except ValueError as error:
         raise InputError(f"{place}: {error}") from None
     return tilt

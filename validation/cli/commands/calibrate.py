@@ -6,8 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from validation.cli.options import Json, PressedArrayIndex, Quantity, read_time_span
-from validation.cli.output import Progress, print_json, print_table, say, show
+from validation.cli import options, output
 
 if TYPE_CHECKING:
     from validation.calibration.calibrate import Calibration
@@ -22,11 +21,11 @@ def calibrate(
     *,
     sensor: str,
     indenter: str = "",
-    at: Quantity = None,
-    yaw: Quantity = None,
+    at: options.Quantity = None,
+    yaw: options.Quantity = None,
     moved: bool = False,
     method: str = "default",
-    array: PressedArrayIndex = None,
+    array: options.PressedArrayIndex = None,
     threshold: float | None = None,
     window: str = "6:9",
     temperature_channel: int = -1,
@@ -36,7 +35,7 @@ def calibrate(
     out: Path | None = None,
     picture: Path | None = None,
     polynomial: bool = False,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Fit characteristic, gains, pose, saturation, noise and creep to recordings under known loads.
 
@@ -69,22 +68,23 @@ def calibrate(
     """
     from validation import api
     from validation.calibration.calibrate import Calibration
-    from validation.cli.options import read_description
 
-    description, span = read_description(sensor), read_time_span("--window", window, "6:9")
-    with Progress() as progress:
+    description, span = options.read_description(sensor), options.read_time_span("--window", window, "6:9")
+    with output.Progress() as progress:
         found = api.calibrate(
             recordings, description, indenter=indenter, at=at, yaw=yaw, moved=moved, method=method, array=array,
             threshold=threshold, window=span, temperature_channel=temperature_channel, heights=heights, tip=tip,
             texel=texel, out=out, picture=picture, polynomial=polynomial, progress=progress,
         )  # fmt: skip
     for line in found.left_out:
-        say(f"softcover: {line}")
+        output.say(f"softcover: {line}")
     for path in (out, picture):
         if path is not None:
-            say(f"wrote {path}" if path.exists() else f"{path} is not written: too few recordings to leave some out")
+            output.say(
+                f"wrote {path}" if path.exists() else f"{path} is not written: too few recordings to leave some out"
+            )
     if json:
-        print_json(found.as_json())
+        output.print_json(found.as_json())
     elif isinstance(found, Calibration):
         _show(found, sensor)
     else:
@@ -97,20 +97,20 @@ def _show(found: Calibration, name: str) -> None:
         for quantity, each in found.estimates.items()
     ]
     headings = ("", "value", f"{found.confidence:.0%} interval", "unit", "fitted on")
-    print_table(headings, rows, title=f"Calibration of {name}", left=len(headings), lines=False)
+    output.print_table(headings, rows, title=f"Calibration of {name}", left=len(headings), lines=False)
     if name == _PUBLISHED:
         line = found.report_line
-        show(
+        output.show(
             f"published line of this sensor (2015 report): {line['sensitivity']:g} counts/N, offset {line['offset']:g}"
         )
     for placement, pose in found.poses.items():
         x, y = (f"{1e3 * value:.2f} +- {1e3 * width:.2f} mm" for value, width in (pose["x_m"], pose["y_m"]))
-        show(f"{placement}: x {x}, y {y}, yaw {math.degrees(pose['yaw_rad'][0]):.1f} deg")
-    show(f"shares by {found.method}; residual {found.residual_rms_counts:.1f} counts")
+        output.show(f"{placement}: x {x}, y {y}, yaw {math.degrees(pose['yaw_rad'][0]):.1f} deg")
+    output.show(f"shares by {found.method}; residual {found.residual_rms_counts:.1f} counts")
     if found.hold_out is not None:
-        show(f"left-out recordings: {found.hold_out}")
+        output.show(f"left-out recordings: {found.hold_out}")
     for note in found.notes:
-        show(f"- {note}")
+        output.show(f"- {note}")
 
 
 def _show_point(found: PointLoadCalibration) -> None:
@@ -125,10 +125,12 @@ def _show_point(found: PointLoadCalibration) -> None:
         for each in found.trials
     ]
     headings = ("trial", "counts/N applied", "counts/N on the texel", "offset [counts]", "saturates at [N]")
-    print_table(headings, rows, title=f"Texel {found.texel} under a tip of {1e3 * found.tip_radius:g} mm", left=1)
-    show(
+    output.print_table(
+        headings, rows, title=f"Texel {found.texel} under a tip of {1e3 * found.tip_radius:g} mm", left=1
+    )
+    output.show(
         f"the texel measures {found.tip_share:.4f} of the applied force (finite elements; {found.tip_share_light:.4f} "
         f"under light loads, {found.tip_share_heavy:.4f} at {found.largest_load:.3g} N)"
     )
     for name, estimate in found.estimates.items():
-        show(f"{name.replace('_', ' ')}: {estimate}")
+        output.show(f"{name.replace('_', ' ')}: {estimate}")

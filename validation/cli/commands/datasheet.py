@@ -5,19 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from validation.cli.options import UNCHANGED, CoverChanges, Json, Sensor
-from validation.cli.output import Progress, print_json, print_meaning, print_table, say, show_wrapped
+from validation.cli import options, output
 
 if TYPE_CHECKING:
     from validation.data_sheet import DataSheet
 
 
 def datasheet(
-    sensor: Sensor,
+    sensor: options.Sensor,
     *,
-    cover: CoverChanges = UNCHANGED,
+    cover: options.CoverChanges = options.UNCHANGED,
     out: Path | None = None,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Print the data sheet of a sensor: each quantity with its definition and where it comes from, or `not stated`.
 
@@ -31,23 +30,22 @@ def datasheet(
         out: Also write the data sheet to this file, .md or .html.
     """
     from validation import api
-    from validation.cli.options import read_sensor
 
-    found = read_sensor(sensor, cover)
-    with Progress() as progress:
+    found = options.read_sensor(sensor, cover)
+    with output.Progress() as progress:
         sheet = api.datasheet(found, out=out, progress=progress)
-    print_json(sheet.as_json()) if json else _print(sheet)
+    output.print_json(sheet.as_json()) if json else _print(sheet)
     if out is not None:
-        say(f"wrote {out}")
+        output.say(f"wrote {out}")
 
 
 def _print(sheet: DataSheet) -> None:
-    print_table((), [(entry.name, entry.text) for entry in sheet.entries], title=sheet.title)
+    output.print_table((), [(entry.name, entry.text) for entry in sheet.entries], title=sheet.title)
     for entry in sheet.entries:
-        show_wrapped(f"{entry.name}: {entry.definition}. From: {entry.source}.", further="    ")
+        output.show_wrapped(f"{entry.name}: {entry.definition}. From: {entry.source}.", further="    ")
     if missing := [entry.name for entry in sheet.entries if not entry.is_stated]:
         verdict = (
             f"Not stated: {', '.join(missing)}. Recordings of the real sensor under known loads give most of these: "
             "`softcover record`, then `softcover calibrate ... --sensor FILE --out FILE`."
         )
-        print_meaning([verdict])
+        output.print_meaning([verdict])

@@ -5,29 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
+from validation.cli import options, output
 from validation.cli.entry import DONE, OUTSIDE_FAILED
-from validation.cli.options import UNCHANGED, CoverChanges, Json, SensorFile, read_description
-from validation.cli.output import (
-    Progress,
-    describe_cover,
-    explain_error,
-    make_console,
-    print_json,
-    print_meaning,
-    render,
-    say,
-    show,
-    show_wrapped,
-)
 
 
 def derive(
-    sensor: SensorFile,
+    sensor: options.SensorFile,
     *,
-    cover: CoverChanges = UNCHANGED,
+    cover: options.CoverChanges = options.UNCHANGED,
     out: Path | None = None,
     format: Literal["png", "svg"] = "png",  # noqa: A002 -- the option's name
-    json: Json = False,
+    json: options.Json = False,
 ) -> int:
     """Compute the point spread function of a sensor's cover, and fit the fast model's parameters to it.
 
@@ -54,12 +42,12 @@ def derive(
     from validation import api
     from validation.scene.draw import lacks_picture
 
-    description = read_description(sensor, cover, any_cover=True)
-    with Progress() as progress:
+    description = options.read_description(sensor, cover, any_cover=True)
+    with output.Progress() as progress:
         found = api.derive(description, out=out, format=format, progress=progress)
     result = found.result
     if json:
-        print_json(result.as_json())
+        output.print_json(result.as_json())
     else:
         import numpy as np
 
@@ -67,21 +55,23 @@ def derive(
         from validation.render.table import tabulate_facts
 
         *_, uniform, _ = found.maps.values()
-        show_wrapped(f"{description.name}, cover {describe_cover(description.cover)}", further="  ")
-        render(tabulate_facts("responses", "Responses of the texels", result))
-        show("Uniform load on one texel: share of it on each texel, %")
-        make_console().print(draw_share_image(np.asarray(found.sensor.array.image(uniform), dtype=np.float64)))
+        output.show_wrapped(f"{description.name}, cover {output.describe_cover(description.cover)}", further="  ")
+        output.render(tabulate_facts("responses", "Responses of the texels", result))
+        output.show("Uniform load on one texel: share of it on each texel, %")
+        output.make_console().print(draw_share_image(np.asarray(found.sensor.array.image(uniform), dtype=np.float64)))
         remedy = "take it as their uncertainty, and check a touch of yours by `softcover press`"
-        print_meaning([*result.notes, *found.explain(), explain_error(result.error_estimate.values(), remedy)])
+        output.print_meaning(
+            [*result.notes, *found.explain(), output.explain_error(result.error_estimate.values(), remedy)]
+        )
     for sentence in result.warnings:
-        say(f"softcover: warning: {sentence}")
+        output.say(f"softcover: warning: {sentence}")
     if out is None:
         return DONE
     if found.parameters.surface is None:
-        say(
+        output.say(
             "softcover: note: the parameters hold the spread of forces alone, and no contact of the cover; meshes may "
             "be too fine (cover.element_size), or texels form no regular grid"
         )
     files = tuple(sorted(each.name for each in out.iterdir() if not each.name.startswith(".")))
-    say(f"wrote {', '.join(files)} to {out}")
+    output.say(f"wrote {', '.join(files)} to {out}")
     return OUTSIDE_FAILED if lacks_picture(files) else DONE

@@ -7,9 +7,8 @@ import platform
 import shutil
 from pathlib import Path
 
+from validation.cli import options, output
 from validation.cli.entry import CHECK_FAILED, DONE
-from validation.cli.options import Json
-from validation.cli.output import print_json, print_table, show
 
 #: Commands that need a part of the installation, by name of the part: an extra, or an empty name for the base.
 _PARTS = {
@@ -24,7 +23,7 @@ _PARTS = {
 }
 
 
-def doctor(*, port: str | None = None, json: Json = False) -> int:
+def doctor(*, port: str | None = None, json: options.Json = False) -> int:
     """Print what is installed, what is missing and the command that installs it; exit with 1 if the base is incomplete.
 
     Examples of use:
@@ -42,7 +41,7 @@ def doctor(*, port: str | None = None, json: Json = False) -> int:
     status = DONE if all(parts[""].values()) else CHECK_FAILED
     if json:
         named = {part or "base": versions for part, versions in parts.items()}
-        print_json({"python": platform.python_version(), "parts": named, "surroundings": _find_surroundings()})
+        output.print_json({"python": platform.python_version(), "parts": named, "surroundings": _find_surroundings()})
         return status
     rows = []
     for part, versions in parts.items():
@@ -53,9 +52,9 @@ def doctor(*, port: str | None = None, json: Json = False) -> int:
         rows.append((part or "(base)", _PARTS[part], found, cure))
     headings = ("part", "for", "installed", "missing, and how to get it")
     title = f"softcover {_find_version('softcover')} on Python {platform.python_version()}"
-    print_table(headings, rows, title=title, left=len(headings))
+    output.print_table(headings, rows, title=title, left=len(headings))
     for name, value in _find_surroundings().items():
-        show(f"{name}: {value}")
+        output.show(f"{name}: {value}")
     return status
 
 
@@ -86,12 +85,12 @@ def _ask_sensor(port: str, *, json: bool) -> int:
     with Sensor(port) as sensor:
         answers = inquire(sensor)
     if json:
-        print_json({"port": port, "answers": answers, "assumed": UNCONFIRMED})
+        output.print_json({"port": port, "answers": answers, "assumed": UNCONFIRMED})
         return DONE
     for heading, lines in ((f"the sensor on {port}", answers), ("what the driver assumes", UNCONFIRMED)):
-        show(heading)
+        output.show(heading)
         for topic, line in lines.items():
-            show(f"  {topic}: {line}")
+            output.show(f"  {topic}: {line}")
     return DONE
 
 

@@ -6,8 +6,7 @@ import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from validation.cli.options import Json, PressedArrayIndex, Quantity, check_range, choose_array, read_time_span
-from validation.cli.output import Progress, print_json, say
+from validation.cli import options, output
 from validation.errors import InputError, at, nearest
 
 if TYPE_CHECKING:
@@ -21,16 +20,16 @@ def emulate(
     port: str | None = None,
     *,
     show: str = "blob",
-    array: PressedArrayIndex = None,
+    array: options.PressedArrayIndex = None,
     indenter: str | None = None,
-    load: Quantity = None,
+    load: options.Quantity = None,
     rate: float = 271.0,
     fault: list[str] | None = None,
     pause: list[str] | None = None,
     seconds: float | None = None,
     seed: int = 0,
     tag: str = "softcover",
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Emulate a sensor on a serial port, for tests without the device.
 
@@ -58,7 +57,7 @@ def emulate(
     require("serial", useful=("skfem",) if show.endswith(".toml") else ())
     from validation.weiss.virtual import PseudoTerminal, SerialEnd, VirtualSensor, serve
 
-    check_range("--seconds", seconds)
+    options.check_range("--seconds", seconds)
     misbehaviour = _read_misbehaviour(fault or [], pause or [], seed)
     with at(""):
         shown = _find_shown(show, array, indenter, load)
@@ -66,12 +65,12 @@ def emulate(
     is_device = port and ("://" in port or port.startswith(("/dev/", "COM")))
     with contextlib.closing(SerialEnd(port) if port and is_device else PseudoTerminal(port)) as end:
         if json:
-            print_json({"port": end.name, "rate_hz": rate, "show": show, "type": sensor.type, "tag": tag})
+            output.print_json({"port": end.name, "rate_hz": rate, "show": show, "type": sensor.type, "tag": tag})
         else:
-            say(f"a sensor of type {sensor.type} answers on {end.name} (Ctrl-C unplugs it)")
+            output.say(f"a sensor of type {sensor.type} answers on {end.name} (Ctrl-C unplugs it)")
         with contextlib.suppress(KeyboardInterrupt):
             serve(sensor, end, seconds=seconds)
-    say(f"{sensor.frames_sent} frames sent")
+    output.say(f"{sensor.frames_sent} frames sent")
 
 
 def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbehaviour:
@@ -87,7 +86,7 @@ def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbe
         except ValueError as error:
             known = f"accepted: {', '.join(FAULTS)}"
             raise InputError(f"--fault: {text!r} is no fault and how often, such as lose=0.01; {known}") from error
-    spans = tuple(read_time_span("--pause", text, "2:3") for text in pauses)
+    spans = tuple(options.read_time_span("--pause", text, "2:3") for text in pauses)
     with at("--fault: "):
         return Misbehaviour(rates=rates, pauses=spans, seed=seed)
 
@@ -125,15 +124,14 @@ def _find_shown(show: str, array: int | None, indenter: str | None, load: str | 
         known = nearest(show, (*_PATTERNS, *BUILT_IN))
         raise InputError(f"--show: no pattern, sensor, recording or folder {show!r}; {known}")
     if is_pressed:
-        from validation.cli.options import read_sensor, tell_unused
         from validation.parameters import find_parameters
         from validation.recordings.live_frames import simulate_frames
         from validation.text.indenter import read_indenter, read_load
 
-        found = read_sensor(show)
+        found = options.read_sensor(show)
         shape, weight = read_indenter(indenter or "sphere:radius=8mm"), read_load(load or "5N")
-        tell_unused(found)
-        with Progress() as progress:
+        options.tell_unused(found)
+        with output.Progress() as progress:
             parameters = find_parameters(found, progress)
         texels, full_scale, active = parameters.array, parameters.electronics.output_max, parameters.array.active
         frames = simulate_frames(parameters, shape, load=weight)
@@ -144,7 +142,7 @@ def _find_shown(show: str, array: int | None, indenter: str | None, load: str | 
         recording = open_recording(path)
         if not len(recording.times):
             raise InputError(f"--show: {path} holds no frames to show")
-        recorded = recording.arrays[choose_array(recording, array)]
+        recorded = recording.arrays[options.choose_array(recording, array)]
         texels, full_scale, active = recorded.texels, recorded.full_scale, recorded.texels.active & recorded.enabled
         source = show_recording(recording.times, recorded.counts)
     if full_scale > LARGEST_COUNT:

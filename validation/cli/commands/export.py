@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from validation.cli.options import UNCHANGED, CoverChanges, Json, Quantity, Sensor, read_sensor, tell_unused
-from validation.cli.output import Progress, print_json, say
+from validation.cli import options, output
 from validation.errors import Faults
 
 #: Advice on the next step after a model is written, by format of the model.
@@ -21,14 +20,14 @@ _NEXT = {
 
 
 def export(
-    sensor: Sensor,
+    sensor: options.Sensor,
     *,
     format: str = "mjcf",  # noqa: A002
     method: str = "default",
-    mass: Quantity = None,
+    mass: options.Quantity = None,
     out: Path = Path("softcover-out"),
-    cover: CoverChanges = UNCHANGED,
-    json: Json = False,
+    cover: options.CoverChanges = options.UNCHANGED,
+    json: options.Json = False,
 ) -> None:
     """Write the sensor for other simulators: a model in MJCF, SDF or URDF, and the fast model's parameters.
 
@@ -56,14 +55,14 @@ def export(
 
     faults = Faults()
     faults.read(read_options, format, method, mass)
-    found = faults.read(read_sensor, sensor, cover)
+    found = faults.read(options.read_sensor, sensor, cover)
     faults.refuse()
-    tell_unused(found)
-    with Progress() as progress:
+    options.tell_unused(found)
+    with output.Progress() as progress:
         done = api.export(found, out, format=format, method=method, mass=mass, progress=progress)
     if json:
-        print_json(done.as_json())
+        output.print_json(done.as_json())
     else:
         model = done.files[0]
-        say(f"wrote {', '.join(done.files)} to {out}")
-        say(_NEXT[format].format(path=out / model, out=out, name=Path(model).stem))
+        output.say(f"wrote {', '.join(done.files)} to {out}")
+        output.say(_NEXT[format].format(path=out / model, out=out, name=Path(model).stem))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from validation.cli.output import say
+from validation.cli import output
 from validation.errors import InputError
 
 
@@ -28,8 +28,8 @@ def init(path: Path = Path("sensor.toml"), *, force: bool = False) -> None:
     if path.exists() and not force:
         raise InputError(f"{path}: exists already; name another file, or replace it with --force")
     write_text(path, read_template())
-    say(
+    output.say(
         f"wrote {path}: a home-made sensor of 6 x 4 texels under 2 mm of silicone, complete as it is; change rows, "
         "columns, pitch, thickness and material to yours, the comments say how"
     )
-    say(f"next: softcover derive {path}")
+    output.say(f"next: softcover derive {path}")

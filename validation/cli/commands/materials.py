@@ -6,8 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from validation.cli.options import Json
-from validation.cli.output import print_json, print_meaning, print_table, say, show, show_wrapped
+from validation.cli import options, output
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ PSF_NOTE = (
 
 
 def materials(
-    name: str | None = None, /, *, hardness: str | None = None, out: Path | None = None, json: Json = False
+    name: str | None = None, /, *, hardness: str | None = None, out: Path | None = None, json: options.Json = False
 ) -> None:
     """List the materials that have a name, show one of them, or estimate a modulus from a hardness.
 
@@ -53,20 +52,20 @@ def materials(
         if name is not None:
             raise InputError("--hardness: estimates a material of its own; leave out the name")
         found = read_hardness(hardness, place="--hardness", bare=True)
-        print_json({**vars(found), "low": found.low, "high": found.high}) if json else _show_hardness(found)
+        output.print_json({**vars(found), "low": found.low, "high": found.high}) if json else _show_hardness(found)
         return
     if name is None:
         listed = {name: _list_material(material) for name, material in MATERIALS.items()}
-        print_json({"materials": listed, "psf": PSF_NOTE}) if json else _show_all(list(MATERIALS.values()))
+        output.print_json({"materials": listed, "psf": PSF_NOTE}) if json else _show_all(list(MATERIALS.values()))
         return
     material = read_material_name(name)
     if out is not None:
         from validation.report.material_curve import write_curve
 
         write_curve(material, out)
-    print_json({"name": material.name, **_list_material(material)}) if json else _show_material(material)
+    output.print_json({"name": material.name, **_list_material(material)}) if json else _show_material(material)
     if out is not None:
-        say(f"wrote {out}")
+        output.say(f"wrote {out}")
 
 
 def _show_all(materials: list[Material]) -> None:
@@ -85,14 +84,14 @@ def _show_all(materials: list[Material]) -> None:
         for material, source in zip(materials, shortened, strict=True)
     ]
     title = "Materials (E: Young's modulus at small strain; range: E in other sources)"
-    print_table(("name", "model", "E", "range", "nu", "from"), rows, title=title, left=2, lines=False)
+    output.print_table(("name", "model", "E", "range", "nu", "from"), rows, title=title, left=2, lines=False)
     for number, source in enumerate(sources, start=1):
-        show_wrapped(f"({number}) {source}", further="    ")
+        output.show_wrapped(f"({number}) {source}", further="    ")
     advice = (
         "Sources differ by the range, and batches by about as much: for depth and contact area measure your own sheet, "
         "and write its modulus into the sensor file or --layer 1:youngs_modulus=..."
     )
-    print_meaning((PSF_NOTE, advice))
+    output.print_meaning((PSF_NOTE, advice))
 
 
 def _show_material(material: Material) -> None:
@@ -127,14 +126,14 @@ def _show_material(material: Material) -> None:
         f"deviation h sqrt(nu / (1 - nu)) = {_relative_width(material.poisson_ratio):.3g} h along each axis{band}; its "
         "core is much narrower, and `softcover derive` fits that.",
     }
-    print_table((), rows.items(), title=material.name)
+    output.print_table((), rows.items(), title=material.name)
     low, high = (_format_pressure(value) for value in material.modulus_range)
     meaning = (
         f"Sources give {low} to {high} (good: within 10 % of yours). Depth and contact area follow the modulus: "
         "measure your own sheet where they matter. One layer spreads a touch alike for every modulus."
     )
-    print_meaning([meaning])
-    show(f"softcover derive wts-0614-34 --material {material.name} --thickness 2mm")
+    output.print_meaning([meaning])
+    output.show(f"softcover derive wts-0614-34 --material {material.name} --thickness 2mm")
 
 
 def _show_hardness(found: HardnessModulus) -> None:
@@ -146,13 +145,13 @@ def _show_hardness(found: HardnessModulus) -> None:
         "source": found.source,
         "PSF": PSF_NOTE,
     }
-    print_table((), rows.items(), title=str(found))
+    output.print_table((), rows.items(), title=str(found))
     meaning = (
         f"A hardness fixes the modulus to within {100 * found.spread:.0f} % only (k = 2): enough to choose a cover, "
         "not to predict a depth. A tensile or compression test of your sheet gives a better one."
     )
-    print_meaning([meaning])
-    show(
+    output.print_meaning([meaning])
+    output.show(
         f'In a sensor file: material = {{ model = "neo-hookean", hardness = "{found.hardness:g} shore-{found.scale}" }}'
     )
 

@@ -7,16 +7,21 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from validation.cli import options, output
 from validation.cli.entry import DONE, OUTSIDE_FAILED
-from validation.cli.options import CoverChanges, Json, Quantity, SensorFile
-from validation.cli.output import Progress, print_json, print_table, say
 
 if TYPE_CHECKING:
     from meshes.solids import SolidMesh
     from validation.sensor_file import SensorDescription
 
 
-def mesh(sensor: SensorFile, *, thickness: Quantity = None, out: Path | None = None, json: Json = False) -> int:
+def mesh(
+    sensor: options.SensorFile,
+    *,
+    thickness: options.Quantity = None,
+    out: Path | None = None,
+    json: options.Json = False,
+) -> int:
     """Mesh a curved cover, check the meshes and the texels, and report their quality.
 
     The finest mesh is written as `mesh.npz` with its hash, source and settings.  A sensor file may name it:
@@ -31,24 +36,23 @@ def mesh(sensor: SensorFile, *, thickness: Quantity = None, out: Path | None = N
         thickness: Replaces the cover's thickness, e.g. 2mm.
         out: Folder for the finest mesh, its quality and pictures.
     """
-    from validation.cli.options import read_description
     from validation.extras import require
     from validation.output_folder import new_folder
 
-    description = read_description(sensor, CoverChanges(thickness=thickness), any_cover=True)
+    description = options.read_description(sensor, options.CoverChanges(thickness=thickness), any_cover=True)
     require("skfem", useful=("pyvista",) if out else ())
     from validation.cover_meshes import describe_mesh, make_meshes, write_meshes
     from validation.scene.draw import lacks_picture
 
-    with new_folder(out) if out else contextlib.nullcontext() as folder, Progress() as progress:
+    with new_folder(out) if out else contextlib.nullcontext() as folder, output.Progress() as progress:
         meshes = make_meshes(description, progress)
         files = write_meshes(description, meshes, folder) if folder else ()
     if json:
-        print_json({"sensor": description.name, "meshes": [describe_mesh(each) for each in meshes]})
+        output.print_json({"sensor": description.name, "meshes": [describe_mesh(each) for each in meshes]})
     else:
-        print_table((), _list_quality(description, meshes), title=f"Meshes of {description.name}")
+        output.print_table((), _list_quality(description, meshes), title=f"Meshes of {description.name}")
     if files:
-        say(f"wrote {', '.join(files)} to {out}")
+        output.say(f"wrote {', '.join(files)} to {out}")
     return OUTSIDE_FAILED if lacks_picture(files) else DONE
 
 

@@ -7,29 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from validation.cli import options, output
 from validation.cli.entry import DONE, NOT_CONVERGED, OUTSIDE_FAILED
-from validation.cli.options import (
-    UNCHANGED,
-    CoverChanges,
-    Json,
-    Method,
-    Quantity,
-    Sensor,
-    Shape,
-    read_description,
-    read_sensor,
-)
-from validation.cli.output import (
-    Progress,
-    describe_cover,
-    describe_errors,
-    explain_error,
-    make_console,
-    print_json,
-    print_meaning,
-    print_table,
-    say,
-)
 from validation.errors import InputError
 from validation.render import escape
 
@@ -51,24 +30,24 @@ USABLE_MISPLACED = 0.05
 
 
 def press(
-    sensor: Sensor,
+    sensor: options.Sensor,
     *,
-    indenter: Shape,
-    load: Quantity = None,
-    depth: Quantity = None,
-    at: Quantity = None,
-    direction: Quantity = None,
-    yaw: Quantity = None,
-    tilt: Quantity = None,
-    friction: Quantity = None,
+    indenter: options.Shape,
+    load: options.Quantity = None,
+    depth: options.Quantity = None,
+    at: options.Quantity = None,
+    direction: options.Quantity = None,
+    yaw: options.Quantity = None,
+    tilt: options.Quantity = None,
+    friction: options.Quantity = None,
     strain: str | None = None,
     accuracy: str | None = None,
     model: str = "fem,fast",
-    method: Method = "default",
-    cover: CoverChanges = UNCHANGED,
+    method: options.Method = "default",
+    cover: options.CoverChanges = options.UNCHANGED,
     curve: int | None = None,
     out: Path | None = None,
-    json: Json = False,
+    json: options.Json = False,
 ) -> int:
     """Compute one indentation by finite elements and by the fast model, and compare the results.
 
@@ -112,8 +91,8 @@ def press(
 
     def find_sensor(needs_reference: bool) -> SensorDescription | Parameters:
         if needs_reference:
-            return read_description(sensor, cover, any_cover=True, instead=instead)
-        return read_sensor(sensor, cover, any_cover=True)
+            return options.read_description(sensor, cover, any_cover=True, instead=instead)
+        return options.read_sensor(sensor, cover, any_cover=True)
 
     request = read_request(
         find_sensor, indenter, load=load, depth=depth, friction=friction, strain=strain, accuracy=accuracy,
@@ -137,22 +116,22 @@ def _compare(request: PressRequest, out: Path | None, *, json: bool) -> int:
     from validation.press_files import write_press
     from validation.scene.draw import lacks_picture
 
-    with new_folder(out) if out else contextlib.nullcontext() as folder, Progress() as progress:
+    with new_folder(out) if out else contextlib.nullcontext() as folder, output.Progress() as progress:
         comparison = request.run(fields=folder is not None, as_far=True, progress=progress)
         files = write_press(comparison, folder) if folder else ()
     if json:
-        print_json(comparison.as_json())
+        output.print_json(comparison.as_json())
     else:
         _print_comparison(comparison)
     for result in (comparison.fem, comparison.fast):
         for sentence in result.warnings if result is not None else ():
-            say(f"softcover: warning: {sentence}")
+            output.say(f"softcover: warning: {sentence}")
     if comparison.note:
-        say(f"softcover: note: {comparison.note}")
+        output.say(f"softcover: note: {comparison.note}")
     if files:
-        say(f"wrote {', '.join(files)} to {out}")
+        output.say(f"wrote {', '.join(files)} to {out}")
     if comparison.stopped:
-        say(f"softcover: {comparison.stopped}")
+        output.say(f"softcover: {comparison.stopped}")
         return NOT_CONVERGED
     return OUTSIDE_FAILED if lacks_picture(files) else DONE
 
@@ -161,20 +140,22 @@ def _trace(request: PressRequest, points: int, out: Path, *, json: bool) -> int:
     """Compute a curve of load over depth by finite elements, print it and write it to `out`."""
     from validation.output_folder import new_folder
 
-    with new_folder(out) as folder, Progress() as progress:
+    with new_folder(out) as folder, output.Progress() as progress:
         curve = request.trace(points, progress)
         files = curve.write(folder)
     if json:
-        print_json(curve.as_json())
+        output.print_json(curve.as_json())
     else:
-        print_table(("load [N]", "depth [mm]", "area [mm²]", "peak texel [N]", "energy [mJ]"), _list_points(curve))
+        output.print_table(
+            ("load [N]", "depth [mm]", "area [mm²]", "peak texel [N]", "energy [mJ]"), _list_points(curve)
+        )
     for sentence in curve.warnings:
-        say(f"softcover: warning: {sentence}")
+        output.say(f"softcover: warning: {sentence}")
     if "fast" in request.models:
-        say("the curve is that of the finite elements alone; the fast model was not computed")
-    say(f"wrote {', '.join(files)} to {out}")
+        output.say("the curve is that of the finite elements alone; the fast model was not computed")
+    output.say(f"wrote {', '.join(files)} to {out}")
     if curve.stopped:
-        say(f"{len(curve.indentations)} of {curve.wanted} points: {curve.stopped}")
+        output.say(f"{len(curve.indentations)} of {curve.wanted} points: {curve.stopped}")
     return NOT_CONVERGED if curve.stopped else DONE
 
 
@@ -191,16 +172,16 @@ def _print_comparison(comparison: Comparison) -> None:
     from validation.press_files import list_images
     from validation.sensor_file import SensorDescription
 
-    console = make_console()
+    console = output.make_console()
     case, sensor, array = comparison.case, comparison.sensor, comparison.sensor.array
     console.print(escape(f"{case.shape} on {array.name}, {case.load:.4g} N at {case.place}"), markup=False)
     if isinstance(sensor, SensorDescription):
         notes = "".join(f"; {sentence}" for sentence in sensor.cover.notes)
-        console.print(escape(f"cover: {describe_cover(sensor.cover)}{notes}") + "\n", markup=False)
+        console.print(escape(f"cover: {output.describe_cover(sensor.cover)}{notes}") + "\n", markup=False)
     images = list(list_images(comparison))
     console.print(draw_force_images(array, images, width=console.width))
-    print_table((), _list_results(comparison))
-    print_meaning(_explain_comparison(comparison))
+    output.print_table((), _list_results(comparison))
+    output.print_meaning(_explain_comparison(comparison))
 
 
 def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
@@ -209,7 +190,7 @@ def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
 
     fem, fast = comparison.fem, comparison.fast
     if fem is not None and "fem" in comparison.models:
-        errors = describe_errors(fem.error_estimate)
+        errors = output.describe_errors(fem.error_estimate)
         assumptions = ", ".join(f"{name}: {value}" for name, value in fem.assumptions.items())
         on_mesh = fem.mesh is not None
         yield "finite elements", _describe_force(fem.total_force, fem.outside, along=on_mesh)
@@ -265,7 +246,7 @@ def _explain_comparison(comparison: Comparison) -> Iterator[str]:
         yield "No finite elements were computed: `--model fem,fast` shows how far the fast model is right here."
     if fem is not None and "fem" in comparison.models:
         remedy = "`--accuracy 1%` adds finer grids" if fem.mesh is None else "take it as their uncertainty"
-        yield explain_error(fem.error_estimate.values(), remedy)
+        yield output.explain_error(fem.error_estimate.values(), remedy)
         if fem.mesh is not None:
             yield (
                 "The force on a texel is the resultant on it along its own normal, so forces on a curved base do not "

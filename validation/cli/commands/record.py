@@ -7,9 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from validation.cli import options, output
 from validation.cli.live_image import LiveImage
-from validation.cli.options import UNLABELLED, Json, Labels, check_range
-from validation.cli.output import print_json, say
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ def record(
     *,
     out: Path = Path(),
     seconds: float | None = None,
-    labels: Labels = UNLABELLED,
+    labels: options.Labels = options.UNLABELLED,
     threshold: int | None = None,
     gain: int | None = None,
     tare: bool = False,
@@ -30,7 +29,7 @@ def record(
     interval_ms: int = 0,
     reconnect: float = 0.0,
     baud_rate: int = 115_200,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Record a real sensor in an MCAP file, with a live image.
 
@@ -56,11 +55,11 @@ def record(
     from validation import api
 
     # Interval and threshold have 16 bits in the protocol, the gain has 8 bits.
-    check_range("--interval-ms", interval_ms, 0xFFFF)
-    check_range("--threshold", threshold, 0xFFFF)
-    check_range("--gain", gain, 0xFF)
-    check_range("--seconds", seconds)
-    check_range("--reconnect", reconnect)
+    options.check_range("--interval-ms", interval_ms, 0xFFFF)
+    options.check_range("--threshold", threshold, 0xFFFF)
+    options.check_range("--gain", gain, 0xFF)
+    options.check_range("--seconds", seconds)
+    options.check_range("--reconnect", reconnect)
     if seconds is not None and interval_ms * 1e-3 > seconds:
         raise InputError(f"--interval-ms: no frame would come within --seconds {seconds:g}; give a shorter interval")
     path = out if out.suffix == ".mcap" else out / time.strftime("touch-%Y%m%d-%H%M%S.mcap")
@@ -74,10 +73,12 @@ def record(
         residual = {
             f"{key}_s" if isinstance(value, float) else key: value for key, value in vars(done.residual).items()
         }
-        print_json({**vars(done), "path": str(done.path), "rate_hz": done.rate, "residual": residual})
+        output.print_json({**vars(done), "path": str(done.path), "rate_hz": done.rate, "residual": residual})
     else:
-        say(f"wrote {done.path}: {done.frames} frames, {done.rate:.1f} frames/s, {done.gaps} gaps ({done.ended})")
-        say(str(done.residual))
+        output.say(
+            f"wrote {done.path}: {done.frames} frames, {done.rate:.1f} frames/s, {done.gaps} gaps ({done.ended})"
+        )
+        output.say(str(done.residual))
 
 
 def _make_display(live: LiveImage) -> Callable[[Reading | Gap], None]:

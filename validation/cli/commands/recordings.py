@@ -7,18 +7,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from validation.cli import options, output
 from validation.cli.live_image import LiveImage
-from validation.cli.options import (
-    UNLABELLED,
-    Json,
-    Labels,
-    PressedArrayIndex,
-    RecordingFile,
-    Topic,
-    check_range,
-    choose_array,
-)
-from validation.cli.output import describe_vector, note, print_json, say
 from validation.errors import InputError, refuse_existing
 
 if TYPE_CHECKING:
@@ -30,15 +20,15 @@ _MOST_DELAY = 9e9
 
 
 def replay(
-    file: RecordingFile,
+    file: options.RecordingFile,
     *,
-    array: PressedArrayIndex = None,
+    array: options.PressedArrayIndex = None,
     speed: float = 1.0,
     csv: Path | None = None,
-    topic: Topic = None,
+    topic: options.Topic = None,
     rows: int | None = None,
     columns: int | None = None,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Show a recording of any known format in the terminal, and print its properties.
 
@@ -57,16 +47,16 @@ def replay(
     from validation import api
     from validation.recordings import tables
 
-    check_range("--speed", speed)
+    options.check_range("--speed", speed)
     refuse_existing("--csv", csv)
     recording = api.replay(file, topic=topic, rows=rows, columns=columns)
-    shown = choose_array(recording, array)
+    shown = options.choose_array(recording, array)
     if csv is not None:
         csv.parent.mkdir(parents=True, exist_ok=True)
         tables.write(recording, csv, array=shown)
     facts = _list_facts(recording)
     if json:
-        print_json({**facts, "shown": shown})
+        output.print_json({**facts, "shown": shown})
         return
     if speed and sys.stderr.isatty():
         _play(recording, shown, speed)
@@ -74,16 +64,16 @@ def replay(
 
 
 def import_recording(
-    file: RecordingFile,
+    file: options.RecordingFile,
     *,
     out: Path | None = None,
-    labels: Labels = UNLABELLED,
-    topic: Topic = None,
+    labels: options.Labels = options.UNLABELLED,
+    topic: options.Topic = None,
     force: Path | None = None,
     force_delay: float = 0.0,
     rows: int | None = None,
     columns: int | None = None,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Convert a recording of any known format to an MCAP file, with labels.
 
@@ -126,11 +116,11 @@ def import_recording(
         target.parent.mkdir(parents=True, exist_ok=True)
         save(recording, target)
     if json:
-        print_json({**_list_facts(recording), "out": str(target)})
+        output.print_json({**_list_facts(recording), "out": str(target)})
     else:
-        say(f"wrote {target}: {len(recording.times)} frames of {len(recording.arrays)} arrays")
+        output.say(f"wrote {target}: {len(recording.times)} frames of {len(recording.arrays)} arrays")
     if pitch := recording.setup.other.get(PITCH_ASSUMED):  # loads on texels and positions depend on it
-        note(
+        output.note(
             f"{recording.path} states no pitch; assumed: {pitch}. If that is wrong, so are loads on texels: "
             "write for example `# pitch = 0.004` [m] before its first line"
         )
@@ -188,21 +178,21 @@ def _list_forces(forces: SimulatedForces) -> dict[str, Any]:
 def _say_facts(facts: dict[str, Any], shown: int) -> None:
     setup, delays = facts["setup"], facts["arrival_delays"]
     arrays = ", ".join("{columns} x {rows} (largest {largest})".format_map(array) for array in facts["arrays"])
-    say(f"{facts['path']}: {facts['frames']} frames in {facts['seconds']:.1f} s, arrays {arrays}")
+    output.say(f"{facts['path']}: {facts['frames']} frames in {facts['seconds']:.1f} s, arrays {arrays}")
     if len(facts["arrays"]) > 1:
-        say(f"array {shown} is shown; choose another one with --array")
+        output.say(f"array {shown} is shown; choose another one with --array")
     load = "" if setup["load"] is None else f", {setup['load']:.4g} N"
-    say(f"indenter {setup['indenter'] or 'not known'}{load}; {setup['note'] or 'no note'}")
+    output.say(f"indenter {setup['indenter'] or 'not known'}{load}; {setup['note'] or 'no note'}")
     for number, array in enumerate(facts["arrays"]):
         if array["simulated"] is not None:
-            say(f"array {number}, simulated: {_describe_forces(array['simulated'])}")
+            output.say(f"array {number}, simulated: {_describe_forces(array['simulated'])}")
     if setup["other"]:
-        say("other labels: " + "; ".join(f"{key} = {value}" for key, value in setup["other"].items()))
+        output.say("other labels: " + "; ".join(f"{key} = {value}" for key, value in setup["other"].items()))
     if delays is not None:
         late = f"{1e3 * delays['p95_s']:.1f} ms (95 %), {1e3 * delays['largest_s']:.1f} ms (all)"
-        say(f"times by the device's clock; frames arrived up to {late} later")
+        output.say(f"times by the device's clock; frames arrived up to {late} later")
     end = "closed properly" if facts["complete"] else "cut off: all but the last half second is there"
-    say(f"{len(facts['gaps'])} gaps; {end}")
+    output.say(f"{len(facts['gaps'])} gaps; {end}")
 
 
 def _describe_forces(forces: dict[str, Any]) -> str:
@@ -225,5 +215,5 @@ def _play(recording: Recording, array: int, speed: float) -> None:
             if live.is_due:
                 text = f"{now:6.1f} of {recording.seconds:.1f} s"
                 if recorded.simulated is not None:
-                    text += f", {describe_vector(recorded.simulated.net_force[number])}"
+                    text += f", {output.describe_vector(recorded.simulated.net_force[number])}"
                 live.show(recorded.counts[number], text)

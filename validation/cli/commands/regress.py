@@ -6,21 +6,20 @@ from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
 
+from validation.cli import options, output
 from validation.cli.entry import CHECK_FAILED, DONE
-from validation.cli.options import Json, Sensor
-from validation.cli.output import Progress, print_json, say, show
 from validation.errors import InputError
 
 
 def regress(
-    sensor: Sensor,
+    sensor: options.Sensor,
     *,
     baseline: Path = Path("baseline.json"),
     update: bool = False,
     junit: Path | None = None,
     out: Path | None = None,
     seed: int = 0,
-    json: Json = False,
+    json: options.Json = False,
 ) -> int:
     """Compare what the fast model of a sensor measures with a stored baseline; exit with 1 if anything changed.
 
@@ -42,40 +41,41 @@ def regress(
         seed: Seed of the noise, from 0 on; no seed changes the verdict.
     """
     from validation import api
-    from validation.cli.options import read_sensor, tell_unused
     from validation.output_folder import new_folder
     from validation.regression.baseline import write_junit
 
     _check_options(baseline, junit, out, seed, update=update)
-    source = read_sensor(sensor, any_cover=True)
-    with new_folder(out) if out else nullcontext() as folder, Progress() as progress:
-        tell_unused(source, ", and this check computes its finite elements without")
+    source = options.read_sensor(sensor, any_cover=True)
+    with new_folder(out) if out else nullcontext() as folder, output.Progress() as progress:
+        options.tell_unused(source, ", and this check computes its finite elements without")
         found = api.regress(source, baseline=baseline, update=update, seed=seed, progress=progress)
         if folder:
             (folder / "regress.csv").write_text(found.to_csv(), encoding="utf-8")
     if json:
-        print_json(found.as_json())
+        output.print_json(found.as_json())
     else:
         for change in found.changes:
-            show(f"{change.quantity}: {change.text}")
+            output.show(f"{change.quantity}: {change.text}")
     for reason in dict.fromkeys(found.failures.values()):
         titles = "; ".join(title for title, each in found.failures.items() if each == reason)
-        say(f"not measured: {titles}: {reason}")
+        output.say(f"not measured: {titles}: {reason}")
     count, readings = len(found.changes), found.now.readings
     if update:
-        say(f"wrote {baseline}: {len(readings)} quantities, {'all' if found.stored is None else count} changed or new")
+        output.say(
+            f"wrote {baseline}: {len(readings)} quantities, {'all' if found.stored is None else count} changed or new"
+        )
         return DONE
     name = found.now.sensor.partition(":")[0]
-    say(f"{len(readings)} quantities of {name} measured in {found.seconds:.1f} s: {count or 'none'} changed")
-    say(explain_verdict(found.ratios))
+    output.say(f"{len(readings)} quantities of {name} measured in {found.seconds:.1f} s: {count or 'none'} changed")
+    output.say(explain_verdict(found.ratios))
     if count:
         if found.other_versions:
-            say(f"other versions than in the baseline: {', '.join(found.other_versions)}")
-        say(f"if the changes are meant: softcover regress {sensor} --baseline {baseline} --update")
+            output.say(f"other versions than in the baseline: {', '.join(found.other_versions)}")
+        output.say(f"if the changes are meant: softcover regress {sensor} --baseline {baseline} --update")
     if junit is not None:
         write_junit(junit, found.now.sensor, readings, found.changes, seconds=found.seconds)
     if out is not None:
-        say(f"wrote regress.csv to {out}")
+        output.say(f"wrote regress.csv to {out}")
     return CHECK_FAILED if count else DONE
 
 

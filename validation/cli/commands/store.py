@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
+from validation.cli import options, output
 from validation.cli.entry import CHECK_FAILED, DONE
-from validation.cli.options import Json, check_range
-from validation.cli.output import print_json, say, show
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ store = App(
 
 
 @store.command(name="list")
-def list_entries(*, json: Json = False) -> None:
+def list_entries(*, json: options.Json = False) -> None:
     """List the stored results with their inputs, size and age, newest first.
 
     Examples of use:
@@ -52,16 +51,16 @@ def list_entries(*, json: Json = False) -> None:
     if json:
         partial = result_store.count_partial_files()
         listed = _list_entries(found, code)
-        print_json({"folder": str(result_store.folder()), "code": code, **listed, "partial_files": partial})
+        output.print_json({"folder": str(result_store.folder()), "code": code, **listed, "partial_files": partial})
         return
     _show_entries(found, code)
-    show(f"{_summarise(found)} in {result_store.folder()}")
+    output.show(f"{_summarise(found)} in {result_store.folder()}")
     if other := sum(bool(entry.problem) or entry.code != code for entry in found):
-        say(f"{other} of them cannot be used by this version; `softcover store prune` removes them")
+        output.say(f"{other} of them cannot be used by this version; `softcover store prune` removes them")
 
 
 @store.command(name="verify")
-def verify_entries(*, json: Json = False) -> int:
+def verify_entries(*, json: options.Json = False) -> int:
     """Read and check every stored result; print the damaged ones, and exit with 1 if there are any.
 
     Examples of use:
@@ -75,13 +74,13 @@ def verify_entries(*, json: Json = False) -> int:
     damaged = [{"key": e.key, "path": str(e.path), "problem": e.problem} for e in checked if e.problem]
     if json:
         counts = {"checked": len(checked), "partial_files": result_store.count_partial_files()}
-        print_json({"folder": str(result_store.folder()), "damaged": damaged, **counts})
+        output.print_json({"folder": str(result_store.folder()), "damaged": damaged, **counts})
     else:
         for entry in damaged:
-            show(f"{entry['path']}: {entry['problem']}")
-        show(f"{_summarise(checked)} checked, {len(damaged) or 'none'} damaged")
+            output.show(f"{entry['path']}: {entry['problem']}")
+        output.show(f"{_summarise(checked)} checked, {len(damaged) or 'none'} damaged")
         if damaged:
-            say("damaged entries are never used: they are computed again, or removed by `softcover store prune`")
+            output.say("damaged entries are never used: they are computed again, or removed by `softcover store prune`")
     return CHECK_FAILED if damaged else DONE
 
 
@@ -93,7 +92,7 @@ def prune_entries(
     other_code: bool = False,
     everything: Annotated[bool, Parameter(name="--all")] = False,
     dry_run: bool = False,
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Remove stored results of other code versions, or those that the options choose, and print what was removed.
 
@@ -121,7 +120,7 @@ def prune_entries(
     age = 0.0 if older_than is None else read_quantity(older_than, "time", place="--older-than", example="30 days")
     if age < 0:
         raise InputError(f"--older-than: accepted: 0 days or more, not {older_than!r}")
-    check_range("--keep-latest", keep_latest)
+    options.check_range("--keep-latest", keep_latest)
     if everything and (older_than or other_code or keep_latest is not None):
         raise InputError("--all: removes every entry; leave out --older-than, --keep-latest and --other-code")
     found, code = result_store.verify(), result_store.code_version()
@@ -139,11 +138,11 @@ def prune_entries(
     left = len(found) - len(removed)
     if json:
         listed = _list_entries(removed, code, name="removed")
-        print_json({"dry_run": dry_run, **listed, "kept": left, "partial_files_removed": swept})
+        output.print_json({"dry_run": dry_run, **listed, "kept": left, "partial_files_removed": swept})
     else:
         _show_entries(removed, code)
         also = f", and {swept} unfinished files of killed processes" if swept else ""
-        show(f"{_summarise(removed)} {'would be removed' if dry_run else 'removed'}{also}; {left} kept")
+        output.show(f"{_summarise(removed)} {'would be removed' if dry_run else 'removed'}{also}; {left} kept")
     if failures:
         raise failures[0]
 
@@ -172,7 +171,7 @@ def _show_entries(found: Sequence[Entry], code: str) -> None:
         units = (("d", 86_400), ("h", 3600), ("min", 60), ("s", 1))
         age = next(f"{seconds / length:.0f} {unit}" for unit, length in units if seconds >= length or length == 1)
         what = f"{str(entry.kind).replace('-', ' ')}: {_describe_inputs(entry.inputs)}"
-        show(f"{entry.key[:12]}  {decimal(entry.size):>9}  {age:>6}  {state:10}  {what}")
+        output.show(f"{entry.key[:12]}  {decimal(entry.size):>9}  {age:>6}  {state:10}  {what}")
 
 
 def _list_entries(found: Sequence[Entry], code: str, *, name: str = "entries") -> dict[str, Any]:

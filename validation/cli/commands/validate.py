@@ -12,19 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from validation.cli import options, output
 from validation.cli.entry import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT_CONVERGED
-from validation.cli.options import UNCHANGED, CoverChanges, Json, SensorFile, read_description
-from validation.cli.output import (
-    Progress,
-    describe_cover,
-    note,
-    print_json,
-    print_table,
-    render,
-    say,
-    show,
-    show_wrapped,
-)
 from validation.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,7 +43,7 @@ def demo(
     quick: _Quick = False,
     out: _Out = Path("softcover-report"),
     recordings: _Recordings = None,
-    json: Json = False,
+    json: options.Json = False,
 ) -> int:
     """Evaluate the default sensor: point spread, fit, scores against finite elements and recordings, and a report.
 
@@ -73,16 +62,16 @@ def demo(
 
 
 def validate(
-    sensor: SensorFile,
+    sensor: options.SensorFile,
     *,
     campaign: Path | None = None,
     quick: _Quick = False,
     recordings: _Recordings = None,
     data_set: str | None = None,
     measured: str | None = None,
-    cover: CoverChanges = UNCHANGED,
+    cover: options.CoverChanges = options.UNCHANGED,
     out: _Out = Path("softcover-report"),
-    json: Json = False,
+    json: options.Json = False,
 ) -> int:
     """Score the fast model of a sensor against finite elements, and against recordings if a folder is given.
 
@@ -107,41 +96,41 @@ def validate(
     from validation.data_sets.data_set import describe_unused_recordings
 
     if measured is not None:
-        if quick or cover != UNCHANGED or any(each is not None for each in (campaign, recordings, data_set)):
+        if quick or cover != options.UNCHANGED or any(each is not None for each in (campaign, recordings, data_set)):
             raise InputError("--measured: measured forces have a cover of their own; leave out all options but --json")
         _compare_measured_force(measured, json=json)
         return DONE
-    description = read_description(sensor, cover, any_cover=True)
+    description = options.read_description(sensor, cover, any_cover=True)
     # Recordings belong to one sensor.  The environment variable may name recordings of another sensor, so that only
     # recordings named by the user are used.
     if recordings is None and data_set is None and (sentence := describe_unused_recordings()):
-        note(sentence)
+        output.note(sentence)
     return _evaluate(
         description, out, campaign=campaign, quick=quick, recordings=recordings, data_set=data_set, json=json
     )
 
 
-def _evaluate(sensor: SensorDescription, out: Path, *, json: bool, **options: Any) -> int:  # noqa: ANN401
+def _evaluate(sensor: SensorDescription, out: Path, *, json: bool, **chosen: Any) -> int:  # noqa: ANN401
     """Evaluate a sensor, write the report, print a summary, and return the exit status.
 
     Args:
         sensor: Sensor to evaluate.
         out: Folder of the report.
         json: Whether to print the numbers as JSON instead of tables.
-        **options: Options of `validation.validate`.
+        **chosen: Options of `validation.validate`.
     """
     from validation import api
 
     started = time.perf_counter()
-    with Progress() as progress:
-        found = api.validate(sensor, out=out, progress=progress, announce=say, **options)
+    with output.Progress() as progress:
+        found = api.validate(sensor, out=out, progress=progress, announce=output.say, **chosen)
     if json:
-        print_json(found.report.as_json())
+        output.print_json(found.report.as_json())
     else:
         _print(found)
     _tell_problems(found)
-    say(f"report: {(out / 'index.html').absolute()} ({time.perf_counter() - started:.1f} s)")
-    (say if json else show)(found.verdict.short)
+    output.say(f"report: {(out / 'index.html').absolute()} ({time.perf_counter() - started:.1f} s)")
+    (output.say if json else output.show)(found.verdict.short)
     if found.campaign.interrupted:
         return INTERRUPTED
     if not all(each.converged for each in found.campaign.skipped):
@@ -154,14 +143,14 @@ def _evaluate(sensor: SensorDescription, out: Path, *, json: bool, **options: An
 def _tell_problems(evaluation: Evaluation) -> None:
     """Print the cases without scores and the warnings, each on one line."""
     for line in evaluation.recordings.problems if evaluation.recordings else ():
-        say(f"softcover: recordings: {line}")
+        output.say(f"softcover: recordings: {line}")
     for each in evaluation.campaign.skipped:
-        say(f"not scored: {each.name} ({each.indenter}, {each.load:.3g} N): {each.reason}")
+        output.say(f"not scored: {each.name} ({each.indenter}, {each.load:.3g} N): {each.reason}")
     for result in evaluation.campaign.cases:
         for sentence in dict.fromkeys((*result.reference.warnings, *result.warnings)):
-            say(f"softcover: warning: {result.case.name}: {sentence}")
+            output.say(f"softcover: warning: {result.case.name}: {sentence}")
     if evaluation.campaign.interrupted:
-        say("interrupted: the report has the finished cases; run the same command again to continue")
+        output.say("interrupted: the report has the finished cases; run the same command again to continue")
 
 
 def _print(evaluation: Evaluation) -> None:
@@ -169,19 +158,19 @@ def _print(evaluation: Evaluation) -> None:
     from validation.campaign.results import describe_reference_error
 
     sensor, campaign, verdict = evaluation.sensor, evaluation.campaign, evaluation.verdict
-    show_wrapped(f"{sensor.name}, cover {describe_cover(sensor.cover)}", further="  ")
-    show_wrapped(f"Intended use: {evaluation.plan.intended_use}", further="  ")
-    show_wrapped(verdict.sentence, further="  ")
+    output.show_wrapped(f"{sensor.name}, cover {output.describe_cover(sensor.cover)}", further="  ")
+    output.show_wrapped(f"Intended use: {evaluation.plan.intended_use}", further="  ")
+    output.show_wrapped(verdict.sentence, further="  ")
     for reason in verdict.reasons:
-        show_wrapped(f"- {reason}", indent="  ", further="  ")
-    render(_tabulate(campaign))
-    show_wrapped(
+        output.show_wrapped(f"- {reason}", indent="  ", further="  ")
+    output.render(_tabulate(campaign))
+    output.show_wrapped(
         f"Means over {len(campaign.cases)} cases; own error of the reference: "
         f"{describe_reference_error(campaign)}. All models and intervals are in the report."
     )
     if (scores := evaluation.recordings) is not None:
         for split, notes in scores.notes.items():
-            show_wrapped(f"Recordings, {scores.about[split]}: {'; '.join(notes)}", further="  ")
+            output.show_wrapped(f"Recordings, {scores.about[split]}: {'; '.join(notes)}", further="  ")
 
 
 def _tabulate(campaign: CampaignResult) -> Table:
@@ -225,27 +214,27 @@ def _compare_measured_force(measured: str, *, json: bool) -> None:
     started = time.perf_counter()
     given = read_measured_force(measured)
     require("skfem")
-    with Progress() as progress:
+    with output.Progress() as progress:
         comparison = compare_measurement(given, progress)
-    print_json(comparison.as_json()) if json else _show_measured(comparison, given)
-    say(f"compared in {time.perf_counter() - started:.1f} s")
+    output.print_json(comparison.as_json()) if json else _show_measured(comparison, given)
+    output.say(f"compared in {time.perf_counter() - started:.1f} s")
 
 
 def _show_measured(comparison: ForceComparison, given: Measurement) -> None:
-    show(f"{given.name}: {describe_cover(given.cover)}")
-    show(f"source: {given.source}")
+    output.show(f"{given.name}: {output.describe_cover(given.cover)}")
+    output.show(f"source: {given.source}")
     for row in comparison.rows:
-        show(f"{row.name}: {_describe_moduli(given, row)}")
-    print_table(
+        output.show(f"{row.name}: {_describe_moduli(given, row)}")
+    output.print_table(
         ("friction", "mm", "D [N]", "S [N]", "E", "u_val", "u_num", "u_input", "u_D"),
         _list_points(comparison),
         title="Measured force D, computed force S; error E = S - D and standard uncertainties in % of D",
     )
-    show("abs(E) < u_val: the comparison cannot resolve an error of the model")
+    output.show("abs(E) < u_val: the comparison cannot resolve an error of the model")
     names = list(comparison.rows[-1].inputs)
-    print_table(("friction", "mm", *names), _list_inputs(comparison, names), title="Parts of u_input in % of D")
+    output.print_table(("friction", "mm", *names), _list_inputs(comparison, names), title="Parts of u_input in % of D")
     for sentence in comparison.verdict:
-        show(sentence)
+        output.show(sentence)
 
 
 def _describe_moduli(given: Measurement, row: Row) -> str:

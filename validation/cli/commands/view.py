@@ -10,19 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from validation.cli import options, output
 from validation.cli.live_image import LiveImage
-from validation.cli.options import (
-    UNCHANGED,
-    CoverChanges,
-    Json,
-    Method,
-    Sensor,
-    Shape,
-    check_range,
-    read_sensor,
-    tell_unused,
-)
-from validation.cli.output import Progress, describe_vector, make_console, print_json, say
 from validation.errors import Faults, InputError, check_choice
 from validation.render import escape
 
@@ -37,15 +26,15 @@ _UNWATCHED_SECONDS = 5.0
 
 
 def view(
-    sensor: Sensor,
+    sensor: options.Sensor,
     *,
-    indenter: Shape,
+    indenter: options.Shape,
     load: Annotated[str, Parameter(allow_leading_hyphen=True)],
-    method: Method = "default",
-    cover: CoverChanges = UNCHANGED,
+    method: options.Method = "default",
+    cover: options.CoverChanges = options.UNCHANGED,
     seconds: float | None = None,
     display: str = "auto",
-    json: Json = False,
+    json: options.Json = False,
 ) -> None:
     """Show the live image of the fast model while an indenter comes down and slides in a circle.
 
@@ -71,15 +60,15 @@ def view(
     from validation.text.indenter import read_indenter, read_load
 
     faults = Faults()
-    found = faults.read(read_sensor, sensor, cover)
+    found = faults.read(options.read_sensor, sensor, cover)
     shape = faults.read(read_indenter, indenter)
     weight = faults.read(read_load, load)
-    faults.read(check_range, "--seconds", seconds)
+    faults.read(options.check_range, "--seconds", seconds)
     faults.read(check_choice, "--method", "contact method", method, METHODS)
     place = faults.read(_choose_display, display, quiet=json)
     faults.refuse()
-    warnings = tell_unused(found)
-    with Progress() as progress:
+    warnings = options.tell_unused(found)
+    with output.Progress() as progress:
         parameters = find_parameters(found, progress)
     scene = Scene(parameters, shape, load=weight, method=method)
     # Ctrl-C is the normal way to end `softcover view`: it ends the simulation, and then the last image is printed.
@@ -103,9 +92,9 @@ def view(
             "counts": array.image(frame.counts),
             "image": frame.image,
         }
-        print_json({**result, "warnings": warnings})
+        output.print_json({**result, "warnings": warnings})
         return
-    console = make_console()
+    console = output.make_console()
     console.print(escape(f"{indenter} on {array.name}, {weight:.4g} N"), markup=False)
     console.print(draw_force_images(array, [("fast model", scene.texel_forces)]))
     console.print(_describe_state(scene).strip(), markup=False)
@@ -150,7 +139,7 @@ def _play(scene: Scene, seconds: float | None, place: str) -> None:
     if place == "window":
         from validation.cli.view_window import Window
 
-        say("close the window or press Ctrl-C to end")
+        output.say("close the window or press Ctrl-C to end")
         shown: LiveImage | Window = Window(scene)
     else:
         columns, full_scale = parameters.array.columns, parameters.electronics.output_max
@@ -171,5 +160,5 @@ def _play(scene: Scene, seconds: float | None, place: str) -> None:
 
 def _describe_state(scene: Scene) -> str:
     (x, y), frame = scene.position, scene.sensor.frame()
-    force = "" if frame.net_force is None else f", {describe_vector(frame.net_force)}"
+    force = "" if frame.net_force is None else f", {output.describe_vector(frame.net_force)}"
     return f"{frame.time:6.1f} s, {scene.sensor.carried():.2f} N at ({1e3 * x:.1f}, {1e3 * y:.1f}) mm{force}"
