@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fem_reference import press
-from fem_reference.indentation import nonlinear
+from fem_reference.indentation import layered
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges, find_mirror_planes
 from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
@@ -181,7 +181,7 @@ def test_sides_far_from_a_ball_on_rubber_are_left_out(monkeypatch):
     assert "too far" in wide.assumptions["sides"]
     finer = press(**request, indenter=BALL, accuracy=0.01)  # grids are added as on a wide cover
     assert max(finer.error_estimate.values()) < max(wide.error_estimate.values())
-    monkeypatch.setattr(nonlinear, "_FAR_SIDES", {"bonded": np.inf})
+    monkeypatch.setattr(layered, "_FAR_SIDES", {"bonded": np.inf})
     solid = press(**request, indenter=BALL)
     assert "free" in solid.assumptions["sides"]
     assert wide.total_force == pytest.approx(solid.total_force, rel=1e-3)

@@ -10,7 +10,7 @@ import pytest
 from fem_reference import press
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.loading_path import LoadingPath
-from fem_reference.indentation import nonlinear
+from fem_reference.indentation import layered
 from meshes import Cylinder, TexelArray
 from tests.support.rubber import make_cover
 
@@ -24,7 +24,7 @@ COVER = make_cover(0.49)
 @pytest.mark.parametrize("depth", [0.1e-3, 0.25e-3])
 def test_three_dimensions_agree_with_the_plane_of_the_axis_within_their_estimate(depth, friction, monkeypatch):
     """The sides of the pad are four thicknesses away; meshes, radii of edges and baselines differ."""
-    monkeypatch.setattr(nonlinear, "_FAR_SIDES", {"bonded": np.inf})  # else the pad is solved as a wide cover
+    monkeypatch.setattr(layered, "_FAR_SIDES", {"bonded": np.inf})  # else the pad is solved as a wide cover
     pad = press(replace(COVER, size=(20.4e-3, 20.4e-3)), ARRAY, PUNCH, depth=depth, friction=friction)
     wide = press(COVER, ARRAY, PUNCH, depth=depth, friction=friction)
     assert "free" in pad.assumptions["sides"]

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from validation.published.models import ComparisonModels
     from validation.sensor_file import SensorDescription
 
-#: Load that divides the cases into two groups [N].
+#: Load that divides the cases into the two groups of light and heavy ones [N].
 _HEAVY = 2.0
 #: Share of the load outside the array above which a case counts as over an edge of the array [-].
 _AT_EDGE = 0.05
@@ -135,7 +135,7 @@ class Bench(ABC):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LayeredBench(Bench):
-    """A wide cover of flat layers."""
+    """Bench of a sensor with a wide cover of flat layers."""
 
     models = MODELS
     notes: ClassVar[Mapping[str, str]] = {
@@ -173,7 +173,7 @@ class LayeredBench(Bench):
         if self.comparison is None:
             boxes = press(method="boxes")
         else:
-            # The published models use the contacts of the same simulation.
+            # The published models use the contacts of the simulation of the method `boxes`.
             scene, published = self.comparison.predict(self.cover, self.parameters, case)
             boxes = scene.boxes
         kept = np.where(array.active, boxes.contact_forces, 0.0)

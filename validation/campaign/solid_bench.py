@@ -38,13 +38,13 @@ CURVED_MODELS: Mapping[str, str] = {
 _FIRST = 0.01
 #: Angle between the motion and the normal of the cover above which a direction counts as oblique [rad].
 _OBLIQUE = math.radians(10)
-#: Depth over the thickness that divides the cases into two groups [-].
+#: Depth over the thickness that divides the cases into the two groups of shallow and deep ones [-].
 _DEEP = 0.08
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolidBench(Bench):
-    """A solid cover.
+    """Bench of a sensor with a solid cover of any shape.
 
     Attributes:
         derivation: Responses of the texels, and the Gaussian fitted to them.
@@ -101,7 +101,7 @@ class SolidBench(Bench):
     derivation: SolidDerivation
 
     def require_fast_model(self) -> CoverPoints:
-        """Return the arrays of the fast model.
+        """Return compliance and influence of the surface, with which the fast model computes.
 
         Raises:
             InputError: If the meshes are too fine for the fast model.

@@ -40,7 +40,7 @@ STAGES: Mapping[str, str] = {
 _POINTS = 20_001
 #: Number of forces at which the characteristic is tabulated for an array of many texels [-].
 _FEW = 2001
-#: Number of texels from which an array counts as one of many texels [-].
+#: Number of texels from which `_FEW` forces are tabulated, to save time [-].
 _MANY = 500
 #: Largest tabulated force over the largest texel force [-].
 _RANGE = 1.05

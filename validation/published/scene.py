@@ -26,7 +26,7 @@ _MERGE = 1e-5
 
 
 class Forces(NamedTuple):
-    """Forces that a model predicts.
+    """Forces in one press that a published model predicts.
 
     Attributes:
         texels: Force on each texel, shape (n,) [N].
@@ -100,7 +100,7 @@ class Scene:
 
     @property
     def load(self) -> float:
-        """Applied force [N]."""
+        """Load on the indenter [N]."""
         return self.case.load
 
     @cached_property

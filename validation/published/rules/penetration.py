@@ -69,7 +69,7 @@ def robwork_mask(width: float) -> FloatArray:
     """
     at = 4 * (np.arange(15) / 15 - 0.5) / width
     weights = np.maximum(1.224299065420561 / (1 + at[:, None] ** 2 + at**2) - 0.3476635514018692, 0.0)
-    if not weights.any():  # kernel narrower than its samples
+    if not weights.any():  # The mask is narrower than the distance of the samples, so that no sample lies in it.
         return np.pad([[1.0]], 1)
     blocks = weights.reshape(3, 5, 3, 5).sum(axis=(1, 3))
     return np.asarray(blocks / blocks.sum())
