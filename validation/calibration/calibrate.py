@@ -235,7 +235,8 @@ def calibrate(
     places = fit.layout.gains[np.isin(fit.layout.gain_texels, texels)]
     values = fit.curve.gains[texels]
     mean = float(values.mean()) if len(texels) else 1.0
-    of_mean = np.zeros(len(fit.vector))  # derivatives of ln(mean)
+    # Derivatives of the logarithm of the mean gain with respect to the fitted parameters.
+    of_mean = np.zeros(len(fit.vector))
     of_mean[places] = values / (max(len(texels), 1) * mean)
     gains, widths = np.ones(method.array.count), np.full(method.array.count, np.nan)
     for texel, place, gain in zip(texels, places, values / mean, strict=True):
@@ -381,7 +382,7 @@ def score_hold_out(fit: ForwardFit, full_scale: float) -> HoldOut | None:
     line = _predict_by_line(kept, held)
 
     def compare(counts: FloatArray) -> float:
-        """Return the mean over images of the image changed [%]."""
+        """Return the mean difference of grey levels between the recorded images and given counts [%]."""
         grey = (grey_levels(each, full_scale) for each in (held.counts, counts))
         pairs = zip(*grey, held.measured, strict=True)
         return float(np.mean([score_images(a, b, active=lit).image_changed_percent for a, b, lit in pairs]))
@@ -601,7 +602,7 @@ def choose_method(
     images: Sequence[Image],
     progress: Callable[[str], None] | None = None,
 ) -> ContactMethod:
-    """Return the contact method of a name.
+    """Choose the contact method of a calibration by its name.
 
     The default is finite elements.  Where these are slow or do not apply, it is the method `cover` (for fitted tilts or
     a cover of finite size) or `area` (for a given spread).

@@ -592,7 +592,7 @@ class _Problem:
         return self._predict(self._forces(vector), vector) - self.observations.counts
 
     def residuals(self, vector: FloatArray) -> FloatArray:
-        """Weighted residuals over their scale, followed by those of the priors."""
+        """Weighted residuals of the counts over their scale, followed by the residuals of the priors."""
         data = (self.misfit(vector) * self.weights[:, None] / self.scale)[self.observations.measured]
         return np.concatenate([data, self._prior_rows @ (vector - self.layout.list("mean"))])
 

@@ -47,7 +47,7 @@ class Trial(Result):
 
 @result_model
 class PointLoadCalibration(Result):
-    """Slopes of the trials.
+    """Result of a calibration with a rounded tip: the line of every trial, and means over the trials.
 
     Attributes:
         texel: Index of the texel under the tip.

@@ -190,7 +190,7 @@ def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], b
     faults = Faults()
     table = faults.read(parse, data, CaseTable, place=("case", number))
     pose = faults.read(lambda: places.find(places.parse({"at": "centre", **texts}, f"case[{number}].")))
-    # The schema and the places may report the same fault.
+    # The schema and the reading of the pose may report the same fault, which is kept once.
     faults[:] = dict.fromkeys(faults)
     faults.refuse()
     loads = table.all_loads

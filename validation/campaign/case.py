@@ -68,7 +68,7 @@ class Case:
         return not self.compared or metric in self.compared
 
     def has_shape_of(self, other: Case) -> bool:
-        """Whether two cases have the same indenter, for any form of its text."""
+        """Whether two cases have the same indenter, even if the texts that describe the indenter differ."""
         from fem_reference.result_store import describe
 
         return type(self.indenter) is type(other.indenter) and describe(self.indenter) == describe(other.indenter)

@@ -176,7 +176,12 @@ def _press_as_far(
     as_far: bool,
     **options: Any,  # noqa: ANN401 -- those of `press`
 ) -> tuple[Indentation, str]:
-    """Return the result at the load or depth, or that at the largest one reached and the reason for the stop."""
+    """Press by finite elements, with `as_far` as far as they get.
+
+    Returns:
+        The result at the requested load or depth and an empty text.  If the finite elements stopped early, the result
+        at the largest load or depth that they reached, and the reason.
+    """
     from fem_reference.indentation.press import press
 
     target: dict[str, Any] = {"load": case.load} if depth is None else {"depth": depth}
@@ -192,7 +197,7 @@ def _press_as_far(
 
 
 def choose_friction(sensor: SensorDescription | Parameters, given: float | None) -> float:
-    """Return the given coefficient of friction; that of the sensor file if None, else 0 [-]."""
+    """Return the coefficient of friction of a press: the given one, else that of the sensor file, else 0 [-]."""
     return getattr(sensor, "friction", 0.0) if given is None else given
 
 

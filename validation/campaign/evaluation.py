@@ -40,7 +40,7 @@ KINDS = (LayeredBench, SolidBench)
 
 
 class Progress(Protocol):
-    """A display of progress."""
+    """Interface of a display that shows the progress of a long computation."""
 
     def __call__(self, stage: str) -> None:
         """Begin a stage of the work with the name `stage`."""

@@ -161,7 +161,7 @@ class SkippedCase(Result):
 
     @classmethod
     def of(cls, case: Case, reason: str, *, converged: bool = True) -> SkippedCase:
-        """Make a case without scores from a case."""
+        """Make the entry of a case that has no scores."""
         return cls(name=case.name, indenter=case.shape, load=case.load, reason=reason, converged=converged)
 
 
@@ -238,12 +238,12 @@ class CampaignResult(Result):
 
 
 def texel_error(estimates: Mapping[str, float]) -> float:
-    """Return the estimated error of texel forces [-]: misplaced force if known, else error of the largest one."""
+    """Return the estimated error of texel forces [-]: the misplaced force, or if unknown that of the largest texel."""
     return estimates.get("misplaced_force", estimates.get("peak_texel", 0.0))
 
 
 def name_texel_error(estimates: Mapping[str, float]) -> str:
-    """Describe the quantity to which `texel_error` is relative."""
+    """Describe in words the quantity to which the estimated error of the texel forces is relative."""
     return "the load, on wrong texels" if "misplaced_force" in estimates else "the peak texel"
 
 
@@ -388,7 +388,7 @@ def _with_interval(mean: float, resampled: FloatArray, level: float, cases: int)
 #: Status of a requirement; `open` if the cases do not decide it.
 Status = Literal["met", "missed", "open"]
 
-#: Largest error estimate of the reference, over the limit on misplaced force, for a decision by comparison [-].
+#: Largest estimated error of the reference, over the limit on misplaced force, with which the cases can decide [-].
 _RESOLVED = 1 / 3
 #: Verdict if all requirements are met.
 ACCEPTED = "accepted"
@@ -425,7 +425,7 @@ class Finding(Result):
 
     @property
     def text(self) -> str:
-        """The finding as a sentence without full stop."""
+        """Metric, value and limit of the requirement as a sentence without full stop."""
         metric = METRICS[self.metric]
         name, unit = metric.heading, metric.unit
         values = [f"{metric.factor * number:.3g}" for number in (self.value, self.low, self.high, self.limit)]
@@ -476,7 +476,7 @@ class Verdict(Result):
     @property
     def short(self) -> str:
         """The verdict in one line of at most 80 characters."""
-        if not self.findings:  # every limit is on single cases, and no case is scored
+        if not self.findings:  # Every limit is on single cases, and no case is scored.
             return f"verdict: {self.word.upper()}, {self.scored} of {self.cases} cases"
         first = next((each for each in self.findings if each.status == "missed"), self.findings[0])
         metric = METRICS[first.metric]
@@ -513,7 +513,7 @@ def judge(campaign: Campaign, result: CampaignResult) -> Verdict:
 
 
 def _judge(campaign: Campaign, results: Sequence[CaseResult]) -> Iterator[Finding]:
-    """Compare the means with their limits, and every case with its own limits."""
+    """Yield the result of every requirement: on means over the cases, then on single cases."""
 
     def find(metric: str, over: str, value: float, *, low: float, high: float, limit: float) -> Finding:
         status: Status = "met" if high <= limit else "missed" if value > limit else "open"

@@ -38,13 +38,13 @@ CURVED_MODELS: Mapping[str, str] = {
 _FIRST = 0.01
 #: Angle between the motion and the normal of the cover above which a direction counts as oblique [rad].
 _OBLIQUE = math.radians(10)
-#: Depth over the thickness that divides the cases into two groups [-].
+#: Depth over the thickness that divides the cases into the two groups of shallow and deep ones [-].
 _DEEP = 0.08
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolidBench(Bench):
-    """A solid cover.
+    """Bench of a sensor with a solid cover of any shape.
 
     Attributes:
         derivation: Responses of the texels, and the Gaussian fitted to them.
@@ -101,7 +101,7 @@ class SolidBench(Bench):
     derivation: SolidDerivation
 
     def require_fast_model(self) -> CoverPoints:
-        """Return the arrays of the fast model.
+        """Return compliance and influence of the surface, with which the fast model computes.
 
         Raises:
             InputError: If the meshes are too fine for the fast model.
@@ -165,14 +165,9 @@ class SolidBench(Bench):
             "depth": f"{'above' if deep else 'up to'} {100 * _DEEP:g} % of the thickness",
         }
 
-    def measure(self, result: CaseResult) -> Mapping[str, float]:
-        """Return load [N], depth over thickness [-], contact area [m2] and angle of motion from the normal [rad]."""
-        return {
-            "load_N": result.case.load,
-            "depth_over_thickness": result.reference.depth / self.cover.thickness,
-            "contact_area_m2": result.reference.contact_area,
-            "obliquity_rad": measure_obliquity(result),
-        }
+    def measure(self, result: CaseResult) -> dict[str, float]:
+        """Return the quantities of every bench, and the angle between motion and normal [rad]."""
+        return super().measure(result) | {"obliquity_rad": measure_obliquity(result)}
 
     def compute_models(self, case: Case) -> ModelForces:
         """Compute one case by the fast model, simpler ones and null models."""

@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from validation.campaign.bench import Bench
 
 T = TypeVar("T")
-#: Progress of the evidence: function that receives a line of text.
+#: Function that receives a line of text on the progress of the evidence.
 Progress = Callable[[str], None]
-#: Metrics of the grouped errors.
+#: Metrics that are pooled over groups of cases, such as light and heavy loads.
 GROUP_METRICS = ("misplaced_force", "image_changed_percent", "centre_of_pressure_m")
 
 
 @result_model
 class Evidence(Result):
-    """Evidence beside the scores.
+    """Evidence on the credibility of the scores of a campaign.
 
     Attributes:
         checks: Code verification.

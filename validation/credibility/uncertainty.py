@@ -80,17 +80,19 @@ class InputUncertainty(Result):
 
     @property
     def misplaced(self) -> dict[str, float]:
-        """Misplaced force between the nominal image and one changed by one standard uncertainty, by input [-]."""
-        return {name: self._misplace(effect) for name, effect in self.effects.items()}
+        """Misplaced force between the nominal image and one changed by one standard uncertainty, by input [-].
+
+        It is half the sum of the absolute changes of the texel forces and of the force outside, over the load.
+        """
+        return {
+            name: float(np.abs(effect).sum() + abs(effect.sum())) / (2 * self.load)
+            for name, effect in self.effects.items()
+        }
 
     @property
     def misplaced_total(self) -> float:
         """Root of the sum of squares of `misplaced` [-]."""
         return math.sqrt(sum(value**2 for value in self.misplaced.values()))
-
-    def _misplace(self, effect: FloatArray) -> float:
-        """Return half the sum of the absolute changes of texel forces and force outside, over the load [-]."""
-        return float(np.abs(effect).sum() + abs(effect.sum())) / (2 * self.load)
 
 
 def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs) -> InputUncertainty:
@@ -231,7 +233,7 @@ def simulate_image(cover: Cover, array: TexelArray, case: Case) -> FloatArray:
 
 @lru_cache(maxsize=256)
 def _solve_cells(cover: Cover, indenter: Indenter, load: float, count: int) -> FloatArray:
-    """Solve the contact on a given number of cells across it; the solution is shared by all poses.
+    """Solve a contact with a given number of cells across it.  All poses share the solution.
 
     Returns:
         Rows x, y [m] and force [N] of m cells in the frame of the indenter, shape (3, m).
@@ -384,7 +386,7 @@ def compare_quantities(
     # The quantities are weighted sums of the texel forces.  Those of a centre of pressure are divided by the sum of the
     # forces.
     weights = {"largest texel [mN]": peak, "all texels [mN]": sums}
-    # Values S and D, u_num and u_input of each quantity.
+    # Values of fast model (S) and reference (D), u_num and u_input, by the name of the quantity.
     found: dict[str, tuple[float, float, float, float]] = {}
     for name, weight in weights.items():
         value = float(weight @ reference)

@@ -201,7 +201,7 @@ def check_contact(cover: Cover, array: TexelArray) -> list[Check]:
 
 
 def _take_texel(place: Place, texel: int, solution: GridSolution) -> float:
-    """Return the force on one texel in a solution [N]."""
+    """Return the force on the texel with index `texel` in a solution [N]."""
     return float(solution.base.forces(place.array, place.pose)[texel])
 
 
@@ -210,7 +210,8 @@ def check_bonded_disk() -> Check:
     from fem_reference.closed_form.disk import bonded_disk
 
     exact = bonded_disk(_DISK_RADIUS / 4)
-    # Force over area and strain in units of the shear modulus, over Young's modulus, which is 3.
+    # The apparent modulus, force over area and strain, is divided by Young's modulus.  In units of the shear modulus,
+    # Young's modulus of an incompressible material is 3.
     errors = [
         abs(compress_disk(_DISK_RADIUS, count) / (np.pi * _DISK_RADIUS**2) / 3 / exact - 1) for count in _DISK_ELEMENTS
     ]
@@ -252,7 +253,7 @@ def compress_disk(radius: float, count: int) -> float:
 
 
 def _relative(sizes: FloatArray | Sequence[float]) -> tuple[float, ...]:
-    """Divide element sizes by the largest."""
+    """Divide the element sizes of several meshes by that of the first, coarsest mesh."""
     values = np.asarray(sizes, dtype=float)
     return tuple((values / values[0]).tolist())
 

@@ -93,7 +93,7 @@ class DataSet:
 
 
 def build_data_set(tables: DataSetTables, *, source: Path, folder: Path) -> DataSet:
-    """Find the recordings of a data set.
+    """Make a data set from the tables of its file, with the recordings that its patterns find.
 
     Series without recordings are listed as problems if other series have recordings.  A data set without any recording
     has no files.

@@ -54,7 +54,8 @@ def find_rest(times: FloatArray, counts: FloatArray) -> int:
     if len(times) < 2 * _FLAT_FRAMES:
         return 0
     centred = counts - np.median(counts, axis=0)
-    image = centred[np.argmax(np.abs(centred).sum(axis=1))]  # The frame that differs most from the median.
+    # The power iteration starts from the frame that differs most from the median.
+    image = centred[np.argmax(np.abs(centred).sum(axis=1))]
     for _ in range(_POWERS):
         image = centred.T @ (centred @ image)
         image = image / max(float(np.linalg.norm(image)), np.finfo(float).tiny)

@@ -98,7 +98,7 @@ def fit_heaviest(fitted: Observations, placed: Observations | None, output_max: 
     return lambda load, _temperature: np.clip(image * load / max(heaviest, 1e-9), 0.0, output_max)
 
 
-#: Null models by name.
+#: Null models (predictions without a model of the sensor) by name.
 NULLS: Mapping[str, NullModel] = MappingProxyType(
     {
         "zeros": lambda fitted, _placed, _most: lambda _load, _temperature: np.zeros(fitted.counts.shape[1]),
@@ -112,7 +112,7 @@ NULLS: Mapping[str, NullModel] = MappingProxyType(
 
 #: Name of the fast model by its default contact method in tables.
 FAST = "fast model"
-#: Largest number of lines about recordings if none can be used [-].
+#: Largest number of faulty recordings that an error message lists if no recording can be used [-].
 _MOST_LINES = 5
 #: Candidates for the load power if every scored load exceeds every fitted load [-].  The load power is the exponent of
 #: the load in the weight of a fitted image.  An uneven seat of the indenter misplaces a smaller share of a heavier

@@ -45,11 +45,11 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str], None]
 
-#: Depths of the ball over the thickness of the cover, at finite strain [-].
+#: Depths of the ball that measures the range, over the thickness of the cover, at finite strain [-].
 _FINITE_DEPTHS = (0.015, 0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.4)
-#: Depths of the ball over the thickness of the cover, at small strain [-].
+#: Depths of the ball that measures the range, over the thickness of the cover, at small strain [-].
 _SMALL_DEPTHS = (0.05, 0.1, 0.15, 0.18, 0.2, 0.22, 0.24, 0.27, 0.3)
-#: Largest depth over the radius of the ball [-].
+#: Largest depth of the ball that measures the range, over its radius [-].
 _LARGEST_DEPTH = 0.5
 #: Distance of the second position of the ball from the centre of a texel along x and y, over the size of the texel [-].
 #: This position lies neither on the grid of texels nor on that of the fast model's cells.
@@ -181,7 +181,7 @@ def add_stretch(
 
 
 def _fit_stretches(cover: Cover, response: StretchedResponse, path: BallPath) -> tuple[list[Stretch], list[float]]:
-    """Fit the stretch at each of n depths of a path to the base pressure.
+    """Fit the stretch of the cover's top to the base pressure, at each of n depths of a loading path.
 
     Returns:
         The n stretches, and the part of the force that each stretch moves to its place in the finite elements [-].
@@ -191,7 +191,8 @@ def _fit_stretches(cover: Cover, response: StretchedResponse, path: BallPath) ->
     from fem_reference.linear_response.membrane_tension import Stretch
 
     radius = response.radius
-    ring = np.pi * radius * np.gradient(radius)  # Half the area of a ring, because misplaced force is counted once.
+    # The weight of a radius is half the area of its ring: misplaced force is half the sum of the differences.
+    ring = np.pi * radius * np.gradient(radius)
     yielding = sum(layer.thickness / layer.material.shear_modulus for layer in cover.layers)
 
     def read(logarithms: FloatArray) -> Stretch:
@@ -271,7 +272,7 @@ def state_range(
 def _repeat_presses(
     parameters: Parameters, presses: BallPresses
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """Press the ball by the fast model on p points at n loads.
+    """Press the ball, which finite elements have pressed, by the fast model on p points at n loads.
 
     Returns:
         The misplaced parts of the force, shape (p, n) [-]; the depths, shape (p, n) [m]; and whether the contact covers
@@ -361,7 +362,7 @@ def fit_depth(cover: Cover) -> DepthFits:
     )
 
 
-#: Depths of the tip over the thickness of the cover [-].
+#: Depths to which finite elements press the calibration tip, over the thickness of the cover [-].
 _DEPTHS = (0.1, 0.2, 0.4)
 #: Exponent p for the interpolation of the tip's share, which is nearly linear in load^p [-].  The contact area of a
 #: ball is proportional to load^(2/3).
@@ -489,7 +490,7 @@ def linearise(cover: Cover) -> Cover:
 
 
 def _measure(press: Indentation, array: TexelArray, influence: Influence) -> FloatArray:
-    """Compute the force on each of n texels under the contact forces of a press, shape (n,) [N]."""
+    """Compute the force on each of n texels from the contact forces of a press and the influence, shape (n,) [N]."""
     force = -press.contact_forces[:, 2]
     measured = force @ influence.texel_influence(array, press.contact_points[:, :2])
     return np.asarray(measured * press.total_force / force.sum())

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from fastmodel.fitting.gaussian import Fit
-from fastmodel.signal.point_spread import Tabulated
-from meshes import Cover, TexelArray
+from fastmodel.signal.point_spread import Spread, Tabulated
+from meshes import Cover
 from meshes.array_types import FloatArray
 from validation.derivation.base import Progress, derive_cover, describe_provenance
 from validation.derivation.contact_range import (
@@ -47,7 +47,6 @@ from validation.sensor_file import SensorDescription
 
 if TYPE_CHECKING:
     from fastmodel.parameters import Parameters
-    from fastmodel.surface import CoverCells
     from fem_reference.linear_response.point_spread import PointSpread
 
 
@@ -263,17 +262,25 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
     tell("kernel fit")
     fit = fit_kernel(influence, array)
     tell("cover kernels")
-    cells = None if sensor.spread else _tabulate_cells(sensor, influence)
+    profile = radial_profile(influence)
+    cells = None
+    spread: Spread = sensor.spread or fit.gaussian
+    if sensor.spread is None and profile is not None:
+        cells = cover_cells(cover, array, profile)
+    elif sensor.spread is None:
+        # Near free side edges the spread of each texel is a table of its own.
+        columns = [influence.texel_response(array, load="uniform", texel=texel) for texel in range(array.count)]
+        spread = Tabulated(matrix=np.array(columns).T, source="finite elements with free side edges")
+        cells = cells_with_sides(cover, array, influence) if array.regular else None
     depth = fit_depth(cover) if wide else None
     tip = None
     if sensor.electronics.tip_radius is not None:
         tell("calibration tip over a texel")
         with _told(tell, "the share of the calibration tip's force on a texel is not known"):
             tip = compute_tip_share(cover, array, influence, sensor.electronics)
-    profile = radial_profile(influence)
     parameters = Parameters(
         array=array,
-        spread=sensor.spread or (fit.gaussian if wide else _tabulate_spread(influence, array)),
+        spread=spread,
         filter=sensor.filter,
         electronics=dataclasses.replace(sensor.electronics, tip_share=None if tip is None else tip.share),
         provenance=describe_provenance(sensor)
@@ -324,20 +331,3 @@ def _told(tell: Progress, what: str) -> Iterator[None]:
         yield
     except (ConvergenceError, ValueError) as error:
         tell(f"{what}: {error}")
-
-
-def _tabulate_cells(sensor: SensorDescription, influence: Influence) -> CoverCells | None:
-    """Tabulate the displacements of cells of the contact grid and the texel forces under a unit load on one cell.
-
-    Returns:
-        Both tables; None for a cover with free side edges over texels that do not form a regular grid.
-    """
-    if (spread := radial_profile(influence)) is not None:
-        return cover_cells(sensor.layered_cover, sensor.array, spread)
-    return cells_with_sides(sensor.layered_cover, sensor.array, influence) if sensor.array.regular else None
-
-
-def _tabulate_spread(influence: Influence, array: TexelArray) -> Tabulated:
-    """Tabulate the force on every texel per unit force spread uniformly over each texel, for free side edges."""
-    columns = [influence.texel_response(array, load="uniform", texel=texel) for texel in range(array.count)]
-    return Tabulated(matrix=np.array(columns).T, source="finite elements with free side edges")

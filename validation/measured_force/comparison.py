@@ -327,7 +327,7 @@ def _compare_bound(measurement: Measurement, name: str, curve: Curve) -> Row:
 
 
 def interpolate_force(depth: FloatArray, force: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Return the force over depth as a spline of at most third degree through the logarithms, beyond its ends a power.
+    """Interpolate the logarithm of the force over that of the depth by a cubic spline, beyond its ends by a line.
 
     Args:
         depth: Depths of the known forces, shape (n,), at least two different ones; equal depths have equal forces [m].
@@ -377,7 +377,7 @@ def _fit_zero(measurement: Measurement, force: FloatArray) -> tuple[float, tuple
 
 
 def _combine_bounds(measurement: Measurement, rows: Sequence[Row]) -> Row:
-    """Return the row for friction anywhere between its bounds: their mean, with half their range as uncertainty."""
+    """Make the row for friction anywhere between its bounds: mean prediction, with half the range as uncertainty."""
     one, other = rows
     predicted = (one.predicted + other.predicted) / 2
     inputs = {key: np.maximum(one.inputs[key], other.inputs[key]) for key in one.inputs}

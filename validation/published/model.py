@@ -32,7 +32,7 @@ MAP = "contact map"
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """A parameter of a model.
+    """A parameter of a published model of a tactile array.
 
     Attributes:
         shipped: Published value of the parameter.  None if the value is unknown, or if the parameter is a fitted
@@ -50,7 +50,7 @@ class Parameter:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Model:
-    """A published model.
+    """A published model of a tactile array, with its parameters and the source of its equations.
 
     Attributes:
         name: Short name, unique in the table.

@@ -92,7 +92,7 @@ class Row:
 
     @property
     def variant(self) -> str:
-        """`AS_SHIPPED` or `AS_FITTED`."""
+        """Origin of the parameters: `AS_SHIPPED` or `AS_FITTED`."""
         return AS_FITTED if self.fitted else AS_SHIPPED
 
     @property

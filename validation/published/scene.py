@@ -26,7 +26,7 @@ _MERGE = 1e-5
 
 
 class Forces(NamedTuple):
-    """Forces that a model predicts.
+    """Forces in one press that a published model predicts.
 
     Attributes:
         texels: Force on each texel, shape (n,) [N].
@@ -100,7 +100,7 @@ class Scene:
 
     @property
     def load(self) -> float:
-        """Applied force [N]."""
+        """Load on the indenter [N]."""
         return self.case.load
 
     @cached_property
@@ -182,6 +182,12 @@ def sink_springs(gaps: FloatArray, stiffness: float, load: float) -> FloatArray:
     approaches = (load / stiffness + np.cumsum(under)) / np.arange(1, under.size + 1)
     beyond = np.append(under[1:], np.inf)
     return np.asarray(np.maximum(approaches[np.argmax(approaches <= beyond)] - gaps, 0.0))
+
+
+def scale_to_load(forces: FloatArray, load: float) -> Forces:
+    """Scale texel forces, shape (n,), so that their sum is the load [N]; without forces the load is outside."""
+    total = float(forces.sum())
+    return Forces(forces * load / total, 0.0) if total > 0 else Forces(forces, load)
 
 
 def bin_on_texels(array: TexelArray, points: FloatArray, forces: FloatArray) -> FloatArray:

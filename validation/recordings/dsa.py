@@ -118,7 +118,7 @@ def read(path: str | Path) -> Recording:
 
 @dataclass(frozen=True)
 class _Element:
-    """An open XML element.
+    """An XML element whose end tag has not been read yet.
 
     Attributes:
         path: Tags from the outermost element to this one, such as `root/data/frame`.
@@ -155,7 +155,7 @@ class _Reader:
         self._expat.StartDoctypeDeclHandler = self._expat.ProcessingInstructionHandler = self._refuse_declaration
 
     def read(self) -> Recording:
-        """Read the whole file."""
+        """Read the whole `.dsa` file and make the recording."""
         try:
             for piece in self._unpack():
                 self._markup_bytes += len(piece)
@@ -282,7 +282,7 @@ class _Reader:
                 self._arrays.append(self._read_array(fields, name))
             case "root/sensor":
                 self._serial = fields["serial_nr"].strip()
-                # The full scale, or 0 for a masked texel.
+                # The largest count of a texel is the full scale, or 0 for a masked texel.
                 largest = [np.where(each.texels.active & each.enabled, each.full_scale, 0) for each in self._arrays]
                 self._limits = np.concatenate(largest).astype(np.int16)
             case "root/data/frame":

@@ -112,7 +112,7 @@ class _Table(BaseModel):
 
 
 class ArrayLabels(_Table):
-    """Description of one texel array."""
+    """Labels of one texel array in a recording: layout, masks, full scale and pose."""
 
     name: str
     rows: int
@@ -128,7 +128,7 @@ class ArrayLabels(_Table):
     rotation_rad: _Triple
 
     def make(self) -> RecordedArray:
-        """Make the array, without frames.
+        """Make the recorded array that the labels describe, without frames.
 
         Raises:
             ValueError: If a number is impossible, or a mask has another size than the array.
@@ -159,7 +159,7 @@ class ClockLabels(_Table):
 
 
 class Labels(_Table):
-    """All labels of a recording."""
+    """All labels of a recording: serial number, arrays, clocks and conditions."""
 
     format: str
     serial: str

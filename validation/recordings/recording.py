@@ -116,7 +116,7 @@ class Setup:
         return cls(indenter=indenter, load=None if load is None else read_load(load), note=note)
 
     def __post_init__(self) -> None:
-        """Check the load.
+        """Check that the load is a force of 0 N or more.
 
         Raises:
             ValueError: If the load is negative or not finite.

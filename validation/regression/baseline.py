@@ -256,7 +256,7 @@ def _describe_change(label: str, stored: float, now: float, before: Reading, cou
 
 
 def _describe_form(reading: Reading) -> str:
-    """Describe unit and number of labels and numbers of a reading."""
+    """Describe the form of a reading in words: its numbers of labels and of values per label, and its unit."""
     lengths = sorted(set(reading.shape.values()))
     numbers = lengths[0] if len(lengths) == 1 else f"{lengths[0]} to {lengths[-1]}" if lengths else 0
     names = ", ".join(list(reading.numbers)[:3])
@@ -264,12 +264,12 @@ def _describe_form(reading: Reading) -> str:
 
 
 def _format_tolerance(reading: Reading) -> float | str:
-    """Return a tolerance in the format of a baseline."""
+    """Return the tolerance of a reading as a baseline file states it: a number, or a percentage of the value."""
     return f"{100 * reading.tolerance:.3g}{OF_VALUE}" if reading.relative else reading.tolerance
 
 
 def _unpack_rows(numbers: Mapping[str, tuple[float, ...]]) -> Any:  # noqa: ANN401 -- JSON
-    """Return a number if it is the only one, else a number or a list of numbers by label; to ten digits."""
+    """Convert the numbers of a reading to JSON: one number alone, else numbers or lists by label; to ten digits."""
     rows = {label: [float(f"{number:.10g}") for number in row] for label, row in numbers.items()}
     single = {label: row[0] if len(row) == 1 else row for label, row in rows.items()}
     return single[""] if list(single) == [""] else single
@@ -293,7 +293,7 @@ class Regression:
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """Quantities outside their tolerance, or in only one of the two sets."""
+        """Quantities that differ from the baseline by more than their tolerance, or that only one side has."""
         return () if self.stored is None else tuple(compare(self.stored, self.now, self.failures))
 
     @property
@@ -313,7 +313,7 @@ class Regression:
         return {"changed": len(self.changes), "changes": [asdict(each) for each in self.changes], **self.now.as_json()}
 
     def to_csv(self) -> str:
-        """Return `ratios` as CSV."""
+        """Return the largest change of each quantity over its tolerance as CSV."""
         return Table(
             ("quantity", "change_over_tolerance"), [(title, f"{value:.6g}") for title, value in self.ratios.items()]
         ).to_csv()

@@ -53,11 +53,12 @@ _FORCES = 241
 _BISECTIONS = 60
 #: Levels of output over the largest output, at which the force is measured [-].
 _LEVELS = (0.01, 0.25, 0.5, 0.75, 0.99)
-#: Electronics of the stages.  Each stage changes some of these numbers.
+#: Electronics whose stages, such as threshold and saturation, are measured one by one.  Every entry of `STAGES` changes
+#: some of these numbers.
 _LINE = Electronics(rate_hz=100.0, sensitivity=500.0, offset=-20.0, output_max=1000, bits=10)
-#: Forces on the texels of the stages, light to beyond the largest count, then unloading [N].
+#: Forces under which the stages of the electronics are measured, one per texel, up to beyond the largest count [N].
 _LOADING = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.2, 1.6, 1.9, 2.0, 2.1, 3.0)
-#: Stages by name, as changes of `_LINE`.
+#: Measured stages of the electronics by name, as changes of the electronics `_LINE`.
 STAGES: Mapping[str, Mapping[str, Any]] = {
     "line": {},
     "polynomial": {"characteristic": (-20.0, 700.0, -150.0, 20.0, -2.0, 0.1)},
@@ -254,7 +255,7 @@ def lay_letter_h(array: TexelArray) -> tuple[LetterH, float, tuple[float, float]
 
 
 def list_methods(parameters: Parameters) -> tuple[str, ...]:
-    """Return the contact methods that parameters allow."""
+    """Return the names of the contact methods that the parameters of a sensor allow."""
     return METHODS_OF[None if parameters.surface is None else parameters.surface.methods[0]]
 
 
@@ -299,7 +300,7 @@ def press_ball(subject: Subject) -> Readings:
 
 
 def press_oblong(subject: Subject) -> Readings:  # noqa: ARG001 -- every experiment takes the sensor
-    """Press a block on a fixed array with oblong texels, a masked one, and a fixed cover, by every contact method."""
+    """Press a block on the oblong test array, which is the same for all sensors, by every contact method."""
     return _press(make_oblong(), Box(size=_BLOCK), load=_BLOCK_LOAD, origin=np.zeros(3), at=_BLOCK_AT, yaw=_BLOCK_YAW)
 
 
@@ -319,16 +320,16 @@ def measure_spread(subject: Subject) -> Readings:
     lost = 1.0 - operator.sum(axis=0)
     outside = {"of the middle texel": float(lost[array.middle]), "of the last texel": float(lost[-1])}
     surface = subject.parameters.surface
-    foundation = surface.foundation_modulus() if isinstance(surface, CoverCells) else None
+    cells = None if surface is None else surface.cells
     return {
         "share": read(shares, "%", 0.1),
         "share outside": read(outside, "%", 0.1),
-        "foundation modulus": read(foundation, "N/mm3", "0.5 % of each"),
+        "foundation modulus": read(None if cells is None else cells.foundation_modulus(), "N/mm3", "0.5 % of each"),
     }
 
 
 def make_oblong() -> Parameters:
-    """Make the parameters of the fixed array: oblong texels, the first one masked, under a cover given by formulas."""
+    """Make the parameters of the oblong test array, with a masked texel, under a cover given by formulas."""
     active = np.ones(_ROWS * _COLUMNS, dtype=bool)
     active[0] = False
     array = TexelArray.grid(_ROWS, _COLUMNS, _PITCH, active=active, name="oblong")
@@ -384,7 +385,7 @@ def _press(
     pose = Pose.facing(origin + np.array(at) @ tangents, -normal, spin=yaw)
     for method in (each for each in list_methods(parameters) if each in among):
         pressed = indent(parameters, indenter, load=load, pose=pose, method=method)
-        # Forces before spread, because the spread has its own quantities.
+        # The forces are read before the point spread, because quantities of their own measure the spread.
         forces = pressed.texel_forces if method in SPREADING else pressed.contact_forces
         readings |= {
             f"{method}, force of each texel": read(list_rows(array.image(forces)), "mN", "1 % of largest"),
@@ -573,7 +574,7 @@ def _simulate(
     *,
     seeds: Mapping[str, int] | None = None,
 ) -> dict[str, _Recorded]:
-    """Simulate the ball under a prescribed force, and record what several sensors deliver.
+    """Simulate a ball on the middle texel under a prescribed force, and record the output of several sensors.
 
     Args:
         parameters: The array.
@@ -606,7 +607,7 @@ def _simulate(
 def _build(
     parameters: Parameters, sensors: Sequence[Parameters], timestep: float
 ) -> tuple[mujoco.MjModel, list[Sensor]]:
-    """Build the model of the ball on the middle texel, and bind the sensors, which are all at the same place."""
+    """Build the MuJoCo model of a ball on the middle texel, and bind sensors, which are all at the same place."""
     array = parameters.array
     spec = _make_spec(timestep)
     x, y, height = array.centres[array.middle].tolist()
@@ -640,7 +641,7 @@ def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def _count_rise(response: FloatArray) -> float:
-    """Count the steps, interpolated, from 10 to 90 % of a response that ends at 1 [-]."""
+    """Return the number of timesteps, interpolated, in which a response that ends at 1 rises from 10 to 90 % [-]."""
     rising = response[: int(response.argmax()) + 1]
     if response.argmax() == 0 or rising[0] >= 0.9:  # noqa: PLR2004 -- 90 %
         return 0.0

@@ -1,4 +1,4 @@
-"""All experiments of a regression check, and their measurement.
+"""The table of all experiments of a regression check, and the function that runs experiments.
 
 To guard a further number, let an experiment return its reading under a new name. `docs/regression.md` explains the
 quantities and the choice of their tolerances.  The experiments of this module need finite elements: derived parameters,

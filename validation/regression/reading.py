@@ -32,7 +32,7 @@ _LEAST = 1e-9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Subject:
-    """The sensor that is measured.
+    """A sensor whose quantities a regression check measures.
 
     Attributes:
         parameters: Parameters of its fast model.
@@ -93,7 +93,7 @@ class Reading:
 
     @property
     def shape(self) -> dict[str, int]:
-        """Number of numbers by label [-]."""
+        """Number of values of the reading for each label [-]."""
         return {label: len(row) for label, row in self.numbers.items()}
 
 

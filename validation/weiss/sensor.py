@@ -140,7 +140,7 @@ class Link:
             try:
                 data = self._serial.read(_SOCKET_BYTES if self._is_url else max(1, self._serial.in_waiting))
             except (OSError, TypeError) as error:
-                # pyserial raises TypeError if the file descriptor of the port is closed during a read
+                # pyserial raises TypeError if the file descriptor of the port is closed during a read.
                 failure = error
             with self._changed:
                 self._failure = failure

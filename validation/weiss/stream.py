@@ -173,7 +173,7 @@ def _find_short_steps(pairs: Collection[Gap]) -> list[int]:
 
 
 def _find_gaps(pairs: Collection[Gap], period: float) -> list[Gap]:
-    """Return the pairs of consecutive frames that frame a fault of the stream, each with the kind of the fault.
+    """Return the pairs of consecutive frames with a fault between them, and the kind of the fault.
 
     Args:
         pairs: Pairs of consecutive frames.
@@ -223,7 +223,7 @@ _NANOSECONDS_PER_SECOND = 1_000_000_000
 
 @dataclass(frozen=True)
 class Residual:
-    """How far arrival times lie from the times that the fit gives.
+    """Statistics of the delays of frames, from the fitted times of the frames to their arrival.
 
     Attributes:
         median: Median of the time from a frame's stamp to its arrival [s].
@@ -242,7 +242,7 @@ class Residual:
     restarts: int
 
     def __str__(self) -> str:
-        """Return a description in one line."""
+        """Return the delays and the length of a tick in words, in one line."""
         late = [f"{1e3 * value:.1f} ms" for value in (self.median, self.p95, self.largest)]
         text = f"frames arrived {late[0]} (median), {late[1]} (95 %) and at most {late[2]} after their stamps, "
         if abs(self.tick / TICK - 1) > _FIT.largest_drift:
@@ -295,7 +295,7 @@ class DeviceClock:
         return Residual(median, p95, largest, self._tick, self._unfitted, self._restarts)
 
     def _start(self) -> None:
-        """Start the fit with the next frame."""
+        """Start the fit of the device's clock anew, with the next frame as its first frame."""
         #: Ticks and arrival time [ns] of the first frame.  All times of the fit count from this frame.
         self._origin: tuple[int, int] | None = None
         #: Earliest frame of each block, the present block last: time since the first frame on the device's clock, with
@@ -332,7 +332,7 @@ class DeviceClock:
         return difference - self._slope * device
 
     def _fit_line(self) -> None:
-        """Fit slope and offset to the earliest frames of the complete blocks."""
+        """Fit the line of delay over device clock below the earliest frames of the complete blocks."""
         device, difference = np.array(self._earliest).T
         first, second = np.triu_indices(len(device), 1)
         step = device[second] - device[first]

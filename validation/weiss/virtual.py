@@ -137,7 +137,7 @@ class VirtualSensor:
         self._misbehaviour = misbehaviour or Misbehaviour()
         self._random = Random(self._misbehaviour.seed)  # noqa: S311 -- reproducible faults, no secret
         self._parser = protocol.Parser(texels=matrix.texels)
-        #: Answers to the commands that ask for a setting.
+        #: Values of the settings, by the command that reads the setting.
         self._settings: dict[Command, Any] = {
             Command.GET_THRESHOLD: 0,
             Command.GET_GAIN: 0,
@@ -400,7 +400,7 @@ class PseudoTerminal:
             os.close(self._open_files.pop())
 
     def _remove_link(self, is_old: Callable[[str], bool]) -> None:
-        """Remove the link to the port if its target is an old one."""
+        """Remove the symbolic link to the port if `is_old` is true for the target of the link."""
         link = Path(self.name)
         if link.is_symlink() and is_old(str(link.readlink())):
             link.unlink()
