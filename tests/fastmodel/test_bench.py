@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from fastmodel import WTS_0614_34, BoxTexels, FastModelError, Gaussian, Parameters, bench, indent
+from fastmodel import WTS_0614_34, FastModelError, Gaussian, Parameters, bench, indent
 from fastmodel.errors import MissedArrayError
 from meshes import Box, Cylinder, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
@@ -28,7 +28,7 @@ YAWS = (0.0, np.pi / 4, np.pi / 2)
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
 def test_contact_force_before_spread_is_the_weight(shape):
     worst = 0.0
-    for load, at, yaw in itertools.product((0.098, 0.98, 4.9), PLACES, YAWS):
+    for load, at, yaw in itertools.product((0.098, 4.9), PLACES, YAWS):
         result = indent(PARAMETERS, shape, load=load, at=at, yaw=yaw)
         worst = max(worst, abs(result.total_force / load - 1))
         assert np.all(result.contact_forces >= 0)
@@ -60,7 +60,7 @@ def test_face_on_whole_texels_is_shared_evenly():
 
 
 def test_a_bent_array_carries_the_weight():
-    parameters = Parameters(array=bent_array(), spread=Gaussian.from_sigma(0.4), electronics=WTS_0614_34)
+    parameters = dataclasses.replace(PARAMETERS, array=bent_array(), spread=Gaussian.from_sigma(0.4))
     result = indent(parameters, Sphere(radius=5e-3), load=2.0, at=(0.3e-3, 0.2e-3))
     assert result.total_force == pytest.approx(2.0, rel=1e-3)
     assert result.contact_forces.argmax() == 4
@@ -97,9 +97,3 @@ def test_bad_input_raises_an_error_that_names_the_fault():
         indent(PARAMETERS, sphere, load=1.0, at=(np.nan, 0.0))
     with pytest.raises(MissedArrayError, match="'at' must lie on the array"):
         indent(PARAMETERS, sphere, load=1.0, at=(0.1, 0.0))
-    with pytest.raises(FastModelError, match="no contact method named 'bricks'; valid names: area, boxes, cover"):
-        indent(PARAMETERS, sphere, load=1.0, method="bricks")
-    with pytest.raises(ValueError, match="height"):
-        BoxTexels(height=0.0)
-    with pytest.raises(ValueError, match="contype"):
-        BoxTexels(contype=-1)

@@ -5,14 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from meshes.indenters.polygons import make_hexagon
-from meshes.indenters.shapes import match_hexagon
-
-_HALF_H = [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)]
-#: Corners of the letter [m].
-H_CORNERS = tuple((1e-3 * x, 1e-3 * y) for x, y in [*_HALF_H, *((-x, -y) for x, y in _HALF_H)])
-#: Corners of the nut's two hexagons [m].
-HEXAGONS = (tuple(make_hexagon(13e-3)), tuple(make_hexagon(match_hexagon(8e-3))))
+from tests.support.outlines import HEXAGONS, LETTER
 
 
 def _extrude(*polygons):
@@ -42,7 +35,7 @@ BODIES = {
     "box": lambda: trimesh.creation.box((10, 6, 5)),
     "cylinder": lambda: trimesh.creation.cylinder(4, 8, sections=96),
     "nut": lambda: _extrude(*HEXAGONS),
-    "h": lambda: _extrude(H_CORNERS),
+    "h": lambda: _extrude(LETTER),
     "two-balls": _make_two_balls,
     "cup": _make_cup,
     "pyramid": lambda: trimesh.convex.convex_hull(

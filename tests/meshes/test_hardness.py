@@ -48,12 +48,6 @@ def test_every_relation_increases_with_hardness(hardnesses):
         assert modulus < hard.by_relation[relation]
 
 
-@pytest.mark.parametrize("shore_a", [-1.0, 0.0, 19.9, 80.1, 100.0, float("nan"), float("inf")])
-def test_a_hardness_outside_the_range_is_refused(shore_a):
-    with pytest.raises(ValueError, match=r"20\.\.80 Shore A"):
-        modulus_from_hardness(shore_a)
-
-
 def test_castable_silicones_are_softer_than_shore_00_says_and_lie_in_its_band():
     for name, hardness in (("ecoflex-00-30", 30), ("ecoflex-00-50", 50)):
         found, catalogue = modulus_from_hardness(hardness, "00"), MATERIALS[name].youngs_modulus
@@ -80,7 +74,14 @@ def test_the_ball_of_the_durometer_is_hertzian_at_small_depth_and_bears_its_forc
     assert 2 * modulus_by_ball(30) / 0.75 * integrate(edge, 2) == pytest.approx(0.203 + 0.00908 * 30, rel=1e-6)
 
 
-@pytest.mark.parametrize(("hardness", "scale"), [(19.9, "00"), (90.1, "00"), (float("nan"), "00"), (30, "d"), (30, "")])
-def test_other_scales_and_readings_are_refused(hardness, scale):
-    with pytest.raises(ValueError, match=r"20\.\.90 Shore 00|the scale must be one of a, 00"):
+@pytest.mark.parametrize(
+    ("scale", "hardness", "message"),
+    [
+        *(("a", each, r"20\.\.80 Shore A") for each in (-1.0, 19.9, 80.1, 100.0, float("nan"), float("inf"))),
+        *(("00", each, r"20\.\.90 Shore 00") for each in (19.9, 90.1, float("nan"))),
+        *((scale, 30, "the scale must be one of a, 00") for scale in ("d", "")),
+    ],
+)
+def test_other_scales_and_readings_are_refused(scale, hardness, message):
+    with pytest.raises(ValueError, match=message):
         modulus_from_hardness(hardness, scale)

@@ -323,11 +323,11 @@ def measure_spread(subject: Subject) -> Readings:
     lost = 1.0 - operator.sum(axis=0)
     outside = {"of the middle texel": float(lost[array.middle]), "of the last texel": float(lost[-1])}
     surface = subject.parameters.surface
-    foundation = surface.foundation_modulus() if isinstance(surface, CoverCells) else None
+    cells = None if surface is None else surface.cells
     return {
         "share": read(shares, "%", 0.1),
         "share outside": read(outside, "%", 0.1),
-        "foundation modulus": read(foundation, "N/mm3", "0.5 % of each"),
+        "foundation modulus": read(None if cells is None else cells.foundation_modulus(), "N/mm3", "0.5 % of each"),
     }
 
 

@@ -8,7 +8,7 @@ import fastmodel
 from fastmodel import Batch, FastModelError
 from fastmodel.errors import LifeCycleError
 from tests.support.cover_data import parameters
-from tests.support.scenes import make_spec
+from tests.support.scenes import add_body, make_spec
 
 #: Counts at rest are not zero, so that they show the noise.
 NOISY = parameters(electronics=dataclasses.replace(parameters().electronics, offset=100.0, noise=0.01))
@@ -21,9 +21,7 @@ def world(method):
         fastmodel.attach(spec, "world", NOISY, name=name, position=place, contact=method)
         for name, place in (("one", (0, 0, 0)), ("two", (0.1, 0, 0)))
     ]
-    body = spec.worldbody.add_body(name="block", pos=[0, 0, 6e-3])
-    body.add_freejoint()
-    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-3, 4e-3, 3e-3], mass=0.1)
+    add_body(spec, "box", [5e-3, 4e-3, 3e-3], [0, 0, 6e-3], free=True, mass=0.1)
     return spec.compile(), sensors
 
 
@@ -118,34 +116,28 @@ def test_an_error_in_another_process_arrives():
         assert len(batch.step(10)) == 2
 
 
-def test_impossible_numbers_and_foreign_models_are_refused():
-    model, sensors = world("cover")
-    with pytest.raises(FastModelError, match="must be a whole number from 1 on"):
-        Batch(model, sensors, 0)
-    with pytest.raises(FastModelError, match="must be a whole number from 1 on"):
-        Batch(model, sensors, 2, processes=0)
-    with pytest.raises(FastModelError, match="negative"):
-        Batch(model, sensors, 2, seed=-1)
-    with pytest.raises(LifeCycleError):
-        Batch(mujoco.MjSpec().compile(), sensors, 2, processes=2)
-
-
 def test_wrong_arguments_and_a_closed_batch_are_refused_in_words():
     model, sensors = world("boxes")
-    with pytest.raises(FastModelError, match="whole number"):
-        Batch(model, sensors, float("nan"))
-    with pytest.raises(FastModelError, match="the same sensor is given twice"):
-        Batch(model, [sensors[0], sensors[0]], 1)
-    with pytest.raises(FastModelError, match="sensors must be sensors"):
-        Batch(model, ["x"], 1)
+    for change, message in (
+        ({"worlds": 0}, "must be a whole number from 1 on"),
+        ({"worlds": float("nan")}, "whole number"),
+        ({"processes": 0}, "must be a whole number from 1 on"),
+        ({"seed": -1}, "negative"),
+        ({"sensors": [sensors[0], sensors[0]]}, "the same sensor is given twice"),
+        ({"sensors": ["x"]}, "sensors must be sensors"),
+        ({"model": mujoco.MjSpec().compile(), "processes": 2}, "is not in this model"),
+    ):
+        with pytest.raises(FastModelError, match=message):
+            Batch(**{"model": model, "sensors": sensors, "worlds": 2, **change})
     batch = Batch(model, sensors, 1)
-    for steps in (-1, 1.5):
-        with pytest.raises(FastModelError, match="steps must be a whole number from 0 on"):
-            batch.step(steps)
-    with pytest.raises(FastModelError, match="control must be a function"):
-        batch.step(1, "x")
-    with pytest.raises(FastModelError, match="must be the index of one of"):
-        batch.images(7)
+    for call, message in (
+        (lambda: batch.step(-1), "steps must be a whole number from 0 on"),
+        (lambda: batch.step(1.5), "steps must be a whole number from 0 on"),
+        (lambda: batch.step(1, "x"), "control must be a function"),
+        (lambda: batch.images(7), "must be the index of one of"),
+    ):
+        with pytest.raises(FastModelError, match=message):
+            call()
     batch.close()
     with pytest.raises(LifeCycleError, match="closed"):
         batch.step()

@@ -15,6 +15,7 @@ from tests.support.ball_environment import (
     build_pushed_ball,
     list_frames,
     listen,
+    run,
     simulate_by_hand,
     wrap_ball,
 )
@@ -69,26 +70,27 @@ def test_of_frames_beyond_the_room_the_latest_are_kept_and_the_others_counted():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "error", "message"),
+    ("wrong", "message"),
     [
-        ({"env": 3}, FastModelError, "env must be a gymnasium.Env, not int"),
-        ({"sensors": None}, FastModelError, "sensors must be a fastmodel.Sensor, or a dict of them by name"),
-        ({"sensors": ["skin"]}, FastModelError, "sensors must be .* not list"),
-        ({"sensors": {"skin": 3}}, FastModelError, r"sensors\['skin'\] must be a fastmodel.Sensor, not int"),
-        ({"sensors": {}}, FastModelError, "there is no sensor to observe"),
-        ({"simulation": "env.sim"}, FastModelError, "simulation must be a function"),
-        ({"listen": True}, FastModelError, "listen must be a function"),
-        ({"key": 1}, FastModelError, "key must be a str"),
-        ({"frames": "6"}, FastModelError, "frames must be a whole number, not str"),
-        ({"frames": 0}, FastModelError, "frames must be a whole number from 1 on, not 0"),
-        ({"frames": np.nan}, FastModelError, "frames must be a whole number from 1 on, not nan"),
+        ({"env": 3}, "env must be a gymnasium.Env, not int"),
+        ({"env": gymnasium.make("CartPole-v1")}, "shows no MuJoCo model and data; give simulation="),
+        ({"env": BallEnv(mujoco.MjSpec().compile())}, "is not in this model"),
+        ({"sensors": None}, "sensors must be a fastmodel.Sensor, or a dict of them by name"),
+        ({"sensors": ["skin"]}, "sensors must be .* not list"),
+        ({"sensors": {"skin": 3}}, r"sensors\['skin'\] must be a fastmodel.Sensor, not int"),
+        ({"sensors": {}}, "there is no sensor to observe"),
+        ({"simulation": "env.sim"}, "simulation must be a function"),
+        ({"listen": True}, "listen must be a function"),
+        ({"key": 1}, "key must be a str"),
+        ({"frames": "6"}, "frames must be a whole number, not str"),
+        ({"frames": 0}, "frames must be a whole number from 1 on, not 0"),
+        ({"frames": np.nan}, "frames must be a whole number from 1 on, not nan"),
     ],
 )
-def test_wrong_arguments_are_named(wrong, error, message):
+def test_wrong_arguments_are_named(wrong, message):
     spec, sensor = build_pushed_ball()
-    settings = {"env": BallEnv(spec.compile()), "sensors": sensor, **wrong}
-    with pytest.raises(error, match=message):
-        TactileObservation(**settings)
+    with pytest.raises(FastModelError, match=message):
+        TactileObservation(**{"env": BallEnv(spec.compile()), "sensors": sensor, **wrong})
 
 
 def test_an_entry_of_the_environments_own_info_is_not_overwritten():
@@ -191,27 +193,17 @@ def test_an_accessor_finds_a_hidden_simulation():
     inner = BallEnv(spec.compile())
     hidden = inner.model, inner.data
     TactileObservation(inner, sensor, simulation=lambda _: hidden).reset()
-    with pytest.raises(FastModelError, match="shows no MuJoCo model and data; give simulation="):
-        TactileObservation(gymnasium.make("CartPole-v1"), sensor)
 
 
-def test_an_environment_that_does_not_call_back_is_refused():
+@pytest.mark.parametrize(
+    ("unheard", "message"), [({"listen": lambda env, callback: None}, "without calling back"), ({}, "give listen=")]
+)
+def test_physics_steps_that_the_sensors_miss_are_refused(unheard, message):
     spec, sensor = build_pushed_ball()
-    env = TactileObservation(BallEnv(spec.compile(), physics_steps=5), sensor, listen=lambda env, callback: None)
+    env = TactileObservation(BallEnv(spec.compile(), physics_steps=5), sensor, **unheard)
     env.reset()
-    with pytest.raises(LifeCycleError, match="without calling back"):
-        env.step(np.array([0.0]))
-
-
-def test_missed_physics_steps_and_a_model_without_the_array_are_refused():
-    spec, sensor = build_pushed_ball()
-    env = TactileObservation(BallEnv(spec.compile(), physics_steps=5), sensor)
-    env.reset()
-    env.step(np.array([0.0]))
-    with pytest.raises(LifeCycleError, match="give listen="):
-        env.step(np.array([0.0]))
-    with pytest.raises(LifeCycleError):
-        TactileObservation(BallEnv(mujoco.MjSpec().compile()), sensor)
+    with pytest.raises(LifeCycleError, match=message):
+        run(env, 2)
 
 
 def test_a_recompiled_model_is_bound_again():

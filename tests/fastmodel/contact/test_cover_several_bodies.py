@@ -7,6 +7,7 @@ import trimesh
 from fastmodel import indent
 from meshes import Box, LetterH, Prism, Sphere, TriangleMesh
 from tests.support.cover_data import parameters
+from tests.support.outlines import LETTER, RECTANGLE
 
 METHODS = ("boxes", "area", "foundation", "cover")
 
@@ -14,9 +15,7 @@ PARAMETERS = parameters()
 POSE = {"load": 2.0, "at": (0.7e-3, -1.1e-3), "yaw": 0.4}
 #: Methods that look at the underside; the others go by MuJoCo's contact points, which differ from geom to geom.
 SAMPLED = {"cover", "foundation"}
-HALF = [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)]
-H = Prism(points=tuple((1e-3 * x, 1e-3 * y) for x, y in [*HALF, *((-x, -y) for x, y in HALF)]))
-SQUARE = Prism(points=((5e-3, -3e-3), (5e-3, 3e-3), (-5e-3, 3e-3), (-5e-3, -3e-3)))
+H, SQUARE = Prism(points=LETTER), Prism(points=RECTANGLE)
 
 
 def standing(mesh):

@@ -7,16 +7,7 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import (
-    Butterworth,
-    FastModelError,
-    Foundation,
-    Parameters,
-    Placement,
-    Plate,
-    indent,
-    indent_together,
-)
+from fastmodel import BoxTexels, Butterworth, FastModelError, Foundation, Placement, Plate, indent, indent_together
 from fastmodel.errors import LifeCycleError, ParametersError
 from meshes import Box, Cylinder, LetterH, Nut, RoundedTip, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
@@ -161,8 +152,7 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
     with pytest.raises(ParametersError, match="a modulus"):
         indent(bare, sphere, load=1.0, method="foundation")
     assert indent(bare, sphere, load=1.0, method=Foundation(modulus=1e9)).total_force == pytest.approx(1, rel=1e-3)
-    bent = Parameters(array=bent_array(), spread=bare.spread, electronics=bare.electronics)
-    assert indent(bent, sphere, load=1.0).method == "boxes"
+    assert indent(dataclasses.replace(bare, array=bent_array()), sphere, load=1.0).method == "boxes"
     with pytest.raises(FastModelError, match="valid names: area, boxes, cover, curved, default, foundation"):
         indent(PARAMETERS, sphere, load=1.0, method="covers")
     with pytest.raises(FastModelError, match="pitch"):
@@ -171,6 +161,8 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
     sensor = fastmodel.attach(spec, "world", PARAMETERS)
     with pytest.raises(LifeCycleError, match="sensor/plate"):
         sensor.bind(mujoco.MjSpec().compile())
-    for wrong in ({"height": 0.0}, {"margin": -1}, {"contype": 2**31}):
-        with pytest.raises(ValueError, match=next(iter(wrong))):
-            Plate(**wrong)
+    for settings in ({"height": 0.0}, {"margin": -1}, {"contype": 2**31}, {"contype": -1}):
+        for method in (Plate, BoxTexels):
+            if method is Plate or "margin" not in settings:
+                with pytest.raises(ValueError, match=next(iter(settings))):
+                    method(**settings)

@@ -19,7 +19,7 @@ from fastmodel.surface import CoverPoints
 from meshes import Sphere, TexelArray
 from meshes.pose import Pose
 from tests.support.quaternions import rotate
-from tests.support.scenes import make_spec, run
+from tests.support.scenes import add_body, make_spec, run, simulate
 
 LOAD = 0.5
 UP = Pose.facing([0, 0, 0.1], [0, 0, -1])
@@ -70,11 +70,7 @@ def press_ball(parameters, direction, *, joint="slide", steps=800, **options):
         axis = np.cross(along, across)
         ball.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, pos=0.1 * across)
     spec.option.gravity[:] = along * LOAD / 0.05
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    sensor.bind(model)
-    run(sensor, model, data, steps)
-    return sensor, model, data
+    return sensor, *simulate(spec, sensor, steps)
 
 
 def test_a_bench_test_equals_the_press_without_simulation(parameters):
@@ -124,9 +120,7 @@ def test_a_stored_state_continues_bit_for_bit(parameters):
     other.step(copied)
     other.set_state(state)
     for each, own in ((sensor, data), (other, copied)):
-        for _ in range(40):
-            mujoco.mj_step(model, own)
-            each.step(own)
+        run(each, model, own, 40)
     np.testing.assert_array_equal(other.frame().texel_forces, sensor.frame().texel_forces)
     assert sensor.frame().texel_forces.sum() > 0.1 * LOAD
 
@@ -140,10 +134,7 @@ def test_a_body_without_a_convex_shape_presses_with_its_contact_points(parameter
     plate.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     plate.mass, plate.explicitinertial = LOAD / 9.81, True
     plate.inertia[:] = 1e-6
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    sensor.bind(model)
-    run(sensor, model, data, 600)
+    simulate(spec, sensor, 600)
     assert sensor.carried() == pytest.approx(LOAD, rel=0.02)
     assert sensor.frame().texel_forces.sum() == pytest.approx(0.8 * LOAD, rel=0.03)
 
@@ -180,15 +171,8 @@ def test_texels_of_a_curved_cover_may_share_corners(parameters):
 def test_a_free_plate_rests_with_its_weight(parameters):
     spec = make_spec()
     sensor = fastmodel.attach(spec, "world", parameters)
-    plate = spec.worldbody.add_body(pos=[0, 0, 12.1e-3])
-    plate.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[5e-3, 5e-3, 2e-3], mass=0.04)
-    plate.add_freejoint()
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    sensor.bind(model)
-    for _ in range(30):  # before it tips over the dome
-        mujoco.mj_step(model, data)
-        sensor.step(data)
+    add_body(spec, "box", [5e-3, 5e-3, 2e-3], [0, 0, 12.1e-3], free=True, mass=0.04)
+    simulate(spec, sensor, 30)  # before it tips over the dome
     known = press_points(COVER, meshes.Box(size=(10e-3, 10e-3, 4e-3)), UP, load=sensor.carried())
     assert 0.1 < sensor.carried() < 1.0
     np.testing.assert_allclose(sensor.contact_forces().sum(), known.forces.sum(), rtol=1e-2)
@@ -206,10 +190,7 @@ def test_a_cover_with_a_flat_top_is_a_plate_of_its_thickness(parameters):
 
 def test_a_body_between_the_points_leaves_the_forces_of_another_one():
     def load(vector):
-        force = float(np.linalg.norm(vector))
-        return Wrench(
-            force=force, moment=np.zeros(3), tilts=False, vector=vector, directions=vector[None] / force, rotates=False
-        )
+        return Wrench.along_free_directions(vector, np.zeros(3), np.zeros((0, 3)), rotates=False)
 
     side = np.array([3.375e-3, 0.375e-3, 0.0])  # the middle of four points that are 0.75 mm apart
     side[2] = np.sqrt(1e-4 - side @ side)

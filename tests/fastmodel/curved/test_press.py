@@ -32,11 +32,9 @@ def dome(side=25):
     )
 
 
-def load_of(force, direction):
-    outward = -np.array(direction, dtype=float)
-    return Wrench(
-        force=force, moment=np.zeros(3), tilts=False, vector=force * outward, directions=outward[None], rotates=False
-    )
+def press_down(force):
+    up = np.array([0.0, 0, 1])
+    return Wrench.along_free_directions(force * up, np.zeros(3), up[None], rotates=False)
 
 
 def test_flat_face_on_separate_springs_follows_from_the_travel():
@@ -76,12 +74,10 @@ def test_mirrored_press_gives_mirrored_forces():
 
 def test_two_bodies_each_carry_their_load():
     cover = dome(41)
-    places = ([-4e-3, 0, 0.1], [4e-3, 0, 0.1])
-    bodies = []
-    for place in places:
-        body = pose_indenter(Sphere(radius=2e-3), Pose.facing(place, [0, 0, -1]))
-        bodies.append(dataclasses.replace(body, position=np.array([[place[0], 0, np.sqrt(1e-4 - 16e-6) + 2.5e-3]])))
-    found = solve_pressure(cover, bodies, [load_of(0.2, (0, 0, -1)), load_of(0.4, (0, 0, -1))])
+    height = np.sqrt(1e-4 - 16e-6) + 0.5e-3
+    poses = [Pose.facing([x, 0, height], [0, 0, -1]) for x in (-4e-3, 4e-3)]
+    bodies = [pose_indenter(Sphere(radius=2e-3), pose) for pose in poses]
+    found = solve_pressure(cover, bodies, [press_down(0.2), press_down(0.4)])
     assert found.settled
     up = found.forces * cover.normals[:, 2]
     assert up[cover.points[:, 0] < 0].sum() == pytest.approx(0.2, rel=1e-6)
@@ -91,19 +87,23 @@ def test_two_bodies_each_carry_their_load():
 def test_restart_from_the_solution_changes_nothing():
     cover = dome()
     body = pose_indenter(Sphere(radius=6e-3), Pose.facing([1e-3, 0, 10e-3], [0, 0, -1]))
-    cold = solve_pressure(cover, [body], [load_of(0.5, (0, 0, -1))])
-    warm = solve_pressure(cover, [body], [load_of(0.5, (0, 0, -1))], cold.forces)
+    cold = solve_pressure(cover, [body], [press_down(0.5)])
+    warm = solve_pressure(cover, [body], [press_down(0.5)], cold.forces)
     np.testing.assert_allclose(warm.forces, cold.forces, atol=1e-6)
 
 
-def test_bad_presses_are_named():
-    with pytest.raises(MissedArrayError, match="never touches"):
-        press_points(dome(), Sphere(radius=1e-3), Pose.facing([0.1, 0, 0.1], [0, 0, -1]), load=1.0)
-    for place in ([0.29e-3, 0.29e-3, 0.1], [5.54e-3, 0.3e-3, 0.1]):
-        with pytest.raises(FastModelError, match=r"fits between the points .* 0\.5[0-9]* mm apart"):
-            press_points(dome(), Sphere(radius=5e-5), Pose.facing(place, [0, 0, -1]), load=1e-3)
-    with pytest.raises(FastModelError, match="load must be positive"):
-        press_points(dome(), Sphere(radius=1e-3), Pose.facing([0, 0, 0.1], [0, 0, -1]), load=-1.0)
+@pytest.mark.parametrize(
+    ("radius", "at", "load", "error", "message"),
+    [
+        (1e-3, (0.1, 0.0), 1.0, MissedArrayError, "never touches"),
+        (5e-5, (0.29e-3, 0.29e-3), 1e-3, FastModelError, r"fits between the points .* 0\.5[0-9]* mm apart"),
+        (5e-5, (5.54e-3, 0.3e-3), 1e-3, FastModelError, r"fits between the points .* 0\.5[0-9]* mm apart"),
+        (1e-3, (0.0, 0.0), -1.0, FastModelError, "load must be positive"),
+    ],
+)
+def test_bad_presses_are_named(radius, at, load, error, message):
+    with pytest.raises(error, match=message):
+        press_points(dome(), Sphere(radius=radius), Pose.facing([*at, 0.1], [0, 0, -1]), load=load)
 
 
 @pytest.mark.parametrize(

@@ -31,12 +31,13 @@ def test_a_sine_at_the_cutoff_leaves_the_running_filter_3_db_smaller(order):
 
 
 @pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("cutoff", [0.5, 50.0, 400.0])
-def test_the_filter_equals_scipys(order, cutoff):
-    samples = np.random.default_rng(order).normal(size=(600, 5))
+@pytest.mark.parametrize(("cutoff", "steps"), [(0.5, 8000), (50.0, 600), (400.0, 600)])
+def test_the_filter_equals_scipys(order, cutoff, steps):
+    """Eight seconds suffice for a filter of 0.5 Hz to become unstable, if it were."""
+    samples = 1.0 + np.random.default_rng(order).normal(size=(steps, 5))
     ours = filtered(Butterworth(cutoff_hz=cutoff, order=order), samples)
     theirs = sosfilt(butter(order, cutoff, fs=RATE, output="sos"), samples, axis=0)
-    np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-11)
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -45,16 +46,10 @@ def test_a_settled_filter_returns_its_constant_input(order):
     np.testing.assert_allclose(out, -2.0, atol=1e-8)
 
 
-def test_order_eight_stays_stable():
-    out = filtered(Butterworth(cutoff_hz=0.5, order=8), np.ones((20_000, 1)))
-    assert out.max() < 1.3
-    assert out[-1] == pytest.approx(1, abs=1e-5)
-
-
-def test_bad_filters_are_refused():
-    with pytest.raises(FastModelError, match="half the sampling rate of 271"):
-        Butterworth(cutoff_hz=136.0, order=2).sections(271.0)
-    with pytest.raises(FastModelError, match="cutoff_hz"):
-        Butterworth(cutoff_hz=-1.0)
-    with pytest.raises(FastModelError, match="order"):
-        Butterworth(cutoff_hz=1.0, order=0)
+@pytest.mark.parametrize(
+    ("cutoff", "order", "message"),
+    [(136.0, 2, "half the sampling rate of 271"), (-1.0, 2, "cutoff_hz"), (1.0, 0, "order")],
+)
+def test_bad_filters_are_refused(cutoff, order, message):
+    with pytest.raises(FastModelError, match=message):
+        Butterworth(cutoff_hz=cutoff, order=order).sections(271.0)

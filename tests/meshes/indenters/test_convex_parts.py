@@ -6,17 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from meshes.indenters.polygons import compute_signed_distance, make_hexagon, split_into_convex_parts
-from meshes.indenters.shapes import match_hexagon
+from meshes.indenters.polygons import compute_signed_distance, split_into_convex_parts
+from tests.support.outlines import HEXAGONS, LETTER, RECTANGLE
 from tests.support.polygon_area import compute_area
 
-H = tuple((x * 1e-3, y * 1e-3) for x, y in [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)])
-H += tuple((-x, -y) for x, y in H)
-OUTLINES = {
-    "box": [((5e-3, 3e-3), (-5e-3, 3e-3), (-5e-3, -3e-3), (5e-3, -3e-3))],
-    "h": [H],
-    "nut": [make_hexagon(13e-3), make_hexagon(match_hexagon(8e-3))],
-}
+OUTLINES = {"box": [RECTANGLE], "h": [LETTER], "nut": HEXAGONS}
 
 
 @pytest.mark.parametrize(("name", "count"), [("box", 1), ("h", 3), ("nut", 6)])

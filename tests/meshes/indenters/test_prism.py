@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 
 from meshes import Box, LetterH, Nut, Prism
-from meshes.indenters.polygons import make_hexagon
-from meshes.indenters.shapes import match_hexagon
+from tests.support.outlines import HEXAGONS, LETTER, RECTANGLE
 
-H = tuple((x * 1e-3, y * 1e-3) for x, y in [(6, 8), (2, 8), (2, 2), (-2, 2), (-2, 8), (-6, 8)])
-H += tuple((-x, -y) for x, y in H)
-NUT = (tuple(make_hexagon(13e-3)), tuple(make_hexagon(match_hexagon(8e-3))))
 PAIRS = {
-    "box": (Prism(points=((5e-3, 3e-3), (-5e-3, 3e-3), (-5e-3, -3e-3), (5e-3, -3e-3))), Box(size=(10e-3, 6e-3, 5e-3))),
-    "h": (Prism(points=H), LetterH(size=(12e-3, 16e-3), bar=4e-3)),
-    "nut": (Prism(points=NUT[0], holes=NUT[1:]), Nut(across=13e-3, bore=8e-3)),
+    "box": (Prism(points=RECTANGLE), Box(size=(10e-3, 6e-3, 5e-3))),
+    "h": (Prism(points=LETTER), LetterH(size=(12e-3, 16e-3), bar=4e-3)),
+    "nut": (Prism(points=HEXAGONS[0], holes=HEXAGONS[1:]), Nut(across=13e-3, bore=8e-3)),
 }
 
 
@@ -54,11 +50,13 @@ def test_mirror_symmetry_follows_from_the_outline(points, symmetry):
     assert Prism(points=tuple((1e-3 * x, 1e-3 * y) for x, y in points)).mirror_symmetry == symmetry
 
 
-def test_an_axis_beside_the_outline_is_refused():
-    with pytest.raises(ValueError, match=r"axis, at \(0, 0\), must stand within"):
-        Prism(points=((1e-3, 1e-3), (2e-3, 1e-3), (1e-3, 2e-3)))
-
-
-def test_a_prism_of_a_polygon_that_crosses_itself_is_refused():
-    with pytest.raises(ValueError, match="meet"):
-        Prism(points=((0, 0), (1e-3, 1e-3), (1e-3, 0), (0, 1e-3)))
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ([(1, 1), (2, 1), (1, 2)], r"axis, at \(0, 0\), must stand within"),
+        ([(0, 0), (1, 1), (1, 0), (0, 1)], "meet"),
+    ],
+)
+def test_an_axis_beside_the_outline_and_an_outline_that_crosses_itself_are_refused(points, message):
+    with pytest.raises(ValueError, match=message):
+        Prism(points=tuple((1e-3 * x, 1e-3 * y) for x, y in points))

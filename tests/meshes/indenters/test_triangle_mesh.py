@@ -47,16 +47,11 @@ def test_triangles_that_are_no_body_on_the_axis_are_refused(write_stl, change, m
 
 
 @pytest.mark.parametrize("divisions", [2, 3, 4])
-def test_the_deviation_of_facets_is_that_of_the_ball_which_they_stand_for(divisions):
+def test_the_deviation_of_facets_is_that_of_the_ball_which_they_stand_for_also_if_it_is_tilted(divisions):
     mesh = trimesh.creation.icosphere(divisions, 5e-3)
     body = TriangleMesh(triangles=mesh.triangles - [0, 0, mesh.bounds[0, 2]])
     middles = np.linalg.norm(mesh.triangles_center, axis=1)
     assert body.measure_facets(10e-3) == pytest.approx(5e-3 - middles.min(), rel=0.6)
-
-
-def test_a_tilt_keeps_the_deviation_of_facets():
-    mesh = trimesh.creation.icosphere(3, 5e-3)
-    body = TriangleMesh(triangles=mesh.triangles - [0, 0, mesh.bounds[0, 2]])
     tilted = tilt_indenter(body, (0.1, 0.05))
-    assert tilted.measure_facets(1e-3) == pytest.approx(body.measure_facets(1e-3), rel=0.3)
+    assert tilted.measure_facets(2e-3) == pytest.approx(body.measure_facets(2e-3), rel=0.3)
     assert Sphere(radius=5e-3).measure_facets(1e-3) == 0
