@@ -123,7 +123,7 @@ def format_place(place: Sequence[int | str]) -> str:
     for part in place:
         if isinstance(part, int):
             text += f"[{part}]"
-        elif "[" not in part:  # Names with a bracket are those of the members of a union, not keys.
+        elif "[" not in part:  # A name with a bracket is no key, but that of a member of a union.
             key = part if _BARE_KEY.fullmatch(part) else json.dumps(part)
             text += f".{key}" if text else key
     return text
@@ -156,7 +156,7 @@ def _list_faults(error: ValidationError, schema: type[Table], place: Sequence[in
     found = error.errors(include_url=False)
     for details in found:
         if details["type"] == "too_short" and any(details["loc"] == each["loc"][:-1] for each in found):
-            continue  # The list is too short only because its entries have faults.
+            continue  # pydantic calls a list too short if its entries have faults.
         where = format_place([*place, *details["loc"]])
         for text in _explain(details, schema):
             line = f"{where}: {text}" if where else text

@@ -58,7 +58,7 @@ def material_from_hardness(
     """
     ratio = 0.5 if poisson_ratio is None else poisson_ratio
     modulus = hardness.youngs_modulus
-    # Material models with a single modulus, which the hardness determines.
+    # Parameters of the material models with a single modulus, which follows from the hardness.
     parameters = {
         "linear-elastic": {"youngs_modulus": modulus},
         "neo-hookean": {"shear_modulus": modulus / (2 * (1 + ratio))},

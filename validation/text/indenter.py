@@ -219,7 +219,7 @@ def _read_value(shape: str, name: str, parameter: _Parameter, text: str, place: 
                 raise InputError(f"{where}: names no file; write for example {_EXAMPLES[shape]}")
             return text
         case "unit":
-            # The unit of an STL file may be given as a unit, "mm", or as a length, "0.5mm".
+            # The unit of an STL file is given by its name, such as "mm", or as a length, such as "0.5mm".
             return read_quantity(text if re.match(r"[-+.\d]", text) else f"1 {text}", "length", place=where)
         case "points":
             return _read_points(text, where)

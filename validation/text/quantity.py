@@ -107,7 +107,7 @@ def _registry() -> pint.UnitRegistry[Any]:
 
     try:
         return pint.UnitRegistry(cache_folder=":auto:")
-    except OSError:  # no writable cache folder: pint then parses its definitions of units at every start
+    except OSError:  # No cache folder is writable; pint then parses its definitions at every start.
         return pint.UnitRegistry()
 
 
@@ -132,5 +132,5 @@ def _factor(unit: str, kind: Kind) -> float | None:
         # In pint, angles and plain numbers have the same dimension, so that the name of the unit tells them apart.
         return float(quantity.magnitude) if (kind == "angle") == ("radian" in str(quantity.units)) else None
     if kind == "force" and quantity.dimensionality == {"[mass]": 1}:
-        return float(quantity.magnitude) * STANDARD_GRAVITY  # a force given as the mass of a weight
+        return float(quantity.magnitude) * STANDARD_GRAVITY  # The force is given as the mass of a weight.
     return None
