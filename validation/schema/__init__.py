@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from meshes.bounded_file import FileLimitError, parse_json, parse_toml, read_text
-from validation.errors import InputError, nearest
+from validation.errors import InputError, nearest, shorten
 
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 #: Largest number of faults of a file that are listed [-].  A long list of wrong numbers would fill the terminal.
 _MOST_FAULTS = 20
-#: Largest number of characters of a value from a file that an error message repeats [-].
-_LONGEST = 80
 #: Largest number of characters of an error message about one fault [-].
 _LONGEST_LINE = 1000
 #: Keys of a file by the symbols that users write instead of them by mistake.
@@ -232,12 +230,3 @@ def _find_tables(annotation: Any, metadata: Sequence[Any] = ()) -> Iterator[type
     for inner in typing.get_args(annotation):
         if not isinstance(inner, Mapping):
             yield from _find_tables(inner, [inner] if hasattr(inner, "table") else ())
-
-
-def shorten(value: object) -> str:
-    """Return a value as text for a message; long texts are cut.
-
-    A table or a list is represented by the name of its type.
-    """
-    text = repr(value) if isinstance(value, str | int | float | bool | None) else f"a {type(value).__name__}"
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
