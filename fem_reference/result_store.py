@@ -360,6 +360,7 @@ def _warn_once(place: Path, reason: str) -> None:
     _LOG.warning("the result store %s is not written (%s): results are not kept", place, reason)
 
 
+@cache
 def _version(library: str) -> str:
     """Return the version of an installed library, or "absent"."""
     try:

@@ -40,6 +40,7 @@ import numpy.typing as npt
 from scipy.linalg import expm
 from scipy.special import expit
 
+from fem_reference.closed_form.layer import place_gauss_points
 from meshes import Material
 from meshes.array_types import FloatArray
 
@@ -97,10 +98,7 @@ def place_points(start: float, end: float, highest: int, refinement: int = 1) ->
     """
     half = (end - start) / 2
     panels = 2 * refinement * max(_SERIES.panels, int(np.ceil(np.pi * highest * half / (2 * _SERIES.phase))))
-    nodes, weights = np.polynomial.legendre.leggauss(_SERIES.points)
-    edges = np.linspace(-np.pi / 2, np.pi / 2, panels + 1)
-    width = np.diff(edges)[:, None] / 2
-    t, weight = (edges[:-1, None] + width * (nodes + 1)).ravel(), (width * weights).ravel()
+    t, weight = place_gauss_points(np.linspace(-np.pi / 2, np.pi / 2, panels + 1), _SERIES.points)
     return (start + end) / 2 + half * np.sin(t), weight * half * np.cos(t)
 
 

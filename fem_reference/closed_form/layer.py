@@ -181,8 +181,20 @@ def hankel_nodes(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
     """
     top = _SETTINGS.large / cover.thickness
     panels = int(np.ceil(max(_SETTINGS.panels, top * reach / np.pi)))
-    nodes, weights = np.polynomial.legendre.leggauss(_SETTINGS.panel_points)
-    edges = np.linspace(0, top, panels + 1)
+    return place_gauss_points(np.linspace(0, top, panels + 1), _SETTINGS.panel_points)
+
+
+def place_gauss_points(edges: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Place Gauss-Legendre points in panels that follow one another.
+
+    Args:
+        edges: Edges of the panels, ascending, shape (panels + 1,).
+        count: Number of points in each panel [-].
+
+    Returns:
+        Points and weights of the integral over all panels, shape (panels * count,) each.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(count)
     half = np.diff(edges)[:, None] / 2
     return (edges[:-1, None] + half * (nodes + 1)).ravel(), (half * weights).ravel()
 

@@ -77,8 +77,7 @@ class StuckPunch:
         """Compute the downward displacement of the top per depth at m distances beyond the punch, shape (m,) [-]."""
         k, weight = hankel_nodes(self.cover, float(radius.max()) + self.radius)
         near, across, _ = _relative_compliance(self.cover, k)
-        _, b = _half_space(self.cover)
-        c = _factor(self.cover)
+        c, b = _half_space(self.cover)
         phi, psi = self.weights * self.normal, self.weights * self.shear
         density = (near - 1) * (np.cos(np.outer(k, self.places)) @ phi)
         density -= (across - b) * (np.sin(np.outer(k, self.places)) @ psi)
@@ -99,7 +98,7 @@ def stuck_punch(cover: Cover, radius: float, *, step: float = _STEP) -> StuckPun
     places, weights = radius * np.tanh(s), radius * step / np.cosh(s) ** 2
     k, weight = hankel_nodes(cover, 2 * radius)
     near, across, along = _relative_compliance(cover, k)
-    c, b = _factor(cover), _half_space(cover)[1]
+    c, b = _half_space(cover)
     cos, sin = np.cos(np.outer(places, k)), np.sin(np.outer(places, k))
     two = 2 / np.pi
     even, odd = _hilbert(s, step)
@@ -182,11 +181,6 @@ def _hilbert(s: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
 def _log_cosh(s: FloatArray) -> FloatArray:
     """Compute ln cosh(s) without overflow."""
     return np.asarray(np.logaddexp(s, -s) - np.log(2))
-
-
-def _factor(cover: Cover) -> float:
-    """Return (1 - nu) / mu of the top layer [1/Pa]."""
-    return _half_space(cover)[0]
 
 
 def _half_space(cover: Cover) -> tuple[float, float]:

@@ -17,9 +17,10 @@ from scipy.interpolate import CubicSpline
 from scipy.special import j0, j1
 
 from fem_reference.closed_form.contact import indent, integrate_texels
-from fem_reference.closed_form.layer import hankel_nodes, traction_compliance, transfer_to_base
+from fem_reference.closed_form.layer import hankel_nodes, place_gauss_points, traction_compliance, transfer_to_base
 from meshes import Cover, Indenter, TexelArray
-from meshes.array_types import BoolArray, FloatArray
+from meshes.array_types import FloatArray
+from tests.exact.active_set import solve_active_set
 
 #: Radius of the outermost ring over that of the contact without friction [-].
 _MARGIN = 1.12
@@ -124,10 +125,8 @@ def _average(edges: FloatArray, indenter: Indenter) -> FloatArray:
     """Average the height of the indenter over each ring, shape (n,) [m]."""
     if indenter.is_flat:
         return np.zeros(len(edges) - 1)
-    nodes, weights = np.polynomial.legendre.leggauss(4)
-    half = np.diff(edges)[:, None] / 2
-    r = edges[:-1, None] + half * (nodes + 1)
-    return np.asarray((_heights(r, indenter) * r * weights * half).sum(axis=1) / (np.diff(edges**2) / 2))
+    r, weight = place_gauss_points(edges, 4)
+    return np.asarray((_heights(r, indenter) * r * weight).reshape(-1, 4).sum(axis=1) / (np.diff(edges**2) / 2))
 
 
 def _transform_rings(edges: FloatArray, k: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -159,9 +158,7 @@ def _assemble(cover: Cover, edges: FloatArray) -> tuple[FloatArray, FloatArray, 
         [np.geomspace(1e-5 / cover.thickness, width, 40)[:-1], np.arange(1, largest / width + 1) * width]
     )
     panels = np.concatenate([[0.0], panels])
-    nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
-    half = np.diff(panels)[:, None] / 2
-    k, weight = (panels[:-1, None] + half * (nodes + 1)).ravel(), (half * weights).ravel()
+    k, weight = place_gauss_points(panels, _POINTS)
     normal, mixed, shear = (np.zeros((len(edges) - 1,) * 2) for _ in range(3))
     for chunk in np.array_split(np.arange(len(k)), len(k) // 4096 + 1):
         compliance = traction_compliance(cover, k[chunk]) * (k * weight)[chunk, None, None]
@@ -206,27 +203,13 @@ def _solve_step(
         RuntimeError: If contact and slip do not settle.
     """
     down, down_shear, out_pressure, out = blocks
-    touching = wanted > 0
     for _ in range(_REPETITIONS):
-        pressure, touching = _find_contact(down, wanted - down_shear @ shear, touching)
+        pressure = solve_active_set(down, wanted - down_shear @ shear)
         previous = shear
         shear = _find_slip(out, before - out_pressure @ pressure, friction * pressure)
         if np.abs(shear - previous).max() <= _SETTLED * pressure.max():
             return pressure, shear
     raise RuntimeError(f"contact and slip did not settle in {_REPETITIONS} repetitions")
-
-
-def _find_contact(matrix: FloatArray, wanted: FloatArray, touching: BoolArray) -> tuple[FloatArray, BoolArray]:
-    """Find the pressures without tension and overlap by exchanges, and the rings that touch."""
-    limit = 1e-12 * np.abs(wanted).max()
-    for _ in range(_EXCHANGES):
-        pressure = np.zeros(len(wanted))
-        pressure[touching] = np.linalg.solve(matrix[np.ix_(touching, touching)], wanted[touching])
-        change = (touching & (pressure < 0)) | (~touching & (matrix @ pressure < wanted - limit))
-        if not change.any():
-            return pressure, touching
-        touching = touching ^ change
-    raise RuntimeError(f"the contact did not settle in {_EXCHANGES} exchanges")
 
 
 def _find_slip(matrix: FloatArray, wanted: FloatArray, limit: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fem_reference.closed_form.layer import place_gauss_points
 from meshes.array_types import FloatArray
 
 Direction = tuple[float, float, float]
@@ -131,7 +132,4 @@ def normalise(direction: npt.ArrayLike) -> FloatArray:
 
 def _place_panels(start: float, end: float, panel: float) -> tuple[FloatArray, FloatArray]:
     """Place 12 Gauss points in each of several panels not longer than `panel` [rad]."""
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    edges = np.linspace(start, end, int(np.ceil((end - start) / panel)) + 1)
-    half = np.diff(edges)[:, None] / 2
-    return (edges[:-1, None] + half * (nodes + 1)).ravel(), (half * weights).ravel()
+    return place_gauss_points(np.linspace(start, end, int(np.ceil((end - start) / panel)) + 1), 12)

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fem_reference.closed_form.cylinder import CylinderLayer
+from fem_reference.closed_form.layer import place_gauss_points
 from meshes.array_types import FloatArray
 from tests.exact.cylinder_waves import transfer_cylinder_waves
 
@@ -256,10 +257,7 @@ def _tabulate(layer: CylinderLayer, panels: int) -> tuple[FloatArray, FloatArray
             f"{orders} orders and {panels * _POINTS} wave numbers are too many: the layer is too thin for its radius, "
             "or load and texel are too far apart along the axis"
         )
-    nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
-    edges = np.linspace(0, _LARGE / layer.thickness, panels + 1)
-    half = np.diff(edges)[:, None] / 2
-    k, weight = (edges[:-1, None] + half * (nodes + 1)).ravel(), (half * weights).ravel()
+    k, weight = place_gauss_points(np.linspace(0, _LARGE / layer.thickness, panels + 1), _POINTS)
     pieces = np.array_split(k, orders * len(k) // _CHUNK + 1)
     radii = layer.core_radius, layer.outer_radius
     tables = [transfer_cylinder_waves(orders, piece, *radii, layer.material).base for piece in pieces]

@@ -27,17 +27,17 @@ def test_the_estimate_scales_with_the_values_and_ignores_a_constant(order, sizes
     )
 
 
-def test_values_that_go_back_and_forth_get_the_larger_safety_factor():
-    assert grid_convergence([0.0, 1.0, 1.25], [4, 2, 1]) == pytest.approx(1.25 * 0.25 / (2**2 - 1))
-    assert grid_convergence([0.0, 1.0, 0.75], [4, 2, 1]) == pytest.approx(3.0 * 0.25 / (2**2 - 1))
-
-
-def test_equal_values_have_no_error():
-    assert grid_convergence([1.0, 1.0, 1.0], [3, 2, 1]) == 0
-
-
-def test_chance_agreement_of_the_finest_grids_is_not_taken_for_accuracy():
-    assert grid_convergence([2.0, 1.0, 1.0], [4, 2, 1]) > 0.005
+@pytest.mark.parametrize(
+    ("values", "sizes", "error"),
+    [
+        ([0.0, 1.0, 1.25], [4, 2, 1], 1.25 * 0.25 / (2**2 - 1)),
+        ([0.0, 1.0, 0.75], [4, 2, 1], 3.0 * 0.25 / (2**2 - 1)),  # back and forth
+        ([1.0, 1.0, 1.0], [3, 2, 1], 0.0),
+        ([2.0, 1.0, 1.0], [4, 2, 1], 3.0 / 2**4 / (2**4 - 1)),  # the finest grids agree by chance
+    ],
+)
+def test_values_that_do_not_converge_get_the_larger_safety_factor(values, sizes, error):
+    assert grid_convergence(values, sizes) == pytest.approx(error)
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,22 @@ def make_cover(
     return Cover(layers=(layer,), **options)
 
 
+def stack_layers(*layers: tuple[float, float, float], **options: Any) -> Cover:
+    """Linear-elastic layers, bottom first: thickness [m], Young's modulus [Pa] and Poisson ratio of each."""
+    return Cover(
+        layers=tuple(
+            Layer(
+                thickness=thickness,
+                material=Material(
+                    name="layer", model="linear-elastic", parameters={"youngs_modulus": modulus}, poisson_ratio=ratio
+                ),
+            )
+            for thickness, modulus, ratio in layers
+        ),
+        **options,
+    )
+
+
 def make_solid(kind: str, poisson_ratio: float = 0.45, *, direct: float = 0.0) -> Solid:
     """A small "block" or "ring" of elements, in units of one; `direct` as in `Solid.from_cover`."""
     ring = skfem.MeshQuad().refined(2).translated((0.5, 0.0))

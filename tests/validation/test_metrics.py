@@ -108,14 +108,6 @@ def test_a_planted_defect_shows(defect, metric):
     assert getattr(bad, metric) > 0
 
 
-def test_force_sent_outside_is_misplaced_once():
-    forces = blob()
-    moved = forces.copy()
-    moved[40] -= 0.2
-    score = metrics.score(forces, moved, outside=0.2, load=2.0, array=ARRAY)
-    assert score.misplaced_force == pytest.approx(0.1)
-
-
 def test_masked_texels_count_as_outside_and_not_as_pixels():
     array = ARRAYS["sdh2-distal"]
     forces = blob(array)

@@ -10,23 +10,16 @@ from validation.errors import InputError
 from validation.output_folder import make_file_name, new_folder, write_text
 
 
-def test_folder_appears_only_when_finished(tmp_path):
-    with new_folder(tmp_path / "out") as folder:
-        (folder / "a").write_text("1")
-        assert not (tmp_path / "out").exists()
-    assert (tmp_path / "out" / "a").read_text() == "1"
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
-
-
 def fail_halfway(target):
     with new_folder(target) as folder:
         (folder / "a").write_text("2")
         {}["worker"]
 
 
-def test_failure_leaves_the_earlier_result_and_nothing_else(tmp_path):
+def test_a_folder_appears_when_finished_and_a_failure_leaves_the_earlier_result_and_nothing_else(tmp_path):
     with new_folder(tmp_path / "out") as folder:
         (folder / "a").write_text("1")
+        assert not (tmp_path / "out").exists()
     with pytest.raises(KeyError):
         fail_halfway(tmp_path / "out")
     assert (tmp_path / "out" / "a").read_text() == "1"

@@ -14,7 +14,7 @@ from meshes import Sphere
 from tests.support.indentations import make_indentation
 from validation.campaign.case import Case
 from validation.campaign.comparison import Comparison
-from validation.press_files import find_profile, list_images, write_picture
+from validation.press_files import find_profile, list_images, write_picture, write_press
 from validation.sensor_file import BUILT_IN
 
 SENSOR = BUILT_IN["wts-0614-34"]
@@ -26,13 +26,13 @@ def make_fields(*, axisymmetric):
     y = np.zeros(1) if axisymmetric else np.linspace(-8e-3, 8e-3, 17)
     grid = np.stack(np.meshgrid(x, y, [0, 2e-3], indexing="ij"), axis=-1).reshape(-1, 3)
     sunk = -0.3e-3 * np.exp(-(grid[:, :2] ** 2).sum(axis=1) / 4e-6) * grid[:, 2] / 2e-3
-    nothing = np.zeros((0, 4), dtype=int)
+    cells = 2 * np.arange(8)[:, None] + [0, 2, 3, 1] if axisymmetric else np.zeros((0, 8), dtype=int)
     return CoverFields(
         position=grid,
         displacement=np.stack([np.zeros(len(grid)), np.zeros(len(grid)), sunk], axis=1),
         stress=np.zeros((len(grid), 3, 3)),
-        cells=nothing,
-        layer=nothing[:, 0],
+        cells=cells,
+        layer=np.zeros(len(cells), dtype=int),
         axisymmetric=axisymmetric,
     )
 
@@ -41,7 +41,11 @@ def make_fields(*, axisymmetric):
 def comparison():
     forces = np.arange(84) / 840
     fem = make_indentation(
-        forces, fields=make_fields(axisymmetric=True), error_estimate={"total_force": 0.0, "peak_texel": 0.02}
+        forces,
+        fields=make_fields(axisymmetric=True),
+        error_estimate={"total_force": 0.0, "peak_texel": 0.02},
+        contact_points=np.array([[0.0, 0.0, 2e-3]]),
+        contact_forces=np.array([[0.0, 0.0, -4.0]]),
     )
     fast = fastmodel.FastIndentation(
         texel_forces=forces[::-1].copy(), contact_forces=forces, outside=0.0, total_force=float(forces.sum()),
@@ -76,11 +80,6 @@ def test_images_are_both_models_and_their_difference(comparison):
     assert [title for title, _ in list_images(alone)] == ["finite elements"]
 
 
-def test_files_are_pictures(comparison, tmp_path):
-    assert write_picture(comparison, tmp_path) == ("press.png",)
-    assert (tmp_path / "press.png").read_bytes().startswith(b"\x89PNG")
-
-
 def test_images_have_row_0_at_the_bottom_and_models_one_scale(comparison, tmp_path, monkeypatch):
     saved = []
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: saved.append(figure))
@@ -98,12 +97,9 @@ def test_images_have_row_0_at_the_bottom_and_models_one_scale(comparison, tmp_pa
         assert image.get_clim() == pytest.approx((-top if signed else 0, top))
         assert axes.get_title() == ("fast - finite elements" if signed else title)
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("column", "row")
-        assert image.get_cmap().name == ("RdBu_r" if signed else "viridis")
         assert axes.get_aspect() == 1
     assert figure.get_suptitle() == "sphere:radius=5mm on wts-0614-34, 4 N"
-    assert figure.get_size_inches() == pytest.approx((2.9 * 4 + 1.5, 4.4))
     profile = figure.axes[3]
-    assert list(profile.get_gridspec().get_width_ratios()) == [1, 1, 1, 1.7]
     surface, depth, rest = profile.lines
     x, z = surface.get_data()
     extent = 4 * np.sqrt(8 / np.pi)  # four radii of contact [mm]
@@ -111,17 +107,21 @@ def test_images_have_row_0_at_the_bottom_and_models_one_scale(comparison, tmp_pa
     assert x[0] == -x[-1]
     np.testing.assert_allclose(z, -0.3 * np.exp(-(x**2) / 4), atol=1e-9)
     assert (set(depth.get_ydata()), set(rest.get_ydata())) == ({-0.3}, {0.0})
-    assert [(each.get_linestyle(), each.get_color()) for each in (depth, rest)] == [(":", "grey"), ("-", "grey")]
-    assert rest.get_linewidth() == 0.6
-    legend = profile.get_legend()
-    assert [text.get_text() for text in legend.texts] == ["surface of the cover", "depth 0.3 mm"]
-    assert not legend.get_frame_on()
-    assert legend.texts[0].get_fontsize() == pytest.approx(8.33, abs=0.01)
+    legend = [text.get_text() for text in profile.get_legend().texts]
+    assert legend == ["surface of the cover", "depth 0.3 mm"]
     labels = ["along the indenter's x axis [mm]", "height above rest [mm]", "depth profile"]
     assert [profile.get_xlabel(), profile.get_ylabel(), profile.get_title()] == labels
 
 
-def test_without_matplotlib_there_is_no_picture(comparison, tmp_path, monkeypatch, caplog):
+def test_files_without_pyvista_or_matplotlib_lack_their_pictures_and_name_the_extras(
+    comparison, tmp_path, monkeypatch, caplog
+):
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "pyvista", None)
+        files = write_press(comparison, tmp_path)
+    assert files == ("press.json", "texels.csv", "contact.csv", "fields.npz", "press.png")
+    assert (tmp_path / "press.png").read_bytes().startswith(b"\x89PNG")
+    assert ".[view]" in caplog.text
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     assert write_picture(comparison, tmp_path) == ()
     assert ".[report]" in caplog.text

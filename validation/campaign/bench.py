@@ -128,9 +128,16 @@ class Bench(ABC):
             Name of the class by the name of the classification, such as `{"load": "below 2 N"}`.
         """
 
-    @abstractmethod
-    def measure(self, result: CaseResult) -> Mapping[str, float]:
-        """Return the quantities of a case whose ranges are the validated domain, in SI units."""
+    def measure(self, result: CaseResult) -> dict[str, float]:
+        """Return the quantities of a case whose ranges are the validated domain; the names end in the units.
+
+        They are load, depth over thickness, and contact area.  A subclass adds further quantities.
+        """
+        return {
+            "load_N": result.case.load,
+            "depth_over_thickness": result.reference.depth / self.cover.thickness,
+            "contact_area_m2": result.reference.contact_area,
+        }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -217,15 +224,9 @@ class LayeredBench(Bench):
             "pose": "over an edge" if outside > _AT_EDGE else "turned" if turned else "inside, not turned",
         }
 
-    def measure(self, result: CaseResult) -> Mapping[str, float]:
-        """Return load, depth, contact area and the share of the load outside the array; keys name the units."""
-        reference, load = result.reference, result.case.load
-        return {
-            "load_N": load,
-            "depth_over_thickness": reference.depth / self.cover.thickness,
-            "contact_area_m2": reference.contact_area,
-            "share_outside_array": reference.outside / load,
-        }
+    def measure(self, result: CaseResult) -> dict[str, float]:
+        """Return the quantities of every bench, and the share of the load outside the array [-]."""
+        return super().measure(result) | {"share_outside_array": result.reference.outside / result.case.load}
 
 
 @singledispatch

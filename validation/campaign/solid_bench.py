@@ -165,14 +165,9 @@ class SolidBench(Bench):
             "depth": f"{'above' if deep else 'up to'} {100 * _DEEP:g} % of the thickness",
         }
 
-    def measure(self, result: CaseResult) -> Mapping[str, float]:
-        """Return load [N], depth over thickness [-], contact area [m2] and angle of motion from the normal [rad]."""
-        return {
-            "load_N": result.case.load,
-            "depth_over_thickness": result.reference.depth / self.cover.thickness,
-            "contact_area_m2": result.reference.contact_area,
-            "obliquity_rad": measure_obliquity(result),
-        }
+    def measure(self, result: CaseResult) -> dict[str, float]:
+        """Return the quantities of every bench, and the angle between motion and normal [rad]."""
+        return super().measure(result) | {"obliquity_rad": measure_obliquity(result)}
 
     def compute_models(self, case: Case) -> ModelForces:
         """Compute one case by the fast model, simpler ones and null models."""

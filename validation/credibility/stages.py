@@ -78,8 +78,9 @@ def score_stages(cover: Cover, parameters: Parameters, results: Sequence[CaseRes
     Returns:
         The errors; None if the parameters have no tables of the cover, or the texels form no regular grid.
     """
-    cells, array = parameters.surface, parameters.array
-    if not isinstance(cells, CoverCells) or not array.regular or cells.table is not None:
+    surface, array = parameters.surface, parameters.array
+    cells = None if surface is None else surface.cells
+    if cells is None or not array.regular or cells.table is not None:
         return None
     errors = {result.case.name: _score_case(cover, parameters, cells, result) for result in results}
     return StageErrors(

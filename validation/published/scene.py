@@ -184,6 +184,12 @@ def sink_springs(gaps: FloatArray, stiffness: float, load: float) -> FloatArray:
     return np.asarray(np.maximum(approaches[np.argmax(approaches <= beyond)] - gaps, 0.0))
 
 
+def scale_to_load(forces: FloatArray, load: float) -> Forces:
+    """Scale texel forces, shape (n,), so that their sum is the load [N]; without forces the load is outside."""
+    total = float(forces.sum())
+    return Forces(forces * load / total, 0.0) if total > 0 else Forces(forces, load)
+
+
 def bin_on_texels(array: TexelArray, points: FloatArray, forces: FloatArray) -> FloatArray:
     """Sum forces at points (x, y) over the texels that contain the points, shape (n,) [N].
 

@@ -7,11 +7,18 @@ import pytest
 
 from fem_reference import press, press_path
 from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.indentation import small_strain
 from fem_reference.indentation.layered import is_far_from_sides
 from fem_reference.linear_response.finite_cover import GRIDS, choose_grids
 from meshes import Box, Cylinder, Sphere, TexelArray
 from meshes.pose import Place, Pose
 from tests.support.rubber import make_cover
+
+
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    """Few cells: what these tests check does not depend on the grids."""
+    monkeypatch.setattr(small_strain, "CELLS", (16, 32, 48))
 
 
 @pytest.mark.parametrize(

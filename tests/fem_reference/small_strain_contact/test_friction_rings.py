@@ -8,31 +8,16 @@ import pytest
 from fem_reference.closed_form.contact import indent
 from fem_reference.small_strain_contact.friction_rings import RingContact
 from fem_reference.small_strain_contact.no_slip import press_stuck_disk
-from meshes import Cone, Cover, Cylinder, Layer, Material, RoundedTip, Sphere
+from meshes import Cone, Cylinder, RoundedTip, Sphere
 from tests.exact.no_slip import stuck_punch, stuck_shape
 from tests.exact.rings import press_with_friction
+from tests.support.rubber import stack_layers
 
 DEPTH = 0.2e-3
 
 
-def make_cover(*layers, base="bonded"):
-    """Make a cover from layers of thickness [m], modulus [Pa] and Poisson ratio."""
-    return Cover(
-        layers=tuple(
-            Layer(
-                thickness=thickness,
-                material=Material(
-                    name="m", model="linear-elastic", parameters={"youngs_modulus": modulus}, poisson_ratio=ratio
-                ),
-            )
-            for thickness, modulus, ratio in layers
-        ),
-        base=base,
-    )
-
-
-SOFT = make_cover((2e-3, 1e6, 0.3))
-STIFF_ON_SOFT = make_cover((0.6e-3, 2e6, 0.1), (0.6e-3, 3e6, 0.4), (0.8e-3, 1e5, 0.45), base="sliding")
+SOFT = stack_layers((2e-3, 1e6, 0.3))
+STIFF_ON_SOFT = stack_layers((0.6e-3, 2e6, 0.1), (0.6e-3, 3e6, 0.4), (0.8e-3, 1e5, 0.45), base="sliding")
 
 
 @cache
@@ -104,6 +89,6 @@ def test_a_path_ends_where_a_single_press_does():
 @pytest.mark.parametrize("ratio", [0.3, 0.5])
 @pytest.mark.parametrize("radius", [1e-3, 8e-3])
 def test_a_sliding_cover_is_meshed_far_enough_out(ratio, radius):
-    cover = make_cover((2e-3, 1e6, ratio), base="sliding")
+    cover = stack_layers((2e-3, 1e6, ratio), base="sliding")
     found, _ = press_stuck_disk(cover, radius, elements_per_thickness=6)
     assert found.total_force == pytest.approx(stuck_punch(cover, radius).stiffness, rel=1e-4)

@@ -148,13 +148,6 @@ def _recorded(folder):
     return path
 
 
-def test_an_interval_longer_than_the_recording_is_refused(softcover):
-    """The recorder would wait for the first frame, however long that takes."""
-    status, _, err = softcover("record", "/nothere", "--seconds", "3", "--interval-ms", "65535")
-    assert status == 2
-    assert "--interval-ms: no frame would come within --seconds 3; give a shorter interval" in err
-
-
 @pytest.mark.parametrize("command", ["record", "emulate"])
 def test_a_port_that_fails_ends_in_one_line(softcover, command):
     status, out, errors = softcover(command, "/dev/ttyNONE9")

@@ -3,15 +3,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from validation.cli.options import check_range, read_time_span
-from validation.errors import Faults, InputError, check_choice
+from validation.errors import Faults, InputError
 
 SECONDS = st.floats(0, 1e6, allow_nan=False)
-
-
-@given(start=SECONDS, length=st.floats(1e-3, 1e6))
-def test_a_time_span_reads_back_as_written(start, length):
-    end = start + length
-    assert read_time_span("--window", f"{start!r}:{end!r}", "6:9") == (start, end)
 
 
 @given(start=SECONDS, end=SECONDS)
@@ -29,9 +23,3 @@ def test_a_range_accepts_exactly_the_numbers_in_it(value, most):
     faults = Faults()
     faults.read(check_range, "--seconds", value, most)
     assert bool(faults) == (not 0 <= value <= most)
-
-
-def test_an_unknown_choice_is_told_with_all_known_ones():
-    check_choice("--method", "contact method", "cover", ("cover", "boxes"))
-    with pytest.raises(InputError, match=r"--method: unknown contact method 'covr'; did you mean 'cover'\?"):
-        check_choice("--method", "contact method", "covr", ("cover", "boxes"))

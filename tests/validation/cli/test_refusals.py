@@ -18,6 +18,8 @@ derive WTS --thicknes 2mm | --thicknes
 derive WTS --layer 2:thickness=1mm | --layer: the cover has no layer 2
 derive . | .: is a folder; name a file
 mesh . | .: is a folder; name a file
+init . | .: is a folder; name a file, for example sensor.toml
+init . --force | .: is a folder; name a file
 regress WTS --baseline . | .: is a folder; name a file
 press WTS --indenter shpere:radius=5mm --load 1N | did you mean 'sphere'
 press WTS --indenter sphere:raduis=5mm --load 1N | did you mean 'radius'
@@ -85,7 +87,7 @@ record x --indenter pyramid | unknown indenter
 record x --load heavy | --load
 record x --load -5N | --load
 record x --seconds -1 | --seconds: accepted: 0 or more, not -1
-record x --seconds 1 --interval-ms 2000 | no frame would come within --seconds 1
+record x --seconds 1 --interval-ms 2000 | --interval-ms: no frame would come within --seconds 1; give a shorter
 record x --gain 300 | --gain: accepted: 0..255, not 300
 replay /etc/hostname | not a recording; accepted
 replay nothing.mcap | no such file

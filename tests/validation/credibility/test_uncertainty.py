@@ -258,9 +258,8 @@ def test_a_case_whose_inputs_cannot_be_propagated_costs_its_comparison_and_a_lin
     monkeypatch.setattr("validation.credibility.verification.verify_code", lambda *_: ())
     sensor = wts_derivation.sensor
     bench = LayeredBench(cover=sensor.cover, parameters=wts_derivation.parameters)
-    gathered = evidence.gather_evidence(
-        bench, read_campaign(None, FlatPlaces(array=sensor.array)), summarise(results, (), None)
-    )
+    plan = dataclasses.replace(read_campaign(None, FlatPlaces(array=sensor.array)), inputs=only(position=1e-4))
+    gathered = evidence.gather_evidence(bench, plan, summarise(results, (), None))
     assert set(gathered.inputs) == {each.case.name for each in results[1:]}
     assert {each.case for each in gathered.errors} == set(gathered.inputs)
     assert gathered.failed == (f"input uncertainty of {results[0].case.name}: too coarse",)

@@ -266,22 +266,24 @@ def cut_ends(count):
     return generate
 
 
-def test_flipped_bits_and_truncation_never_give_other_numbers(write):
+@pytest.mark.parametrize("count", [60, pytest.param(300, marks=pytest.mark.slow)])
+def test_flipped_bits_and_truncation_never_give_other_numbers(write, count):
     path = write(write_document(generate_frames(10)))
     original = path.read_bytes()
-    assert check_variants(path, original, flip_bits(300)) > 300
+    assert check_variants(path, original, flip_bits(count)) > count
     path.write_bytes(original)
-    assert check_variants(path, original, cut_ends(60)) == 60
+    assert check_variants(path, original, cut_ends(count)) == count
 
 
-def test_flipped_bits_in_the_xml_are_refused_or_change_one_value(write):
+@pytest.mark.parametrize("count", [60, pytest.param(200, marks=pytest.mark.slow)])
+def test_flipped_bits_in_the_xml_are_refused_or_change_one_value(write, count):
     """Such damage passes the checksum of bzip2; only flips that leave a valid file are read."""
     frames = generate_frames(6)
     text = write_document(frames)
     start, end = text.index("<data>"), text.index("</data>")
     rng = np.random.default_rng(9)
     passed = 0
-    for position in rng.integers(start, end, 200):
+    for position in rng.integers(start, end, count):
         changed = bytearray(text.encode())
         changed[position] ^= 1 << rng.integers(0, 7)
         path = write(bz2.compress(bytes(changed), 1))
@@ -294,7 +296,7 @@ def test_flipped_bits_in_the_xml_are_refused_or_change_one_value(write):
         assert got.shape == frames.shape
         assert np.count_nonzero(got != frames) <= 1
         assert got.max() <= 4095
-    assert passed < 100
+    assert passed < count / 2
 
 
 @pytest.mark.slow

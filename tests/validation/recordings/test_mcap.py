@@ -32,8 +32,9 @@ def _truth(frames):
     return np.arange(84) + np.arange(frames)[:, None]
 
 
+@pytest.mark.parametrize("count", [60, pytest.param(240, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("finished", [True, False])
-def test_a_damaged_file_is_refused_or_gives_the_true_frames(tmp_path, finished):
+def test_a_damaged_file_is_refused_or_gives_the_true_frames(tmp_path, finished, count):
     """Bit flips and truncations: an error, or the true numbers, or the true numbers of a marked, shorter file."""
     frames = 20
     path = _write(tmp_path / "a.mcap", frames)
@@ -42,7 +43,7 @@ def test_a_damaged_file_is_refused_or_gives_the_true_frames(tmp_path, finished):
         data = data[: data.rindex(b"\x0f" + (4).to_bytes(8, "little"))]
     random = Random(6)  # noqa: S311 -- reproducible, no secret
     refused = 0
-    for trial in range(160):
+    for trial in range(count):
         damaged = bytearray(data)
         if trial % 4:
             damaged[random.randrange(len(data))] ^= 1 << random.randrange(8)
@@ -54,11 +55,11 @@ def test_a_damaged_file_is_refused_or_gives_the_true_frames(tmp_path, finished):
         except RecordingError as error:
             refused += str(path) in str(error)
             continue
-        count = len(recording.times)
-        assert (recording.arrays[0].counts == _truth(frames)[:count]).all()
-        assert recording.ticks.tolist() == list(range(count))
-        assert count == frames or not recording.complete
-    assert refused > 40
+        read = len(recording.times)
+        assert (recording.arrays[0].counts == _truth(frames)[:read]).all()
+        assert recording.ticks.tolist() == list(range(read))
+        assert read == frames or not recording.complete
+    assert refused > count / 4
 
 
 def test_a_missing_frame_in_a_file_is_noticed(tmp_path):

@@ -61,8 +61,6 @@ def test_the_slope_at_zero_is_youngs_modulus(material):
 
 def test_files_hold_the_curve(tmp_path):
     material = MATERIALS["tpu"]
-    for name in ("curve.csv", "curve.png"):
-        write_curve(material, tmp_path / name)
+    write_curve(material, tmp_path / "curve.csv")
     table = np.loadtxt(tmp_path / "curve.csv", delimiter=",", skiprows=1)
     np.testing.assert_allclose(table, np.column_stack(trace_stress(material)), rtol=1e-5, atol=1e-9)
-    assert (tmp_path / "curve.png").read_bytes().startswith(b"\x89PNG")

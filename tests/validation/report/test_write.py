@@ -6,7 +6,6 @@ import json
 import re
 from html.parser import HTMLParser
 
-import numpy as np
 import pytest
 
 import fastmodel
@@ -37,14 +36,9 @@ def test_folder_is_complete_and_needs_no_network(folder):
 
 
 def test_numbers_beside_the_page_are_those_of_the_evaluation(folder, evaluation):
-    scores = json.loads((folder / "report.json").read_text())
     mean = evaluation.campaign.pooled["fast"]["misplaced_force"].mean
-    assert scores["campaign"]["pooled"]["fast"]["misplaced_force"]["mean"] == mean
     assert f"{100 * mean:.1f}" in (folder / "index.html").read_text()
-    np.testing.assert_array_equal(
-        scores["campaign"]["cases"][1]["models"]["fast"]["texel_forces"],
-        evaluation.campaign.cases[1].predictions["fast"].texel_forces,
-    )
+    assert json.loads((folder / "report.json").read_text()) == evaluation.report.as_json()
     scores = [(case, model) for case in evaluation.campaign.cases for model in case.predictions]
     for row, (case, model) in zip(csv.DictReader((folder / "scores.csv").open()), scores, strict=True):
         assert (row["case"], float(row["load"]), row["model"]) == (case.case.name, case.case.load, model)

@@ -76,18 +76,17 @@ def test_bad_surfaces_end_in_one_line(tmp_path, change, said):
     assert sorted(each.name for each in tmp_path.iterdir()) == ["outer.stl", "sensor.toml", "texels.csv"]
 
 
-def test_a_base_that_crosses_the_surface_is_refused(tmp_path):
-    write_ball(tmp_path)
-    write_ball(tmp_path, "base.stl", radius=8.0, change=lambda ball: ball.apply_translation([4, 0, 0]))
-    line = refuse(write_sensor(tmp_path, COVER.replace('thickness = "2 mm"', 'base = "base.stl"')))
-    assert "the base reaches through the outer surface" in line
-
-
-def test_a_body_with_open_edges_is_refused(tmp_path):
-    write_ball(tmp_path, change=lambda ball: ball.update_faces(np.arange(len(ball.faces)) > 0))
-    write_ball(tmp_path, "base.stl", radius=8.0)
-    line = refuse(write_sensor(tmp_path, COVER.replace('thickness = "2 mm"', 'base = "base.stl"')))
-    assert "the outer surface is open" in line
+@pytest.mark.parametrize(
+    ("outer", "base", "said"),
+    [
+        (None, lambda ball: ball.apply_translation([4, 0, 0]), "the base reaches through the outer surface"),
+        (lambda ball: ball.update_faces(np.arange(len(ball.faces)) > 0), None, "the outer surface is open"),
+    ],
+)
+def test_surfaces_that_enclose_no_body_are_refused(tmp_path, outer, base, said):
+    write_ball(tmp_path, change=outer)
+    write_ball(tmp_path, "base.stl", radius=8.0, change=base)
+    assert said in refuse(write_sensor(tmp_path, COVER.replace('thickness = "2 mm"', 'base = "base.stl"')))
 
 
 @pytest.mark.parametrize(
@@ -201,14 +200,14 @@ def test_turned_tetrahedra_are_repaired(tmp_path):
     assert np.linalg.det(corner[:, 1:] - corner[:, :1]).sum() / 6 == pytest.approx(1e-6)
 
 
-def test_overlapping_tetrahedra_are_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (tangle, "cube.tet has tetrahedra that overlap"),
+        (squash, "no tetrahedron of cube.tet has a volume; export a solid"),
+    ],
+)
+def test_tetrahedra_that_fill_no_body_are_refused(tmp_path, change, said):
     write_base(tmp_path)
-    write_tetrahedra(tmp_path / "cube.tet", tangle)
-    assert "cube.tet has tetrahedra that overlap" in refuse(write_sensor(tmp_path, TET, texel="0,0,-5"))
-
-
-def test_tetrahedra_without_any_volume_are_refused(tmp_path):
-    write_base(tmp_path)
-    write_tetrahedra(tmp_path / "cube.tet", squash)
-    said = refuse(write_sensor(tmp_path, TET, texel="0,0,-5"))
-    assert said.endswith("no tetrahedron of cube.tet has a volume; export a solid")
+    write_tetrahedra(tmp_path / "cube.tet", change)
+    assert said in refuse(write_sensor(tmp_path, TET, texel="0,0,-5"))

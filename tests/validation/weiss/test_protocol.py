@@ -208,11 +208,11 @@ def _fuzz(number, tally):
     return f"{len(lost)} intact frames lost" if lost else None
 
 
-@pytest.mark.parametrize("count", [1000, pytest.param(20_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [400, pytest.param(20_000, marks=pytest.mark.slow)])
 def test_damage_never_gives_false_frames_nor_hidden_gaps_nor_costs_intact_frames(count):
     tally = {}
     assert not [fault for number in range(count) if (fault := _fuzz(number, tally))]
-    assert min(tally[name] for name in FAULTS) > 100
+    assert min(tally[name] for name in FAULTS) > count / 12
 
 
 def test_the_fuzzer_notices_a_parser_that_trusts_heads(monkeypatch):

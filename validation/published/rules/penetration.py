@@ -7,7 +7,7 @@ import numpy as np
 from fastmodel import Gaussian
 from meshes.array_types import FloatArray
 from validation.published.model import CODE, PENETRATION, SUMMARY, Parameter, published
-from validation.published.scene import Forces, Scene, bin_on_texels, convolve, sink, sink_springs
+from validation.published.scene import Forces, Scene, bin_on_texels, convolve, scale_to_load, sink, sink_springs
 
 #: Step of RobWorkSim's search for the depth of the indenter [m].
 _ROBWORK_STEP = 0.05e-3
@@ -55,7 +55,7 @@ def predict_robwork(scene: Scene, *, modulus: float, mask: float) -> Forces:
         best, least = depth, miss
     spread = convolve(scene.array, best * scene.load / best.sum(), robwork_mask(mask))
     clipped = np.minimum(spread, _ROBWORK_PRESSURE * area)
-    return Forces(clipped * scene.load / clipped.sum(), 0.0)
+    return scale_to_load(clipped, scene.load)
 
 
 def robwork_mask(width: float) -> FloatArray:
@@ -197,8 +197,7 @@ def predict_mujoco_tactile(scene: Scene, *, depth_factor: float) -> Forces:
         depth_factor: Factor on the largest rigid penetration in MuJoCo; 1 as in MuJoCo's sensor [-].
     """
     depth = np.maximum(depth_factor * scene.contacts.depths.max() - scene.texel_gaps, 0.0)
-    total = depth.sum()
-    return Forces(depth * scene.load / total, 0.0) if total > 0 else Forces(depth, scene.load)
+    return scale_to_load(depth, scene.load)
 
 
 def _compress(scene: Scene, stiffness: float, exponent: float = 1.0) -> tuple[FloatArray, float]:

@@ -18,14 +18,19 @@ def sensor(tmp_path, softcover):
     return tmp_path / "sensor.toml"
 
 
-def test_derive_prints_one_json_object_and_writes_its_files(softcover, monkeypatch):
+def test_derive_prints_one_json_object_and_writes_its_files(softcover, monkeypatch, wts_derivation):
+    def derive(_sensor, *, progress):
+        progress("finite elements")
+        return wts_derivation
+
+    monkeypatch.setattr("validation.derivation.derive.derive", derive)
     monkeypatch.setattr("validation.cli.output.LINE_INTERVAL", -1.0)
     status, out, err = softcover("derive", "wts-0614-34", "--json", "--out", "derived")
     assert err.startswith("[  0.")
     assert err.endswith("wrote cover.npz, derive.json, parameters.toml, psf.png to derived\n")
     result = json.loads(out)
     assert status == 0
-    assert 0.3 < result["psf"]["sigma_x"] < 0.8
+    assert result["psf"]["sigma_x"] == wts_derivation.fit.gaussian.sigma_x
     assert json.loads(Path("derived/derive.json").read_text()) == result
     assert fastmodel.load("derived").spread.sigma_x == result["psf"]["sigma_x"]
     assert Path("derived/psf.png").stat().st_size > 1000

@@ -9,18 +9,17 @@ import json
 import numpy as np
 import pytest
 
-from fem_reference import press
-from meshes import Pose, Sphere, TexelArray
+from fem_reference import IncompletePathError, press
+from meshes import Box, Pose, TexelArray
+from tests.support.indentations import make_indentation
 from tests.support.rubber import make_cover
-from validation.campaign.case import Case
-from validation.campaign.comparison import compare_models
-from validation.press_files import write_press, write_vtu
+from validation.press_files import write_vtu
 from validation.pressing import read_request
 from validation.scene.rendering import RenderingError
 from validation.sensor_file import BUILT_IN
 
 ARRAY = TexelArray.grid(4, 4, pitch=3.4e-3)
-BALL = Sphere(radius=4e-3)
+ESTIMATES = {"total_force": 0.01, "depth": 0.02, "peak_texel": 0.03, "contact_area": 0.04}
 TOUCH = ("press", "wts-0614-34", "--indenter", "sphere:radius=5mm", "--load", "200g", "--model", "fem")
 
 
@@ -60,8 +59,6 @@ def test_out_writes_contact_and_fields_that_others_can_read(softcover, tmp_path,
 @pytest.mark.slow
 def test_hexahedra_fill_the_block(tmp_path):
     pyvista = pytest.importorskip("pyvista")
-    from meshes import Box
-
     box = Box(size=(4e-3, 3e-3, 4e-3))
     found = press(make_cover(0.45, "linear-elastic"), ARRAY, box, load=0.3, pose=Pose.planar(yaw=0.3), fields=True)
     write_vtu(found.fields, tmp_path / "fields.vtu")
@@ -72,15 +69,6 @@ def test_hexahedra_fill_the_block(tmp_path):
     c, s = np.cos(0.3), np.sin(0.3)
     turned = inwards[:, :2] @ np.array([[c, -s], [s, c]])
     assert volumes.sum() == pytest.approx(np.prod(np.ptp(turned, axis=0)) * 2e-3)
-
-
-def test_without_pyvista_the_arrays_are_written_and_the_extra_is_named(tmp_path, monkeypatch, caplog):
-    monkeypatch.setitem(__import__("sys").modules, "pyvista", None)
-    case = Case(name="press", indenter=BALL, shape="ball", load=0.3)
-    found = compare_models(BUILT_IN["wts-0614-34"], case, models=("fem",), fields=True)
-    assert "fields.npz" in (files := write_press(found, tmp_path))
-    assert not {"fields.vtu", "cover.png"} & set(files)
-    assert ".[view]" in caplog.text
 
 
 def test_a_curve_is_the_points_of_a_path_and_is_drawn(softcover, tmp_path):
@@ -96,19 +84,17 @@ def test_a_curve_is_the_points_of_a_path_and_is_drawn(softcover, tmp_path):
 
 
 def test_a_path_that_stops_early_keeps_what_it_reached(monkeypatch, tmp_path):
-    import fem_reference
+    targets = []
 
-    real = fem_reference.press_path
+    def stop(*_, depths, **__):
+        targets.extend(depths)
+        reached = [make_indentation(np.ones(16), depth=each, error_estimate=ESTIMATES) for each in depths[:2]]
+        raise IncompletePathError("no convergence beyond 0.25 mm", reached)
 
-    def stop(cover, array, indenter, *, depths, **options):
-        if len(depths) > 2:
-            reached = real(cover, array, indenter, depths=depths[:2], **options)
-            raise fem_reference.IncompletePathError("no convergence beyond 0.25 mm", reached)
-        return real(cover, array, indenter, depths=depths, **options)
-
-    monkeypatch.setattr(fem_reference, "press_path", stop, raising=False)
+    monkeypatch.setattr("fem_reference.press_path", stop)
     curve = trace(5, depth="0.4mm")
     assert curve.stopped == "no convergence beyond 0.25 mm"
+    assert targets == pytest.approx(np.arange(1, 6) * 0.08e-3)
     assert [each.depth for each in curve.indentations] == pytest.approx([0.08e-3, 0.16e-3])
     assert curve.write(tmp_path)[0] == "curve.csv"
 
