@@ -34,7 +34,7 @@ from fem_reference.indentation.grid_solution import (
     RadialBase,
     correct_solution,
     extrapolate_solutions,
-    scale_solution,
+    scale_to_target,
 )
 from fem_reference.linear_response.axisymmetric import RadialCover
 from fem_reference.linear_response.surface_compliance import choose_friction_reach
@@ -430,10 +430,7 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
 
     def correct(limit: GridSolution, pair: Sequence[tuple[GridSolution, float]], target: float) -> GridSolution:
         """Multiply an accurate frictionless solution at a target by the effect of no slip on one grid."""
-        baseline, full = (
-            scale_solution(each, target / (each.depth if path.control == "depth" else each.total_force))
-            for each, _ in pair
-        )
+        baseline, full = (scale_to_target(each, target, path.control) for each, _ in pair)
         return correct_solution(limit, baseline=baseline, full=full, control=path.control, area=limit.area)
 
     on_lines = lies_on_lines(face, pose)
@@ -463,12 +460,6 @@ def _study_disk(path: LoadingPath, progress: Progress) -> GridStudy | None:
     if max(tension for _, tension in found) > _SETTINGS.separates:
         return None
     return GridStudy(
-        solutions=[
-            [
-                scale_solution(each, target if path.control == "depth" else target / each.total_force)
-                for each, _ in found
-            ]
-            for target in path.targets
-        ],
+        solutions=[[scale_to_target(each, target, path.control) for each, _ in found] for target in path.targets],
         least_error=_SETTINGS.least_disk,
     )
