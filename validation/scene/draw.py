@@ -184,7 +184,7 @@ def _draw_surface(plotter: Any, scene: CoverScene) -> None:
     factor = _find_factor(scene)
     grid = _crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES)
     surface = _add_coloured(plotter, grid, scene, "surface", _STYLE.pressure_map)
-    if scene.touched is not None:  # Arrow of the load, with its tip at the point of first touch.
+    if scene.touched is not None:  # An arrow along the load ends at the point of first touch.
         size = 0.35 * float(np.ptp(surface.points, axis=0).max())
         tip = _MILLIMETRES * (scene.touched - 0.05 * scene.thickness * scene.direction)
         arrow = import_pyvista().Arrow(
@@ -251,7 +251,7 @@ def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: b
         counts.append(count)
     longest = float(np.diff(np.reshape(bounds, (3, 2))).max())
     if (bounds[5] - bounds[4]) / longest * _STYLE.intervals < (counts[2] - 1) / 2:
-        counts[2] = 2  # no room for more than the end marks
+        counts[2] = 2  # The edge is too short for more than the marks at its ends.
     ruled = plotter.show_bounds(
         bounds=bounds, location="outer", ticks="outside",
         xtitle="x [mm]", ytitle="y [mm]", ztitle="z [mm]" if height else " ",
