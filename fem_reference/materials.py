@@ -332,9 +332,9 @@ _SQUEEZING = ("uniaxial compression", "equibiaxial tension", "planar tension")
 _DIAGONAL: Places = ((0, 0), (1, 1), (2, 2))
 #: Largest number of Newton steps for the strain of the axes that are free of stress [-].
 _NEWTON_STEPS = 50
-#: Largest change of that strain in one Newton step [-].
+#: Largest change of the strain of the axes that are free of stress in one Newton step [-].
 _LARGEST_STEP = 0.5
-#: Change of that strain below which Newton's method ends [-].
+#: Change of the strain of the axes that are free of stress below which Newton's method ends [-].
 _SMALLEST_STEP = 1e-12
 
 

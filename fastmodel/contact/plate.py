@@ -303,6 +303,8 @@ class CellReader(PressureReader):
             poses.append(self._find_pose(data, body, frame, depth))
         points = touches[:0]
         if len(found) < len(bodies) or (owner < 0).any():
+            # Bodies that pull in total, and contacts of unknown shape that pull, press on no texel.  Their forces count
+            # in the total force alone.
             lost = np.isin(owner, (sums[:, 0] <= 0).nonzero()[0]) | ((owner < 0) & (touches[:, 2] <= 0))
             beside += float(touches[lost, 2].sum())
             points = touches[(owner < 0) & ~lost]

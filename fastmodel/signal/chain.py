@@ -98,15 +98,12 @@ class ChainFunctions:
         self._active = None if array.active.all() else namespace.asarray(array.active)
         self._low_pass = LowPass(parameters.filter, rate_hz, namespace=namespace, dtype=dtype)
         self._ones = namespace.ones(array.count, dtype=dtype)
+        # The operator is transposed, because the forces stand on its left: texels are their last dimension.
         self._spread = None
-        if spreads:
-            # The operator is transposed, because the forces are multiplied from the left: texels are their last
-            # dimension.
-            of_numpy = namespace is np
-            operator = build_operator(parameters.spread, array) if of_numpy else parameters.spread.operator(array)
-            self._spread = operator.T if of_numpy else namespace.asarray(operator.T.copy(), dtype=dtype)
-            if of_numpy and dtype is not None:
-                self._spread = self._spread.astype(dtype)
+        if spreads and namespace is np:
+            self._spread = build_operator(parameters.spread, array).T.astype(dtype or np.float64)
+        elif spreads:
+            self._spread = namespace.asarray(parameters.spread.operator(array).T.copy(), dtype=dtype)
 
     def settle(self, forces: Array, carried: Array | None = None, others: Array | None = None) -> ChainState:
         """Return the steady state under constant forces, without hysteresis.

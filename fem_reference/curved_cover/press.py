@@ -32,7 +32,7 @@ from fem_reference.curved_cover.responses import (
     project_texels,
     texel_responses,
 )
-from fem_reference.curved_cover.solid import CoverSolid, DisplacementNodes
+from fem_reference.curved_cover.solid import DisplacementNodes
 from fem_reference.errors import UnsupportedError
 from fem_reference.finite_strain.axisymmetric_path import PENALTY
 from fem_reference.finite_strain.contact import SurfaceContact, TopPoints
@@ -42,7 +42,7 @@ from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import Control, Units, name_part, report
 from fem_reference.indentation.finite_strain import choose_solid_fillet, state_rounding
 from fem_reference.indentation.result import Indentation, PressProblem, warn_of_errors
-from meshes import Cover, Layer, Material, SolidCover, TexelArray
+from meshes import Cover, Layer, Material, SolidCover
 from meshes.array_types import FloatArray
 from meshes.solids.facets import area_vectors, facet_shape
 from meshes.solids.solid_mesh import SolidMesh, measure_thickness
@@ -160,7 +160,7 @@ def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
 
 
 def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float) -> Indentation:
-    """Press to one target at small strain on every mesh; return the result of the finest mesh.
+    """Press a solid to one target load or depth at small strain on every mesh; return the result of the finest mesh.
 
     Args:
         meshes: One mesh, or two or three from coarse to fine for an error estimate.
@@ -185,13 +185,32 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
         _add_step_error(errors, changed, texel_forces[-1], (rough, contact), path.touch)
     share = depths[-1] / measure_thickness(mesh)
     large = f"the depth is {100 * share:.3g} % of the thickness: strains are not small; solve at finite strain"
-    return _collect(
-        build_solid(mesh, material),
-        found[-1],
+    # Displacements and base reactions under the contact forces on the finest mesh.
+    solid, top = build_solid(mesh, material), find_top(mesh)
+    nodal = np.zeros_like(solid.nodes)
+    nodal[top.index] = contact.nodal
+    displacement, reaction = solid.solve_fully(nodal)
+    force, base_force = nodal.sum(axis=0), -reaction.sum(axis=0)
+    pressing = -contact.forces[:, None] * top.normals
+    active = np.where(texels.active, texel_forces[-1], 0.0)
+    return Indentation(
+        texel_forces=active,
+        total_force=contact.load,
+        force=force,
+        moment=np.cross(solid.nodes, nodal).sum(axis=0),
+        base_force=base_force,
+        base_moment=-np.cross(solid.nodes[solid.base], reaction).sum(axis=0),
+        unmeasured=base_force + active @ texels.normals,
+        balance=measure_balance(force, base_force),
         depth=depths[-1],
-        texel_forces=np.where(texels.active, texel_forces[-1], 0.0),
-        texels=texels,
-        errors=errors,
+        contact_area=contact.area,
+        contact_points=top.nodes,
+        contact_forces=pressing if contact.shear is None else pressing + contact.shear,
+        energy=float((nodal * displacement).sum()) / 2,
+        mesh=mesh,
+        displacement=displacement,
+        error_estimate=errors,
+        assumptions=_ASSUMPTIONS | {"friction": "none" if contact.shear is None else "no slip"},
         warnings=((large,) if share > _SETTINGS.warn_depth else ()) + warn_of_all(errors),
     )
 
@@ -336,45 +355,6 @@ def _estimate_change(changes: FloatArray, meshes: tuple[SolidMesh, ...], has_edg
     return safety * max(decrease * float(changes[0]), float(changes[1]))
 
 
-def _collect(
-    solid: CoverSolid,
-    contact: ContactForces,
-    *,
-    depth: float,
-    texel_forces: FloatArray,
-    texels: TexelArray,
-    errors: Mapping[str, float],
-    warnings: tuple[str, ...],
-) -> Indentation:
-    """Solve for displacements and base reactions of a solid under given contact forces, and return the whole result."""
-    top = find_top(solid.mesh)
-    nodal = np.zeros_like(solid.nodes)
-    nodal[top.index] = contact.nodal
-    displacement, reaction = solid.solve_fully(nodal)
-    force, base_force = nodal.sum(axis=0), -reaction.sum(axis=0)
-    pressing = -contact.forces[:, None] * top.normals
-    return Indentation(
-        texel_forces=texel_forces,
-        total_force=contact.load,
-        force=force,
-        moment=np.cross(solid.nodes, nodal).sum(axis=0),
-        base_force=base_force,
-        base_moment=-np.cross(solid.nodes[solid.base], reaction).sum(axis=0),
-        unmeasured=base_force + texel_forces @ texels.normals,
-        balance=measure_balance(force, base_force),
-        depth=depth,
-        contact_area=contact.area,
-        contact_points=top.nodes,
-        contact_forces=pressing if contact.shear is None else pressing + contact.shear,
-        energy=float((nodal * displacement).sum()) / 2,
-        mesh=solid.mesh,
-        displacement=displacement,
-        error_estimate=errors,
-        assumptions=_ASSUMPTIONS | {"friction": "none" if contact.shear is None else "no slip"},
-        warnings=warnings,
-    )
-
-
 def measure_balance(force: FloatArray, base_force: FloatArray) -> float:
     """Return the difference between the force on the base and the force on the cover, over the force on the cover [-].
 
@@ -386,7 +366,7 @@ def measure_balance(force: FloatArray, base_force: FloatArray) -> float:
 def press_finite(
     meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float
 ) -> Indentation:
-    """Press to one target at finite strain, along the axis of the indenter and without friction; see `press_small`.
+    """Press a solid to one target load or depth at finite strain, along the axis of the indenter and without friction.
 
     The arrays of the result are those of the finest mesh solved at finite strain, the second finest of several meshes.
     Texel forces, and depth or load, are corrected for its discretisation error.

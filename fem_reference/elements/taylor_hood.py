@@ -159,7 +159,9 @@ class MixedElements:
         tensor = moduli.reshape(*slope.shape[:2], d, d, d, d)
         for i in range(d):
             for k in range(i, d):
-                block = _contract(slope, np.ascontiguousarray(tensor[:, :, i, :, k, :]), right)
+                # Gradient times moduli times gradient, summed over the points of each element as one batched product.
+                left = np.matmul(slope, np.ascontiguousarray(tensor[:, :, i, :, k, :]))
+                block = np.matmul(left.transpose(0, 2, 1, 3).reshape(e, a, q * d), right)
                 out[:, :, i, :, k] = block
                 out[:, :, k, :, i] = block.transpose(0, 2, 1)
         return out.reshape(e, a * d, a * d)
@@ -343,23 +345,6 @@ def _build_axisymmetric_gradient(slope: FloatArray, hoop: FloatArray) -> FloatAr
     out[:, :, 3, :, 1] = slope[..., 1]
     out[:, :, 4, :, 0] = hoop
     return out.reshape(e, q, 5, 2 * a)
-
-
-def _contract(slope: FloatArray, tensor: FloatArray, right: FloatArray) -> FloatArray:
-    """Sum gradient times moduli times gradient over the quadrature points of each element, as one batched product.
-
-    Args:
-        slope: Derivatives of the a shape functions of e elements at q points along J directions, shape (e, q, a, J).
-        tensor: Moduli that couple directions J and L, times quadrature weights, shape (e, q, J, L).
-        right: Derivatives of the b shape functions along L directions, points and directions as rows, shape
-            (e, q * L, b).
-
-    Returns:
-        One matrix per element, shape (e, a, b).
-    """
-    e, q, a, d = slope.shape
-    left = np.matmul(slope, tensor).transpose(0, 2, 1, 3).reshape(e, a, q * d)
-    return np.asarray(np.matmul(left, right))
 
 
 def _split_by_region(cells: IntArray, region: IntArray) -> IntArray:

@@ -36,7 +36,7 @@ from meshes.pose import Pose
 
 @dataclass(frozen=True, kw_only=True)
 class BlockSettings:
-    """Constants of loading paths on blocks in three dimensions."""
+    """Constants of loading paths that are solved on a block of hexahedra, the meshed part of a cover."""
 
     #: Element size at the edge of a rectangular flat face, over the radius of the rounded edge [-].  The edges of such
     #: a face lie on mesh lines.
@@ -47,7 +47,8 @@ class BlockSettings:
     #: Element size at the edge of the contact under a curved indenter, over the regular size, which follows from the
     #: number of elements through the cover [-].
     edge_element: float = 0.5
-    #: Largest element size in the contact over the regular size [-].
+    #: Largest element size in the contact, over the regular size, which follows from the number of elements through the
+    #: cover [-].
     largest_element: float = 1.2
     #: Largest element size at the sides of a cover of limited size over the regular size [-].
     side_element: float = 1.5
@@ -502,7 +503,14 @@ def press_paired(
     tell = None if progress is None else lambda text: progress(f"small strain, {text}")
     baseline = _follow(path.baseline, block, small_strain_solid, guesses, tell, friction_steps=0)
     ratio = path.load_scale / scale
-    guesses = [] if path.friction else _guess_full(path, block, baseline, elements, coarser)
+    guesses = []
+    if not path.friction:  # The guess is the scaled baseline plus the change found on the coarser grid.
+        solutions = [each.penalty_solution for each in baseline]
+        scaled = [Guess(state=ratio * each.state, depth=ratio * each.depth) for each in solutions]
+        no_change = Guess(state=np.zeros_like(undeformed), depth=0.0)
+        changes = [no_change] * len(scaled) if coarser is None else coarser.transfer_changes(elements)
+        surface = replace(block.surface, load_scale=path.load_scale)
+        guesses = [add_change(*each, elements, surface) for each in zip(scaled, changes, strict=True)]
     full_solid = small_strain_solid if path.load_scale == scale else solid
     full = _follow(path, block, full_solid, guesses, progress, friction_steps=FRICTION_STEPS * elements_per_thickness)
     before = [describe_state(path.baseline, small_strain_solid, each, block) for each in baseline]
@@ -515,26 +523,6 @@ def press_paired(
         ]
         after = [replace(each, fields=fields) for each, fields in zip(after, states, strict=True)]
     return before, after, PairedPath(elements=elements, baseline=baseline, full=full, ratio=ratio)
-
-
-def _guess_full(
-    path: LoadingPath,
-    block: Block,
-    baseline: Sequence[ContactEquilibrium],
-    elements: MixedElements,
-    coarser: PairedPath | None,
-) -> list[Guess]:
-    """Return an initial guess of the full solution at every target.
-
-    The guess is the scaled baseline plus the difference between full solution and baseline on the coarser grid.
-    """
-    ratio = path.load_scale / path.baseline.load_scale
-    solutions = [each.penalty_solution for each in baseline]
-    scaled = [Guess(state=ratio * each.state, depth=ratio * each.depth) for each in solutions]
-    no_change = Guess(state=np.zeros_like(solutions[0].state), depth=0.0)
-    changes = [no_change] * len(scaled) if coarser is None else coarser.transfer_changes(elements)
-    surface = replace(block.surface, load_scale=path.load_scale)
-    return [add_change(*each, elements, surface) for each in zip(scaled, changes, strict=True)]
 
 
 def add_change(baseline: Guess, change: Guess, elements: MixedElements, surface: IndenterSurface) -> Guess:

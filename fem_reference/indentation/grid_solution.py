@@ -253,6 +253,11 @@ def scale_solution(solution: GridSolution, factor: float) -> GridSolution:
     )
 
 
+def scale_to_target(solution: GridSolution, target: float, control: Control) -> GridSolution:
+    """Scale a solution by `scale_solution` to a target load [N] or depth [m], whichever `control` names."""
+    return scale_solution(solution, target / (solution.depth if control == "depth" else solution.total_force))
+
+
 def extrapolate_solutions(solutions: Sequence[GridSolution]) -> GridSolution:
     """Extrapolate force, depth, energy and texel forces to element size zero with order of convergence 1 (Richardson).
 

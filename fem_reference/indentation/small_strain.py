@@ -15,7 +15,7 @@ import numpy as np
 from fem_reference import result_store
 from fem_reference.finite_strain.loading_path import LoadingPath, Progress, report
 from fem_reference.grid_convergence import grid_convergence
-from fem_reference.indentation.grid_solution import Base, GridSolution, GridStudy, scale_solution
+from fem_reference.indentation.grid_solution import Base, GridSolution, GridStudy, scale_to_target
 from fem_reference.linear_response.axisymmetric import point_spread
 from fem_reference.linear_response.point_spread import TexelInfluence, superpose
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
@@ -53,7 +53,14 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
     Returns:
         For each target the solutions on the three grids, coarsest first, and how they converge.
     """
-    response, flat = _solve_response(path, place, progress), path.indenter.is_flat
+    flat = path.indenter.is_flat
+    response: TexelInfluence
+    if path.cover.size is None:
+        response = point_spread(path.cover, progress=progress)
+    else:
+        from fem_reference.linear_response.finite_cover import solid_influence
+
+        response = solid_influence(path.cover, _require_place(place).array, progress=progress)
     parts = [replace(path, targets=(target,)) for target in path.targets]
     if flat:
         parts = [replace(path, targets=(path.cover.thickness,), control="depth")]
@@ -65,11 +72,7 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
         for part in parts
     ]
     if flat:
-        reached = [each.depth if path.control == "depth" else each.total_force for each in solutions[0]]
-        solutions = [
-            [scale_solution(each, target / value) for each, value in zip(solutions[0], reached, strict=True)]
-            for target in path.targets
-        ]
+        solutions = [[scale_to_target(each, target, path.control) for each in solutions[0]] for target in path.targets]
     return GridStudy(
         solutions=solutions,
         most_order=1.0,
@@ -88,7 +91,7 @@ def solve_coarse(path: LoadingPath, progress: Progress) -> list[GridSolution]:
     Returns:
         One solution for each target.
     """
-    response = _solve_response(path, None, progress)
+    response = point_spread(path.cover, progress=progress)
     each = (replace(path, targets=(target,)) for target in path.targets)
     return [_build_solution(_solve_contact(one, None, progress, 0), path.indenter, response) for one in each]
 
@@ -143,15 +146,6 @@ def _build_solution(patch: ContactPatch, indenter: Indenter, response: TexelInfl
         base=PressedCells(contact=contact, response=response),
         energy=float(patch.force @ work) / 2,
     )
-
-
-def _solve_response(path: LoadingPath, place: Place | None, progress: Progress) -> TexelInfluence:
-    """Solve for the texel forces per unit point load on the cover, or read them from the result store."""
-    if path.cover.size is None:
-        return point_spread(path.cover, progress=progress)
-    from fem_reference.linear_response.finite_cover import solid_influence
-
-    return solid_influence(path.cover, _require_place(place).array, progress=progress)
 
 
 def _require_place(place: Place | None) -> Place:

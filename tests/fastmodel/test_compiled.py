@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-#: Calls a kernel until a signal comes, 200 times, and prints the names of the exceptions that came out.
+#: Calls a kernel until a signal comes, 100 times, and prints the names of the exceptions that came out.
 SCRIPT = """
 import signal
 
@@ -37,9 +37,9 @@ kernel, values = compile_kernel(split), np.zeros(3)
 assert [np.sum(part) for part in kernel(values)] == [3.0, 6.0, 3.0]
 signal.signal(signal.SIGALRM, interrupt)
 raised = set()
-for number in range(200):
+for number in range(100):
     try:
-        call_until_signal(2e-5 + 1e-8 * number)
+        call_until_signal(2e-5 + 2e-8 * number)
     except BaseException as error:
         raised.add(type(error).__name__)
 print(*sorted(raised))

@@ -11,26 +11,24 @@ import pytest
 
 import fastmodel
 from tests.support.cover_data import parameters
+from tests.support.scenes import add_body, make_spec
 
 FIRST_TOUCHES = """
 import gc, sys, mujoco, numpy, fastmodel, scipy.spatial
 from meshes import TexelArray
 from tests.support.bent_array import bent_array
 from tests.support.cover_data import parameters
+from tests.support.scenes import add_body, make_spec
 
-kinds, find_hull = mujoco.mjtGeom, scipy.spatial.ConvexHull
+find_hull = scipy.spatial.ConvexHull
 
 def drop(kind, sensed):
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
+    spec = make_spec()
     sensor = fastmodel.attach(spec, "world", sensed, contact=sys.argv[1], every=1)
     corners = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 0, 1)]
     spec.add_mesh(name="block", uservert=(4e-3 * numpy.array(corners, dtype=float)).ravel())
-    body = spec.worldbody.add_body(pos=[0, 0, 5.2e-3])
-    body.add_freejoint()
-    mesh = {"meshname": "block"} if kind == kinds.mjGEOM_MESH else {}
-    body.add_geom(type=kind, size=[5e-3, 5e-3, 5e-3], mass=0.1, **mesh)
+    mesh = {"meshname": "block"} if kind == "mesh" else {}
+    add_body(spec, kind, [5e-3] * 3, [0, 0, 5.2e-3], free=True, mass=0.1, **mesh)
     model = spec.compile()
     return sensor.bind(model), model, mujoco.MjData(model)
 
@@ -39,7 +37,7 @@ def count():
     return {each.py_func: len(each.signatures) for each in found if each.py_func.__module__.startswith("fastmodel")}
 
 for sensed in (parameters(bent_array()), parameters(TexelArray.grid(3, 3, 3.4e-3))):
-    for kind in (kinds.mjGEOM_SPHERE, kinds.mjGEOM_BOX, kinds.mjGEOM_MESH):
+    for kind in ("sphere", "box", "mesh"):
         scipy.spatial.ConvexHull = find_hull
         sensor, model, data = drop(kind, sensed)
         kernels, modules, scipy.spatial.ConvexHull = count(), set(sys.modules), None
@@ -68,15 +66,11 @@ def test_the_first_touch_costs_at_most_fifteen_usual_steps(method):
     """Without an earlier solution to start from a touch costs a few usual steps; the mesh has 400 corners."""
     ratios = []
     for start in range(3):
-        spec = mujoco.MjSpec()
-        fastmodel.recommend_options(spec)
-        spec.option.timestep = 1e-3
+        spec = make_spec()
         sensor = fastmodel.attach(spec, "world", parameters(filter=None), contact=method, every=1)
         corners = np.random.default_rng(start).normal(size=(400, 3))
         spec.add_mesh(name="round", uservert=(5e-3 * corners / np.linalg.norm(corners, axis=1)[:, None]).ravel())
-        body = spec.worldbody.add_body(pos=[0, 0, 5.2e-3])
-        body.add_freejoint()
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="round", mass=0.1)
+        add_body(spec, "mesh", [], [0, 0, 5.2e-3], free=True, meshname="round", mass=0.1)
         model = spec.compile()
         data = mujoco.MjData(model)
         sensor.bind(model)

@@ -15,6 +15,7 @@ from fastmodel.contact.interface import Reading
 from fastmodel.errors import ParametersError
 from fastmodel.validity import Validity, describe_limits
 from meshes import Sphere
+from tests.support.scenes import make_spec, simulate
 
 PARAMETERS = fastmodel.load("wts-0614-34")
 RANGE = Validity(
@@ -53,6 +54,8 @@ def test_the_warning_states_the_contact_and_the_limit():
     assert "above 1 N, 0.2 mm deep" in text
     assert "more than 5 %" in text
     assert "unknown" in dataclasses.replace(RANGE, load_5_percent=2.0).describe_excess(reading())
+    assert "only 8 of" in describe_limits(reading(fewest_cells=8), None)[0]
+    assert describe_limits(reading(fewest_cells=9), None) == ()
 
 
 @pytest.mark.parametrize(
@@ -82,20 +85,11 @@ def test_a_range_of_bad_values_is_refused_also_in_a_file(tmp_path, name, value, 
         fastmodel.load(tmp_path / "sensor")
 
 
-def test_a_contact_on_few_cells_is_told():
-    assert "only 8 of" in describe_limits(reading(fewest_cells=8), None)[0]
-    assert describe_limits(reading(fewest_cells=9), None) == ()
-
-
 def test_a_running_sensor_warns_once():
-    parameters = dataclasses.replace(PARAMETERS, validity=RANGE)
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    sensor = fastmodel.attach(spec, "world", parameters, every=1)
+    spec = make_spec(timestep=2e-3)
+    sensor = fastmodel.attach(spec, "world", dataclasses.replace(PARAMETERS, validity=RANGE), every=1)
     fastmodel.add_indenter(spec, Sphere(radius=2e-3), 8.0)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    sensor.bind(model)
+    model, data = simulate(spec, sensor, 0)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         for _ in range(100):

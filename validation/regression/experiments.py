@@ -151,11 +151,14 @@ _COMPARISON = (0.10, 0.07, float("nan"), 0.21, 0.05)
 
 
 def score_fixed_images(subject: Subject) -> Readings:  # noqa: ARG001 -- every experiment takes the sensor
-    """Score a fixed prediction against a fixed reference by every metric; one texel is masked."""
+    """Score a fixed prediction against a fixed reference by every metric; the two peak on different texels.
+
+    One texel is masked.
+    """
     active = np.ones(_SHAPE, dtype=bool)
     active[3, 1] = False
     array = TexelArray.grid(*_SHAPE, _IMAGE_PITCH, active=active)
-    reference, forces = _make_bump(array, (0.8e-3, -1.7e-3), 3.0e-3), _make_bump(array, (1.5e-3, -0.4e-3), 3.4e-3)
+    reference, forces = _make_bump(array, (0.8e-3, -1.7e-3), 3.0e-3), _make_bump(array, (2.1e-3, -0.4e-3), 3.4e-3)
     scores = score(
         reference, 0.95 * forces, reference_outside=_OUTSIDE[0], outside=_OUTSIDE[1], load=_LOAD, array=array
     )

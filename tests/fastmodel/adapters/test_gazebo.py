@@ -41,16 +41,10 @@ def test_the_line_in_the_block_is_that_of_the_force_on_a_texel():
     assert 'calibrated="through the cover, tip 1 mm"' in write_block(WTS)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"array": ARRAYS["sdh2-distal"]}, "no texel may be masked"),
-        ({"electronics": dataclasses.replace(WTS_0614_34, characteristic=(0, 1, 0, 0, 0, 0))}, "straight line"),
-    ],
-)
-def test_parameters_that_the_block_cannot_hold_are_named(change, message):
-    with pytest.raises(FastModelError, match=message):
-        write_block(dataclasses.replace(WTS, **change))
+def test_parameters_that_the_block_cannot_hold_are_named():
+    bent = dataclasses.replace(WTS_0614_34, characteristic=(0, 1, 0, 0, 0, 0))
+    with pytest.raises(FastModelError, match="straight line; no texel may be masked"):
+        write_block(dataclasses.replace(WTS, array=ARRAYS["sdh2-distal"], electronics=bent))
 
 
 @pytest.mark.parametrize(

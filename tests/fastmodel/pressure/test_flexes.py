@@ -20,20 +20,20 @@ SOFT = '<elasticity young="1e5" poisson="0.3" damping="2e-3"/>'
 STIFF = '<edge equality="true"/>'
 
 
-def build_flex(shape, inside, height, mass=0.05):
-    """A flex over an array under gravity; sensor, model and data."""
-    spec = mujoco.MjSpec.from_string(f"""<mujoco>
-      <option integrator="{"discrete" if inside == SOFT else "implicitfast"}"/>
-      <worldbody>
-        <flexcomp name="soft" {shape} pos="1e-3 -2e-3 {height}" mass="{mass}" radius="5e-4">
-          <contact selfcollide="none" condim="3"/>
-          {inside}
-        </flexcomp>
-      </worldbody>
-    </mujoco>""")
+def build_flexes(flexes, inside, array=PARAMETERS.array):
+    """Flexes, given by shape, position and mass, over an array under gravity; sensor, model and data."""
+    parts = "\n".join(
+        f'<flexcomp name="{number}" {shape} pos="{place}" mass="{mass}" radius="5e-4">'
+        f'<contact selfcollide="none" condim="3"/>{inside}</flexcomp>'
+        for number, (shape, place, mass) in enumerate(flexes)
+    )
+    integrator = "discrete" if inside == SOFT else "implicitfast"
+    spec = mujoco.MjSpec.from_string(
+        f'<mujoco><option integrator="{integrator}"/><worldbody>{parts}</worldbody></mujoco>'
+    )
     fastmodel.recommend_options(spec)
     spec.option.timestep = 1e-3
-    sensor = fastmodel.attach(spec, "world", PARAMETERS, contact=CoverContact(plate=THICK), every=1)
+    sensor = fastmodel.attach(spec, "world", parameters(array, filter=None), contact=CoverContact(plate=THICK), every=1)
     model = spec.compile()
     return sensor.bind(model), model, mujoco.MjData(model)
 
@@ -48,7 +48,7 @@ def run(sensor, model, data, steps):
 
 
 def test_the_image_of_a_soft_cube_at_rest_is_steady_and_its_force_exact():
-    sensor, model, data = build_flex(CUBE, SOFT, 6e-3)
+    sensor, model, data = build_flexes([(CUBE, "1e-3 -2e-3 6e-3", 0.05)], SOFT)
     run(sensor, model, data, 500)
     images = run(sensor, model, data, 40)
     changes = 0.5 * np.abs(np.diff(images, axis=0)).sum(axis=1) / images[1:].sum(axis=1)
@@ -69,7 +69,7 @@ def test_the_image_of_a_soft_cube_at_rest_is_steady_and_its_force_exact():
 
 @pytest.mark.parametrize(("shape", "wide"), [(CLOTH, (12e-3, 8e-3)), (CABLE, (12e-3, 0.0))], ids=["cloth", "cable"])
 def test_cloths_and_cables_are_laid_out_along_their_length(shape, wide):
-    sensor, model, data = build_flex(shape, STIFF, 0.6e-3)
+    sensor, model, data = build_flexes([(shape, "1e-3 -2e-3 0.6e-3", 0.05)], STIFF)
     run(sensor, model, data, 400)
     image = sensor.contact_forces()
     assert image.sum() == pytest.approx(0.05 * 9.81, rel=0.05)
@@ -99,20 +99,11 @@ def test_the_force_follows_the_depth():
 
 
 def test_each_of_two_flexes_presses_with_its_own_force():
-    names = {"left": (-6e-3, 0.03), "right": (6e-3, 0.09)}
-    flexes = "\n".join(
-        f'<flexcomp name="{name}" {CABLE} pos="{x} 0 0.6e-3" mass="{mass}" radius="5e-4">'
-        f'<contact selfcollide="none" condim="3"/>{STIFF}</flexcomp>'
-        for name, (x, mass) in names.items()
-    )
-    spec = mujoco.MjSpec.from_string(f"<mujoco><worldbody>{flexes}</worldbody></mujoco>")
-    fastmodel.recommend_options(spec)
-    spec.option.timestep = 1e-3
-    array = TexelArray.grid(5, 12, 3e-3)
-    sensor = fastmodel.attach(spec, "world", parameters(array, filter=None), contact=CoverContact(plate=THICK), every=1)
-    model = spec.compile()
-    run(sensor.bind(model), model, data := mujoco.MjData(model), 300)
+    array, masses = TexelArray.grid(5, 12, 3e-3), {-1: 0.03, 1: 0.09}
+    flexes = [(CABLE, f"{sign * 6e-3} 0 0.6e-3", mass) for sign, mass in masses.items()]
+    sensor, model, data = build_flexes(flexes, STIFF, array)
+    run(sensor, model, data, 300)
     forces, x = sensor.contact_forces(), array.centres[:, 0]
     assert data.ncon
-    for sign, (_, mass) in zip((-1, 1), names.values(), strict=True):
+    for sign, mass in masses.items():
         assert forces[sign * x > 0].sum() == pytest.approx(mass * 9.81, rel=0.05)

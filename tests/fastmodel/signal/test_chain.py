@@ -31,23 +31,15 @@ def parameters(electronics=ELECTRONICS, **changes):
     return Parameters(electronics=electronics, **{**values, **changes})
 
 
-def numpy():
-    return np
-
-
-def strict():
-    return pytest.importorskip("array_api_strict")
-
-
 def jax_with_64_bits():
     jax = pytest.importorskip("jax")
     jax.config.update("jax_enable_x64", True)  # noqa: FBT003 -- jax takes it so
     return jax.numpy
 
 
-@pytest.fixture(params=[numpy, strict, pytest.param(jax_with_64_bits, marks=pytest.mark.slow)])
+@pytest.fixture(params=["numpy", "array_api_strict", pytest.param("jax", marks=pytest.mark.slow)])
 def xp(request):
-    return request.param()
+    return jax_with_64_bits() if request.param == "jax" else pytest.importorskip(request.param)
 
 
 def inputs():

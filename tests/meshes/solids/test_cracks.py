@@ -71,9 +71,9 @@ def test_a_hole_is_stated():
     assert thicken(DOME, 1e-3, "dome", inward=True).notes == ()
 
 
-@pytest.mark.parametrize("around", [24, 90])
+@pytest.mark.parametrize("around", [24, 64])
 def test_a_fine_tessellation_is_thickened_like_a_coarse_one(around):
     """The triangles at the pole are slivers, and the border keeps all its points."""
-    shell = thicken(make_dome(around, rings=30), 2e-3, "dome", inward=True)
+    shell = thicken(make_dome(around, rings=24), 2e-3, "dome", inward=True)
     assert shell.notes == ()
     assert enclosed_volume(shell.surface) == pytest.approx(np.pi / 3 * (8**3 - 6**3) * 1e-9, rel=0.02)

@@ -144,11 +144,6 @@ def test_meshes_that_do_not_fit_together_are_refused(change, words):
         SolidMesh(**ONE | change, source="one")
 
 
-def test_millimetres_are_noticed_before_meshing():
-    with pytest.raises(ValueError, match="millimetres taken for metres"):
-        fill_with_tetrahedra(1e3 * BOX, 1e3 * BASE, 1.0)
-
-
 #: Keeps what the mesher is given, and takes the corners of the box as nodes.
 MESHER = f"""
 import os, numpy
@@ -186,8 +181,15 @@ def test_the_mesher_runs_in_a_folder_of_its_own(tmp_path, monkeypatch):
     assert compute_volume(mesh) == pytest.approx(np.prod(SIZE), rel=0.01)
 
 
-@pytest.mark.parametrize(("code", "message"), [("import os; os.abort()", "exit -6"), ("raise OSError('no')", "no")])
-def test_a_mesher_that_dies_is_reported(monkeypatch, code, message):
+@pytest.mark.parametrize(
+    ("code", "scale", "message"),
+    [
+        ("import os; os.abort()", 1, "the mesher failed on box.*exit -6"),
+        ("raise OSError('no')", 1, "the mesher failed on box.*no"),
+        ("", 1e3, "millimetres taken for metres"),
+    ],
+)
+def test_a_mesher_that_dies_and_millimetres_are_reported(monkeypatch, code, scale, message):
     monkeypatch.setattr("meshes.solids.tetrahedra._PROGRAM", code)
-    with pytest.raises(ValueError, match=f"the mesher failed on box.*{message}"):
-        fill_with_tetrahedra(BOX, BASE, 1e-3, name="box")
+    with pytest.raises(ValueError, match=message):
+        fill_with_tetrahedra(scale * BOX, scale * BASE, 1e-3 * scale, name="box")
