@@ -19,7 +19,7 @@ class PiercedError(ValueError):
 
 
 class UnsupportedError(ValueError):
-    """An argument of `press` is not supported for this kind of cover.
+    """An argument of `press` is not supported for the kind of cover that is pressed.
 
     Attributes:
         argument: Name of the argument of `press`.
@@ -31,7 +31,7 @@ class UnsupportedError(ValueError):
 
 
 class ConvergenceError(RuntimeError):
-    """An iterative solver stopped before it reached its tolerance."""
+    """An iterative solver of this package stopped before it reached its tolerance."""
 
 
 class PathConvergenceError(ConvergenceError):
@@ -51,7 +51,7 @@ class PathConvergenceError(ConvergenceError):
 
 
 class TooShallowError(ConvergenceError):
-    """No cell or node is in contact, because the load or depth is too small for the grid."""
+    """The contact has no cell or node of the grid, because the load or depth is too small for the grid."""
 
 
 class IncompletePathError(ConvergenceError):

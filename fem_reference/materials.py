@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -331,9 +332,9 @@ _SQUEEZING = ("uniaxial compression", "equibiaxial tension", "planar tension")
 _DIAGONAL: Places = ((0, 0), (1, 1), (2, 2))
 #: Largest number of Newton steps for the strain of the axes that are free of stress [-].
 _NEWTON_STEPS = 50
-#: Largest change of that strain in one Newton step [-].
+#: Largest change of the strain of the axes that are free of stress in one Newton step [-].
 _LARGEST_STEP = 0.5
-#: Change of that strain below which Newton's method ends [-].
+#: Change of the strain of the axes that are free of stress below which Newton's method ends [-].
 _SMALLEST_STEP = 1e-12
 
 
@@ -353,6 +354,7 @@ def find_unstable_stretches(material: Material) -> dict[str, float]:
     return {mode: float(stretches[0]) for mode, stretches in _find_unstable_states(material).items()}
 
 
+@lru_cache(maxsize=64)
 def _find_unstable_states(material: Material) -> dict[str, FloatArray]:
     """Find the principal stretches at which a material loses its stability, by kind of deformation, shape (3,) [-]."""
     if material.small_strain_only:

@@ -293,7 +293,7 @@ def describe(value: Any) -> Any:  # noqa: ANN401 -- any input
 
 
 def pack(value: Any) -> Arrays:  # noqa: ANN401 -- any tree
-    """Turn a tree of dataclasses, mappings, lists, tuples, arrays and plain values to numbered arrays and JSON.
+    """Convert a result, a tree of dataclasses, mappings, lists, arrays and plain values, to numbered arrays and JSON.
 
     Raises:
         TypeError: If a part of the tree is of another type.
@@ -320,7 +320,7 @@ def pack(value: Any) -> Arrays:  # noqa: ANN401 -- any tree
 
 
 def unpack(arrays: Mapping[str, Any]) -> Any:  # noqa: ANN401 -- any tree
-    """Return the tree that `pack` turned to arrays."""
+    """Rebuild a result, a tree of dataclasses, mappings, lists and arrays, from the arrays into which it was packed."""
 
     def restore(item: Any) -> Any:  # noqa: ANN401
         if not isinstance(item, dict):

@@ -11,6 +11,9 @@ from typing import ParamSpec, TypeVar, cast
 P = ParamSpec("P")
 T = TypeVar("T")
 
+#: Largest number of characters of a value that an error message repeats [-].
+_LONGEST = 80
+
 
 class InputError(ValueError):
     """Reports faults in the user's input, such as files and options.
@@ -109,6 +112,15 @@ def nearest(word: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.5)
     hint = f"did you mean {lower[close[0]]!r}? " if close else ""
     return f"{hint}accepted: {', '.join(names)}"
+
+
+def shorten(value: object) -> str:
+    """Return a value of any type as text for an error message; a long text is cut.
+
+    A table or a list is represented by the name of its type.
+    """
+    text = repr(value) if isinstance(value, str | int | float | bool | None) else f"a {type(value).__name__}"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
 def match_name(word: str, known: Iterable[str]) -> str:

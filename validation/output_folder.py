@@ -93,7 +93,7 @@ def new_folder(target: Path) -> Iterator[Path]:
             for path in (*fresh.rglob("*"), fresh):
                 atomic_file.flush(path)
         except OSError as error:
-            if error.filename is None and error.errno is not None:  # for example if the disk is full
+            if error.filename is None and error.errno is not None:  # for example on a full disk
                 raise OSError(error.errno, error.strerror, str(target)) from None
             raise
         _check_replaceable(target)  # The folder may have changed, because the computation may have taken hours.

@@ -354,8 +354,8 @@ class SolidPlaces(Places):
                 f"{prefix}at: the place is {1e3 * distance[0]:.4g} mm from the cover's surface; the nearest point is "
                 f"{near}"
             )
-        # Above a texel its own normal is used, because the normal of the top varies from element to element on rough
-        # surfaces.
+        # At the default place the normal of the texel is used, because on a rough surface the normal of the top varies
+        # from element to element.
         normal = texels.normals[middle] if at is None else (weights @ top.normals)[0]
         return point, normal / np.linalg.norm(normal)
 

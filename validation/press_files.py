@@ -104,10 +104,8 @@ def write_vtu(fields: CoverFields, path: Path) -> None:
     """
     import pyvista
 
-    corners = fields.cells.shape[1]
-    kind = pyvista.CellType.QUAD if corners == 4 else pyvista.CellType.HEXAHEDRON  # noqa: PLR2004
-    cells = np.column_stack([np.full(len(fields.cells), corners), fields.cells])
-    grid = pyvista.UnstructuredGrid(cells.ravel(), np.full(len(cells), kind, dtype=np.uint8), fields.position)
+    kind = pyvista.CellType.QUAD if fields.cells.shape[1] == 4 else pyvista.CellType.HEXAHEDRON  # noqa: PLR2004
+    grid = pyvista.UnstructuredGrid({kind: fields.cells}, fields.position)
     grid.point_data["displacement"] = fields.displacement
     grid.point_data["stress"] = fields.stress.reshape(-1, 9)
     grid.point_data["von_mises"] = fields.von_mises
@@ -270,6 +268,8 @@ class LoadCurve:
     def write(self, folder: Path) -> tuple[str, ...]:
         """Write `curve.csv` and, if matplotlib is installed, the picture `curve.png`.
 
+        The picture shows load and largest texel force over depth, with error bars from the error estimates.
+
         Args:
             folder: An existing folder to write to.
 
@@ -282,17 +282,10 @@ class LoadCurve:
         rows = [row | {"warnings": "; ".join(row["warnings"])} for row in self.rows()]
         _write_rows(folder / "curve.csv", rows[0], (row.values() for row in rows))
         try:
-            self._draw(folder / "curve.png")
+            from matplotlib.figure import Figure
         except ImportError:
             _LOG.warning("no picture: %s", MissingExtraError("matplotlib"))
             return ("curve.csv",)
-        return ("curve.csv", "curve.png")
-
-    def _draw(self, path: Path) -> None:
-        """Draw load and largest texel force over depth to a file, with error bars from the error estimates."""
-        from matplotlib.figure import Figure
-
-        rows = self.rows()
         values = {name: np.array([row[name] for row in rows]) for name in rows[0] if name != "warnings"}
         figure = Figure(figsize=(7, 4.5), layout="constrained")
         axes = figure.subplots()
@@ -307,4 +300,5 @@ class LoadCurve:
         axes.set_title("loading; error bars are the error estimates" + ("; the path stopped" if self.stopped else ""))
         axes.grid(alpha=0.3)
         axes.legend(frameon=False)
-        figure.savefig(path, dpi=150)
+        figure.savefig(folder / "curve.png", dpi=150)
+        return ("curve.csv", "curve.png")

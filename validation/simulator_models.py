@@ -74,7 +74,7 @@ def check_gazebo(sensor: SensorDescription | Parameters) -> None:
     Raises:
         InputError: If the plugin cannot describe the array or the electronics.
     """
-    spread = sensor.spread or Gaussian.from_sigma(1.0)  # Any kernel can be described.
+    spread = sensor.spread or Gaussian.from_sigma(1.0)  # The plugin can describe any kernel, so that any will do here.
     electronics = sensor.electronics
     _make_gazebo_block(Parameters(array=sensor.array, spread=spread, filter=sensor.filter, electronics=electronics))
 

@@ -52,7 +52,7 @@ class ContactSettings:
     deep: float = 25.0
     #: Number of concentric rings of the contact on which the force is checked to be compressive [-].
     rings: int = 48
-    #: Largest tensile force on such a ring, over the total force, that counts as rounding error [-].
+    #: Largest tensile force on a ring of the contact, over the total force, that counts as rounding error [-].
     pull: float = 1e-7
     #: Gauss points along each side of a panel of a texel, in the integral of the base pressure over the texel [-].
     points: int = 8
@@ -64,7 +64,7 @@ _SETTINGS = ContactSettings()
 
 #: Number of wave numbers of the logarithmic grid on which Hankel transforms are computed (scipy's `fht`) [-].
 LOGARITHMIC_POINTS = 8192
-#: Natural logarithm of the largest wave number of this grid over its middle wave number [-].
+#: Natural logarithm of the largest wave number of a logarithmic grid over its middle wave number [-].
 LOGARITHMIC_HALF_WIDTH = 20.0
 
 

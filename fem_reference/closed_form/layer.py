@@ -302,14 +302,14 @@ class InfluenceSettings:
 
     #: Points per cover thickness of the table of the force on a texel over the position of a point load [-].
     resolution: int = 12
-    #: Largest number of points along a side of this table, to limit the memory [-].
+    #: Largest number of points along a side of the table of the force on a texel, to limit the memory [-].
     most_points: int = 3072
     #: Base pressure over its largest value below which the response to a point load is neglected [-].
     negligible: float = 1e-7
 
 
 _INFLUENCE = InfluenceSettings()
-#: Distances from a point load, over the cover thickness, at which the base pressure is compared with this limit [-].
+#: Distances from a point load, over the cover thickness, at which the search for a negligible base pressure looks [-].
 _DISTANCES = np.linspace(6.0, 60.0, 109)
 
 
@@ -336,7 +336,15 @@ class TexelResponse:
     table: RectBivariateSpline
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Evaluate the share [-] for loads at (x, y) from the texel's centre, arrays of the same shape [m]."""
+        """Interpolate the share of a unit point load that the texel receives.
+
+        Args:
+            x: Distances of the load from the centre of the texel along x, any shape [m].
+            y: Distances along y, same shape [m].
+
+        Returns:
+            Shares, same shape [-].
+        """
         x, y = np.abs(x), np.abs(y)
         near = (x <= self.half[0]) & (y <= self.half[1])
         out = np.zeros(near.shape)

@@ -46,8 +46,8 @@ class SolidContactSettings:
     #: Additional compliance of each hat, over the sum of the compliances of all hats in contact [-].  Without it the
     #: equations are singular under an indenter smaller than a facet, where the hats are linearly dependent.
     soft: float = 1e-8
-    #: Gap over the deepest overlap below which a hat counts towards the area of contact [-].  Near a sharp edge the
-    #: pressure oscillates, and hats next to large forces have small gaps.
+    #: Gap over the deepest overlap below which a hat, a shape function of the pressure, counts towards the area of
+    #: contact [-].  Near a sharp edge the pressure oscillates, and hats next to large forces have small gaps.
     closed: float = 0.02
     #: Largest difference between the load and its target, over the target [-].
     load_error: float = 1e-7
@@ -56,7 +56,8 @@ class SolidContactSettings:
     #: Number of steps in the search for a load after which the interval of depths is bisected instead of a secant step
     #: [-].  Bisection also shrinks the interval where secant steps do not.
     bisect: int = 5
-    #: Number of hats in contact at the depth at which the search for a load starts [-].
+    #: Number of hats (shape functions of the pressure) in contact at the depth at which the search for a load starts
+    #: [-].
     first_nodes: int = 4
 
 
@@ -316,7 +317,7 @@ class MeshPress:
         )
 
     def under_load(self, load: float, *, start: float | None = None, least: float = 0.0) -> ContactForces:
-        """Find the depth at a load, by the secant method between bounds.
+        """Find the depth at which the indenter bears a load, by the secant method between bounds.
 
         The first step uses the stiffness of the contact, which neglects the growth of the contact within a hat.
 
@@ -473,7 +474,9 @@ def _load_vectors(spread: sp.csc_matrix, normals: FloatArray, tangents: FloatArr
 
 
 def measure_half_width(nodes: FloatArray, area: FloatArray, spacing: float) -> float:
-    """Measure half the smaller width of a contact: twice the root of its smaller second moment of area [m].
+    """Measure half the smaller width of a contact on hats, the shape functions of the pressure [m].
+
+    It is twice the root of the smaller second moment of the contact's area.
 
     For a disk this is the radius.
 

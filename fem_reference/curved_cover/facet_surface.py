@@ -19,7 +19,7 @@ _ORDER = 6
 #: Number of parts along each side of a facet in the search for the nearest point [-].  The middles of the parts are
 #: possible starts of the search.
 _PARTS = 4
-#: Number of these middles, the nearest ones, from which the nearest point of the surface is searched [-].
+#: Number of starts, the nearest middles of parts of facets, from which the nearest point of a surface is searched [-].
 _CANDIDATES = 6
 #: Number of Gauss-Newton steps of the search for the nearest point, from each start [-].
 _STEPS = 12
@@ -99,7 +99,7 @@ class FacetSurface:
         return middle, area_vectors(self.nodes, self.facets, place) * share, edges
 
     def locate(self, points: FloatArray) -> tuple[sp.csr_matrix, FloatArray]:
-        """Find the nearest points of the surface.
+        """Find the points of the surface that are nearest to given points.
 
         Args:
             points: k points, shape (k, 3) [m].

@@ -160,7 +160,7 @@ def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
 
 
 def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float) -> Indentation:
-    """Press to one target at small strain on every mesh; return the result of the finest mesh.
+    """Press a solid to one target load or depth at small strain on every mesh; return the result of the finest mesh.
 
     Args:
         meshes: One mesh, or two or three from coarse to fine for an error estimate.
@@ -366,7 +366,7 @@ def measure_balance(force: FloatArray, base_force: FloatArray) -> float:
 def press_finite(
     meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float
 ) -> Indentation:
-    """Press to one target at finite strain, along the axis of the indenter and without friction; see `press_small`.
+    """Press a solid to one target load or depth at finite strain, along the axis of the indenter and without friction.
 
     The arrays of the result are those of the finest mesh solved at finite strain, the second finest of several meshes.
     Texel forces, and depth or load, are corrected for its discretisation error.

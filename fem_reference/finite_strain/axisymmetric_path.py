@@ -41,7 +41,8 @@ class AxisymmetricPathSettings:
     open: float = 1e-2
     #: Number of surface nodes next to the contact from whose gaps the edge of the contact is extrapolated [-].
     open_nodes: int = 4
-    #: Largest distance of the extrapolated edge of the contact from the first open node, inwards [surface nodes].
+    #: Largest distance of the extrapolated edge of the contact from the innermost surface node out of contact, inwards
+    #: [surface nodes].
     closed_nodes: int = 3
 
 

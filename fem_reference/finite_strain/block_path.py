@@ -36,7 +36,7 @@ from meshes.pose import Pose
 
 @dataclass(frozen=True, kw_only=True)
 class BlockSettings:
-    """Constants of loading paths on blocks in three dimensions."""
+    """Constants of loading paths that are solved on a block of hexahedra, the meshed part of a cover."""
 
     #: Element size at the edge of a rectangular flat face, over the radius of the rounded edge [-].  The edges of such
     #: a face lie on mesh lines.
@@ -47,7 +47,8 @@ class BlockSettings:
     #: Element size at the edge of the contact under a curved indenter, over the regular size, which follows from the
     #: number of elements through the cover [-].
     edge_element: float = 0.5
-    #: Largest element size in the contact over the regular size [-].
+    #: Largest element size in the contact, over the regular size, which follows from the number of elements through the
+    #: cover [-].
     largest_element: float = 1.2
     #: Largest element size at the sides of a cover of limited size over the regular size [-].
     side_element: float = 1.5

@@ -261,7 +261,7 @@ class SurfaceContact:
     def _return_to_cone(
         self, position: FloatArray, normal: FloatArray, pressure: FloatArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Compute the friction traction by a return mapping to Coulomb's cone.
+        """Compute the frictional traction at contact points by a return mapping to Coulomb's cone.
 
         Points are the q quadrature points of f facets in d dimensions.
 

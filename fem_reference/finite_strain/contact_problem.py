@@ -289,7 +289,7 @@ class ContactProblem:
         raise PathConvergenceError(cause, cause=cause)
 
     def _tighten(self, here: ContactEquilibrium, control: Control) -> ContactEquilibrium:
-        """Reduce the penetration of an equilibrium by augmentation, then solve with the smaller target tolerance."""
+        """Reduce the penetration in an equilibrium by augmentation, then solve with the smaller target tolerance."""
         pressure = np.zeros_like(here.contact.pressure)
         for _ in range(_SETTINGS.augmentations):
             if here.contact.overlap < self.overlap * here.depth:
@@ -405,7 +405,7 @@ class ContactProblem:
 def _extrapolate(
     before: ContactEquilibrium | None, here: ContactEquilibrium, aim: float, control: Control
 ) -> tuple[FloatArray, float]:
-    """Extrapolate state and depth linearly from the last two equilibria to the load or depth `aim`."""
+    """Extrapolate the unknowns and the depth linearly from the last two equilibria to the load or depth `aim`."""
     if before is None:
         return here.state, here.depth if control == "load" else aim
     last, previous = (here.load, before.load) if control == "load" else (here.depth, before.depth)

@@ -123,7 +123,7 @@ def solve_newton(
     """
     unknowns, step, slope, halvings = start, None, 0.0, 0
     for iteration in range(iterations):
-        # A Newton step that turns an element inside out is halved.
+        # If a Newton step turns an element inside out, half of it is tried.
         try:
             here = linearise(unknowns, iteration)
         except InvertedElementError:

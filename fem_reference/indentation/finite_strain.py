@@ -51,11 +51,11 @@ _FINE = 1 / 20
 _COARSE = 1 / 5
 #: Number of elements through the cover on the three grids in three dimensions; the result is that of the finest [-].
 SOLID_GRIDS = (2, 3, 4)
-#: Larger radius of rounded edges, over that of `choose_solid_fillet`, if radius and elements are refined alternately
-#: [-].
+#: Larger radius of rounded edges, over that of `choose_solid_fillet`, on the two other grids of three grids that refine
+#: radius and elements alternately [-].
 _WIDE_EDGE = 3 / 4
-#: Smaller radius of rounded edges, over that of `choose_solid_fillet`, if radius and elements are refined alternately
-#: [-].
+#: Smaller radius of rounded edges, over that of `choose_solid_fillet`, on the grid with smaller edges of three grids
+#: that refine radius and elements alternately [-].
 _NARROW_EDGE = 3 / 8
 #: Safety factor for edges on mesh lines [-]: estimated difference between the results with the smaller radius and with
 #: a sharp edge, over the difference between the results with the two radii.  In the r-z plane without slip at finite
@@ -87,7 +87,7 @@ class SolidGrid:
 
 
 def choose_solid_grids(thickness: float, indenter: Indenter, *, in_turn: bool) -> tuple[SolidGrid, ...]:
-    """Choose the three grids in three dimensions.
+    """Choose three grids for the solution at finite strain or with friction in three dimensions.
 
     With friction the force rises as the radius of an edge falls, and falls with finer elements.  If both were refined
     together, the two effects would cancel in the differences between the grids.  They are therefore refined
@@ -110,7 +110,10 @@ def choose_solid_grids(thickness: float, indenter: Indenter, *, in_turn: bool) -
 
 
 def choose_edge_safety(path: LoadingPath, pose: Pose) -> float:
-    """Choose `_ON_LINES` or `_OFF_LINES`; 0 if radius and elements are not refined alternately [-].
+    """Choose the safety factor on the effect of the radius of rounded edges [-].
+
+    It is `_ON_LINES` if the edges of the face lie on mesh lines, else `_OFF_LINES`, and 0 if the grids do not refine
+    radius and elements alternately.
 
     Args:
         path: Cover, indenter and friction.
@@ -451,7 +454,7 @@ def _solve_block_pair(
 
 
 def _lay_out(path: LoadingPath, contact: FloatArray, pose: Pose, grid: SolidGrid) -> Block:
-    """Return the block to mesh on a grid.
+    """Choose the part of the cover that is meshed in three dimensions, and its element sizes, for one grid.
 
     Args:
         path: Cover, indenter and targets.

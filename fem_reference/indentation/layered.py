@@ -42,7 +42,8 @@ if TYPE_CHECKING:
 #: Function that returns a quantity of the solution on one grid, such as its total force [N].
 Quantity = Callable[[GridSolution], float]
 
-#: Depth over thickness that messages state as the largest possible depth if a load would pierce the cover [-].
+#: Depth over thickness at which the largest load is computed that an error message states if a load would pierce the
+#: cover [-].
 _LARGEST_DEPTH = 0.98
 #: Depth over cover thickness above which a small-strain result is marked as outside its range.  At this depth the force
 #: on a sphere agrees with the finite-strain force within 0.3 % [-].

@@ -26,9 +26,9 @@ from meshes import FlatPunch
 from meshes.array_types import FloatArray, IntArray
 from meshes.pose import Place, Pose
 
-#: Number of elements through the cover in axisymmetric meshes [-].
+#: Number of elements through the cover in the axisymmetric mesh for displacement and stress [-].
 _COUNT = 16
-#: Number of elements through the cover in three dimensions [-].
+#: Number of elements through the cover in the three-dimensional mesh for displacement and stress [-].
 _SOLID_COUNT = 4
 #: Radius of the region of small elements in axisymmetric meshes, over the contact radius [-].
 _FINE_REGION = 1.3
@@ -37,9 +37,9 @@ _ACROSS = 24
 #: Size ratio of neighbouring elements outside the region of small elements, minus one, times the number of elements
 #: through the cover [-].
 _GROWTH = 1.2
-#: Element size at the edge of the contact in three dimensions, over the regular size [-].
+#: Element size at the edge of the contact in the three-dimensional mesh, over the regular element size [-].
 _EDGE = 0.5
-#: Largest element size in the contact in three dimensions, over the regular size [-].
+#: Largest element size in the contact in the three-dimensional mesh, over the regular element size [-].
 _LARGEST = 1.2
 #: Largest number of elements along half a contact in three dimensions, to limit the memory [-].
 _MOST = 14

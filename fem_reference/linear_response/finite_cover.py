@@ -238,7 +238,8 @@ def _grade_side(cover: Cover, array: TexelArray, axis: int, across: float) -> Fl
     edges = [np.zeros(1)]
     for low, high in pairwise(zip(marks, sharp, strict=True)):
         x = np.linspace(low[0], high[0], _SETTINGS.samples)
-        # Elements are small at all marks except the middle of the cover, unless a texel edge lies there.
+        # Elements are small near texel edges and the side of the cover.  The first mark, the middle of the cover,
+        # counts only if a texel edge lies there.
         distance = np.minimum(x - low[0] if low[1] else np.inf, high[0] - x)
         spacing = (1 + _SETTINGS.growth * np.maximum(distance - _SETTINGS.near, 0)) / across
         edges.append(fill_by_spacing(x, spacing)[1:])

@@ -46,13 +46,13 @@ class PointSpreadSettings:
     least_points: int = 8
     #: Number of equal panels near the axis, in integrals of the base pressure over the distance from the axis [-].
     even_panels: int = 48
-    #: Number of these equal panels per cover thickness [-].
+    #: Number of equal panels per cover thickness near the axis, in integrals over the distance from the axis [-].
     per_thickness: int = 12
     #: Ratio of the lengths of neighbouring panels farther from the axis [-].
     panel_growth: float = 1.1
     #: Largest distance in the table for integrals along the outline of the texels, over the reach of the pressure [-].
     farthest: float = 300.0
-    #: Smallest singular value of a table that is kept, over the largest [-].
+    #: Smallest singular value that is kept in the factorisation of a table of integrals, over the largest one [-].
     rank: float = 1e-11
     #: Distance between texel edges, over the smaller side of a texel, below which the edges count as one [-].
     same_edge: float = 1e-6

@@ -35,11 +35,11 @@ class SurfaceSettings:
     elements: int = 16
     #: Largest length of a panel of the integral over the wave number k, in half periods of J0(k reach) [-].
     panel_periods: float = 4.0
-    #: Length of the first panel of this integral, at k = 0, times the cover thickness [-].
+    #: Length of the first panel of the integral over the wave number k, at k = 0, times the cover thickness [-].
     first_panel: float = 0.25
-    #: Largest length of a panel of this integral over k, at larger k [-].
+    #: Largest length of a panel of the integral over the wave number k, over k, at larger k [-].
     panel_ratio: float = 0.3
-    #: Gauss points in each panel of this integral [-].
+    #: Gauss points in each panel of the integral over the wave number [-].
     panel_points: int = 12
     #: Number of points of the table of compliance over distance, per thickness of the thinnest layer [-].
     table_points: int = 10
@@ -54,7 +54,8 @@ class SurfaceSettings:
     decay: float = 28.0
     #: Wave numbers per factor e at which the response is solved; others are interpolated [-].
     solved_waves: int = 30
-    #: Distance between cells over their larger side below which their compliance is integrated exactly [-].
+    #: Distance between two cells, over the larger side of a cell, below which the half-space part of the displacement
+    #: of one by the pressure on the other is integrated exactly [-].
     neighbours: float = 32.0
     #: Largest length of a panel of a quadrature over a cell, over the thickness of the top layer [-].
     panel: float = 0.6
@@ -64,7 +65,8 @@ class SurfaceSettings:
     blocks: int = 8
     #: Coefficient of the decay length of the cover's response in the outer radius of axisymmetric meshes [-].
     reach: float = 12.0
-    #: Distance of the outer boundary from the contact in three dimensions, over the decay length [-].
+    #: Distance of the outer boundary of three-dimensional meshes from the contact, over the decay length of the cover's
+    #: response [-].
     solid_reach: float = 7.0
     #: Coefficient of the contact radius in the outer radius of axisymmetric meshes [-].
     reach_radii: float = 1.5

@@ -108,7 +108,7 @@ class SideEdges:
 
     @property
     def near(self) -> bool:
-        """Whether a side of the cover is so near that its effect on the contact is not neglected."""
+        """Whether a side of the cover is so near to the contact that its effect is not neglected."""
         near = _SETTINGS.near_sliding if self.cover.base == "sliding" else _SETTINGS.near
         return bool(self._distance < near * decay_length(self.cover))
 
@@ -154,7 +154,7 @@ class SideEdges:
 
     @cached_property
     def _side(self) -> FloatArray:
-        """Half the size of the cover along x and y [m]."""
+        """Half the size of the cover along x and along y, shape (2,) [m]."""
         return np.array(self.cover.size) / 2
 
     @cached_property

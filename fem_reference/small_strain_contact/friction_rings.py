@@ -67,8 +67,8 @@ class RingSettings:
 _SETTINGS = RingSettings()
 
 
-#: Number of elements through the cover on each grid, coarsest grid first; three neighbouring grids give a result and
-#: its error [-].
+#: Number of elements through the cover on the grids for contact with friction in the r-z plane, coarsest first [-].
+#: Three neighbouring grids give a result and its error.
 GRIDS = (6, 9, 13, 19, 28)
 #: Positions of the Gauss points across a ring, from -1 to 1, and their weights, shape (4,) each [-].
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -87,7 +87,7 @@ _INWARD = 3
 
 
 class _Step(NamedTuple):
-    """Solved step, in units of computation.
+    """State of the rings after one step of the approach of the indenter, in units of computation.
 
     Attributes:
         depth: Approach of the indenter.
@@ -275,7 +275,7 @@ class RingContact:
         return np.asarray(before.outward + ahead * before.rate)
 
     def _balance(self, condition: IntArray, target: FloatArray, friction: float) -> FloatArray:
-        """Solve for the tractions of all rings under given conditions, shape (2 n,)."""
+        """Solve for the tractions of all rings with given conditions (open, sticking, sliding), shape (2 n,)."""
         n = len(condition)
         closed, sticks = np.flatnonzero(condition != _OPEN), np.flatnonzero(condition == _STICKS)
         slides = np.flatnonzero(condition > _STICKS)
@@ -337,7 +337,7 @@ class RingContact:
         )
 
         def miss(radius: float) -> float:
-            """Compute the error of the ratio of forces for a contact of this radius."""
+            """Compute the error of the ratio of the forces on two groups of rings for a contact radius."""
             outside = (radius**2 - middle**2) ** 1.5
             return float(outside - ratio * ((radius**2 - inner**2) ** 1.5 - outside))
 

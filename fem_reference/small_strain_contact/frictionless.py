@@ -34,9 +34,9 @@ class GridSettings:
     parts: int = 8
     #: Smallest number of cells along an axis in the pattern that all grids of a contact repeat [-].
     least: int = 16
-    #: Largest number of cells along an axis in this pattern [-].
+    #: Largest number of cells along an axis in the pattern that all grids of a contact repeat [-].
     most: int = 96
-    #: Largest total number of cells in this pattern, to limit the computing time [-].
+    #: Largest number of cells in the pattern that all grids of a contact repeat, to limit the computing time [-].
     most_in_all: int = 3600
     #: Largest number of cells along an axis that is tried, over the wanted number [-].  Edges of the face may coincide
     #: with edges of cells only on a finer grid.
@@ -191,14 +191,24 @@ def choose_counts(half: FloatArray, face: Face | None, layer: float, cells: int)
 
 
 def _sample(gap: GapFunction, middle: FloatArray, half: FloatArray) -> FloatArray:
-    """Return the share of each sample of a fine regular grid over a rectangle that lies on the face [-]."""
+    """Measure which part of each sample of a fine regular grid lies on the flat face of an indenter.
+
+    Args:
+        gap: Gap function, finite on the face.
+        middle: Middle of the rectangle that is sampled, shape (2,) [m].
+        half: Half widths of the rectangle, shape (2,) [m].
+
+    Returns:
+        Part of each sample that lies on the face, from 0 to 1, shape (samples, samples) [-].
+    """
     step = 2 * half / _GRID.samples
     centres = [m - h + (np.arange(_GRID.samples) + 0.5) * s for m, h, s in zip(middle, half, step, strict=True)]
     x, y = np.meshgrid(*centres, indexing="ij")
     inside: BoolArray = np.isfinite(gap(x, y))
     around = np.ones((3, 3), dtype=bool)
     outline = ndimage.binary_dilation(inside, around) & ~ndimage.binary_erosion(inside, around)
-    # One point at random in each part, so that the rounding to whole parts does not add up along a straight edge.
+    # One random point is tested in each part of a sample at the outline.  With regular points the errors of the parts
+    # would add up along a straight edge.
     u, v = (each.ravel() for each in np.indices((_GRID.parts, _GRID.parts)))
     chance = np.random.default_rng(0).random((2, int(outline.sum()), _GRID.parts**2))
     u, v = ((each + jitter) / _GRID.parts - 0.5 for each, jitter in zip((u, v), chance, strict=True))
@@ -274,7 +284,7 @@ def _fit_edges(least: int, edges: FloatArray) -> int:
 class FrictionlessSettings:
     """Constants of the contact of one indenter: refinement of its grid, first guesses, and area."""
 
-    #: Samples of the height of an axisymmetric indenter along its radius [-].
+    #: Number of samples of the height of an indenter of revolution along its radius, to bound its contact [-].
     radii: int = 10_001
     #: Largest number of times that a contact is solved, on grids that shrink to its size [-].
     refinements: int = 8
@@ -288,13 +298,13 @@ class FrictionlessSettings:
     first_share: float = 0.2
     #: Largest gap over the depth of the cells in the initial guess of a contact at a given depth [-].
     first_depth: float = 0.5
-    #: Smallest number of cells in the initial guess of a contact [-].
+    #: Smallest number of cells in the initial guess of the contact at a given depth [-].
     first_cells: int = 9
     #: Number of cells of a grid along an axis, over that of the coarser grid whose contact is its initial guess [-].
     #: Without a good guess many changes of the set of cells in contact are needed, because under a stiff top layer each
     #: change removes only one ring of cells.
     coarsening: int = 3
-    #: Smallest number of cells along an axis of such a coarser grid [-].
+    #: Smallest number of cells along an axis of a coarser grid whose contact is the initial guess on a finer one [-].
     coarsest: int = 16
     #: Half width of the square of cells to which a polynomial is fitted at the edge of the contact [cells].
     fitted: int = 2

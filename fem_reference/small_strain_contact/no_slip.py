@@ -66,7 +66,7 @@ class NoSlipSettings:
     at_side: float = 1.5
     #: Element size at the free sides, if larger, over the distance of the face from the sides [-].
     at_far_side: float = 0.3
-    #: Samples of the element size between two mesh lines, on each half [-].
+    #: Number of samples of the element size on each half of the distance between two mesh lines [-].
     samples: int = 400
     #: Smallest distance of a sample of the element size from a mesh line, over the distance between the lines [-].
     closest: float = 1e-5
@@ -79,12 +79,13 @@ class NoSlipSettings:
     unsymmetric: float = 0.6
     #: Tensile part of the contact force, over the whole force, above which a face separates from the cover [-].
     separates: float = 2e-3
-    #: Smallest estimated error of axisymmetric solutions [-].
+    #: Smallest estimated relative error of the force under a round punch without slip, solved in the r-z plane [-].
     least_disk: float = 5e-5
-    #: Smallest estimated error of solutions in three dimensions, of faces with sides on mesh lines [-].
+    #: Smallest estimated relative error of the force under a face without slip in three dimensions, if all sides of the
+    #: face lie on mesh lines [-].
     least_on_lines: float = 1.5e-3
-    #: Smallest estimated error of solutions in three dimensions, of other faces [-].  Such a face is represented by the
-    #: nodes that it covers.
+    #: Smallest estimated relative error of the force under a face without slip in three dimensions, if the face is
+    #: represented by the nodes that it covers, because its sides do not lie on mesh lines [-].
     least_off_lines: float = 3e-3
     #: Distance from the outline of a face, over the smaller of its half width and the cover thickness, within which
     #: tensile forces count as discretisation error of the singular stress at the edge [-].
@@ -439,7 +440,8 @@ def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy
             [correct(extrapolate_solutions(grids), pair, target) for pair in pairs]
             for target, grids in zip(path.targets, accurate.solutions, strict=True)
         ],
-        most_order=1.0 if on_lines else 4.0,  # the singular stress at the sides limits the order of convergence
+        # The singular stress at the sides of a face limits the order of convergence.
+        most_order=1.0 if on_lines else 4.0,
         least_error=_SETTINGS.least_on_lines if on_lines else _SETTINGS.least_off_lines,
         accurate=accurate,
     )

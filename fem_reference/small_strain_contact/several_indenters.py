@@ -23,9 +23,9 @@ from meshes.pose import Pose
 
 #: Number of cells per cover thickness on the two grids; under sharp edges the error is proportional to cell size [-].
 CELLS = (8, 16)
-#: Smallest reach of the table of compliances, over the diagonal of the rectangle around all indenters [-].
+#: Smallest reach of the table of the surface compliance, over the diagonal of the rectangle around all indenters [-].
 _DIAGONALS = 1.5
-#: Smallest reach of the table of compliances, over the decay length of the cover's response [-].
+#: Smallest reach of the table of the surface compliance, over the decay length of the cover's response [-].
 _DECAY_LENGTHS = 4.0
 
 

@@ -30,10 +30,6 @@ def counted(results):
     return compute, calls
 
 
-def files(folder):
-    return sorted(path.name for path in folder.iterdir())
-
-
 def test_second_fetch_reads_what_the_first_computed():
     ball = Sphere(radius=2e-3)
     tree = {"a": np.arange(5.0), "file": [np.array([True, False]), (ball, None, "text")], "b": np.float64(2.5)}

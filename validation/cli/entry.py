@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         SystemExit: Always, with the exit status.
     """
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # The shell closed the stream: `softcover materials >&-`.
+        if getattr(sys, name) is None:  # The shell closed the stream, as in `softcover materials >&-`.
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 -- open until the end
     try:
         with _interrupt_on_terminate():
@@ -145,7 +145,7 @@ def _run(words: Sequence[str]) -> int:
     except BrokenPipeError:
         raise
     except SystemExit as raised:
-        if isinstance(raised.__context__, BrokenPipeError):  # A help page ends like this if only its head is read.
+        if isinstance(raised.__context__, BrokenPipeError):  # The reader of a help page ended after its first lines.
             raise raised.__context__ from None
         raise
     except Exception as raised:  # noqa: BLE001 -- raised again if it is a programming error
@@ -187,7 +187,7 @@ def _drop_output() -> None:
     """Discard all further output, because the program that reads it, such as `head`, has ended or the disk is full."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError, ValueError):  # not a file, as in tests
+        with contextlib.suppress(OSError, ValueError):  # The stream is no file, as in tests.
             stream.flush()
         with contextlib.suppress(OSError, ValueError):
             os.dup2(nowhere, stream.fileno())
@@ -228,7 +228,7 @@ def _clarify(error: Exception, words: Sequence[str]) -> Exception:
         return InputError(f"unknown {kind} {word!r}; {nearest(word, known)}")
     if isinstance(error, MissingArgumentError) and error.argument is not None:
         name = error.argument.name
-        if error.argument.index is not None:  # a positional argument: SENSOR, as in the help
+        if error.argument.index is not None:  # A positional argument is named as in the help: SENSOR.
             name = name.lstrip("-").upper()
         return InputError(f"{name} is missing; `softcover {_command(words)}--help` has examples")
     return error

@@ -45,8 +45,7 @@ def draw_heat_map(
                 text.append(" " * cell)
                 continue
             colour = scale.colour(value)
-            ink = "black" if choose_ink(colour) == "#000" else "white"
-            text.append(f"{round(scale.factor * value):{cell}d}", style=f"{ink} on {colour}")
+            text.append(f"{round(scale.factor * value):{cell}d}", style=f"{choose_ink(colour)} on {colour}")
         text.append("\n")
     return text
 

@@ -194,7 +194,7 @@ def read_description(
 def _check_description(found: SensorDescription, *, any_cover: bool) -> None:
     """Refuse a cover that a command does not support, and keep a note on assumed properties of the electronics."""
     if not any_cover:
-        _ = found.layered_cover  # Solid covers are refused here.
+        _ = found.layered_cover  # This property raises an error for a solid cover.
     if assumed := ", ".join(found.assumed_electronics):
         note(
             f"{found.source} does not state all of [electronics]; assumed: {assumed}; counts and images follow from "

@@ -65,7 +65,7 @@ class Scale:
         share = np.asarray(values, dtype=np.float64) / self.peak if self.peak > 0 else np.zeros(np.shape(values))
         place = 0.5 + share / 2 if self.difference else share
         steps = np.linspace(0, 1, len(self.colours))
-        channels = ([int(colour[k : k + 2], 16) for colour in self.colours] for k in (1, 3, 5))
+        channels = np.transpose([list(bytes.fromhex(colour[1:])) for colour in self.colours])
         levels = np.stack([np.interp(place, steps, channel) for channel in channels], axis=-1)
         return np.asarray(np.rint(levels), dtype=np.uint8)
 
@@ -192,8 +192,8 @@ def colour_bar(scale: Scale) -> str:
 
 
 def choose_ink(colour: str) -> str:
-    """Return black or white, whichever can be read on a colour `#rrggbb`."""
-    return "#000" if measure_luminance(colour) > _MIDDLE else "#fff"
+    """Return `black` or `white`, whichever can be read on a ground of the colour `#rrggbb`."""
+    return "black" if measure_luminance(colour) > _MIDDLE else "white"
 
 
 def shorten(value: float) -> str:
@@ -213,6 +213,6 @@ _MIDDLE = 0.179
 
 def measure_luminance(colour: str) -> float:
     """Return the relative luminance of a colour `#rrggbb` (WCAG 2) [-]."""
-    channels = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    channels = [level / 255 for level in bytes.fromhex(colour[1:])]
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]  # noqa: PLR2004 -- sRGB
     return float(np.dot(linear, (0.2126, 0.7152, 0.0722)))

@@ -244,22 +244,15 @@ def _(derivation: SolidDerivation, folder: Path, picture: str) -> tuple[str, ...
 
 @draw_derivation.register(LayeredDerivation)
 def _(derivation: LayeredDerivation, folder: Path, picture: str) -> tuple[str, ...]:
-    """Draw the spread of a load under planar layers as `psf.png` or `psf.svg`, if matplotlib is installed."""
+    """Draw the spread of a load under planar layers as `psf.png` or `psf.svg`, if matplotlib is installed.
+
+    The figure shows the plots of the responses, and the forces under a uniform load on one texel, row 0 below.
+    """
     try:
-        return (_plot(derivation, folder / f"psf.{picture}"),)
+        from matplotlib.figure import Figure
     except ImportError:
         _LOG.warning("no plot: %s", MissingExtraError("matplotlib"))
         return ()
-
-
-def _plot(derivation: LayeredDerivation, path: Path) -> str:
-    """Draw the plots of a derivation for planar layers, and the image of the forces under a uniform load on one texel.
-
-    Returns:
-        The name of the file.
-    """
-    from matplotlib.figure import Figure
-
     plots = plot_responses(derivation).values()
     figure = Figure(figsize=(12, 4), layout="constrained")
     *axes, image = figure.subplots(1, len(plots) + 1, width_ratios=(*(2 for _ in plots), 1))
@@ -270,5 +263,5 @@ def _plot(derivation: LayeredDerivation, path: Path) -> str:
     image.set(xlabel="column", ylabel="row")
     label = " (assumed cover)" if derivation.sensor.cover.assumed else ""
     figure.suptitle(f"{derivation.sensor.name}{label}")
-    figure.savefig(path, dpi=150)
-    return path.name
+    figure.savefig(folder / f"psf.{picture}", dpi=150)
+    return (f"psf.{picture}",)

@@ -20,17 +20,8 @@ import numpy as np
 from fastmodel.signal.electronics import describe_calibration
 from meshes import TexelArray
 from meshes.array_types import FloatArray
+from validation.campaign import results
 from validation.campaign.evaluation import Evaluation
-from validation.campaign.results import (
-    SKILL_METRICS,
-    CampaignResult,
-    CaseResult,
-    Pooled,
-    RowScores,
-    describe_reference_error,
-    name_texel_error,
-    texel_error,
-)
 from validation.credibility.evidence import GROUP_METRICS, Evidence
 from validation.credibility.stages import STAGES
 from validation.credibility.uncertainty import ComparisonError
@@ -86,7 +77,7 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         "splits": _show_splits(evaluation.recordings, evaluation.recorded.array) if evaluation.recordings else [],
         "plots": {name: (text, render_svg(draw)) for name, (text, draw) in plot_responses(derivation).items()},
         "campaign_plot": render_svg(partial(draw_campaign, campaign)),
-        "reference_error": describe_reference_error(campaign),
+        "reference_error": results.describe_reference_error(campaign),
         "percent": lambda value, digits=2: "\u2013" if math.isnan(value) else f"{100 * value:.{digits}g}",
     }
 
@@ -109,7 +100,7 @@ def _list_tiles(evaluation: Evaluation) -> Iterator[dict[str, str]]:
         f"{100 * null.mean:.0f} %", "better than no spread", f"skill in misplaced force, {_interval(null, 100, 2)}"
     )
     yield tile(f"{1e3 * evaluation.derivation.sigma:.3g}", "sigma [mm]", "least squares to a uniform texel load")
-    what = f"estimate, share of {name_texel_error(campaign.noise_floor)}; mean over cases: the noise floor"
+    what = f"estimate, share of {results.name_texel_error(campaign.noise_floor)}; mean over cases: the noise floor"
     yield tile("unknown" if math.isnan(floor) else f"{100 * floor:.2g} %", "reference error", what)
     if scores is not None and any(row.split == _TILE_SPLIT for row in scores.rows):
         image = scores.row(_TILE_SPLIT, "fast model").pooled["image_changed_percent"]
@@ -119,7 +110,7 @@ def _list_tiles(evaluation: Evaluation) -> Iterator[dict[str, str]]:
         yield tile(f"{image.mean:.3g} %", "image changed, recordings", small)
 
 
-def _interval(value: Pooled, factor: float, digits: int = 3) -> str:
+def _interval(value: results.Pooled, factor: float, digits: int = 3) -> str:
     return f"95 % interval {factor * value.low:.{digits}g}\u2026{factor * value.high:.{digits}g}"
 
 
@@ -138,7 +129,7 @@ def _draw_maps(derivation: Derivation) -> dict[str, Any]:
     return {"images": images, "bars": colour_bar(force) + colour_bar(apart)}
 
 
-def _show_case(evaluation: Evaluation, result: CaseResult, pictures: Pictures) -> dict[str, Any]:
+def _show_case(evaluation: Evaluation, result: results.CaseResult, pictures: Pictures) -> dict[str, Any]:
     array, case, reference = evaluation.sensor.array, result.case, result.reference
     fast = result.predictions["fast"].texel_forces
     force = Scale(peak=float(max(reference.texel_forces.max(), fast.max())))
@@ -220,7 +211,7 @@ _RANGES = {
 #: Factor to the printed unit of an uncertain input, and the printed unit, by the unit in the name of the input.
 _INPUT_UNITS = {"relative": (100.0, " %"), "m": (1e3, " mm"), "rad": (math.degrees(1), "\u00b0"), "-": (1.0, "")}
 #: Metrics in the table that compares published models with the fast model.
-_COMPARED = (*SKILL_METRICS, "centre_of_pressure_m")
+_COMPARED = (*results.SKILL_METRICS, "centre_of_pressure_m")
 
 
 def list_tables(evaluation: Evaluation) -> dict[str, Table]:
@@ -271,7 +262,7 @@ def list_tables(evaluation: Evaluation) -> dict[str, Table]:
     return {each.name: each for each in found if each.rows}
 
 
-def tabulate_scores(campaign: CampaignResult) -> Table:
+def tabulate_scores(campaign: results.CampaignResult) -> Table:
     """Make a table with every metric of every model in every case, under their names and units in `report.json`."""
     rows: list[tuple[Cell | str, ...]] = [
         (
@@ -310,7 +301,7 @@ def _tabulate_requirements(evaluation: Evaluation) -> Table:
     )
 
 
-def _tabulate_models(campaign: CampaignResult) -> Table:
+def _tabulate_models(campaign: results.CampaignResult) -> Table:
     return Table(
         name="pooled",
         caption=f"Our models and the null models against finite elements: means and 95 % intervals over "
@@ -323,11 +314,11 @@ def _tabulate_models(campaign: CampaignResult) -> Table:
     )
 
 
-def _average(pooled: Mapping[str, Pooled], shown: Mapping[str, Column]) -> Iterator[Cell]:
+def _average(pooled: Mapping[str, results.Pooled], shown: Mapping[str, Column]) -> Iterator[Cell]:
     return (interval(pooled[name], column) for name, column in shown.items())
 
 
-def _tabulate_cases(campaign: CampaignResult) -> Table:
+def _tabulate_cases(campaign: results.CampaignResult) -> Table:
     rows = []
     for result in campaign.cases:
         fast, reference = result.predictions["fast"].score, result.reference
@@ -339,7 +330,7 @@ def _tabulate_cases(campaign: CampaignResult) -> Table:
                 number(result.predictions["no-spread"].score.misplaced_force, 100),
                 Cell(text=str(fast.pixels_lit_line), value=fast.pixels_lit_line),
                 number(reference.depth, 1e3),
-                number(texel_error(reference.error_estimate), 100, 2),
+                number(results.texel_error(reference.error_estimate), 100, 2),
             ]
         )
     return Table(
@@ -352,13 +343,13 @@ def _tabulate_cases(campaign: CampaignResult) -> Table:
             "no spread, misplaced [%]",
             "texels lit after the WTS line",
             "depth of the reference [mm]",
-            f"estimated error of the reference [% of {name_texel_error(campaign.noise_floor)}]",
+            f"estimated error of the reference [% of {results.name_texel_error(campaign.noise_floor)}]",
         ),
         rows=rows,
     )
 
 
-def _tabulate_published(campaign: CampaignResult) -> Table:
+def _tabulate_published(campaign: results.CampaignResult) -> Table:
     """Tabulate the models of this package and the published ones; no rows if no published model was scored."""
     kinds = {name: "null model" if text.startswith("null") else "ours" for name, text in campaign.models.items()}
     rows = [
@@ -387,7 +378,7 @@ def _tabulate_published(campaign: CampaignResult) -> Table:
     )
 
 
-def _describe_row(row: RowScores) -> Iterator[str]:
+def _describe_row(row: results.RowScores) -> Iterator[str]:
     yield row.contact
     yield row.rule
     yield f"sure of it: {row.certainty}"
@@ -395,26 +386,26 @@ def _describe_row(row: RowScores) -> Iterator[str]:
         yield f"sum: {row.total}"
 
 
-def _list_parameters(row: RowScores) -> str:
+def _list_parameters(row: results.RowScores) -> str:
     values = (
         f"{name.replace('_', ' ')} {value:.3g} {row.units.get(name, '')}" for name, value in row.parameters.items()
     )
     return ", ".join(value.strip() for value in values)
 
 
-def _list_fitted(row: RowScores) -> str:
+def _list_fitted(row: results.RowScores) -> str:
     names = ", ".join(name.replace("_", " ") for name in row.fitted)
     return f"{names}, on {len(row.fitted_on)} presses" if names else "nothing"
 
 
-def describe_comparison(campaign: CampaignResult) -> dict[str, Any]:
+def describe_comparison(campaign: results.CampaignResult) -> dict[str, Any]:
     """Describe the comparison with published models: presses of their fit, models as good, and parts left out.
 
     A model counts as equally good if the interval of the fast model's skill against it includes zero.
     """
-    as_good: dict[str, list[str]] = {METRICS[metric].heading: [] for metric in SKILL_METRICS}
+    as_good: dict[str, list[str]] = {METRICS[metric].heading: [] for metric in results.SKILL_METRICS}
     for row in campaign.published:
-        for metric in SKILL_METRICS:
+        for metric in results.SKILL_METRICS:
             if row.skill[metric].low <= 0:
                 word = "better" if row.skill[metric].high < 0 else "not told apart"
                 as_good[METRICS[metric].heading].append(f"{row.title} {row.variant} ({word})")

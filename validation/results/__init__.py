@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Hashable, Mapping
-from functools import cache
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self, TypeVar, cast, dataclass_transform
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BeforeValidator, ConfigDict, Field, GetCoreSchemaHandler, TypeAdapter
+from pydantic import BeforeValidator, ConfigDict, Field, GetCoreSchemaHandler
 from pydantic.dataclasses import dataclass
 from pydantic.fields import FieldInfo
-from pydantic_core import CoreSchema, core_schema
+from pydantic_core import CoreSchema, SchemaValidator, core_schema
 
 from validation.json_values import to_json_values
 
@@ -148,7 +147,8 @@ class Result:
         Raises:
             ValidationError: If a field is missing or has another type; keys that are no field are ignored.
         """
-        return cast("Self", _adapter(cast("Hashable", cls)).validate_python(dict(values)))
+        validator: SchemaValidator = vars(cls)["__pydantic_validator__"]
+        return cast("Self", validator.validate_python(dict(values)))
 
     def __eq__(self, other: object) -> bool:
         """Return whether both results have the same type and the same JSON values."""
@@ -180,8 +180,3 @@ JsonObject = Annotated[Mapping[str, Any], BeforeValidator(to_json_values)]
 
 def _fields(cls: type[Result]) -> Mapping[str, FieldInfo]:
     return cast("Mapping[str, FieldInfo]", vars(cls)["__pydantic_fields__"])
-
-
-@cache
-def _adapter(cls: Hashable) -> TypeAdapter[Any]:
-    return TypeAdapter(cast("type[Any]", cls))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
@@ -225,10 +226,7 @@ def _revolve(fields: CoverFields) -> CoverFields:
     """Revolve the fields of an axisymmetric solution by a full turn about its axis, and return them on hexahedra."""
     axis = fields.position[np.argmin(fields.position[:, 0])] * [1.0, 1.0, 0.0]
     angles = np.linspace(0.0, 2 * np.pi, 2 * _NUMBERS.turn + 1)
-    c, s, zero = np.cos(angles), np.sin(angles), np.zeros_like(angles)
-    turn = np.stack([np.stack([c, -s, zero]), np.stack([s, c, zero]), np.stack([zero, zero, zero + 1])]).transpose(
-        2, 0, 1
-    )
+    turn = Rotation.from_rotvec(np.outer(angles, [0.0, 0.0, 1.0])).as_matrix()
     count = len(fields.position)
     start = count * np.arange(len(angles) - 1)[:, None, None]
     cells = np.concatenate([fields.cells[None] + start, fields.cells[None] + start + count], axis=2)

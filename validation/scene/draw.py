@@ -18,7 +18,7 @@ from meshes.array_types import FloatArray
 from meshes.solids.texels import tangent_axes
 from validation.extras import MissingExtraError
 from validation.scene.cover_scene import CoverScene
-from validation.scene.rendering import RenderingError, import_pyvista, open_plotter
+from validation.scene.rendering import RenderingError, open_plotter
 
 _LOG = logging.getLogger(__name__)
 
@@ -143,11 +143,10 @@ def make_grid(scene: CoverScene, length: float = 1.0) -> Any:
         scene: The scene.
         length: Length in the grid per metre [1/m].
     """
-    pyvista = import_pyvista()
-    corners = scene.cells.shape[1]
-    kind = pyvista.CellType.HEXAHEDRON if corners == 8 else pyvista.CellType.TETRA  # noqa: PLR2004
-    cells = np.column_stack([np.full(len(scene.cells), corners), scene.cells])
-    grid = pyvista.UnstructuredGrid(cells.ravel(), np.full(len(cells), kind, dtype=np.uint8), length * scene.position)
+    import pyvista
+
+    kind = pyvista.CellType.HEXAHEDRON if scene.cells.shape[1] == 8 else pyvista.CellType.TETRA  # noqa: PLR2004
+    grid = pyvista.UnstructuredGrid({kind: scene.cells}, length * scene.position)
     grid.point_data["displacement"] = length * scene.displacement
     for name in ("surface", "inside"):
         if (values := getattr(scene, name)) is not None:
@@ -162,6 +161,8 @@ def make_bars(scene: CoverScene, length: float) -> Any:
         scene: A scene with texels and forces on them.
         length: Length in the grid per metre [1/m].
     """
+    import pyvista
+
     texels = scene.texels
     assert texels is not None  # noqa: S101 -- stated above
     shown = np.flatnonzero(texels.active)
@@ -172,22 +173,23 @@ def make_bars(scene: CoverScene, length: float) -> Any:
     axes = tangent_axes(texels.normals) * (0.5 * np.array(texels.texel_size))[:, None] * 0.94
     flat = texels.centres[shown, None] + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ axes[shown]
     points = np.concatenate([flat, flat + heights * texels.normals[shown, None]], axis=1)
-    faces = np.array(_FACES) + 8 * np.arange(len(shown))[:, None, None]
-    corners = np.insert(faces.reshape(-1, 4), 0, 4, axis=1)
-    bars = import_pyvista().PolyData(length * points.reshape(-1, 3), corners.ravel())
+    faces: Any = np.array(_FACES) + 8 * np.arange(len(shown))[:, None, None]
+    bars = pyvista.PolyData.from_regular_faces(length * points.reshape(-1, 3), faces.reshape(-1, 4))
     bars.cell_data["force"] = np.repeat(1e3 * values[shown], len(_FACES))
     return bars
 
 
 def _draw_surface(plotter: Any, scene: CoverScene) -> None:
     """Draw the first view of a cover: its deformed surface, with an arrow along the load."""
+    import pyvista
+
     factor = _find_factor(scene)
     grid = _crop(make_grid(scene, _MILLIMETRES), scene, _MILLIMETRES)
     surface = _add_coloured(plotter, grid, scene, "surface", _STYLE.pressure_map)
-    if scene.touched is not None:  # Arrow of the load, with its tip at the point of first touch.
+    if scene.touched is not None:  # An arrow along the load ends at the point of first touch.
         size = 0.35 * float(np.ptp(surface.points, axis=0).max())
         tip = _MILLIMETRES * (scene.touched - 0.05 * scene.thickness * scene.direction)
-        arrow = import_pyvista().Arrow(
+        arrow = pyvista.Arrow(
             start=tip - size * scene.direction, direction=scene.direction, scale=size,
             tip_length=0.25, tip_radius=0.06, shaft_radius=0.02,
         )  # fmt: skip
@@ -251,7 +253,7 @@ def _finish(plotter: Any, scene: CoverScene, shown: Any, text: str, *, height: b
         counts.append(count)
     longest = float(np.diff(np.reshape(bounds, (3, 2))).max())
     if (bounds[5] - bounds[4]) / longest * _STYLE.intervals < (counts[2] - 1) / 2:
-        counts[2] = 2  # no room for more than the end marks
+        counts[2] = 2  # The edge is too short for more than the marks at its ends.
     ruled = plotter.show_bounds(
         bounds=bounds, location="outer", ticks="outside",
         xtitle="x [mm]", ytitle="y [mm]", ztitle="z [mm]" if height else " ",

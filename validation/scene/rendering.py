@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import importlib
 import os
 import subprocess
 import sys
@@ -39,15 +38,6 @@ class RenderingError(OSError):
     """Reports that VTK can draw no picture on this machine; the message names the missing part."""
 
 
-def import_pyvista() -> Any:  # noqa: ANN401 -- its types differ between versions
-    """Import pyvista.
-
-    Raises:
-        ImportError: If pyvista is not installed.
-    """
-    return importlib.import_module("pyvista")
-
-
 @contextlib.contextmanager
 def open_plotter(**options: Any) -> Iterator[Any]:  # noqa: ANN401 -- its types differ between versions
     """Open a plotter of pyvista that draws into memory within the `with` block.
@@ -59,7 +49,8 @@ def open_plotter(**options: Any) -> Iterator[Any]:  # noqa: ANN401 -- its types 
         ImportError: If pyvista is not installed.
         RenderingError: If this machine can draw no picture.
     """
-    pyvista = import_pyvista()
+    import pyvista
+
     window, before = find_window_without_display(), os.environ.get(_CHOICE)
     if window:
         os.environ[_CHOICE] = window

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from meshes.bounded_file import FileLimitError, parse_json, parse_toml, read_text
-from validation.errors import InputError, nearest
+from validation.errors import InputError, nearest, shorten
 
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 #: Largest number of faults of a file that are listed [-].  A long list of wrong numbers would fill the terminal.
 _MOST_FAULTS = 20
-#: Largest number of characters of a value from a file that an error message repeats [-].
-_LONGEST = 80
 #: Largest number of characters of an error message about one fault [-].
 _LONGEST_LINE = 1000
 #: Keys of a file by the symbols that users write instead of them by mistake.
@@ -123,7 +121,7 @@ def format_place(place: Sequence[int | str]) -> str:
     for part in place:
         if isinstance(part, int):
             text += f"[{part}]"
-        elif "[" not in part:  # Names with a bracket are those of the members of a union, not keys.
+        elif "[" not in part:  # A name with a bracket is no key, but that of a member of a union.
             key = part if _BARE_KEY.fullmatch(part) else json.dumps(part)
             text += f".{key}" if text else key
     return text
@@ -156,7 +154,7 @@ def _list_faults(error: ValidationError, schema: type[Table], place: Sequence[in
     found = error.errors(include_url=False)
     for details in found:
         if details["type"] == "too_short" and any(details["loc"] == each["loc"][:-1] for each in found):
-            continue  # The list is too short only because its entries have faults.
+            continue  # pydantic calls a list too short if its entries have faults.
         where = format_place([*place, *details["loc"]])
         for text in _explain(details, schema):
             line = f"{where}: {text}" if where else text
@@ -232,12 +230,3 @@ def _find_tables(annotation: Any, metadata: Sequence[Any] = ()) -> Iterator[type
     for inner in typing.get_args(annotation):
         if not isinstance(inner, Mapping):
             yield from _find_tables(inner, [inner] if hasattr(inner, "table") else ())
-
-
-def shorten(value: object) -> str:
-    """Return a value as text for a message; long texts are cut.
-
-    A table or a list is represented by the name of its type.
-    """
-    text = repr(value) if isinstance(value, str | int | float | bool | None) else f"a {type(value).__name__}"
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."

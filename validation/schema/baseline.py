@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from validation.errors import shorten
 from validation.schema import Table
 from validation.schema.types import Read
 
@@ -18,7 +19,7 @@ OF_VALUE = " % of value"
 
 def _read_number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{str(value)[:40]!r} is not a finite number")
+        raise ValueError(f"{shorten(value)} is not a finite number")
     return value
 
 
@@ -34,15 +35,15 @@ def _read_tolerance(value: object) -> float | str:
     try:
         number = _read_number(float(str(value).removesuffix(OF_VALUE)) if is_share else value)
     except ValueError:
-        raise ValueError(f"{str(value)[:40]!r} is not a finite number, nor a share such as '0.5{OF_VALUE}'") from None
+        raise ValueError(f"{shorten(value)} is not a finite number, nor a share such as '0.5{OF_VALUE}'") from None
     if number <= 0:
-        raise ValueError(f"must be positive, not {str(value)[:40]!r}")
+        raise ValueError(f"must be positive, not {shorten(value)}")
     return str(value) if is_share else number
 
 
 def _read_format(value: object) -> Any:  # noqa: ANN401 -- the version
     if value != FORMAT or isinstance(value, bool):
-        raise ValueError(f"its format is {str(value)[:20]!r}; this version reads {FORMAT}")
+        raise ValueError(f"its format is {shorten(value)}; this version reads {FORMAT}")
     return value
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, Field
 
+from validation.errors import shorten
 from validation.schema import Table, types
 from validation.text.quantity import Kind, read_quantity
 
@@ -42,7 +43,7 @@ def _fitted_or_pair(kind: Kind, example: str) -> types.Read:
         if value == FITTED:
             return FITTED
         if not isinstance(value, list) or len(value) != 2:  # noqa: PLR2004 -- x and y
-            raise ValueError(f"must be {FITTED!r} or a pair such as {example}, not {str(value)[:80]!r}")
+            raise ValueError(f"must be {FITTED!r} or a pair such as {example}, not {shorten(value)}")
         first, second = (read_quantity(part, kind) for part in value)
         return first, second
 
@@ -207,8 +208,5 @@ class DataSetTables(CommonKeys):
         """Yield names of series and splits that occur twice."""
         for key, tables in (("series", self.series), ("split", self.split)):
             names = [table.name for table in tables]
-            yield from ((key, f"the name {name!r} stands twice; each needs its own") for name in _find_twice(names))
-
-
-def _find_twice(names: Sequence[str]) -> list[str]:
-    return sorted({name for name in names if names.count(name) > 1})
+            twice = sorted({name for name in names if names.count(name) > 1})
+            yield from ((key, f"the name {name!r} stands twice; each needs its own") for name in twice)

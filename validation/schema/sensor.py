@@ -11,8 +11,8 @@ from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, mode
 from fastmodel.signal.electronics import TEXEL_FORCE
 from meshes import Cover, Layer
 from meshes.surfaces.files import SURFACES, TETRAHEDRA
-from validation.errors import InputError
-from validation.schema import Table, shorten, types
+from validation.errors import InputError, shorten
+from validation.schema import Table, types
 from validation.text.quantity import read_quantity
 
 #: Largest radius of a calibration tip [m].  A wider tip presses on several texels of any array.

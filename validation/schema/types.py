@@ -19,8 +19,8 @@ from meshes.array import MOST_TEXELS
 from meshes.catalogue import MATERIALS
 from meshes.hardness import HardnessModulus
 from meshes.material import MODELS, Material
-from validation.errors import InputError, match_name, nearest
-from validation.schema import Table, shorten
+from validation.errors import InputError, match_name, nearest, shorten
+from validation.schema import Table
 from validation.text.friction import read_friction
 from validation.text.hardness import material_from_hardness, read_hardness
 from validation.text.indenter import read_indenter, read_load

@@ -106,7 +106,7 @@ def _check_size(triangles: FloatArray, name: str) -> None:
 
 def _build_shell(table: CurvedCoverTable, folder: Path) -> tuple[Shell, str]:
     """Make the closed surface of a solid cover, and describe in words from which files it is made."""
-    unit = table.unit or 1.0  # required by the schema
+    unit = table.unit or 1.0  # The schema requires it.
     if table.thickness is not None:
         name, inward = (table.surface, True) if table.surface is not None else (table.base, False)
         triangles = close_cracks(read_triangles(folder / str(name), unit))
@@ -125,7 +125,7 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> SolidCover:
     if path.suffix.lower() == ".npz":
         mesh = read_mesh(path)
     else:
-        unit = table.unit or 1.0  # required by the schema
+        unit = table.unit or 1.0  # The schema requires it.
         nodes, cells = read_tetrahedra(path, unit)
         oriented = orient_tetrahedra(nodes, cells)
         turned = int((oriented != cells).any(axis=1).sum())

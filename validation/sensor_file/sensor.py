@@ -427,7 +427,7 @@ def _read_positions(path: Path, unit: float) -> tuple[FloatArray, FloatArray]:
     for number, line in enumerate(lines):
         try:
             numbers[number] = [float(entry) for entry in line]
-        except ValueError:  # no number, or too few or many
+        except ValueError:  # The line has an entry that is no number, or another number of entries.
             numbers[number] = np.nan
         if not np.isfinite(numbers[number]).all() or len(line) != width:
             raise InputError(f": texel {number + 1} is not {width} numbers; {_EXAMPLE}")

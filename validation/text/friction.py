@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from validation.errors import InputError
+from validation.errors import InputError, shorten
 
 #: Largest accepted number of characters of a friction coefficient as text [-].
 _LONGEST = 40
@@ -31,8 +31,7 @@ def read_friction(value: object, *, place: str = "", example: str = "0.4") -> fl
             number = math.nan
     if not 0 <= number < math.inf:
         where = f"{place}: " if place else ""
-        given = (repr(str(value)) if isinstance(value, str) else str(value))[:_LONGEST]
-        raise InputError(f"{where}{given} is not zero, a positive number or no-slip; for example {example}")
+        raise InputError(f"{where}{shorten(value)} is not zero, a positive number or no-slip; for example {example}")
     return number + 0.0
 
 

@@ -6,7 +6,7 @@ import re
 
 from meshes import Material
 from meshes.hardness import SCALES, HardnessModulus, modulus_from_hardness
-from validation.errors import InputError
+from validation.errors import InputError, shorten
 
 #: Largest accepted number of characters of a hardness as text [-].
 _LONGEST = 40
@@ -29,7 +29,7 @@ def read_hardness(value: object, *, place: str = "", bare: bool = False) -> Hard
     text = str(value) if isinstance(value, str | int | float) and not isinstance(value, bool) else ""
     match = _HARDNESS.fullmatch(text.strip()) if len(text) <= _LONGEST else None
     if not match:
-        raise InputError(f"{where}{text[:_LONGEST] or type(value).__name__!r} is not a hardness; {_EXAMPLE}")
+        raise InputError(f"{where}{shorten(value)} is not a hardness; {_EXAMPLE}")
     if not match[2] and not bare:
         raise InputError(f"{where}{value!r} has no scale; {_EXAMPLE}")
     scale = (match[2] or "a").lower().replace("o", "0")
@@ -58,7 +58,7 @@ def material_from_hardness(
     """
     ratio = 0.5 if poisson_ratio is None else poisson_ratio
     modulus = hardness.youngs_modulus
-    # Material models with a single modulus, which the hardness determines.
+    # Parameters of the material models with a single modulus, which follows from the hardness.
     parameters = {
         "linear-elastic": {"youngs_modulus": modulus},
         "neo-hookean": {"shear_modulus": modulus / (2 * (1 + ratio))},

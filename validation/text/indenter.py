@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import meshes
 from meshes.surfaces.files import LIMITS
-from validation.errors import Faults, InputError, nearest
+from validation.errors import Faults, InputError, nearest, shorten
 from validation.text.quantity import read_quantities, read_quantity
 
 #: Number of values of those parameters of indenters that have more than one, by (shape, parameter) [-].
@@ -24,7 +24,7 @@ _LIMITS = {"force": (1e-6, 1e6, "N"), "length": (1e-9, 1.0, "m")}
 _TURN = 2 * math.pi * (1 + 1e-9)
 #: Class or function that makes an indenter, and an example of an accepted text, by the name of the shape on the command
 #: line.
-_SHAPES_AND_EXAMPLES: dict[str, tuple[Any, str]] = {
+SHAPES: dict[str, tuple[Any, str]] = {
     "sphere": (meshes.Sphere, "sphere:radius=5mm"),
     "cylinder": (meshes.Cylinder, "cylinder:radius=4mm"),
     "box": (meshes.Box, "box:size=10mmx10mmx5mm"),
@@ -38,12 +38,8 @@ _SHAPES_AND_EXAMPLES: dict[str, tuple[Any, str]] = {
 }
 #: Shapes by their other names on the command line.
 _ALIASES = {"ball": "sphere"}
-SHAPES = {name: shape for name, (shape, _) in _SHAPES_AND_EXAMPLES.items()}
-_EXAMPLES = {name: example for name, (_, example) in _SHAPES_AND_EXAMPLES.items()}
 #: Largest accepted number of characters of an indenter as text [-]; a prism of a thousand corners has as many.
 _LONGEST = 20_000
-#: Largest number of characters of a faulty tilt that a message repeats [-].
-_SHOWN = 100
 #: Pattern of a comma that separates two parameters of an indenter; commas inside values do not match.
 _PARAMETER_COMMA = re.compile(r",(?=\s*[a-z]+\s*(?:=|,|$))")
 
@@ -80,10 +76,11 @@ def read_indenter(text: str, *, place: str = "--indenter") -> meshes.Indenter:
     shape, _, rest = text.strip().partition(":")
     shape = _ALIASES.get(shape, shape)
     if shape not in SHAPES:
-        example = _EXAMPLES["sphere"]
+        example = SHAPES["sphere"][1]
         raise InputError(
             f"{place}: unknown indenter {shape!r}; {nearest(shape, [*SHAPES, *_ALIASES])}; for example {example}"
         )
+    make, example = SHAPES[shape]
     known = _parameters(shape)
     faults = Faults()
     values: dict[str, Any] = {}
@@ -91,23 +88,23 @@ def read_indenter(text: str, *, place: str = "--indenter") -> meshes.Indenter:
     for part in filter(None, _PARAMETER_COMMA.split(rest)):
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if name in given:
-            faults.append(f"{place}: {shape}.{name} is given twice; write for example {_EXAMPLES[shape]}")
+            faults.append(f"{place}: {shape}.{name} is given twice; write for example {example}")
         given.add(name)
         if name not in known or not equals:
             hint = nearest(name, known)
-            faults.append(f"{place}: {shape} has no parameter {name!r}; {hint}; for example {_EXAMPLES[shape]}")
+            faults.append(f"{place}: {shape} has no parameter {name!r}; {hint}; for example {example}")
             continue
         values[name] = faults.read(_read_value, shape, name, known[name], value, place)
     faults.extend(
-        f"{place}: {shape} needs {name}; write for example {_EXAMPLES[shape]}"
+        f"{place}: {shape} needs {name}; write for example {example}"
         for name, parameter in known.items()
         if parameter.required and name not in given
     )
     faults.refuse()
     try:
-        made: meshes.Indenter = SHAPES[shape](**values)
+        made: meshes.Indenter = make(**values)
     except ValueError as error:
-        remedy = "" if shape == "mesh" else f"; write for example {_EXAMPLES[shape]}"
+        remedy = "" if shape == "mesh" else f"; write for example {example}"
         raise InputError(f"{place}: {error}{remedy}") from None
     width = 2 * max(made.footprint)
     if shape != "mesh" and not LIMITS.sizes[0] <= width <= LIMITS.sizes[1]:
@@ -122,7 +119,7 @@ def _parameters(shape: str) -> dict[str, _Parameter]:
         return _MESH_PARAMETERS
     return {
         field.name: _Parameter(kind=field.metadata["quantity"], required=field.default is dataclasses.MISSING)
-        for field in dataclasses.fields(SHAPES[shape])
+        for field in dataclasses.fields(SHAPES[shape][0])
         if "quantity" in field.metadata
     }
 
@@ -194,7 +191,7 @@ def read_angles(text: str, *, place: str, example: str) -> tuple[float, float]:
     """
     parts = text.split(",")
     if len(parts) != 2:  # noqa: PLR2004 -- about x and y
-        raise InputError(f"{place}: {text[:_SHOWN]!r} is not two angles about x and y; write for example {example}")
+        raise InputError(f"{place}: {shorten(text)} is not two angles about x and y; write for example {example}")
     about_x, about_y = (read_quantity(part, "angle", place=place) for part in parts)
     return about_x, about_y
 
@@ -216,10 +213,10 @@ def _read_value(shape: str, name: str, parameter: _Parameter, text: str, place: 
     match parameter.kind:
         case "path":
             if not text:
-                raise InputError(f"{where}: names no file; write for example {_EXAMPLES[shape]}")
+                raise InputError(f"{where}: names no file; write for example {SHAPES[shape][1]}")
             return text
         case "unit":
-            # The unit of an STL file may be given as a unit, "mm", or as a length, "0.5mm".
+            # The unit of an STL file is given by its name, such as "mm", or as a length, such as "0.5mm".
             return read_quantity(text if re.match(r"[-+.\d]", text) else f"1 {text}", "length", place=where)
         case "points":
             return _read_points(text, where)
@@ -246,7 +243,7 @@ def _read_points(text: str, where: str) -> tuple[tuple[float, float], ...]:
     for corner in text.split("/"):
         parts = [f"{part} m" if re.fullmatch(r"[-+]?0+\.?0*", part.strip()) else part for part in corner.split(",")]
         if len(parts) != 2:  # noqa: PLR2004 -- x and y
-            number, example = len(corners) + 1, _EXAMPLES["prism"]
+            number, example = len(corners) + 1, SHAPES["prism"][1]
             raise InputError(f"{where}: corner {number}, {corner!r}, is not 2 values; write for example {example}")
         x, y = (read_quantity(part, "length", place=where) for part in parts)
         corners.append((x, y))

@@ -12,7 +12,7 @@ import re
 from typing import TYPE_CHECKING, Any, Literal
 
 from meshes.constants import STANDARD_GRAVITY
-from validation.errors import InputError
+from validation.errors import InputError, shorten
 
 if TYPE_CHECKING:
     import pint
@@ -63,7 +63,7 @@ def read_quantity(value: object, kind: Kind, *, place: str = "", example: str = 
         raise InputError(f"{where}{value[:LONGEST]!r}... is longer than the {LONGEST} characters accepted; {example}")
     match = _NUMBER.match(value.strip()) if isinstance(value, str) else None
     if isinstance(value, bool) or not isinstance(value, str | int | float) or (isinstance(value, str) and not match):
-        raise InputError(f"{where}{_shorten(value)} is not a {kind}; {example}")
+        raise InputError(f"{where}{shorten(value)} is not a {kind}; {example}")
     unit = " ".join(match.string[match.end() :].split()) if match else ""
     if match is None or not unit:
         raise InputError(f"{where}{value!r} has no unit; {example}")
@@ -97,7 +97,7 @@ def read_quantities(value: object, kind: Kind, count: int, *, place: str = "", j
     if len(parts) != count:
         where = f"{place}: " if place else ""
         example = joint.join([_EXAMPLES[kind][1].replace(" ", "")] * count)
-        raise InputError(f"{where}{_shorten(value)} is not {count} values; write for example '{example}'")
+        raise InputError(f"{where}{shorten(value)} is not {count} values; write for example '{example}'")
     return tuple(read_quantity(part, kind, place=place) for part in parts)
 
 
@@ -107,14 +107,8 @@ def _registry() -> pint.UnitRegistry[Any]:
 
     try:
         return pint.UnitRegistry(cache_folder=":auto:")
-    except OSError:  # no writable cache folder: pint then parses its definitions of units at every start
+    except OSError:  # No cache folder is writable; pint then parses its definitions at every start.
         return pint.UnitRegistry()
-
-
-def _shorten(value: object) -> str:
-    """Return a value of any type as text for an error message; a long text is cut."""
-    text = repr(value) if isinstance(value, str | int | float | bool) else f"a {type(value).__name__}"
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
 @functools.lru_cache(maxsize=256)
@@ -132,5 +126,5 @@ def _factor(unit: str, kind: Kind) -> float | None:
         # In pint, angles and plain numbers have the same dimension, so that the name of the unit tells them apart.
         return float(quantity.magnitude) if (kind == "angle") == ("radian" in str(quantity.units)) else None
     if kind == "force" and quantity.dimensionality == {"[mass]": 1}:
-        return float(quantity.magnitude) * STANDARD_GRAVITY  # a force given as the mass of a weight
+        return float(quantity.magnitude) * STANDARD_GRAVITY  # The force is given as the mass of a weight.
     return None

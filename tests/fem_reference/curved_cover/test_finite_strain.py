@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fem_reference import press
-from fem_reference.errors import ConvergenceError, UnsupportedError
+from fem_reference.errors import ConvergenceError
 from fem_reference.finite_strain.contact_problem import PathSettings
 from meshes import Cover, Layer, Material, Sphere
 from meshes.pose import Pose
@@ -42,15 +42,6 @@ def test_a_deep_press_differs_from_small_strain():
     again = press(take_meshes(MESHES, NEO), SMALL.texels, BALL, pose, depth=1.2e-3, strain="finite")
     assert again.mesh is MESHES[0]  # finite strain was solved on the last mesh but one
     np.testing.assert_array_equal(again.contact_points, found.contact_points)
-
-
-def test_what_is_outside_its_range_is_refused():
-    pose = Pose.facing([0, 0, 12e-3], DOWN)
-    tilted = Pose(point=(0, 0, 12e-3), tilt=(0.1, 0.0))
-    with pytest.raises(UnsupportedError, match="along its own axis"):
-        press(take_meshes(MESHES, NEO), SMALL.texels, BALL, tilted, load=0.1, strain="finite")
-    with pytest.raises(ValueError, match="strains are small or finite, not 'large'"):
-        press(take_meshes(MESHES, NEO), SMALL.texels, BALL, pose, load=0.1, strain="large")
 
 
 def test_a_path_that_stops_early_names_how_far_it_came(monkeypatch):

@@ -10,7 +10,6 @@ from fem_reference.curved_cover.contact import STEPS, StickingPress
 from fem_reference.curved_cover.press import _add_step_error, build_compliance
 from fem_reference.curved_cover.pressure_shapes import GapSampler
 from fem_reference.curved_cover.rays import find_touch
-from fem_reference.errors import UnsupportedError
 from meshes import Box, Cover, Layer, Sphere
 from meshes.pose import Pose
 from meshes.solids import flat_pad, phalanx
@@ -114,14 +113,6 @@ def test_estimates_contain_what_half_the_steps_change():
         "total_force": 0.1,
     }
     assert errors == pytest.approx({each: 0.01 + value for each, value in added.items()})
-
-
-def test_other_coefficients_and_finite_strain_are_refused():
-    solid = take_meshes([MESH], make_rubber(0.3))
-    with pytest.raises(UnsupportedError, match=r"0\.4 is not computed on curved covers"):
-        press(solid, PAD.texels, BALL, ABOVE, load=0.1, friction=0.4)
-    with pytest.raises(UnsupportedError, match="at small strain only"):
-        press(solid, PAD.texels, BALL, ABOVE, load=0.1, friction=np.inf, strain="finite")
 
 
 @pytest.mark.slow

@@ -144,6 +144,15 @@ def test_an_oblique_motion_presses_with_the_same_face():
         ({"load": 1e4}, PiercedError, "most of the cover"),
         ({"load": 1.0, "accuracy": 0.01}, UnsupportedError, "the meshes of a curved cover are given"),
         ({"load": 1.0, "pose": Pose(point=(0, 0, 2e-2), direction=(0, 0, 1))}, ValueError, "never touches"),
+        ({"load": 1.0, "friction": 0.4}, UnsupportedError, r"0\.4 is not computed on curved covers"),
+        ({"load": 1.0, "friction": np.inf, "strain": "finite"}, UnsupportedError, "at small strain only"),
+        ({"load": 1.0, "strain": "large"}, ValueError, "strains are small or finite, not 'large'"),
+        (
+            {"load": 1.0, "strain": "finite", "pose": Pose(point=(0, 0, 12e-3), tilt=(0.1, 0.0))},
+            UnsupportedError,
+            "along its own axis",
+        ),
+        ({"depth": 1e-6}, TooShallowError, "less than the mesh"),
     ],
 )
 def test_impossible_presses_are_refused(options, error, message):
@@ -163,11 +172,6 @@ def test_an_indenter_that_fits_between_the_points_of_the_mesh_is_told_so():
             press(SOLID, COVER.texels, Sphere(radius=1e-5), at_angle(angle, y=0.3e-3), load=1e-3)
     with pytest.raises(ValueError, match="never touches"):
         press(SOLID, COVER.texels, Sphere(radius=1e-5), at_angle(0.0, y=7e-3), load=1e-3)
-
-
-def test_a_touch_below_the_resolution_is_refused():
-    with pytest.raises(TooShallowError, match="less than the mesh"):
-        press(SOLID, COVER.texels, BALL, at_angle(0.0), depth=1e-6)
 
 
 def test_a_steep_side_beside_an_edge_does_not_lift_the_mean_gap():

@@ -18,18 +18,11 @@ def make_line(steps, order=2, start=0.0):
     return Line(edges=start + np.concatenate([[0.0], np.cumsum(steps)]), order=order)
 
 
-def nodes_of(line):
-    out = np.zeros(line.count)
-    half = np.diff(line.edges)[:, None] / 2
-    out[line.index] = line.edges[:-1, None] + half * (line.reference + 1)
-    return out
-
-
 @QUICK
 @given(steps=STEPS, order=ORDERS, part=st.floats(0, 1))
 def test_functions_are_one_at_their_node_and_add_up_to_one(steps, order, part):
     line = make_line(steps, order)
-    assert line.at(nodes_of(line)) == pytest.approx(np.eye(line.count), abs=1e-9)
+    assert line.at(line.nodes) == pytest.approx(np.eye(line.count), abs=1e-9)
     assert line.at(np.array([part * line.edges[-1]])).sum() == pytest.approx(1)
 
 
@@ -38,7 +31,7 @@ def test_functions_are_one_at_their_node_and_add_up_to_one(steps, order, part):
 def test_integrals_of_polynomials_are_exact_between_any_ends(steps, order, ends):
     line = make_line(steps, order)
     low, high = sorted(np.array(ends) * line.edges[-1])
-    values = nodes_of(line) ** order
+    values = line.nodes**order
     inside = np.clip([low, high], 0, line.edges[-1])
     exact = (inside[1] ** (order + 1) - inside[0] ** (order + 1)) / (order + 1)
     assert line.integral(low, high) @ values == pytest.approx(exact, abs=1e-9 * line.edges[-1] ** (order + 1))
@@ -49,7 +42,7 @@ def test_integrals_of_polynomials_are_exact_between_any_ends(steps, order, ends)
 def test_mass_and_stiffness_integrate_polynomials(steps, start):
     line = make_line(steps, start=start)
     a, b = line.edges[[0, -1]]
-    r = nodes_of(line)
+    r = line.nodes
     one, mass = np.ones(line.count), line_matrix(line, line)
     assert one @ mass @ one == pytest.approx(b - a)
     assert r @ mass @ r == pytest.approx((b**3 - a**3) / 3)

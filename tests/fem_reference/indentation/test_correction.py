@@ -29,7 +29,6 @@ def make_solution(force, depth, size=1.0):
         total_force=force,
         depth=depth,
         area=1.0,
-        overlap=0.0,
         contact=np.zeros((1, 3)),
         base=FixedBase(values=np.array([force, 0.0])),
         energy=force * depth / 2,
@@ -97,7 +96,7 @@ def test_faces_that_rub_are_refined_in_turn():
 
 def test_each_pose_on_a_cover_of_limited_size_and_each_indenter_on_a_wide_one_is_solved_once(monkeypatch, tmp_path):
     monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))
-    accurate = GridStudy(solutions=[make_grids(2e-4)], least_order=1.0, assumptions={})
+    accurate = GridStudy(solutions=[make_grids(2e-4)])
     monkeypatch.setattr("fem_reference.indentation.small_strain.study_path", lambda *_: accurate)
     solved = []
 

@@ -22,20 +22,24 @@ def coarse(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("request_", "message"),
     [
-        ({"load": None}, "either a load or a depth"),
-        ({"depth": 1e-4}, "either a load or a depth"),
-        ({"load": -1.0}, "load must be positive"),
-        ({"load": float("nan")}, "load must be positive"),
-        ({"load": None, "depth": 3e-3}, "pierce"),
-        ({"load": 5000.0}, r"pierce the cover .* use at most \d+"),
+        ({}, "either a load or a depth"),
+        ({"loads": [1.0], "depths": [1e-4]}, "either a load or a depth"),
+        ({"loads": []}, "give at least one load"),
+        ({"loads": [-1.0]}, "load must be positive"),
+        ({"loads": [np.nan]}, "load must be positive"),
+        ({"depths": [3e-3]}, "pierce"),
+        ({"loads": [5000.0]}, r"pierce the cover .* use at most \d+"),
+        ({"loads": [2.0, 1.0]}, "must ascend"),
+        ({"depths": [2e-4, 1e-4]}, "must ascend"),
+        ({"loads": [1.0], "friction": -0.1}, "friction coefficient"),
+        ({"loads": [1.0], "friction": np.nan}, "friction coefficient"),
     ],
 )
-def test_bad_requests_are_refused_in_words(bonded, wts, change, message):
-    request = {"load": 1.0, **change}
+def test_bad_requests_are_refused_in_words(bonded, wts, request_, message):
     with pytest.raises(ValueError, match=message):
-        press(bonded(0.3), wts, Sphere(radius=5e-3), **request)
+        press_path(bonded(0.3), wts, Sphere(radius=5e-3), **request_)
 
 
 @pytest.mark.parametrize("friction", [0.0, np.inf])
@@ -55,13 +59,6 @@ def test_results_name_their_assumptions(bonded, wts):
     assert set(found.error_estimate) == {"total_force", "depth", "peak_texel", "contact_area"}
 
 
-@pytest.mark.parametrize("friction", [-0.1, np.nan])
-def test_a_coefficient_that_is_none_is_refused(friction):
-    array = TexelArray.grid(2, 2, pitch=3.4e-3)
-    with pytest.raises(ValueError, match="friction coefficient"):
-        press(make_cover(0.45), array, Sphere(radius=5e-3), load=1.0, friction=friction)
-
-
 def test_axis_beside_the_cover_is_refused(bonded):
     with pytest.raises(ValueError, match=r"axis at \(4.1, 0\) mm stands beside the cover, which measures 8 x 6 mm"):
         press(
@@ -71,17 +68,6 @@ def test_axis_beside_the_cover_is_refused(bonded):
             load=1.0,
             pose=Pose.planar(at=(4.1e-3, 0.0)),
         )
-
-
-@pytest.mark.parametrize("targets", [{"loads": [2.0, 1.0]}, {"depths": [2e-4, 1e-4]}])
-def test_a_path_must_ascend(bonded, wts, targets):
-    with pytest.raises(ValueError, match="must ascend"):
-        press_path(bonded(0.3), wts, Sphere(radius=5e-3), **targets)
-
-
-def test_a_path_needs_a_target(bonded, wts):
-    with pytest.raises(ValueError, match="give at least one load"):
-        press_path(bonded(0.3), wts, Sphere(radius=5e-3), loads=[])
 
 
 def test_a_cover_too_wide_for_the_memory_is_solved_on_coarser_grids_or_refused(bonded):

@@ -45,7 +45,7 @@ def make_study(*, force=0.0, depth=0.0, texel=0.0, areas=(1.0, 1.0, 1.0), overla
                 energy=1e-4,
             )
         )
-    return GridStudy(solutions=[solutions], least_order=1.0, assumptions={}, **options)
+    return GridStudy(solutions=[solutions], **options)
 
 
 def estimate(bonded, study, control="depth", indenter=Sphere(radius=5e-3)):  # noqa: B008 -- frozen

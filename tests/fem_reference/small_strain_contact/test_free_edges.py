@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, settings
-from hypothesis import strategies as st
 
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from meshes import Box, Sphere
 from meshes.pose import Pose
 
 SIZE = (10e-3, 6e-3)
-PLACES = st.tuples(st.floats(-5e-3, 5e-3), st.floats(-3e-3, 3e-3))
-SHARED = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def make_sides(bonded, indenter, at, yaw, *, half=(1e-3, 1e-3), size=SIZE):

@@ -116,11 +116,11 @@ ENTRY = {"unit": "N", "tolerance": 1, "value": 1}
     [
         ("{", "not readable as JSON"),
         ("{}", "format: is missing; write for example format = 2"),
-        ('{"format": 1}', "its format is '1'"),
+        ('{"format": 1}', "its format is 1"),
         (spoil(lambda data: data.pop("sensor")), "sensor: is missing"),
         (spoil(lambda data: data.update(quantities=[])), "quantities: must be a table"),
         (spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": "much"})), "'much' is not a finite"),
-        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": {"row": [True]}})), "'True' is not a"),
+        (spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": {"row": [True]}})), "True is not a"),
         (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": "nan % of value"})), "not a finite"),
         (spoil(lambda data: data["quantities"].update(x={**ENTRY, "tolerance": 0})), "tolerance: must be positive"),
         (spoil(lambda data: data["quantities"].update(x={**ENTRY, "value": 1 << 70})), "64 bits"),

@@ -61,4 +61,4 @@ def test_a_colour_depends_on_the_share_of_the_peak_alone(peak, share, difference
 def test_the_ink_has_the_larger_contrast_to_its_ground(colour, luminance):
     assert measure_luminance(colour) == pytest.approx(luminance, rel=1e-3)
     black, white = (luminance + 0.05) / 0.05, 1.05 / (luminance + 0.05)
-    assert choose_ink(colour) == ("#000" if black > white else "#fff")
+    assert choose_ink(colour) == ("black" if black > white else "white")

@@ -7,12 +7,13 @@ from hypothesis import strategies as st
 
 from meshes import Prism, read_stl
 from validation.errors import InputError
-from validation.text.indenter import _EXAMPLES, SHAPES, read_depth, read_indenter, read_load, read_position, read_yaw
+from validation.text.indenter import SHAPES, read_depth, read_indenter, read_load, read_position, read_yaw
 
 
 @pytest.mark.parametrize("shape", sorted(SHAPES.keys() - {"mesh"}))
 def test_every_shape_has_an_example_that_is_accepted(shape):
-    assert isinstance(read_indenter(_EXAMPLES[shape]), SHAPES[shape])
+    make, example = SHAPES[shape]
+    assert isinstance(read_indenter(example), make)
 
 
 def test_corners_of_a_prism():
@@ -80,7 +81,7 @@ def test_any_box_comes_back_from_its_text(x, y, z):
 
 @settings(deadline=None)
 @given(
-    st.sampled_from([*_EXAMPLES, "", "ball"]),
+    st.sampled_from([*SHAPES, "", "ball"]),
     st.text(alphabet="radiusezwhconpgl=,:.x/-0123456789m ", max_size=25) | st.text(max_size=12),
 )
 def test_any_text_is_an_indenter_or_bad_input(shape, rest):

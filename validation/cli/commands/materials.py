@@ -75,7 +75,7 @@ def _show_all(materials: list[Material]) -> None:
     rows = [
         (
             material.name,
-            material.model.removesuffix("-elastic"),  # The table has 80 columns.
+            material.model.removesuffix("-elastic"),  # Short, so that the table fits 80 columns.
             _format_pressure(material.youngs_modulus, digits=3),
             _format_spread(material),
             "..".join(dict.fromkeys(f"{material.poisson_ratio + k * material.poisson_spread:.4g}" for k in (-1, 1))),

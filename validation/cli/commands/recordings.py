@@ -119,7 +119,7 @@ def import_recording(
         output.print_json({**_list_facts(recording), "out": str(target)})
     else:
         output.say(f"wrote {target}: {len(recording.times)} frames of {len(recording.arrays)} arrays")
-    if pitch := recording.setup.other.get(PITCH_ASSUMED):  # loads on texels and positions depend on it
+    if pitch := recording.setup.other.get(PITCH_ASSUMED):  # Loads on texels and positions depend on the pitch.
         output.note(
             f"{recording.path} states no pitch; assumed: {pitch}. If that is wrong, so are loads on texels: "
             "write for example `# pitch = 0.004` [m] before its first line"

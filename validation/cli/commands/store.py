@@ -202,7 +202,7 @@ def _describe_inputs(inputs: Mapping[str, Any]) -> str:
     """Describe the inputs of a stored result in one line of text."""
     try:
         parts = [text for name, value in inputs.items() if (text := _format_input(name, value))]
-    except (ArithmeticError, LookupError, TypeError, ValueError):  # an entry written by another program
+    except (ArithmeticError, LookupError, TypeError, ValueError):  # Another program wrote the entry.
         return "unknown"
     return ", ".join(parts) or "unknown"
 
