@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -353,6 +354,7 @@ def find_unstable_stretches(material: Material) -> dict[str, float]:
     return {mode: float(stretches[0]) for mode, stretches in _find_unstable_states(material).items()}
 
 
+@lru_cache(maxsize=64)
 def _find_unstable_states(material: Material) -> dict[str, FloatArray]:
     """Find the principal stretches at which a material loses its stability, by kind of deformation, shape (3,) [-]."""
     if material.small_strain_only:

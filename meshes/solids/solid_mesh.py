@@ -245,7 +245,31 @@ def check_quality(mesh: SolidMesh) -> Quality:
         through = len(mesh.cells) / len(mesh.base)
     else:  # a regular tetrahedron of edge a has the volume a^3 / (6 sqrt 2)
         through = thickness / float(np.mean(np.cbrt(6 * np.sqrt(2) * np.abs(_tetrahedron_volumes(mesh)))))
-    faults = _list_faults(mesh, inverted, slivers, through)
+    faults, (low, high) = [], LIMITS.sizes
+    if not low <= mesh.size <= high:
+        faults.append(
+            f"the cover would be {1e3 * mesh.size:.4g} mm long, outside {1e3 * low:g}..{1e3 * high:g} mm; "
+            "state the unit of the surface (were millimetres taken for metres?)"
+        )
+    if inverted:
+        faults.append(
+            f"{inverted} of {len(mesh.cells)} elements are inverted; make the cover thinner than the radius of a "
+            "concave base, let the normals point out of the base, or mesh again"
+        )
+    if slivers:
+        faults.append(
+            f"{slivers} of {len(mesh.cells)} elements are slivers, with a scaled Jacobian below {least:g}; mesh again"
+        )
+    if loose := 0 if mesh.is_hexahedral else _count_loose(mesh):
+        faults.append(
+            f"{loose} of {len(mesh.cells)} elements are not connected with the base; remove loose bodies from the "
+            "surface, or give a base below each"
+        )
+    if not through >= LIMITS.through:
+        faults.append(
+            f"only {np.floor(100 * through) / 100:.3g} elements through the thickness, at least {LIMITS.through:g} "
+            "needed; take a smaller element size"
+        )
     return Quality(
         kind="hexahedra" if mesh.is_hexahedral else "tetrahedra",
         elements=len(mesh.cells),
@@ -258,37 +282,6 @@ def check_quality(mesh: SolidMesh) -> Quality:
         through=through,
         faults=tuple(faults),
     )
-
-
-def _list_faults(mesh: SolidMesh, inverted: int, slivers: int, through: float) -> list[str]:
-    """List the faults of a mesh, from its numbers of bad elements and of elements through the thickness."""
-    least = LIMITS.hexahedron_jacobian if mesh.is_hexahedral else LIMITS.tetrahedron_jacobian
-    count, faults = len(mesh.cells), []
-    low, high = LIMITS.sizes
-    if not low <= mesh.size <= high:
-        faults.append(
-            f"the cover would be {1e3 * mesh.size:.4g} mm long, outside {1e3 * low:g}..{1e3 * high:g} mm; "
-            "state the unit of the surface (were millimetres taken for metres?)"
-        )
-    if inverted:
-        faults.append(
-            f"{inverted} of {count} elements are inverted; make the cover thinner than the radius of a concave "
-            "base, let the normals point out of the base, or mesh again"
-        )
-    if slivers:
-        faults.append(f"{slivers} of {count} elements are slivers, with a scaled Jacobian below {least:g}; mesh again")
-    loose = 0 if mesh.is_hexahedral else _count_loose(mesh)
-    if loose:
-        faults.append(
-            f"{loose} of {count} elements are not connected with the base; remove loose bodies from the "
-            "surface, or give a base below each"
-        )
-    if not through >= LIMITS.through:
-        faults.append(
-            f"only {np.floor(100 * through) / 100:.3g} elements through the thickness, at least {LIMITS.through:g} "
-            "needed; take a smaller element size"
-        )
-    return faults
 
 
 def check_texels(mesh: SolidMesh, texels: TexelArray) -> None:

@@ -17,6 +17,7 @@ from meshes.array_types import FloatArray, IntArray
 from meshes.solids.facets import node_normals
 from meshes.solids.solid_mesh import SolidMesh
 from meshes.solids.texels import cylinder_texels, fingertip_texels
+from meshes.surfaces.triangles import cluster
 
 #: Number of layers of elements through a cover unless one is given [-].
 LAYERS = 4
@@ -30,12 +31,9 @@ _COARSER = "take a thicker cover or a larger element size"
 class _Numbers:
     """Constants of the meshes of swept covers."""
 
-    #: Size of the cells in which points are equal, over the size of the surface [-]; above the rounding at borders of
-    #: grids.
+    #: Distance below which points are equal, over the size of the surface [-]; above the rounding at borders of grids.
+    #: It is also the tolerance of a number of elements, for rounding.
     same: float = 1e-7
-    #: Offset of the cells in which points are equal, over the size of a cell [-].  The value is not round, so that
-    #: round coordinates do not lie on the border of a cell.
-    offset: float = 0.3127
     #: Largest number of quadrilaterals of a surface [-].  The memory of a workstation does not suffice for more.
     most_quads: int = 20_000
     #: Largest number of quadrilaterals along an edge [-].  Checked before memory is allocated.
@@ -180,9 +178,8 @@ def _merge_points(
     points: FloatArray, normals: FloatArray, quads: IntArray, source: str, settings: Mapping[str, float]
 ) -> BaseSurface:
     """Merge equal points of a surface; a merged point keeps the position and normal of its first copy."""
-    cell = _NUMBERS.same * float(np.ptp(points, axis=0).max())
-    rounded = np.floor((points - points.min(axis=0)) / cell + _NUMBERS.offset).astype(np.int64)
-    _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    label = cluster(points, _NUMBERS.same * float(np.ptp(points, axis=0).max()))
+    _, first, place = np.unique(label, return_index=True, return_inverse=True)
     order = np.argsort(first, kind="stable")  # The merged points are in the order in which they first occur.
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))

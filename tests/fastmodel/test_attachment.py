@@ -63,25 +63,11 @@ def test_an_array_at_a_site_has_the_pose_that_mujoco_gives_the_site(number, by_n
     assert model.geom("sensor/texel0").bodyid == model.body("finger").id
 
 
-def test_a_body_is_meant_where_a_site_has_the_same_name():
-    spec = finger()
-    spec.body("finger").add_site(name="link", pos=[0, 0, 1])
-    fastmodel.attach(spec, "link", PARAMETERS)
-    model = spec.compile()
-    assert model.geom("sensor/texel0").bodyid == model.body("link").id
-
-
 @pytest.mark.parametrize("method", ["boxes", fastmodel.Foundation(modulus=1e9)])
 def test_replaced_geoms_keep_their_mass_and_leave_contacts_and_pairs_to_the_array(method):
     spec = finger()
-    sensor = fastmodel.attach(
-        spec,
-        "finger",
-        PARAMETERS,
-        position=(0, 0, 1e-3),
-        contact=method,
-        replaces=["pad", next(geom for geom in spec.geoms if not geom.name)],
-    )
+    pads = ["pad", next(geom for geom in spec.geoms if not geom.name)]
+    sensor = fastmodel.attach(spec, "finger", PARAMETERS, position=(0, 0, 1e-3), contact=method, replaces=pads)
     model = spec.compile()
     pads = [geom for geom in range(model.ngeom) if model.geom(geom).name in {"pad", ""}]
     assert len(pads) == 2
@@ -120,12 +106,15 @@ def test_the_array_carries_what_rested_on_the_replaced_geom_as_a_pair(method):
     assert sensor.contact_forces().sum() == pytest.approx(0.981, rel=1e-3)
 
 
-def test_a_pair_of_two_replaced_geoms_disappears():
+def test_a_pair_of_two_replaced_geoms_disappears_and_a_body_is_meant_where_a_site_has_the_same_name():
     spec = finger()
     spec.geoms[2].name = "second"
     spec.add_pair(geomname1="pad", geomname2="second")
+    spec.body("link").add_site(name="finger", pos=[0, 0, 1])
     fastmodel.attach(spec, "finger", PARAMETERS, contact="boxes", replaces={"pad", "second"})
     assert len(spec.pairs) == 6
+    model = spec.compile()
+    assert model.geom("sensor/texel0").bodyid == model.body("finger").id
 
 
 @pytest.mark.parametrize(

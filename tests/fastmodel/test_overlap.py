@@ -13,14 +13,11 @@ from meshes import TexelArray
 from tests.support.bent_array import bent_array
 
 
-def test_overlapping_texels_are_refused_when_a_sensor_is_attached():
+def test_overlapping_texels_are_refused_when_a_sensor_is_attached_but_those_of_a_bent_sheet_may_touch():
     wide = TexelArray.grid(4, 4, 3e-3, texel_size=3.5e-3, name="wide")
     parameters = Parameters(array=wide, spread=Gaussian.from_sigma(0.5), electronics=WTS_0614_34)
     with pytest.raises(FastModelError, match=r"'wide': texels 0 and \d overlap \(42 pairs"):
         fastmodel.attach(mujoco.MjSpec(), "world", parameters)
-
-
-def test_texels_on_a_bent_sheet_may_touch():
     refuse_overlaps(bent_array())
 
 

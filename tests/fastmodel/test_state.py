@@ -133,9 +133,8 @@ def test_a_sensor_copied_apart_from_its_data_takes_data_of_an_equal_model_only()
 
 
 def test_an_unbound_sensor_is_copied_unbound():
-    spec = mujoco.MjSpec()
-    fastmodel.recommend_options(spec)
-    twin = pickle.loads(pickle.dumps(fastmodel.attach(spec, "world", PARAMETERS)))  # noqa: S301
+    spec = make_spec()
+    twin = copy.deepcopy(fastmodel.attach(spec, "world", PARAMETERS))
     with pytest.raises(LifeCycleError, match="not bound"):
         twin.frame()
     assert not twin.bind(spec.compile()).frame().counts.any()

@@ -7,7 +7,7 @@ import pytest
 import fastmodel
 from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import parameters
-from tests.support.scenes import bind, make_spec
+from tests.support.scenes import make_spec, simulate
 
 METHODS = ("boxes", "area", "foundation", "cover")
 
@@ -36,9 +36,7 @@ def build_world(method, geoms):
     body.add_freejoint()
     for geom in geoms:
         body.add_geom(density=4000, **geom)
-    model = spec.compile()
-    bind(sensor, model)
-    return sensor, model, mujoco.MjData(model)
+    return sensor, *simulate(spec, sensor, 0)
 
 
 def make_hollow(rng):

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fastmodel.pressure.gap import BodyShape, sample_gap
+from fastmodel.pressure.gap import BodyShape, Solid, sample_gap
 from meshes import Box, Cylinder, LetterH, Nut, Sphere
 from tests.support.posed_bodies import GRID, pose_body
 
@@ -66,18 +66,16 @@ def test_a_smaller_reach_keeps_the_cells_with_the_smallest_gaps(tilt):
             )
 
 
+def list_solids(shape):
+    planes = np.split(shape.planes, shape.starts[1:-1])
+    return zip(shape.kinds, shape.sizes, planes, shape.centres, shape.halves, strict=True)
+
+
 def test_parts_far_above_the_contact_do_not_lift_the_cells_at_its_edge():
     foot, roof = pose_body(Box(size=(7e-3, 5e-3, 5e-3)), yaw=0.5), pose_body(Box(size=(16e-3, 16e-3, 5e-3)))
     both = replace(
         foot,
-        shape=BodyShape(
-            kinds=np.append(foot.shape.kinds, roof.shape.kinds),
-            sizes=np.vstack([foot.shape.sizes, roof.shape.sizes]),
-            planes=np.vstack([foot.shape.planes, roof.shape.planes]),
-            starts=np.append(foot.shape.starts, foot.shape.starts[-1] + roof.shape.starts[1:]),
-            centres=np.vstack([foot.shape.centres, roof.shape.centres]),
-            halves=np.vstack([foot.shape.halves, roof.shape.halves]),
-        ),
+        shape=BodyShape.of([Solid(*solid) for body in (foot, roof) for solid in list_solids(body.shape)]),
         rotation=np.concatenate([foot.rotation, roof.rotation]),
         position=np.concatenate([foot.position, roof.position + np.array([0, 0, 20e-3])]),
     )

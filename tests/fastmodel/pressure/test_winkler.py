@@ -40,8 +40,7 @@ def test_a_sphere_sinks_as_in_closed_form(force, radius):
 @given(force=st.floats(0.1, 10.0), x=st.floats(-0.8e-3, 0.8e-3), y=st.floats(-0.8e-3, 0.8e-3))
 def test_pressure_under_a_flat_face_is_linear_in_place(force, x, y):
     """If the load acts within the core of the face, all cells touch and the pressure is F / A + M x / I."""
-    at = (0.0, 0.0)
-    samples = sample_gap(GRID, [pose_body(Box(size=(10.2e-3, 10.2e-3, 5e-3)), at=at)], [1e-3])
+    samples = sample_gap(GRID, [pose_body(Box(size=(10.2e-3, 10.2e-3, 5e-3)), at=(0.0, 0.0))], [1e-3])
     found = SOLVER.solve(samples, [Load(force=force, moment=force * np.array([x, y]), tilts=True)])
     inertia = [(samples.coverage * each**2).sum() for each in (samples.x, samples.y)]
     pressure = 1 / samples.coverage.sum() + x * samples.x / inertia[0] + y * samples.y / inertia[1]

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from meshes import TexelArray
+from meshes.catalogue import ARRAYS
 from tests.support.recordings import RECORDINGS, find_differences, recordings
 from tests.support.ros_bags import write_bag
 from validation.recordings import RecordingError, Setup
 from validation.recordings.importing import add_forces, open_recording, relabel, save
+from validation.recordings.recording import make_array
 
 FILES = [] if RECORDINGS is None else sorted(RECORDINGS.rglob("*.dsa"))
 CSV = "# rows = 2\ntime,force,temperature,a,b,c,d\n10.0,0.1,30.5,0,1,2,3\n10.5,0.2,30.6,4,5,6,4095\n"
@@ -156,3 +159,17 @@ def test_import_refuses_options_that_would_have_no_effect_or_a_wrong_one(softcov
     assert status == 2
     assert message in err
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+@pytest.mark.parametrize("load", [-1.0, float("nan"), float("inf")])
+def test_an_impossible_load_is_refused(load):
+    with pytest.raises(ValueError, match="0 N or more"):
+        Setup(load=load)
+
+
+def test_layouts_are_compared_by_position_size_and_mask():
+    array = make_array(13, 6)
+    assert not array.has_layout_of(ARRAYS["sdh2-distal"])  # some of its texels are missing
+    assert array.has_layout_of(TexelArray.grid(13, 6, 3.4e-3))
+    assert not array.has_layout_of(TexelArray.grid(6, 13, 3.4e-3))
+    assert not array.has_layout_of(TexelArray.grid(13, 6, 3.41e-3))

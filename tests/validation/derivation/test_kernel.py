@@ -1,0 +1,201 @@
+"""The kernel and its numbers: fit, quadrature, resolution and sensitivities, against exact and real solutions."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fem_reference import point_spread
+from fem_reference.closed_form import point_response
+from meshes import Cover, Layer, Material, TexelArray
+from validation.derivation.kernel import (
+    fit_kernel,
+    fitting_grid,
+    gauss_points,
+    sigma_sensitivities,
+    two_point_separation,
+    uncut_sigma,
+)
+from validation.sensor_file import load
+
+
+def test_a_regular_grid_is_its_own_fitting_grid_and_another_layout_is_not(wts):
+    assert fitting_grid(wts) is wts
+    centres = wts.centres.copy()
+    centres[0, 0] += 1e-4
+    shifted = dataclasses.replace(wts, centres=centres)
+    grid = fitting_grid(shifted)
+    assert grid is not shifted
+    assert (grid.pitch, grid.texel_size) == (shifted.pitch, shifted.texel_size)
+    assert grid.rows == grid.columns > 10
+
+
+def test_the_fit_hardly_depends_on_the_size_of_the_array(derivation):
+    wide = fit_kernel(derivation.influence, TexelArray.grid(21, 21, derivation.sensor.array.pitch))
+    assert wide.gaussian.sigma_x == pytest.approx(derivation.fit.gaussian.sigma_x, rel=2e-3)
+    assert wide.estimates.keys() == derivation.fit.estimates.keys()
+
+
+def test_uncut_sigma_is_an_estimate_of_the_fit_and_grows_on_a_finer_pitch(derivation):
+    array = derivation.sensor.array
+    assert uncut_sigma(derivation.influence, array) == pytest.approx(
+        derivation.fit.estimates["least-squares-uniform-uncut"][0]
+    )
+    fine = TexelArray.grid(31, 31, tuple(edge / 2 for edge in array.pitch))
+    assert uncut_sigma(derivation.influence, fine) > uncut_sigma(derivation.influence, array)
+
+
+LENGTHS = st.floats(1e-4, 1.0)
+
+
+@given(LENGTHS, LENGTHS, st.integers(1, 12), st.data())
+def test_polynomials_up_to_twice_the_order_are_averaged_exactly(width, height, order, data):
+    i, j = (data.draw(st.integers(0, 2 * order - 1)) for _ in "xy")
+    points, weights = gauss_points((width, height), order)
+    x, y = 2 * points[:, 0] / width, 2 * points[:, 1] / height
+    exact = [0.0 if power % 2 else 1 / (power + 1) for power in (i, j)]
+    assert weights.sum() == pytest.approx(1)
+    assert weights @ (x**i * y**j) == pytest.approx(exact[0] * exact[1], abs=1e-12)
+
+
+def test_points_lie_inside_the_rectangle_along_their_own_axis():
+    points, _ = gauss_points((4.0, 1.0), 5)
+    assert np.ptp(points, axis=0) == pytest.approx((4 * 0.9061798459, 0.9061798459))
+
+
+@pytest.fixture(scope="module")
+def thicker():
+    return point_spread(load("wts-0614-34", thickness="2.1mm").cover)
+
+
+def test_resolution_is_that_of_two_touches_on_the_exact_layer(derivation):
+    """Base pressure between two point loads, superposed from the exact solution: a dip beyond the resolution only."""
+    for factor, dips in ((0.97, False), (1.03, True)):
+        apart = factor * derivation.result.resolution
+        place = np.linspace(0, apart, 201)
+        pressure = point_response(derivation.sensor.cover, place)
+        pressure = pressure + pressure[::-1]
+        assert (pressure[100] < pressure[0] - 1e-3 * pressure.max()) == dips
+
+
+def test_resolution_on_the_array_is_that_of_two_touches_on_real_texels(derivation):
+    """Two touches on the array's own middle row, at every alignment: a texel between reads less than both sides."""
+    array, spread = derivation.sensor.array, derivation.point_spread
+    apart, row = derivation.result.resolution_on_array, array.centres[array.middle, 1]
+
+    def dips(separation):
+        found = []
+        for shift in np.arange(8) / 8 * array.pitch[0]:
+            touches = np.array([[shift - separation / 2, row], [shift + separation / 2, row]])
+            image = array.image(spread.texel_influence(array, touches).sum(axis=0))[array.rows // 2]
+            left, right = (round(float(x) / array.pitch[0] + 2.5) for x in touches[:, 0])
+            between = image[left + 1 : right]
+            found.append(between.size > 0 and between.min() < min(image[left], image[right]) - 1e-3 * image.max())
+        return all(found)
+
+    assert dips(apart)
+    assert not dips(apart - array.pitch[0] / 4)
+
+
+def test_resolution_scales_with_the_cover(derivation, thicker):
+    assert two_point_separation(thicker) == pytest.approx(1.05 * derivation.result.resolution, rel=0.01)
+    assert derivation.result.resolution_on_array >= 2 * derivation.sensor.array.pitch[0] - 1e-9
+
+
+@dataclasses.dataclass
+class Profile:
+    """A radial profile in the units of its own radius."""
+
+    radius: np.ndarray
+    pressure_per_force: np.ndarray
+
+
+def gaussian_profile(sigma=1.0, peak=1.0):
+    radius = sigma * np.linspace(0, 20, 4000)
+    return Profile(radius, peak * np.exp(-((radius / sigma) ** 2) / 2))
+
+
+def test_separation_of_a_gaussian_is_known():
+    # For exp(-r2 / 2 s2) the midpoint dips below the loads from 2.35 s or so on (2 e^(-d2/8) = 1 + e^(-d2/2)).
+    found = two_point_separation(gaussian_profile())
+    assert 2 * np.exp(-(found**2) / 8) == pytest.approx(1 + np.exp(-(found**2) / 2), abs=0.01)
+
+
+@given(st.floats(1e-4, 10), st.floats(1e-3, 1e6))
+def test_separation_grows_with_the_width_and_not_with_the_force(sigma, peak):
+    one = two_point_separation(gaussian_profile())
+    assert two_point_separation(gaussian_profile(sigma, peak)) == pytest.approx(sigma * one, rel=1e-9)
+
+
+def test_sensitivity_to_thickness_predicts_a_thicker_cover(derivation, thicker):
+    own = derivation.fit.estimates["least-squares-uniform-uncut"][0]
+    change = uncut_sigma(thicker, derivation.sensor.array) - own
+    assert change == pytest.approx(derivation.result.sensitivity["thickness"] * 1e-4, rel=0.1)
+
+
+def cover(*layers):
+    """Layers from bottom to top: thickness [m], Young's modulus [Pa], Poisson ratio."""
+    return Cover(
+        layers=tuple(
+            Layer(
+                thickness=thickness,
+                material=Material(
+                    name="test", model="linear-elastic", parameters={"youngs_modulus": modulus}, poisson_ratio=ratio
+                ),
+            )
+            for thickness, modulus, ratio in layers
+        )
+    )
+
+
+def sigma(layers):
+    """Of a run of the elements."""
+    return uncut_sigma(point_spread(cover(*layers)), load("wts-0614-34").array)
+
+
+def sensitivity(layers):
+    chosen = cover(*layers)
+    return sigma_sensitivities(chosen, load("wts-0614-34").array, point_spread(chosen))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [0.3, 0.49])
+def test_sensitivity_to_poisson_ratio_is_that_of_real_runs(ratio):
+    low, high = (sigma([(2e-3, 1e6, ratio + step)]) for step in (-0.005, 0.005))
+    assert sensitivity([(2e-3, 1e6, ratio)])["poisson_ratio"] == pytest.approx((high - low) / 0.01, rel=0.01)
+
+
+def test_sensitivity_at_the_end_of_the_range_is_of_second_order():
+    """A plain one-sided difference is 5 % off here."""
+    end, near = sigma([(2e-3, 1e6, 0.5)]), sigma([(2e-3, 1e6, 0.4995)])
+    assert sensitivity([(2e-3, 1e6, 0.5)])["poisson_ratio"] == pytest.approx((end - near) / 0.0005, rel=0.02)
+
+
+@pytest.mark.slow
+def test_sensitivities_of_two_layers_are_those_of_real_runs():
+    """One layer at the end of its range and one far from it: neither may be measured by the other's step."""
+
+    def layers(scale=1.0, step=0.0):
+        return [(1.5e-3 * scale, 1e6, 0.3 - step), (0.5e-3 * scale, 1e7, 0.5 - step)]
+
+    found = sensitivity(layers())
+    thicker, thinner = sigma(layers(1.02)), sigma(layers(0.98))
+    assert found["thickness"] == pytest.approx((thicker - thinner) / (0.04 * 2e-3), rel=1e-3)
+    assert found["poisson_ratio"] == pytest.approx((sigma(layers()) - sigma(layers(step=0.002))) / 0.002, rel=0.02)
+
+
+def test_youngs_modulus_drops_out_of_the_point_spread(derivation):
+    assert derivation.result.sensitivity["youngs_modulus"] == 0
+    stiff, soft = derivation.point_spread, point_spread(cover((2e-3, 1e4, 0.49)))
+    assert derivation.sensor.cover.layers[0].material.youngs_modulus > 1e5
+    np.testing.assert_allclose(soft.pressure_per_force, stiff.pressure_per_force, rtol=1e-6, atol=1e-6)
+    two = [sigma([(1e-3, scale * 1e6, 0.49), (1e-3, scale * 1e7, 0.49)]) for scale in (1, 0.01)]
+    assert two[0] == pytest.approx(two[1], rel=1e-6)
+
+
+def test_of_several_layers_the_ratio_of_moduli_counts(derivation):
+    """The test above can fail; two layers of one material are the derivation's single one."""
+    alike = uncut_sigma(derivation.point_spread, derivation.sensor.array)
+    assert abs(sigma([(1e-3, 1e6, 0.49), (1e-3, 1e7, 0.49)]) - alike) > 0.01
