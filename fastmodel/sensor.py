@@ -149,7 +149,7 @@ class Sensor:
         with report_slow_compilation(f"sensor {self.name!r}"):
             compile_kernels(self._contact, parameters.array, parameters.surface, model.opt.cone)
         interval, timestep = self._choose_interval(model), float(model.opt.timestep)
-        spreads = reader.at_rest(np.zeros(parameters.array.count)).texel_forces is None
+        spreads = not self._contact.computes_spread
         functions = ChainFunctions(parameters, 1.0 / (interval * timestep), spreads=spreads)
         # The sensor is changed only from here on, so that errors raised above leave it as it was.
         self._prefix, self._suffix, self._label = prefix, suffix, f"{name}{suffix}"

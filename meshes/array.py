@@ -7,10 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshes.array_types import is_positive
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from meshes.array_types import BoolArray, FloatArray, is_positive
 
 #: Largest distance of a texel's centre from its place in a regular grid, over the pitch, for which an array counts as
 #: regular [-].  It is larger than the rounding of coordinates in a file.

@@ -197,6 +197,20 @@ def find_geoms(model: mujoco.MjModel, names: Sequence[str], sensor: str) -> IntA
     return np.array(ids)
 
 
+def number_geoms(model: mujoco.MjModel, geoms: IntArray) -> IntArray:
+    """Return the index among some geoms of each geom of a model, -1 for all other geoms, shape (geoms + 1,).
+
+    The last entry is for geom id -1, which MuJoCo writes for contacts of flexes, so that it belongs to no geom.
+
+    Args:
+        model: The compiled model.
+        geoms: Ids of the geoms to number.
+    """
+    number = np.full(model.ngeom + 1, -1)
+    number[geoms] = np.arange(len(geoms))
+    return number
+
+
 def find_obstacles(model: mujoco.MjModel, geoms: IntArray) -> Reasons:
     """State for each geom of a model why it can never touch an array, with a remedy; "" for geoms that can touch it.
 

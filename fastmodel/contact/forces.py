@@ -26,6 +26,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from fastmodel.compiled import called_by_kernels, compile_kernel
+from fastmodel.contact.bodies import number_geoms
 from fastmodel.contact.interface import Reading
 from fastmodel.signal.point_spread import find_tangents
 from meshes import TexelArray
@@ -67,11 +68,9 @@ class NetForceReader:
                 (n, 4); None for plates.
         """
         self._model, self._array, self._by_geom = model, array, neighbours is not None
-        # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes.  It belongs to no part.
-        part_of = np.full(model.ngeom + 1, -1)
-        part_of[geoms] = np.arange(len(geoms))
         sides = np.zeros((len(geoms), 4), dtype=bool) if neighbours is None else neighbours
-        self.parts: Parts = (part_of, sides, int(geoms[0]), np.ascontiguousarray(axes), middle)
+        first, contiguous = int(geoms[0]), np.ascontiguousarray(axes)
+        self.parts: Parts = (number_geoms(model, geoms), sides, first, contiguous, middle)
         # Axes of each geom in the frame of the array.  The quaternions give them in the frame of the body.
         turns = Rotation.from_quat(model.geom_quat[geoms], scalar_first=True).as_matrix()
         self._axes = np.ascontiguousarray(axes @ turns[0].T @ turns)

@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 
 from fastmodel.compiled import compile_kernel
-from fastmodel.contact.bodies import Bodies, Joints, find_geoms
+from fastmodel.contact.bodies import Bodies, Joints, find_geoms, number_geoms
 from fastmodel.contact.forces import NetForceReader, Sums
 from fastmodel.contact.interface import Reading
 from fastmodel.errors import FastModelError
@@ -167,9 +167,7 @@ class PressureReader:
         self._geoms = find_geoms(model, geoms, name)
         self._geom, self._name = int(self._geoms[0]), geoms[0]
         self._model, self._array, self._turn, self._middle = model, array, frame[0].T, frame[1]
-        # The last entry is for geom id -1, which MuJoCo writes for contacts of flexes, so that it belongs to no part.
-        self._part_of = np.full(model.ngeom + 1, -1)
-        self._part_of[self._geoms] = np.arange(len(self._geoms))
+        self._part_of = number_geoms(model, self._geoms)
         self._bodies = Bodies(model, self._geoms, name, edge)
         self._bodies.find_shapes()
         self._joints = Joints(model, int(model.geom_bodyid[self._geom]))

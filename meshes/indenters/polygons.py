@@ -15,6 +15,7 @@ import numpy as np
 
 from meshes.array_types import BoolArray, FloatArray
 
+#: A corner (x, y) of a polygon [m].
 Corner = tuple[float, float]
 #: Corners (x, y) of a closed polygon, in order; a side joins the last corner to the first.
 Polygon = Sequence[Corner]

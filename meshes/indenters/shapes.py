@@ -17,6 +17,7 @@ import numpy as np
 
 from meshes.array_types import FloatArray, is_positive
 from meshes.indenters.polygons import (
+    Corner,
     Polygon,
     check_polygon,
     compute_distance_from_inset,
@@ -27,7 +28,8 @@ from meshes.indenters.polygons import (
     split_into_convex_parts,
 )
 
-Outline = tuple[tuple[float, float], ...]
+#: Corners (x, y) of a closed polygon as a tuple, which can be hashed [m].
+Outline = tuple[Corner, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
