@@ -84,25 +84,33 @@ class Baseline:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A quantity that differs from its stored value by more than its tolerance, or that only one set has.
+    """The change of a quantity from its stored value, by the number that changed most.
 
     Attributes:
         quantity: Title of the quantity.
         text: Description of the change and its size, in one line.
-        label: Label of the number that changed most, and for an image its column; empty for a single number.
-        before: Stored value of this number; None if the quantity is not in the baseline, or has another form.
-        now: Measured value of this number; None if the quantity was not measured, or has another form.
+        label: Label of the number, and for an image its column; empty for a quantity of one number.
+        before: Stored value of the number; None if the quantity is not in the baseline, or has another form.
+        now: Measured value of the number; None if it is not finite, or if the quantity was not measured or has another
+            form.
         unit: Unit of the numbers.
         tolerance: Largest difference that is no change.
     """
 
     quantity: str
-    text: str
+    text: str = ""
     label: str = ""
     before: float | None = None
     now: float | None = None
     unit: str = ""
     tolerance: float = 0.0
+
+    @property
+    def ratio(self) -> float:
+        """Difference of the two numbers over the tolerance [-]; infinity if one of the numbers is missing."""
+        if self.before is None or self.now is None:
+            return math.inf
+        return abs(self.now - self.before) / max(self.tolerance, _LEAST)
 
 
 def make_baseline(sensor: str, readings: Mapping[str, Reading]) -> Baseline:
@@ -165,23 +173,24 @@ def compare(stored: Baseline, measured: Baseline, failures: Mapping[str, str]) -
 
 def measure_changes(stored: Baseline, measured: Baseline) -> dict[str, float]:
     """Return the largest change of each quantity over its tolerance [-], by title; infinity if not comparable."""
-    ratios = {}
-    for title in sorted({*stored.readings, *measured.readings}):
-        before, now = stored.readings.get(title), measured.readings.get(title)
-        ratios[title] = math.inf
-        if before is not None and now is not None and (before.unit, before.shape) == (now.unit, now.shape):
-            ratios[title] = max((ratio for ratio, *_ in _list_changes(before, now)), default=0.0)
+    ratios = dict.fromkeys(sorted({*stored.readings, *measured.readings}), math.inf)
+    for title in stored.readings.keys() & measured.readings.keys():
+        before, now = stored.readings[title], measured.readings[title]
+        if before.form == now.form:
+            ratios[title] = max((each.ratio for each in _list_changes(title, before, now)), default=0.0)
     return ratios
 
 
-def _list_changes(before: Reading, now: Reading) -> list[tuple[float, str, float, float]]:
-    """List all numbers of a reading: change over the tolerance [-], label, stored value and measured value."""
+def _list_changes(title: str, before: Reading, now: Reading) -> list[Change]:
+    """List the changes of all numbers of a quantity, without their description, from two readings of the same form."""
     return [
-        (
-            _measure_change(stored, measured, before),
-            label if len(row) == 1 else f"{label}, column {column}",
-            stored,
-            measured,
+        Change(
+            quantity=title,
+            label=label if len(row) == 1 else f"{label}, column {column}",
+            before=stored,
+            now=measured if math.isfinite(measured) else None,
+            unit=before.unit,
+            tolerance=before.tolerance * (abs(stored) if before.relative else 1.0),
         )
         for label, row in before.numbers.items()
         for column, (stored, measured) in enumerate(zip(row, now.numbers[label], strict=True))
@@ -215,49 +224,35 @@ def merge(stored: Baseline | None, measured: Baseline, changes: Sequence[Change]
 
 def _compare_readings(title: str, before: Reading, now: Reading) -> Change | None:
     """Compare two readings; return the number that changed most, or None if all are within the tolerance."""
-    if (before.unit, before.shape) != (now.unit, now.shape):
+    if before.form != now.form:
         one, other = (_describe_form(each) for each in (before, now))
         return Change(quantity=title, text=f"has another form: {one} in the baseline, now {other}", unit=now.unit)
-    changes = _list_changes(before, now)
-    moved = sum(ratio > 1 for ratio, *_ in changes)
+    changes = _list_changes(title, before, now)
+    moved = sum(each.ratio > 1 for each in changes)
     if not moved:
         return None
-    _, label, stored, measured = max(changes, key=lambda each: each[0])
-    return Change(
-        quantity=title,
-        text=_describe_change(label, stored, measured, before, f"{moved} of {len(changes)}"),
-        label=label,
-        before=stored,
-        now=measured if math.isfinite(measured) else None,
-        unit=before.unit,
-        tolerance=before.tolerance * (abs(stored) if before.relative else 1.0),
-    )
+    most = max(changes, key=lambda each: each.ratio)
+    text = _describe_change(most, before)
+    if most.label:
+        text = f"{moved} of {len(changes)} numbers changed, most: {most.label} {text}"
+    return replace(most, text=text)
 
 
-def _measure_change(stored: float, now: float, before: Reading) -> float:
-    """Return the difference of a number from its stored value over its tolerance [-]; infinity if it is not finite."""
-    if not math.isfinite(now):
-        return math.inf
-    allowed = before.tolerance * abs(stored) if before.relative else before.tolerance
-    return abs(now - stored) / max(allowed, _LEAST)
-
-
-def _describe_change(label: str, stored: float, now: float, before: Reading, count: str) -> str:
-    """Describe the change of a quantity in one line."""
+def _describe_change(change: Change, before: Reading) -> str:
+    """Describe the change of one number of a stored reading in words."""
     unit = "" if before.unit == "-" else f" {before.unit}"
     allowed = str(_format_tolerance(before)) + ("" if before.relative else unit)
-    if not math.isfinite(now):
-        change = f"is not a finite number any more; it was {stored:.5g}{unit}"
-    else:
-        share = f" ({100 * (now - stored) / abs(stored):+.3g} %)" if stored else ""
-        verb = "rose" if now > stored else "fell"
-        change = f"{verb} from {stored:.5g} to {now:.5g}{unit}{share}, tolerance {allowed}"
-    return change if not label else f"{count} numbers changed, most: {label} {change}"
+    stored, now = change.before or 0.0, change.now
+    if now is None:
+        return f"is not a finite number any more; it was {stored:.5g}{unit}"
+    share = f" ({100 * (now - stored) / abs(stored):+.3g} %)" if stored else ""
+    verb = "rose" if now > stored else "fell"
+    return f"{verb} from {stored:.5g} to {now:.5g}{unit}{share}, tolerance {allowed}"
 
 
 def _describe_form(reading: Reading) -> str:
     """Describe the form of a reading in words: its numbers of labels and of values per label, and its unit."""
-    lengths = sorted(set(reading.shape.values()))
+    lengths = sorted(set(map(len, reading.numbers.values())))
     numbers = lengths[0] if len(lengths) == 1 else f"{lengths[0]} to {lengths[-1]}" if lengths else 0
     names = ", ".join(list(reading.numbers)[:3])
     return f"{len(reading.numbers)} x {numbers} numbers [{reading.unit}]" + (f" ({names} ...)" if names else "")

@@ -92,9 +92,9 @@ class Reading:
     numbers: Mapping[str, tuple[float, ...]]
 
     @property
-    def shape(self) -> dict[str, int]:
-        """Number of values of the reading for each label [-]."""
-        return {label: len(row) for label, row in self.numbers.items()}
+    def form(self) -> tuple[str, dict[str, int]]:
+        """Unit, and number of values by label; readings are comparable if both are equal."""
+        return self.unit, {label: len(row) for label, row in self.numbers.items()}
 
 
 #: Return value of an experiment: readings by name of the quantity, None for a quantity that does not apply to the

@@ -237,8 +237,11 @@ def test_a_contact_narrower_than_the_elements_has_no_depth(load, resolved):
 def test_the_depth_of_a_narrow_contact_is_uncertain_however_alike_the_meshes_are(has_edge, expected):
     meshes = tuple(types.SimpleNamespace(cells=np.empty(count)) for count in (8000, 27000))
     contact = types.SimpleNamespace(load=1.0, area=1.0, spacing=0.2, half_width=0.5, has_edge=has_edge, shear=None)
-    errors = _estimate(meshes, np.ones((2, 3)), [contact] * 2, [1.0] * 2, "load")
-    assert errors["depth"] == pytest.approx(expected)
+    given_load, given_depth = (
+        _estimate(meshes, np.ones((2, 3)), [contact] * 2, [1.0] * 2, c) for c in ("load", "depth")
+    )
+    assert given_load["depth"] == given_depth["total_force"] == pytest.approx(expected)
+    assert given_load["total_force"] == given_depth["depth"] == 0.0
 
 
 @pytest.mark.slow

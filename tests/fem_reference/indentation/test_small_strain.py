@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.grid_convergence import grid_convergence
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.small_strain import study_path
+from fem_reference.linear_response.point_spread import superpose
 from meshes import Cylinder, Sphere, TexelArray
-from meshes.pose import Pose
+from meshes.pose import Place, Pose
 from tests.support.rubber import make_cover
 
 ARRAY = TexelArray.grid(6, 6, pitch=3.4e-3)
@@ -64,3 +67,18 @@ def test_a_cover_of_limited_size_needs_a_place():
     )
     with pytest.raises(ValueError, match="depends on the place"):
         study_path(path, None, None)
+
+
+def test_the_error_of_a_texel_is_relative_to_its_force(ball):
+    """A texel at the rim, with a hundredth of the force, has the absolute change between grids over its own force."""
+    base = ball[1][-1].base
+    place = Place(array=ARRAY, pose=POSE)
+    for texel in (int(np.argmax(base.forces(ARRAY, POSE)[:-1])), 0):
+        on_grids = [
+            superpose(base.contact, each, ARRAY, POSE)[texel] / base.contact[:, 2].sum()
+            for each in base.response.on_grids
+        ]
+        share = on_grids[-1]
+        wanted = grid_convergence(on_grids, base.response.sizes) / share
+        assert base.estimate_error(place, texel, share) == pytest.approx(wanted, rel=1e-6)
+        assert base.estimate_error(place, texel, 0.0) == 0.0
