@@ -34,7 +34,7 @@ def make_meshes(sensor: SensorDescription, progress: Callable[[str], None] | Non
 
 
 def describe_mesh(mesh: SolidMesh) -> dict[str, Any]:
-    """Describe a mesh and its quality as a dictionary of JSON values."""
+    """Describe a mesh of a solid cover, its origin and its quality, as a dictionary of JSON values."""
     from meshes.solids.solid_mesh import check_quality
 
     quality = check_quality(mesh)

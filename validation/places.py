@@ -287,7 +287,7 @@ class SolidPlaces(Places):
         }
 
     def read_at(self, text: str, *, place: str) -> str | tuple[float, ...]:
-        """Read the name of a place, or coordinates [m]: x, y and z; over a planar array also x and y; see `Places`."""
+        """Read the name of a place, or coordinates x, y and z [m], of which a planar array needs no z; see `Places`."""
         names = ("middle", "centre", "texel", "off grid", "edge", "corner", "side")
         return read_place(text, place, names, (2, 3) if self.sensor.array.planar else (3,))
 
@@ -323,7 +323,7 @@ class SolidPlaces(Places):
         return replace(Pose.facing(point, towards / np.linalg.norm(towards), spin=pose.yaw), tilt=pose.tilt)
 
     def scale_loads(self, table: LoadsForTable, source: str) -> float:
-        """Return the factor on the loads: E t^2 of this cover over E t^2 of the campaign's cover; see `Places`.
+        """Return the factor on a campaign's loads: E t^2 of this cover over that of the campaign's cover; see `Places`.
 
         E is Young's modulus and t the thickness.
         """

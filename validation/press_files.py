@@ -114,7 +114,7 @@ def write_vtu(fields: CoverFields, path: Path) -> None:
 
 
 def write_picture(comparison: Comparison, folder: Path) -> tuple[str, ...]:
-    """Write `press.png`, if matplotlib is installed: forces of both models, their difference, and the profile.
+    """Write `press.png`, if matplotlib is installed: texel forces of the models, their difference, the depth profile.
 
     Args:
         comparison: Result of at least one of the models.
@@ -223,8 +223,8 @@ class LoadCurve:
     """Curve of load over depth: indentations at ascending loads or depths of one loading path.
 
     Attributes:
-        indentations: Results in ascending order.
-        wanted: Requested number of results [-].
+        indentations: Results of the presses, one for each point of the curve, in ascending order of load.
+        wanted: Requested number of points [-].
         stopped: Reason why the path ended before the last target; empty if it reached the target.
     """
 

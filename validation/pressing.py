@@ -32,7 +32,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class PressRequest:
-    """A requested press.
+    """A press that a user requests: sensor, indenter, pose, load or depth, and models.
 
     Attributes:
         sensor: Description of the sensor, or parameters of its fast model.
@@ -173,16 +173,16 @@ def read_request(
     Args:
         find_sensor: Function that returns the sensor; its argument states whether finite elements are needed.
         indenter: The indenter, for example `sphere:radius=5mm`.
-        load: Force along the motion; give either load or depth.
-        depth: Approach of the indenter from first touch.
-        pose: Texts `at`, `direction`, `yaw` and `tilt`, each of which may be None.
-        friction: Coefficient of friction, or `no-slip`.
-        strain: `small` or `finite`.
-        accuracy: Wanted relative error, such as 0.01 or `1%`.
-        models: Names of models, joined by commas.
+        load: Force along the motion, for example `5 N`; either load or depth must be given.
+        depth: Approach of the indenter from first touch, for example `0.3 mm`.
+        pose: Texts of the pose of the indenter by key: `at`, `direction`, `yaw` and `tilt`, each of which may be None.
+        friction: Coefficient of friction between indenter and cover, or `no-slip`.
+        strain: Kind of strain of the finite elements, `small` or `finite`.
+        accuracy: Wanted relative error of the finite elements, such as 0.01 or `1%`.
+        models: Names of the models to compute, joined by commas.
         method: Contact method of the fast model.
-        curve: Number of points of a curve.
-        out: Folder for files.
+        curve: Number of points of a curve of load over depth; None for a single press.
+        out: Folder for the files of the press; None for no files.
 
     Raises:
         InputError: With one line per fault.

@@ -14,6 +14,8 @@ import numpy as np
 
 from meshes.array_types import FloatArray, IntArray
 
+#: Distance of a node from a boundary of a mesh, over the cover thickness, below which it counts as on the boundary [-].
+ON_BOUNDARY = 1e-9
 #: Ratio of the heights of neighbouring elements below a surface with small elements [-].
 _SURFACE_GROWTH = 1.4
 #: Ratio of the sizes of neighbouring elements on both sides of the edge of a contact, in three-dimensional meshes [-].

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
-from fem_reference.elements.grading import fill_by_spacing, grade_contact, layer_heights
+from fem_reference.elements.grading import ON_BOUNDARY, fill_by_spacing, grade_contact, layer_heights
 from fem_reference.elements.line import Line, gauss_points, recover_pressure
 from fem_reference.elements.taylor_hood import MixedElements, mesh_layers, prepare_elements
 from fem_reference.fields.cover_fields import recover_fields
@@ -80,10 +80,6 @@ class BlockSettings:
 
 
 _SETTINGS = BlockSettings()
-
-
-#: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
-_ON_BOUNDARY = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -380,12 +376,12 @@ def mark_constrained(
     Returns:
         Whether each of the components x, y and z is zero at each node, shape of the coordinates.
     """
-    base = nodes[2] < _ON_BOUNDARY
+    base = nodes[2] < ON_BOUNDARY
     planes, sides = [], []
     for position, (low, high), mirror in zip(nodes[:2], ends, symmetric, strict=True):
-        start = position < low + _ON_BOUNDARY
+        start = position < low + ON_BOUNDARY
         planes.append(start & mirror)
-        sides.append(((position > high - _ON_BOUNDARY) | (start & (not mirror))) & (not free))
+        sides.append(((position > high - ON_BOUNDARY) | (start & (not mirror))) & (not free))
     outer = (sides[0] | sides[1]) & bonded
     held = base & bonded
     return [sides[0] | planes[0] | outer | held, sides[1] | planes[1] | outer | held, base | outer]
@@ -397,7 +393,7 @@ def describe_state(
     """Convert the equilibrium of a block at one target to a solution of the whole cover in SI units."""
     units, scale = path.units, path.load_scale
     x, y, z = solid.elements.nodes.T
-    base = np.flatnonzero(z < _ON_BOUNDARY)
+    base = np.flatnonzero(z < ON_BOUNDARY)
     lines = [line.nodes for line in block.lines]
     forces = np.zeros((len(lines[0]), len(lines[1])))
     forces[block.find_nodes(x[base], y[base])] = reached.reaction[3 * base + 2]
@@ -433,8 +429,6 @@ def is_rectangular(shape: FlatPunch) -> bool:
 #: Smallest number of steps of a loading path with friction, over the number of elements through the cover [-].  The
 #: error of the steps then decreases with the element size, and the differences between grids include both errors.
 FRICTION_STEPS = 3
-#: Distance from the top of the cover, over its thickness, below which a node counts as on the top [-].
-_ON_TOP = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -539,7 +533,7 @@ def add_change(baseline: Guess, change: Guess, elements: MixedElements, surface:
         surface: Surface of the indenter with the heights of the full loading path.
     """
     state, depth = baseline.state + change.state, baseline.depth + change.depth
-    top = np.flatnonzero(elements.nodes[:, 2] > 1 - _ON_TOP)
+    top = np.flatnonzero(elements.nodes[:, 2] > 1 - ON_BOUNDARY)
     x, y, _ = elements.nodes[top].T
     gap = surface.height(x, y) - baseline.depth - baseline.state[3 * top + 2]
     closed = gap < _SETTINGS.closed * baseline.depth

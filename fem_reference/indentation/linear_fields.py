@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fem_reference.elements.grading import grade_contact, grade_outward
+from fem_reference.elements.grading import ON_BOUNDARY, grade_contact, grade_outward
 from fem_reference.elements.line import Line
 from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.fields.cover_fields import CoverFields, recover_fields
@@ -43,12 +43,12 @@ _EDGE = 0.5
 _LARGEST = 1.2
 #: Largest number of elements along half a contact in three dimensions, to limit the memory [-].
 _MOST = 14
-#: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
-_ON_BOUNDARY = 1e-9
 
 
 def solve_linear_fields(path: LoadingPath, contact: FloatArray, place: Place, depth: float) -> CoverFields:
     """Solve for displacement and stress in a linear cover under a frictionless contact or a flat face without slip.
+
+    Some indentations have no fields, see `state_missing_fields`.
 
     Args:
         path: Cover and indenter.
@@ -58,13 +58,7 @@ def solve_linear_fields(path: LoadingPath, contact: FloatArray, place: Place, de
 
     Returns:
         The fields in the frame of the array.
-
-    Raises:
-        ValueError: If there are no fields, with the reason of `state_missing_fields`.
     """
-    missing = state_missing_fields(path, place.pose)
-    if missing:
-        raise ValueError(missing)
     if path.cover.size is not None:
         size = min(path.cover.thickness, *np.ptp(contact[:, :2], axis=0)) / _SOLID_COUNT
         block = lay_out_cover(path, place.pose, contact[:, :2], elements_per_thickness=_SOLID_COUNT, fillet=size)
@@ -101,7 +95,7 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, depth: float) ->
     elements, top = radial.elements, radial.top
     load = np.zeros(elements.displacements + elements.pressures)
     load[2 * top + 1] = -(Line(edges=radii, order=2).at(r).T @ contact[:, 2]) / units.force
-    under = top[elements.nodes[top, 0] < path.indenter.footprint[0] / units.length + _ON_BOUNDARY]
+    under = top[elements.nodes[top, 0] < path.indenter.footprint[0] / units.length + ON_BOUNDARY]
     return _solve(path, elements, load, radial.constrained, under=under, depth=depth / units.length)
 
 
@@ -135,7 +129,7 @@ def _solve_block(path: LoadingPath, contact: FloatArray, block: Block, depth: fl
     units = path.units
     elements = mesh_block(block, units.scale_cover(path.cover), _SOLID_COUNT)
     x, y, z = elements.nodes.T
-    top = np.flatnonzero(z > 1 - _ON_BOUNDARY)
+    top = np.flatnonzero(z > 1 - ON_BOUNDARY)
     folded = [
         np.abs(each) if mirror else each
         for each, mirror in zip(contact[:, :2].T / units.length, block.symmetric, strict=True)
@@ -147,7 +141,7 @@ def _solve_block(path: LoadingPath, contact: FloatArray, block: Block, depth: fl
     constrained = find_constrained(block, elements, bonded=path.cover.base == "bonded")
     face, place = path.indenter, block.surface.pose.to_indenter(x[top] * units.length, y[top] * units.length)
     inside = face.signed_distance(*place) / units.length if isinstance(face, FlatPunch) else np.zeros(len(top))
-    under = top[inside > -_ON_BOUNDARY]
+    under = top[inside > -ON_BOUNDARY]
     return _solve(path, elements, load, constrained, under=under, depth=depth / units.length).unfold(block.symmetric)
 
 

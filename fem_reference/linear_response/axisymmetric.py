@@ -22,7 +22,7 @@ import skfem
 from scipy.interpolate import CubicSpline
 
 from fem_reference import result_store
-from fem_reference.elements.grading import grade_outward, layer_heights
+from fem_reference.elements.grading import ON_BOUNDARY, grade_outward, layer_heights
 from fem_reference.elements.line import Line, recover_pressure
 from fem_reference.elements.taylor_hood import MixedElements, assemble_linear, mesh_layers, prepare_elements
 from fem_reference.finite_strain.loading_path import Progress, Units, report
@@ -50,10 +50,6 @@ class AxisymmetricSettings:
 
 
 _SETTINGS = AxisymmetricSettings()
-
-
-#: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
-_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,7 +124,7 @@ class RadialCover:
     def _sort_nodes(self, height: float) -> IntArray:
         """Return the indices of the nodes at a height [thicknesses], from the axis outwards."""
         r, z = self.elements.nodes.T
-        nodes = np.flatnonzero(np.abs(z - height) < _TOLERANCE)
+        nodes = np.flatnonzero(np.abs(z - height) < ON_BOUNDARY)
         return nodes[np.argsort(r[nodes])]
 
 
@@ -189,9 +185,9 @@ def find_constrained(cover: Cover, r: FloatArray, z: FloatArray, reach: float) -
         z: Heights of the n nodes, shape (n,) [thicknesses].
         reach: Radius of the outer boundary [thicknesses].
     """
-    axis, base = r < _TOLERANCE, z < _TOLERANCE
+    axis, base = r < ON_BOUNDARY, z < ON_BOUNDARY
     bonded = cover.base == "bonded"
-    outer = (r > reach - _TOLERANCE) & bonded
+    outer = (r > reach - ON_BOUNDARY) & bonded
     radial = axis | outer | (base & bonded)
     return np.concatenate([2 * np.flatnonzero(radial), 2 * np.flatnonzero(base | outer) + 1])
 

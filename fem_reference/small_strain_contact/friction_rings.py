@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from fem_reference import result_store
-from fem_reference.elements.grading import grade_around_edge, growing_steps
+from fem_reference.elements.grading import ON_BOUNDARY, grade_around_edge, growing_steps
 from fem_reference.elements.line import Line
 from fem_reference.errors import ConvergenceError
 from fem_reference.fields.cover_fields import recover_fields
@@ -72,8 +72,6 @@ _SETTINGS = RingSettings()
 GRIDS = (6, 9, 13, 19, 28)
 #: Positions of the Gauss points across a ring, from -1 to 1, and their weights, shape (4,) each [-].
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
-#: Distance from a boundary of the mesh, over the cover thickness, below which a node counts as on the boundary [-].
-_ON_BOUNDARY = 1e-9
 #: Lower bound of denominators that may be zero.
 _TINY = 1e-300
 #: Condition of a ring without contact.
@@ -138,7 +136,7 @@ class RingContact:
             radii = grade_around_edge(_SETTINGS.edge * rim / self._count**2, coarse, rim, self._reach, growth)
             return radii[: int(np.argmin(np.abs(radii - rim))) + 1], radii
         width = self._radius / (_SETTINGS.rings * self._count)
-        rings = int(np.ceil(min(_SETTINGS.margin * self._radius, rim) / width - _ON_BOUNDARY))
+        rings = int(np.ceil(min(_SETTINGS.margin * self._radius, rim) / width - ON_BOUNDARY))
         edges = width * np.arange(rings + 1)
         beyond = growing_steps(
             width, self._reach - edges[-1], lambda step: step * (growth**2 if step < coarse else growth)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -475,10 +476,10 @@ def _guess_from_coarser(
     load: float | None,
     depth: float | None,
 ) -> BoolArray | None:
-    """Guess the cells in contact from a solution on a coarser grid of the same rectangle, itself guessed in this way.
+    """Guess the cells in contact from solutions on coarser grids of the same rectangle, the coarsest first.
 
-    The guess is larger than the contact of the coarser grid by one of its cells on each side.  Cells too many are
-    removed in few exchanges; with cells too few, a stiff top layer would overlap the indenter nearly everywhere.
+    A guess is larger than the contact of the coarser grid by one of its cells on each side.  Surplus cells are removed
+    in few exchanges; with cells too few, a stiff top layer would overlap the indenter nearly everywhere.
 
     Args:
         surface: Compliance of the top of a wide cover; free side edges do not matter for a guess.
@@ -489,24 +490,27 @@ def _guess_from_coarser(
         depth: Approach of the indenter [m], or None.
 
     Returns:
-        Whether each cell is in the guess, shape (rows, columns); None if the grid is too coarse for a coarser one.
+        Whether each cell is in the guess, shape (rows, columns); None if the grid is too coarse for a coarser one, or
+        if the contact on the coarser grid does not converge.
     """
-    counts = np.array(grid.x.shape) // _SETTINGS.coarsening
-    if counts.min() < _SETTINGS.coarsest:
-        return None
-    coarse = CellGrid.span(grid.middle, half, counts)
-    gap = measure_gap(coarse.x, coarse.y)
-    if not np.isfinite(gap).any():
-        return None
-    compliance = ComplianceOperator(surface, coarse.x.shape, coarse.cell)
-    guess = _guess_from_coarser(surface, measure_gap, coarse, half, load=load, depth=depth)
-    try:
-        touching = _solve(compliance, gap, coarse.area, guess, load=load, depth=depth)[0] > 0
-    except ConvergenceError:
-        return None
-    touching = ndimage.binary_dilation(touching, np.ones((3, 3), dtype=bool))
-    rows, columns = (np.arange(n) * m // n for n, m in zip(grid.x.shape, counts, strict=True))
-    return touching[np.ix_(rows, columns)]
+    shapes = [np.array(grid.x.shape)]
+    while (counts := shapes[-1] // _SETTINGS.coarsening).min() >= _SETTINGS.coarsest:
+        shapes.append(counts)
+    guess: BoolArray | None = None
+    for counts, finer in pairwise(reversed(shapes)):
+        coarse = CellGrid.span(grid.middle, half, counts)
+        gap, before, guess = measure_gap(coarse.x, coarse.y), guess, None
+        if not np.isfinite(gap).any():
+            continue
+        compliance = ComplianceOperator(surface, coarse.x.shape, coarse.cell)
+        try:
+            touching = _solve(compliance, gap, coarse.area, before, load=load, depth=depth)[0] > 0
+        except ConvergenceError:
+            continue
+        touching = ndimage.binary_dilation(touching, np.ones((3, 3), dtype=bool))
+        rows, columns = (np.arange(n) * m // n for n, m in zip(finer, counts, strict=True))
+        guess = touching[np.ix_(rows, columns)]
+    return guess
 
 
 def _solve(

@@ -399,9 +399,13 @@ def _list_fitted(row: results.RowScores) -> str:
 
 
 def describe_comparison(campaign: results.CampaignResult) -> dict[str, Any]:
-    """Describe the comparison with published models: presses of their fit, models as good, and parts left out.
+    """Describe the comparison with published models, for sentences on the page.
 
     A model counts as equally good if the interval of the fast model's skill against it includes zero.
+
+    Returns:
+        `presses` names the presses to which the published models are fitted; `as_good` lists by metric the models that
+        are at least as good as the fast model; `not_built` names by model what is not implemented.
     """
     as_good: dict[str, list[str]] = {METRICS[metric].heading: [] for metric in results.SKILL_METRICS}
     for row in campaign.published:

@@ -36,8 +36,8 @@ class Column:
         factor: Factor from the value, in SI units or as a fraction, to the printed unit.
         decimals: Number of printed decimals; None to print significant digits.
         digits: Number of significant digits if `decimals` is None.
-        meaning: Explanation in a few words.
-        shown: Whether the column is in tables of all columns.
+        meaning: Explanation of the quantity in a few words.
+        shown: Whether tables that show all quantities of a result have the column.
         small: Smaller second line, a format of the result, such as `against: {0.exact}`.
         parts: Headings of the columns of a tuple of numbers.
         words: Printed words by value; empty for numbers and for texts that are printed unchanged.

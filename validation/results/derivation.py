@@ -79,14 +79,16 @@ class Responses(Result):
         gaussian: The fitted Gaussian of a solid.
         texel_response_outside: Force of `texel_response` that no texel measures [-].
         texel_response_uniform_outside: Force of `texel_response_uniform` that no texel measures [-].
-        point_response: Radial profile; None with free side edges.
+        point_response: Pressure on the base over the distance from a point load; None with free side edges.
         resolution: Two-point separation at the base; NaN if there is no dip, None with free side edges [m].
         resolution_on_array: Two-point separation in images of this array, for the worst position of the two points
             relative to the texels [m].
         sensitivity: Derivatives of sigma with respect to thickness [pitches/m] and Poisson ratio [pitches].
-        depth: Fits to the depth of a ball; None with free side edges.
-        validity: Range of the fast model, or `not stated`.
-        calibration: Force of the characteristic, and the share of a calibration tip's force on a texel.
+        depth: Stiffness parameters fitted to the computed depths of a ball under several loads; None with free side
+            edges.
+        validity: Loads up to which the fast model is accurate, or `not stated`.
+        calibration: Force to which the characteristic relates the counts, and the share of a calibration tip's force
+            that acts on a texel.
         texels: Centres [m], normals [-], size [m] and active state of the texels of a solid.
         above_m: Points of the surface above the texels, shape (n, 3) [m].
         meshes: Hash, origin and quality of each mesh.

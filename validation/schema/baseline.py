@@ -53,7 +53,7 @@ _ROWS_JSON = {"anyOf": [_NUMBER, {"type": "object", "additionalProperties": _ROW
 
 
 class ReadingTable(Table):
-    """The stored value of a quantity.
+    """The stored value of a quantity that a regression check compares.
 
     Attributes:
         unit: Unit of the numbers.

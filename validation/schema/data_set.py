@@ -143,8 +143,8 @@ class SelectionTable(Table):
     Attributes:
         series: Name of the series.
         files: Patterns of the names of recordings.
-        least: Least load.
-        most: Greatest load.
+        least: Least load of the selected recordings.
+        most: Greatest load of the selected recordings.
     """
 
     series: str = Field(examples=["room"])

@@ -69,7 +69,7 @@ class Read:
     json: Mapping[str, Any] = field(default_factory=lambda: _TEXT)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        """Return the schema with which pydantic calls the function."""
+        """Return the schema by which pydantic reads a field with this annotation: it calls `read`."""
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -92,7 +92,7 @@ class TableOr:
     json: Mapping[str, Any] = field(default_factory=dict)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        """Return the schema with which pydantic calls the function."""
+        """Return the schema by which pydantic reads a field with this annotation: it calls `read`."""
         return core_schema.no_info_wrap_validator_function(self.read, handler.generate_schema(self.table))
 
     def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -238,7 +238,7 @@ def read_percentage(value: object) -> float:
 
 
 def percentage(most: float = float("inf")) -> Read:
-    """Make the annotation of a percentage, which becomes a fraction from 0 to `most`."""
+    """Make the annotation of a percentage such as `3 %`, which becomes a fraction from 0 to `most` [-]."""
 
     def convert(value: object) -> float:
         share = read_percentage(value)

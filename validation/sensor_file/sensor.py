@@ -247,7 +247,10 @@ def _build(tables: SensorTables, source: Path) -> SensorDescription:
 
 
 def _build_cover(tables: SensorTables, array: TexelArray, folder: Path) -> tuple[TexelArray, Cover | SolidCover]:
-    """Make the cover, and return it with the texels, which may have been moved to the base of a solid cover."""
+    """Make the cover of a sensor file, and return the texels and the cover.
+
+    If the file asks for it (`array.project`), the texels are moved to the base of a solid cover.
+    """
     table = tables.cover
     if isinstance(table, CurvedCoverTable):
         from validation.sensor_file.curved_cover import build_solid, project_texels

@@ -64,7 +64,7 @@ def test_net_force_and_torque_are_the_sums_of_mujocos_contact_forces(method, ben
     sensor, model, data = drop_bodies(parameters, method, cone)
     sensor.bind(model)
     touched, largest = 0, np.zeros(6)
-    for _ in range(160):
+    for _ in range(120):
         mujoco.mj_step(model, data)
         expected = sum_contacts(model, data)
         made = sensor.step(data)
@@ -77,21 +77,21 @@ def test_net_force_and_torque_are_the_sums_of_mujocos_contact_forces(method, ben
     assert (largest > [0.1, 0.1, 0.5, 1e-4, 1e-4, 1e-5]).all()
 
 
-def slide_box(method, *, filtered=None, push=0.6, array=None, rate=500.0):
+def slide_box(method, *, filtered=None, push=0.6, array=None, rate=500.0, quaternion=(1, 0, 0, 0)):
     """A box of 1 N on the middle of an array, pushed along -x and half as strongly along y against friction."""
     electronics = dataclasses.replace(FLAT.electronics, rate_hz=rate)  # by default a frame in every step
     parameters = dataclasses.replace(FLAT, filter=filtered, electronics=electronics)
     if array is not None:
         parameters = dataclasses.replace(parameters, array=array, tables={})
     spec = make_spec(timestep=2e-3)
-    sensor = fastmodel.attach(spec, "world", parameters, contact=method, every=1)
+    sensor = fastmodel.attach(spec, "world", parameters, contact=method, every=1, quaternion=quaternion)
     half, friction = [6e-3, 8e-3, 4e-3], [2, 0.005, 0.0001]
     add_body(spec, "box", half, [0, 0, 4e-3], free=True, mass=1.0 / 9.81, friction=friction)
 
     def pull(data):
         data.xfrc_applied[1, :2] = -push, push / 2
 
-    model, data = simulate(spec, sensor, 400, pull)
+    model, data = simulate(spec, sensor, 300, pull)
     return sensor, sum_front(model, data)
 
 
@@ -122,6 +122,12 @@ def test_tangential_forces_add_up_to_the_friction(method):
         assert np.count_nonzero(frame.tangential[:, 0] < 0) >= 4
 
 
+def test_shear_is_given_along_the_tangents_of_an_array_that_is_turned_on_its_body():
+    sensor, expected = slide_box("cover", quaternion=(np.sqrt(0.5), 0, 0, np.sqrt(0.5)))
+    turned = [expected[1], -expected[0]]
+    np.testing.assert_allclose(sensor.frame().tangential.sum(axis=0), turned, atol=1e-6)
+
+
 def test_shear_on_the_margin_and_on_masked_texels_is_on_no_texel():
     """The box is wider than the array, so that a part of it stands on the margin; one of four texels is masked."""
     active = np.ones(4, dtype=bool)
@@ -148,6 +154,9 @@ def test_net_force_is_filtered_as_the_texel_forces_are():
     assert frame.net_force == pytest.approx([0, 0, -0.84])
     np.testing.assert_allclose(frame.net_torque, 0, atol=1e-12)
     assert not frame.tangential.any()
+    sensor.reset(np.eye(84)[5])
+    expected = np.cross(FLAT.array.centres[5], -FLAT.array.normals[5])
+    np.testing.assert_allclose(sensor.frame().net_torque, expected, atol=1e-12)
 
 
 def test_pressures_are_forces_over_the_sensitive_area():
@@ -171,7 +180,7 @@ def test_a_push_against_the_side_of_the_array_is_in_the_net_force_alone(method):
     def push(data):
         data.xfrc_applied[1, 0] = -2.0
 
-    simulate(spec, sensor, 400, push)
+    simulate(spec, sensor, 300, push)
     frame = sensor.frame()
     assert frame.net_force == pytest.approx([-2, 0, 0], abs=0.01)
     assert frame.net_torque[1] == pytest.approx(2e-3, rel=0.1)  # 2 N, 1 mm below the front

@@ -48,7 +48,7 @@ def shuffled(array, seed=1):
 def test_a_curved_array_carries_the_load_as_a_vector(array, method):
     touched = set()
     for shape in (Sphere(radius=5e-3), Box(size=(8e-3, 12e-3, 5e-3))):
-        for at in ((0.7e-3, -1.1e-3), (0.0, 1.7e-3), (1.0e-3, 6e-3)):
+        for at in ((0.7e-3, -1.1e-3), (1.0e-3, 6e-3)):
             found = indent(parameters(array, surface=CELLS), shape, load=1.5, at=at, method=method)
             # guided along z: the guide takes up the lateral force
             assert found.contact_forces @ array.normals[:, 2] == pytest.approx(1.5, rel=1e-6)
@@ -147,7 +147,7 @@ def scene(array, turn, method):
     ball = add_body(spec, "sphere", [6e-3], [0.4e-3, 1.2e-3, 6e-3], parent=holder, mass=0.1, condim=1)
     for axis in ([0, 1, 0], [0, 0, 1]):
         ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, stiffness=50, damping=2)
-    simulate(spec, sensor, 500)
+    simulate(spec, sensor, 300)
     return sensor
 
 

@@ -56,8 +56,11 @@ def test_masked_texels_do_not_affect_the_fit():
     active = np.ones((14, 6), dtype=bool)
     active[7, 4] = False
     image = image_of(Gaussian.from_sigma(0.8, 0.6))
-    image[7, 4] = 0
-    assert fit_gaussian(image, LOADED, active=active).gaussian.sigma_x == pytest.approx(0.8, abs=1e-6)
+    measured = image[active].sum()
+    image[7, 4] = 0.5
+    fit = fit_gaussian(image, LOADED, active=active)
+    assert fit.gaussian.sigma_x == pytest.approx(0.8, abs=1e-6)
+    assert fit.outside_kernel == pytest.approx(1 - measured)
     assert abs(fit_gaussian(image, LOADED).gaussian.sigma_x - 0.8) > 1e-3
 
 

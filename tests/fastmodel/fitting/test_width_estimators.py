@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fastmodel.errors import FastModelError
 from fastmodel.fitting.gaussian import estimate_from_image, fit_gaussian
 from fastmodel.signal.point_spread import Gaussian
 from meshes.catalogue import ARRAYS
@@ -63,3 +64,11 @@ def test_transposing_the_image_swaps_both_widths(sigma_x, sigma_y):
     widths, swapped = estimate_from_image(image, (9, 9), "uniform"), estimate_from_image(image.T, (9, 9), "uniform")
     for name, (x, y) in widths.items():
         assert swapped[name] == pytest.approx((y, x), rel=1e-9)
+
+
+@pytest.mark.parametrize("missing", ["radius", "pressure_per_force", "pitch"])
+def test_radial_estimators_name_what_they_need_together(missing):
+    whole = {"radius": np.linspace(0, 1e-2, 50), "pressure_per_force": np.linspace(1e5, 0, 50), "pitch": (3e-3, 3e-3)}
+    given = {name: value for name, value in whole.items() if name != missing}
+    with pytest.raises(FastModelError, match="need radius, pressure_per_force and pitch together"):
+        fit_gaussian(image_of(Gaussian.from_sigma(0.7)), LOADED, **given)

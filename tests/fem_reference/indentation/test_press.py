@@ -100,3 +100,10 @@ def test_fields_are_computed_up_to_the_sides():
     path = LoadingPath(cover=cover, indenter=Sphere(radius=4e-3), targets=(1e-4,), control="depth", fields=True)
     place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=Pose())
     assert not is_far_from_sides(path, place)
+
+
+def test_a_cover_of_limited_size_needs_a_place():
+    cover = make_cover(0.45, "linear-elastic", size=(8e-3, 8e-3))
+    path = LoadingPath(cover=cover, indenter=Sphere(radius=4e-3), targets=(1.0,), control="load")
+    with pytest.raises(ValueError, match="depends on the place"):
+        small_strain.study_path(path, None, None)

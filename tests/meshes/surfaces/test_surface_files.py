@@ -26,9 +26,10 @@ def test_a_body_is_read_in_its_unit(tmp_path, kind):
 
 
 @pytest.mark.parametrize(
-    ("shift", "marker", "lost"), [(1, 0.0, 1), (-1, None, 0), (-1, np.nan, 1), (-1, np.inf, 1)],
-    ids=["far origin", "origin in the grid", "nan", "inf"],
-)  # fmt: skip
+    ("shift", "marker", "lost"),
+    [(1, None, 0), (1, 0.0, 1), (-1, None, 0), (-1, np.nan, 1), (-1, np.inf, 1), (-1, 0.0, 4)],
+    ids=["whole", "far origin", "origin in the grid", "nan", "inf", "two at the origin"],
+)
 def test_missing_points_of_a_grid_are_skipped_and_a_single_point_at_the_origin_is_a_point(
     tmp_path, shift, marker, lost
 ):

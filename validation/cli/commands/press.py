@@ -167,7 +167,7 @@ def _list_points(curve: LoadCurve) -> Iterator[tuple[str, ...]]:
 
 
 def _print_comparison(comparison: Comparison) -> None:
-    """Print the images of texel forces of the chosen models, their results and their scores."""
+    """Print one press: images of the texel forces of the chosen models, their results and their scores."""
     from validation.cli.heat_map import draw_force_images
     from validation.press_files import list_images
     from validation.sensor_file import SensorDescription
