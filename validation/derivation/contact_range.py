@@ -383,8 +383,8 @@ class TipShare:
         largest_load: Largest load of the range: load of saturation, or of the deepest press that finite elements at
             small strain compute [N].
         saturation_load: Load at which the counts saturate; None for a characteristic that never does [N].
-        lightest: Share under a point load, the limit for light loads [-].
-        heaviest: Share under the largest load of the range [-].
+        lightest: Force on the texel over the applied force under a point load, the limit for light loads [-].
+        heaviest: Force on the texel over the applied force under the largest load of the range [-].
     """
 
     radius: float
