@@ -144,6 +144,16 @@ def test_bad_input_is_refused():
         texel_responses([mesh], cover.texels, rubber(0.3)).finest.at(np.array([[0, 0, 1.0]]))
 
 
+def test_errors_are_relative_to_the_largest_force_above_a_texel():
+    meshes = [split_box((n, n, m), (6e-3, 6e-3, 2e-3)) for n, m in ((6, 2), (9, 3))]
+    texels = flat_pad(size=(6e-3, 6e-3), rows=2).texels
+    each = [texel_responses([mesh], texels, rubber(0.4)).matrix for mesh in meshes]
+    found = texel_responses(meshes, texels, rubber(0.4)).error_estimate
+    own = [np.diag(matrix) for matrix in each]
+    assert found["peak_texel"] == pytest.approx(estimate_error(own, meshes) / own[-1].max(), rel=1e-9)
+    assert found["any_texel"] == pytest.approx(estimate_error(each, meshes) / own[-1].max(), rel=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("poisson_ratio", [0.3, 0.49, 0.5])
 def test_a_flat_pad_of_hexahedra_equals_the_solution_with_free_edges(poisson_ratio):
