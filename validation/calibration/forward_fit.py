@@ -334,7 +334,7 @@ def _guess_pose(placement: Placement, observations: Observations, array: TexelAr
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ForwardFit:
-    """A fitted forward model.
+    """A fitted forward model, which predicts the counts of a sensor from indenter, load and pose.
 
     Attributes:
         method: The contact method.

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fastmodel import Electronics
 from validation.calibration.model import Observations
 from validation.calibration.uncertainty import Estimate, estimate_mean
 from validation.derivation.contact_range import compute_tip_share, linearise
@@ -107,18 +106,11 @@ def calibrate_point_load(
     )
     largest = float(max(observations.loads.max(), 1e-9))
     top = float(max(observations.counts[:, texel].max(), 2.0))
-    electronics = Electronics(
-        rate_hz=sensor.electronics.rate_hz,
-        sensitivity=top / largest,
-        output_max=max(2, round(top)),
-        bits=32,
-        calibrated=f"through the cover, tip {1e3 * radius:.9g} mm",
-    )
+    # A line through zero that reaches the largest recorded count under the largest load saturates at the whole count.
+    saturation = max(2, round(top)) * largest / top
     cover, array = sensor.layered_cover, sensor.array
     influence = point_spread(linearise(cover)) if cover.size is None else solid_influence(cover, array)
-    share = compute_tip_share(cover, array, influence, electronics)
-    if share is None:
-        raise RuntimeError("a characteristic through the cover has a share")
+    share = compute_tip_share(cover, array, influence, radius=radius, saturation=saturation)
     slopes = np.array([line.slope for line in lines])
     forces = [line.saturation_force for line in lines if line.saturation_force is not None]
     found = {

@@ -321,9 +321,9 @@ def _find_temperature(recording: Recording, file: DataFile, times: FloatArray) -
     """Return the mean temperature at the given times; NaN if neither recording nor data-set file has one [degC]."""
     if file.temperature is not None:
         return file.temperature
-    channels = recording.temperatures.shape[1] if recording.temperatures.ndim > 1 else 0
     if not recording.temperatures.size:
         return float("nan")
+    channels = recording.temperatures.shape[1]
     if not -channels <= file.temperature_channel < channels:
         raise RecordingError(
             f"{file.path}: has {channels} temperature channels; temperature_channel = {file.temperature_channel} is "

@@ -383,8 +383,8 @@ class TipShare:
         largest_load: Largest load of the range: load of saturation, or of the deepest press that finite elements at
             small strain compute [N].
         saturation_load: Load at which the counts saturate; None for a characteristic that never does [N].
-        lightest: Share under a point load, the limit for light loads [-].
-        heaviest: Share under the largest load of the range [-].
+        lightest: Force on the texel over the applied force under a point load, the limit for light loads [-].
+        heaviest: Force on the texel over the applied force under the largest load of the range [-].
     """
 
     radius: float
@@ -396,8 +396,8 @@ class TipShare:
 
 
 def compute_tip_share(
-    cover: Cover, array: TexelArray, influence: Influence, electronics: Electronics
-) -> TipShare | None:
+    cover: Cover, array: TexelArray, influence: Influence, *, radius: float, saturation: float | None
+) -> TipShare:
     """Press the calibration tip of a sensor over the centre of the middle active texel by finite elements.
 
     The materials are linearised, as in all parts of a derivation.  For a cover with free side edges, the pressure under
@@ -407,10 +407,8 @@ def compute_tip_share(
         cover: The cover.
         array: A flat array.
         influence: Finite-element response of the texels to loads on the cover.
-        electronics: Electronics with the characteristic.
-
-    Returns:
-        The share; None if the characteristic was calibrated against the texel force.
+        radius: Radius of the hemispherical end of the tip [m].
+        saturation: Load at which the counts saturate; None for a characteristic that never does [N].
 
     Raises:
         ConvergenceError: If the finite elements did not converge.
@@ -418,9 +416,6 @@ def compute_tip_share(
     """
     from fem_reference.indentation.press import press_path
 
-    radius = electronics.tip_radius
-    if radius is None:
-        return None
     texel = find_middle(array)
     centre = array.centres[texel, :2]
     path = press_path(
@@ -433,7 +428,6 @@ def compute_tip_share(
     lightest = float(influence.texel_influence(array, centre)[0, texel])
     loads = np.array([0.0, *(each.total_force for each in path)])
     shares = [lightest, *(_measure(each, array, influence)[texel] / each.total_force for each in path)]
-    saturation = find_saturation(electronics)
     largest = float(loads[-1]) if saturation is None else min(saturation, float(loads[-1]))
     applied = np.linspace(0, largest, _FITTED_LOADS)
     on_texel = applied * np.interp(applied**_EXPONENT, loads**_EXPONENT, shares)

@@ -32,18 +32,6 @@ def choose_mesh(meshes: tuple[SolidMesh, ...]) -> SolidMesh | None:
     )
 
 
-def derive_fast_model(meshes: tuple[SolidMesh, ...], texels: TexelArray, material: Material) -> CoverPoints | None:
-    """Derive the arrays of the fast model on the chosen mesh; None if even the coarsest has too many nodes on its top.
-
-    Args:
-        meshes: Meshes of the cover, coarsest first.
-        texels: Texels on the base of the meshes.
-        material: Material of the cover.
-    """
-    mesh = choose_mesh(meshes)
-    return None if mesh is None else derive_points(mesh, texels, material)
-
-
 def derive_points(mesh: SolidMesh, texels: TexelArray, material: Material) -> CoverPoints:
     """Compute the arrays of the fast model on the nodes of the top of one mesh, or read them from the store.
 

@@ -200,10 +200,10 @@ def sigma_sensitivities(cover: Cover, array: TexelArray, spread: PointSpread) ->
 
 
 def _thickness_slope(thickness: float, grid: TexelArray, spread: PointSpread) -> float:
-    """Return the derivative of sigma with respect to the cover's thickness, a central difference [pitches/m].
+    """Return the derivative of the Gaussian's sigma with respect to the thickness of the cover [pitches/m].
 
-    No other cover is solved: a cover scaled by a factor s over the array responds like the original cover over the
-    array scaled by 1 / s.
+    It is a central difference.  No other cover is solved: a cover scaled by a factor s over the array responds like the
+    original cover over the array scaled by 1 / s.
 
     Args:
         thickness: Thickness of the cover [m].
@@ -217,7 +217,7 @@ def _thickness_slope(thickness: float, grid: TexelArray, spread: PointSpread) ->
 
 
 def _poisson_slope(cover: Cover, grid: TexelArray, spread: PointSpread, layer: int) -> float:
-    """Return the derivative of sigma with respect to the Poisson ratio of one layer [pitches].
+    """Return the derivative of the Gaussian's sigma with respect to the Poisson ratio of one layer [pitches].
 
     It is the slope of the parabola through the sigmas at three Poisson ratios inside 0..0.5.
 

@@ -25,6 +25,7 @@ from validation.derivation.contact_range import (
     DepthFits,
     TipShare,
     compute_tip_share,
+    find_saturation,
     fit_depth,
     list_undetermined,
     press_ball_on_array,
@@ -273,11 +274,12 @@ def _(cover: Cover, sensor: SensorDescription, progress: Progress | None = None)
         spread = Tabulated(matrix=np.array(columns).T, source="finite elements with free side edges")
         cells = cells_with_sides(cover, array, influence) if array.regular else None
     depth = fit_depth(cover) if wide else None
-    tip = None
-    if sensor.electronics.tip_radius is not None:
+    tip, radius = None, sensor.electronics.tip_radius
+    if radius is not None:
         tell("calibration tip over a texel")
         with _told(tell, "the share of the calibration tip's force on a texel is not known"):
-            tip = compute_tip_share(cover, array, influence, sensor.electronics)
+            saturation = find_saturation(sensor.electronics)
+            tip = compute_tip_share(cover, array, influence, radius=radius, saturation=saturation)
     parameters = Parameters(
         array=array,
         spread=spread,

@@ -115,12 +115,11 @@ class SolidDerivation:
         """
         from fastmodel.parameters import Parameters
         from fastmodel.signal.point_spread import Tabulated
-        from validation.derivation.cover_points import TOO_FINE, derive_fast_model
+        from validation.derivation.cover_points import TOO_FINE, choose_mesh, derive_points
 
         sensor = self.sensor
-        surface = derive_fast_model(
-            tuple(grid.mesh for grid in self.responses.grids), sensor.array, sensor.cover.layers[0].material
-        )
+        mesh = choose_mesh(tuple(grid.mesh for grid in self.responses.grids))
+        surface = None if mesh is None else derive_points(mesh, sensor.array, sensor.cover.layers[0].material)
         provenance = describe_provenance(sensor) | {"mesh": self.mesh.digest}
         return Parameters(
             array=sensor.array,

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -183,14 +184,19 @@ def prepare_models(
     """
     if not parameters.array.regular or cover.size is not None:
         return None
+    from fem_reference import ConvergenceError
     from fem_reference.closed_form.layer import tabulate_texel_response
+    from fem_reference.indentation.press import press
 
-    response = tabulate_texel_response(cover, parameters.array.texel_size)
+    array = parameters.array
+    response = tabulate_texel_response(cover, array.texel_size)
     presses = []
-    for case in choose_calibration(parameters.array, cases):
-        press = _press(cover, parameters, case, response, friction=friction)
-        if press is not None:
-            presses.append(press)
+    for case in choose_calibration(array, cases):
+        # A press that finite elements or MuJoCo cannot compute is left out.
+        with suppress(ValueError, ConvergenceError):
+            reference = press(cover, array, case.indenter, load=case.load, pose=case.pose, friction=friction)
+            scene = make_scene(cover, parameters, case, response)
+            presses.append(CalibrationPress(scene=scene, reference=reference))
     rows = []
     for model in PUBLISHED.values():
         rows += make_rows(model, cover, presses)
@@ -318,17 +324,3 @@ def _break_ties(vector: FloatArray, lowest: FloatArray, error: Callable[[FloatAr
         high = low + bisect_left(range(low, high), True, key=is_same)  # noqa: FBT003 -- the value that is looked for
         vector[k] = high * _TIE_STEP
     return vector
-
-
-def _press(
-    cover: Cover, parameters: Parameters, case: Case, response: TexelResponse, *, friction: float
-) -> CalibrationPress | None:
-    """Press by finite elements and in MuJoCo; None if one of them cannot compute the press."""
-    from fem_reference import ConvergenceError
-    from fem_reference.indentation.press import press
-
-    try:
-        reference = press(cover, parameters.array, case.indenter, load=case.load, pose=case.pose, friction=friction)
-        return CalibrationPress(scene=make_scene(cover, parameters, case, response), reference=reference)
-    except (ValueError, ConvergenceError):
-        return None

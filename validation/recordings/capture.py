@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Literal
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
 from validation.recordings.recording import NANOSECOND, BoolArray, RecordedArray, Setup, make_array
 from validation.weiss.protocol import MatrixInfo, Reading
-from validation.weiss.sensor import Chunk, LinkLostError, NoAnswerError, PortError, Sensor, SensorError
+from validation.weiss.sensor import LinkLostError, NoAnswerError, PortError, Sensor, SensorError
 from validation.weiss.stream import DeviceClock, Gap, Residual
 
 #: Errors of optional requests, such as the temperature.  The recording continues without the answer.
@@ -81,9 +81,10 @@ def record(
     setup = replace(setup, source=setup.source or sensor.port, device={**reported, **setup.device})
     array = make_device_array(sensor.read_matrix(), str(reported.get("type", "tactile")), active=_ask_mask(sensor))
     session = _Session(sensor, on_event)
+    stream = sensor.stream(run_length=run_length, interval_ms=interval_ms, reconnect=reconnect)
     try:
         with RecordingWriter(path, arrays=[array], setup=setup, serial=str(reported["serial"])) as writer:
-            session.run(writer, seconds, run_length=run_length, interval_ms=interval_ms, reconnect=reconnect)
+            session.run(writer, stream, seconds)
     except LinkLostError as error:
         raise RecordingStoppedError(f"{error}; {session.frames} frames are kept in {path}") from error
     except StorageError as error:
@@ -137,18 +138,17 @@ class _Session:
         """Time from the first recorded frame to the last [s]."""
         return (self._last - self._first) * NANOSECOND
 
-    def run(
-        self, writer: RecordingWriter, seconds: float | None, *, run_length: bool, interval_ms: int, reconnect: float
-    ) -> None:
-        """Write frames, raw bytes and gaps to a file until the duration is over or the user presses Ctrl-C."""
+    def run(self, writer: RecordingWriter, stream: Generator[Reading | Gap, None, None], seconds: float | None) -> None:
+        """Write frames, raw bytes and gaps to a file until the duration is over or the user presses Ctrl-C.
 
-        def write_raw(chunk: Chunk) -> None:
-            writer.add_raw(chunk.host_time + self._utc_offset, chunk.data)
-
+        Args:
+            writer: The file.
+            stream: Stream of the sensor, which starts when the first event is taken from it.
+            seconds: Duration; None for no limit [s].
+        """
         stop = None if seconds is None else time.monotonic_ns() + round(seconds / NANOSECOND)
         self._write_temperature(writer)
-        stream = self._sensor.stream(run_length=run_length, interval_ms=interval_ms, reconnect=reconnect)
-        self._sensor.tap = write_raw
+        self._sensor.tap = lambda chunk: writer.add_raw(chunk.host_time + self._utc_offset, chunk.data)
         try:
             for event in stream:
                 self._write_event(writer, event)

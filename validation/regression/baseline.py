@@ -198,7 +198,7 @@ def _list_changes(title: str, before: Reading, now: Reading) -> list[Change]:
 
 
 def merge(stored: Baseline | None, measured: Baseline, changes: Sequence[Change]) -> Baseline:
-    """Return the baseline to store: new values of changed quantities, stored values of all others, stored tolerances.
+    """Return the baseline for an update: new values of changed quantities, stored values of others and tolerances.
 
     Values within tolerance are kept.  The difference of two files then shows only changed quantities, and a slow drift
     adds up until it is noticed.

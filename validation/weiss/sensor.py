@@ -212,7 +212,7 @@ class NoAnswerError(PortError):
 
 
 class Sensor(AbstractContextManager["Sensor"]):
-    """An open sensor.  Use it in a `with` block, whose end stops the stream and closes the port.
+    """An open Weiss WTS sensor.  The end of a `with` block stops the stream of frames and closes the port.
 
     Args:
         port: Name of a port, or a pyserial URL such as `socket://host:port`.

@@ -18,6 +18,7 @@ from fastmodel.pressure.solvers import Wrench
 from fastmodel.surface import CoverPoints
 from meshes import Sphere, TexelArray
 from meshes.pose import Pose
+from tests.support.contact_forces import sum_pushes
 from tests.support.quaternions import rotate
 from tests.support.scenes import add_body, make_spec, run, simulate
 
@@ -137,6 +138,17 @@ def test_a_body_without_a_convex_shape_presses_with_its_contact_points(parameter
     simulate(spec, sensor, 600)
     assert sensor.carried() == pytest.approx(LOAD, rel=0.02)
     assert sensor.frame().texel_forces.sum() == pytest.approx(0.8 * LOAD, rel=0.03)
+
+
+def test_of_a_clamp_that_holds_the_cover_only_the_jaw_on_its_front_presses(parameters):
+    spec = make_spec(gravity=[0, 0, 0])
+    sensor = fastmodel.attach(spec, "world", parameters)
+    clamp = add_body(spec, "sphere", [4e-3], [0, 0, 13.9e-3], slides="z", mass=0.5)
+    clamp.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[4e-3, 0, 0], pos=[0, 0, -12.6e-3])
+    model, data = simulate(spec, sensor, 200)
+    squeeze = sum_pushes(model, data) / 2
+    assert squeeze > 0.1
+    assert sensor.carried() == pytest.approx(squeeze, rel=1e-3)
 
 
 def test_a_geom_at_the_top_is_named(parameters):

@@ -42,7 +42,7 @@ def test_slopes_saturation_and_the_share_of_the_cover(monkeypatch):
     asked = []
     share = SimpleNamespace(share=0.77, lightest=0.8, heaviest=0.75, radius=1e-3, largest_load=1.4)
     monkeypatch.setattr("fem_reference.point_spread", lambda cover: cover.thickness)
-    monkeypatch.setattr(point_load, "compute_tip_share", lambda *given: asked.append(given) or share)
+    monkeypatch.setattr(point_load, "compute_tip_share", lambda *given, **tip: asked.append((*given, tip)) or share)
     slopes = (2000.0, 2100.0, 2300.0, 3000.0, 3100.0)
     tops = {3000.0: 3000 * LOADS[-3] - 50, 3100.0: 3100 * LOADS[-2] - 50}
     seen, names = make_trials(slopes, tops=tops)
@@ -52,10 +52,9 @@ def test_slopes_saturation_and_the_share_of_the_cover(monkeypatch):
     assert [trial.slope for trial in found.trials] == pytest.approx([*slopes[:4], bent])
     assert [trial.offset for trial in found.trials] == pytest.approx([-50] * 4 + [offset])
     assert [trial.saturation_force for trial in found.trials] == [None] * 3 + [pytest.approx(LOADS[-3]), None]
-    ((cover, array, influence, electronics),) = asked
+    ((cover, array, influence, tip),) = asked
     assert (cover, array, influence) == (SENSOR.cover, SENSOR.array, SENSOR.cover.thickness)
-    assert electronics.sensitivity * LOADS.max() == pytest.approx(tops[3100.0])
-    assert electronics.calibrated == "through the cover, tip 1 mm"
+    assert tip == {"radius": 1e-3, "saturation": pytest.approx(LOADS.max(), rel=1e-3)}
     assert (found.tip_share, found.tip_share_light, found.tip_share_heavy) == (0.77, 0.8, 0.75)
     assert (found.tip_radius, found.largest_load) == (1e-3, 1.4)
     applied, texel = (found.estimates[name] for name in ("sensitivity_applied", "sensitivity"))

@@ -57,12 +57,11 @@ def test_derive_finds_the_share_of_the_tip_and_says_so(wts_derivation, under_the
 @pytest.mark.slow
 def test_the_share_is_that_of_the_tip_that_was_used(wts_derivation):
     sensor = wts_derivation.sensor
-    wide = dataclasses.replace(WTS_0614_34, calibrated="through the cover, tip 2.5 mm")
-    found = compute_tip_share(sensor.cover, sensor.array, wts_derivation.influence, wide)
+    found = compute_tip_share(
+        sensor.cover, sensor.array, wts_derivation.influence, radius=2.5e-3, saturation=find_saturation(WTS_0614_34)
+    )
     assert found.radius == 2.5e-3
     assert found.share < wts_derivation.tip.share - 0.02
-    against_texels = dataclasses.replace(WTS_0614_34, calibrated="texel force")
-    assert compute_tip_share(sensor.cover, sensor.array, wts_derivation.influence, against_texels) is None
 
 
 @pytest.mark.slow
@@ -72,7 +71,7 @@ def test_a_tip_that_leaves_nothing_on_a_texel_is_named_with_the_remedy():
     sensor = BUILT_IN["wts-0614-34"]
     thick = dataclasses.replace(COVER, layers=(dataclasses.replace(COVER.layers[0], thickness=1.0),))
     with pytest.raises(ValueError, match="a cover of 1000 mm puts too little of the tip's force on a texel; give"):
-        compute_tip_share(thick, sensor.array, point_spread(thick), WTS_0614_34)
+        compute_tip_share(thick, sensor.array, point_spread(thick), radius=1e-3, saturation=None)
 
 
 def test_a_calibration_in_mujoco_gives_back_the_line_as_far_as_cells_resolve_the_tip():
@@ -113,7 +112,8 @@ def test_with_free_side_edges_the_share_is_that_of_the_cover_itself():
 
     array = TexelArray.grid(2, 2, 3.4e-3)
     cover = dataclasses.replace(COVER, size=(7.2e-3, 7.2e-3))
-    tip = compute_tip_share(cover, array, solid_influence(cover, array), WTS_0614_34)
+    saturation = find_saturation(WTS_0614_34)
+    tip = compute_tip_share(cover, array, solid_influence(cover, array), radius=1e-3, saturation=saturation)
     texel = find_middle(array)
     at = tuple(array.centres[texel, :2])
     reference = (

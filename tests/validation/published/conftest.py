@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import fastmodel
 from fastmodel import FastIndentation
 from fem_reference.closed_form.layer import tabulate_texel_response
 from meshes import TexelArray
@@ -10,6 +11,11 @@ from validation.campaign.case import Case
 from validation.published.scene import ContactMap, Contacts, Scene
 
 PITCH, LOAD = 2e-3, 2.0
+
+
+@pytest.fixture(scope="session")
+def parameters(wts):
+    return fastmodel.Parameters(array=wts, spread=fastmodel.Gaussian.from_sigma(0.5), electronics=fastmodel.WTS_0614_34)
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import fastmodel
 from meshes import Pose
 from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
@@ -28,11 +27,6 @@ from validation.published.models import (
 from validation.published.scene import make_scene
 
 SCORED = (Case.read("box", "box:size=6mmx10mmx5mm", "100 g", at="0.7mm,-1.1mm", yaw="45deg"),)
-
-
-@pytest.fixture(scope="module")
-def parameters(wts):
-    return fastmodel.Parameters(array=wts, spread=fastmodel.Gaussian.from_sigma(0.5), electronics=fastmodel.WTS_0614_34)
 
 
 @pytest.fixture(scope="module")

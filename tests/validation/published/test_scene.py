@@ -12,11 +12,6 @@ from validation.published.scene import bin_on_texels, make_scene, sink, sink_spr
 
 
 @pytest.fixture(scope="module")
-def parameters(wts):
-    return fastmodel.Parameters(array=wts, spread=fastmodel.Gaussian.from_sigma(0.5), electronics=fastmodel.WTS_0614_34)
-
-
-@pytest.fixture(scope="module")
 def press(parameters, bonded):
     cover = bonded(0.45)
     response = tabulate_texel_response(cover, parameters.array.texel_size)

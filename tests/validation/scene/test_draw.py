@@ -92,9 +92,6 @@ def test_the_surface_is_cut_off_around_the_contact_and_its_displacements_are_mag
     np.testing.assert_allclose(arrow.bounds[4:], (low, high), atol=1e-5)
     np.testing.assert_allclose((arrow.bounds[:4:2] + arrow.bounds[1:4:2]) / 2, AT[:2], atol=1e-5)
     assert (arrow.bounds[1] - arrow.bounds[0]) / 2 == pytest.approx(0.06 * 2.8, rel=0.05)
-    shaft = arrow.points[arrow.points[:, 2] > high - 1e-5] - [*AT[:2], high]
-    assert np.linalg.norm(shaft, axis=1).max() == pytest.approx(0.02 * 2.8, rel=1e-3)
-    assert 0 < arrow.opacity <= 1
 
 
 def test_the_section_shows_the_half_behind_the_contact(views, scene):

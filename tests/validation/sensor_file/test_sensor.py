@@ -43,11 +43,6 @@ def test_electronics_may_be_left_out_in_part_or_whole(sensor):
     assert part.electronics.sensitivity == 2665.7
 
 
-def test_unknown_name_shows_the_nearest():
-    with pytest.raises(InputError, match="did you mean 'sdh2-distal'"):
-        load("sdh2")
-
-
 def test_bad_replacement_lists_both_faults(faults):
     with pytest.raises(InputError) as caught:
         load("wts-0614-34", material="dragon-skin-3", thickness="3")

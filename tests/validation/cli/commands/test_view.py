@@ -19,17 +19,6 @@ TOUCH = ("--indenter", "sphere:radius=5mm", "--load", "500g")
 WEIGHT = 0.5 * 9.80665
 
 
-def test_view_without_a_terminal_prints_the_last_image(softcover):
-    status, out, _ = softcover("view", "wts-0614-34", *TOUCH, "--seconds", "1.5")
-    assert status == 0
-    assert "sphere:radius=5mm on wts-0614-34, 4.903 N" in out
-    assert "fast model, mN" in out
-    assert "4.90 N at (" in out
-    assert "net force (" in out
-    assert ", -4.90) N" in out
-    assert "\x1b" not in out
-
-
 def test_view_prints_the_last_frame_as_json(softcover):
     status, out, _ = softcover("view", "wts-0614-34", *TOUCH, "--seconds", "1", "--json")
     result = json.loads(out)
