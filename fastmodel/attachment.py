@@ -127,7 +127,7 @@ def recommend_options(spec: mujoco.MjSpec) -> None:
 
 
 def _check_spec(spec: mujoco.MjSpec) -> None:
-    """Check that an argument is a spec."""
+    """Check that an argument is a `mujoco.MjSpec`."""
     check_type("spec", spec, mujoco.MjSpec, "a mujoco.MjSpec, for example mujoco.MjSpec.from_file('robot.xml')")
 
 

@@ -212,7 +212,7 @@ class _Worlds:
         return [None] * len(self._numbers)
 
     def visit(self, function: Visit[_T]) -> list[_T]:
-        """Call a function of number, state and sensors of a world for each world, and return the results."""
+        """Call a function for each world with its number, its state and its sensors, and return the results."""
         worlds = zip(self._numbers, self._data, self._sensors, strict=True)
         return [function(number, data, sensors) for number, data, sensors in worlds]
 

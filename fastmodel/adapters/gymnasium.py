@@ -13,9 +13,9 @@ several times.  If frames are more frequent, `info["frames"]` contains all frame
     new = info["frames"]["tactile"]
     new["images"][: new["made"]]                                     # images since the previous step
 
-All arrays keep their shapes from step to step, as vector environments and other wrappers require. `reset(seed=...)`
+All arrays keep their shapes from step to step, as vector environments and other wrappers require.  `reset(seed=...)`
 also seeds the noise of the sensors; later episodes continue with other noise until a new seed is given.  A copy of the
-wrapper (`copy.deepcopy`, `pickle`) is independent of the original. A copy of an environment that derives from
+wrapper (`copy.deepcopy`, `pickle`) is independent of the original.  A copy of an environment that derives from
 `gymnasium.utils.EzPickle`, as most environments of Gymnasium do, starts anew and needs a `reset`.
 
 Environments derived from `gymnasium.envs.mujoco.MujocoEnv` or gymnasium-robotics' `MujocoRobotEnv` load a model file,
@@ -203,7 +203,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         return min(steps, int(period * rate_hz * (1 + _TOLERANCE)) + 1)
 
     def _inform(self, info: dict[str, Any]) -> dict[str, Any]:
-        """Add the frames since the previous call to the info of the environment, or to those of a nested wrapper."""
+        """Return the info of the environment with the frames since the previous call, and those of a nested wrapper."""
         frames, theirs = {}, info.get(self._key, {})
         for name, made in self._made.items():
             frames[name] = _stack_frames(made, self.sensors[name].frame(), self._room[name])

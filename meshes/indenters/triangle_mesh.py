@@ -554,9 +554,10 @@ class _Piece:
         )
 
     def cut(self, underside: _Underside) -> tuple[_Piece, _Piece] | None:
-        """Cut the piece in two along a vertical plane, the best of several.
+        """Cut the piece in two along the best of several vertical planes.
 
-        The planes go through the place of the largest error, at several angles, and through `wall`.
+        The planes go through the point where the piece has its largest error, at several angles.  A further plane goes
+        through the point `wall` beside a vertical wall.
 
         Returns:
             The two halves with the least sum of `excess`; None if no cut leaves two halves with a volume.

@@ -227,7 +227,7 @@ class Quality:
 
 @lru_cache(maxsize=4)
 def check_quality(mesh: SolidMesh) -> Quality:
-    """Measure the quality of a mesh and compare it with the limits; `Quality.require` refuses.
+    """Measure the quality of a mesh and compare it with the limits; `Quality.require` raises an error for faults.
 
     Raises:
         ValueError: If the base or the top has no area.

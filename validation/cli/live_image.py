@@ -1,4 +1,4 @@
-"""Live tactile image on standard error."""
+"""Live tactile image of a sensor, a recording or a simulation, shown in the terminal on standard error."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class LiveImage(contextlib.ExitStack):
 
     @property
     def is_due(self) -> bool:
-        """Whether it is time to show the next image or line of text."""
+        """Whether enough time has passed to show the next live image or line of text."""
         return not self._quiet and time.monotonic() >= self._next
 
     def show(self, counts: npt.NDArray[np.integer], text: str) -> None:

@@ -99,7 +99,7 @@ class Window(contextlib.ExitStack):
 
     @property
     def is_due(self) -> bool:
-        """Whether it is time to draw the window again."""
+        """Whether enough time has passed to draw the viewer's window again."""
         return time.monotonic() >= self._next
 
     def show(self, counts: npt.NDArray[np.integer], text: str) -> None:

@@ -1,8 +1,8 @@
 """Tables of results: rendered to the terminal, to CSV and, by the template of the report's page, to HTML.
 
-What a column prints stands beside the field that it shows: see `validation.results.Column`.  There are three ways
-to a table: `tabulate` makes one row for each result, `tabulate_facts` one row for every column of a result and of the
-results within it, and `Table` itself takes headings and rows of texts.  `validation.cli.output.render` prints them.
+The printed form of a field of a result is its `Column`, see `validation.results`.  A table is made in three ways:
+`tabulate` makes one row for each result, `tabulate_facts` makes one row for each field of a result and of the results
+within it, and `Table` takes headings and rows of texts.  `validation.cli.output.render` prints a table.
 """
 
 from __future__ import annotations

@@ -350,7 +350,10 @@ def _tabulate_cases(campaign: results.CampaignResult) -> Table:
 
 
 def _tabulate_published(campaign: results.CampaignResult) -> Table:
-    """Tabulate the models of this package and the published ones; no rows if no published model was scored."""
+    """Tabulate parameters and mean scores of the models of this package and of the published ones.
+
+    The table has no rows if no published model was scored.
+    """
     kinds = {name: "null model" if text.startswith("null") else "ours" for name, text in campaign.models.items()}
     rows = [
         [

@@ -1,4 +1,4 @@
-"""The report as one model: content of `report.json`, written and read back."""
+"""All results of an evaluation as one object, which is written to `report.json` and read back."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def build_solid(table: CurvedCoverTable, folder: Path) -> SolidCover:
 
 
 def project_texels(texels: TexelArray, cover: SolidCover) -> TexelArray:
-    """Move texels to the nearest points of the base, and take their normals from it.
+    """Move texels to the nearest points of the base of a solid cover, and take their normals from the base.
 
     Raises:
         InputError: If a texel is far from the base.

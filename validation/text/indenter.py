@@ -128,7 +128,7 @@ def read_load(text: str, *, place: str = "--load") -> float:
     """Parse a load, a force such as `4.9 N` or the weight of a mass such as `500 g`, and return it in newtons [N].
 
     Raises:
-        InputError: If the text is not a positive force within 1 uN and 1 MN.
+        InputError: If the text is not a positive force from 1 uN to 1 MN.
     """
     return _read_positive(text, "force", place)
 
@@ -137,7 +137,7 @@ def read_depth(text: str, *, place: str = "--depth") -> float:
     """Parse an indentation depth, the approach of the indenter from first touch, and return it in metres [m].
 
     Raises:
-        InputError: If the text is not a positive length within 1 nm and 1 m.
+        InputError: If the text is not a positive length from 1 nm to 1 m.
     """
     return _read_positive(text, "length", place)
 
