@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 from meshes import Indenter
 from validation.campaign import comparison
 from validation.campaign.case import Case
+from validation.campaign.reference_press import name_unsupported
 from validation.errors import Faults, InputError, check_choice
 from validation.parameters import find_parameters
 from validation.places import FlatPlaces, Places, PoseText, find_places
@@ -137,14 +138,14 @@ class PressRequest:
         from validation.press_files import LoadCurve
 
         cover, case, stopped = comparison.find_cover(self.sensor), self.find_case(progress), ""
+        friction, stated = comparison.choose_friction(self.sensor, self.friction)
         control, last = ("loads", self.load) if self.depth is None else ("depths", self.depth)
         options: dict[str, Any] = {control: [(last or 0.0) * (i + 1) / points for i in range(points)]}
         try:
-            with comparison.name_unsupported(self.sensor, self.friction):
+            with name_unsupported(stated, others="--"):
                 found = press_path(
                     cover, self.sensor.array, case.indenter, pose=case.pose, strain=self.strain,
-                    friction=comparison.choose_friction(self.sensor, self.friction), accuracy=self.accuracy,
-                    progress=progress, **options,
+                    friction=friction, accuracy=self.accuracy, progress=progress, **options,
                 )  # fmt: skip
         except IncompletePathError as error:
             found, stopped = error.reached, str(error)

@@ -41,7 +41,12 @@ class FacetSurface:
 
     @classmethod
     def part_of(cls, nodes: FloatArray, facets: IntArray) -> FacetSurface:
-        """Select the facets and their nodes from the n displacement nodes of a solid, shape (n, 3) [m]."""
+        """Create the surface of some facets of a solid.
+
+        Args:
+            nodes: Positions of the n displacement nodes of the solid, shape (n, 3) [m].
+            facets: Indices of the nodes of each facet, shape (f, 9) or (f, 6).
+        """
         index, place = np.unique(facets, return_inverse=True)
         return cls(nodes=nodes[index], facets=place.reshape(facets.shape), index=index)
 

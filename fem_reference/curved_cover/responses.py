@@ -3,7 +3,7 @@
 The force on a texel is the resultant of the traction on its part of the base along the texel's own normal, positive
 under pressure, shear included.  On a curved base the normal rotates over the texel, so that this force differs from the
 integral of the normal stress by 5 to 8 % (core of 6 mm).  Forces along different normals do not add up to the load; the
-balance is stated as a vector (`press_curved`).
+balance is stated as a vector (`Indentation.unmeasured`).
 
 The base under a texel is displaced by a unit along the texel's normal, while the rest of the base is fixed and the top
 is free.  By reciprocity (Betti) minus the displacement of a point of the top is the force on the texel per unit force

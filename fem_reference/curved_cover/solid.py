@@ -67,7 +67,7 @@ class CoverSolid:
 
     @property
     def unknowns(self) -> int:
-        """Number of unknown displacements and pressures of the cover; those of the fixed base do not count [-]."""
+        """Number of unknown displacements and pressures of the cover, without the displacements of the base [-]."""
         return self.nodes.size + self.layout.elements.pressures - 3 * len(self.base)
 
     @cached_property

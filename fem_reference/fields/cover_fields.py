@@ -164,6 +164,7 @@ def _order_corners(elements: MixedElements) -> IntArray:
     upper = corner > corner.mean(axis=1, keepdims=True)
     wanted = np.array(_HEXAHEDRON if elements.dimension == 3 else _QUADRILATERAL)  # noqa: PLR2004
     code = 2 ** np.arange(elements.dimension)
-    # Corners of each element in ascending order of their code; the axes are corner and element.
+    # Corners of each element, sorted by a code of the directions along which a corner is the upper one.  The axes are
+    # corner and element.
     found = np.argsort(np.tensordot(code, upper.astype(int), 1), axis=0)
     return np.take_along_axis(elements.pressure_cells, found[wanted @ code].T, axis=1)

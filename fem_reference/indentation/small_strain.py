@@ -109,7 +109,7 @@ def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PressedCells(Base):
-    """Load on the base under forces on cells of the top.
+    """Load on the base of a cover under contact forces on cells of its top.
 
     Attributes:
         contact: Columns x, y in the frame of the indenter [m] and force [N] of m cells, shape (m, 3).

@@ -423,7 +423,7 @@ def choose_friction_reach(cover: Cover, contact_radius: float) -> float:
 
 
 def choose_reach(cover: Cover, contact_radius: float) -> float:
-    """Choose the radius of an axisymmetric mesh [m].
+    """Choose the radius of an axisymmetric mesh at finite strain, where a stiff top layer also stretches [m].
 
     Args:
         cover: Laterally wide cover.

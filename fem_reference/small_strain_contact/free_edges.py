@@ -172,7 +172,7 @@ class SideEdges:
 
     @cached_property
     def _parities(self) -> tuple[tuple[int, int], ...]:
-        """Parities in x and y that the contact forces can have: only even along an axis of mirror symmetry."""
+        """Parities in x and y of the parts of the contact forces: only even across a plane of mirror symmetry."""
         symmetric = find_mirror_planes(self.indenter, self.pose)
         return tuple(
             parity for parity in PARITIES if not any(p and even for p, even in zip(parity, symmetric, strict=True))

@@ -74,13 +74,14 @@ GRIDS = (6, 9, 13, 19, 28)
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 #: Lower bound of denominators that may be zero.
 _TINY = 1e-300
-#: Condition of a ring without contact.
+#: Condition of a ring of the top that is not in contact.
 _OPEN = 0
-#: Condition of a ring that sticks.
+#: Condition of a ring of the top that sticks to the indenter.
 _STICKS = 1
-#: Condition of a ring that slides with shear on the cover outwards; conditions above `_STICKS` slide.
+#: Condition of a ring of the top that slides, with the shear on the cover directed outwards; all conditions above
+#: `_STICKS` slide.
 _OUTWARD = 2
-#: Condition of a ring that slides with shear on the cover inwards.
+#: Condition of a ring of the top that slides, with the shear on the cover directed inwards.
 _INWARD = 3
 
 
@@ -395,7 +396,7 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
     smooth = accurate.solutions[-1][-1]
 
     def solve(part: LoadingPath, _approaches: Sequence[float]) -> SolvedPair:
-        """Solve a part of the path without and with friction on the grids, or read both from the result store."""
+        """Solve a loading path without and with friction on three grids, or read both from the result store."""
         part = replace(part, load_scale=1.0)
 
         def compute() -> SolvedPair:

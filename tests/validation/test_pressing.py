@@ -161,6 +161,7 @@ def test_where_the_meshes_are_too_fine_the_fast_model_is_left_out_and_said(
     small_pad, read_pad, monkeypatch, softcover, tmp_path
 ):
     monkeypatch.setattr(cover_points, "MOST_NODES", 10)
+    monkeypatch.setattr("validation.scene.draw.write_scene", lambda *_: ())  # `scene/test_draw.py` draws
     status, _, err = softcover("derive", "flat-pad", "--out", str(tmp_path / "derived"))
     assert status == 0
     assert "no contact of the cover" in err

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from fem_reference.errors import IncompletePathError, UnsupportedError
+from fem_reference.errors import IncompletePathError
 from validation.campaign.case import Case, tabulate_pose
+from validation.campaign.reference_press import name_unsupported
 from validation.campaign.results import Reference, score_forces
 from validation.cover_meshes import describe_mesh
 from validation.errors import InputError
@@ -132,14 +132,14 @@ def compare_models(
     """
     tell, stopped, note = progress or (lambda _: None), "", ""
     wanted = {"load": case.load} if depth is None else {"depth": depth}
-    coefficient = choose_friction(sensor, friction)
+    coefficient, stated = choose_friction(sensor, friction)
     fem, fast, score = None, None, None
     if "fast" in models and parameters is None:
         raise ValueError("the fast model needs its parameters")
     if "fem" in models or depth is not None:
         tell("indentation by finite elements")
         options: dict[str, Any] = {"strain": strain, "accuracy": accuracy, "fields": fields, "friction": coefficient}
-        with name_unsupported(sensor, friction):
+        with name_unsupported(stated, others="--"):
             fem, stopped = _press_as_far(sensor, case, depth, tell, as_far=as_far, **options)
         models = ("fem",) if stopped else models
         case = dataclasses.replace(case, load=fem.total_force)
@@ -196,9 +196,15 @@ def _press_as_far(
         return error.reached[-1], str(error)
 
 
-def choose_friction(sensor: SensorDescription | Parameters, given: float | None) -> float:
-    """Return the coefficient of friction of a press: the given one, else that of the sensor file, else 0 [-]."""
-    return getattr(sensor, "friction", 0.0) if given is None else given
+def choose_friction(sensor: SensorDescription | Parameters, given: float | None) -> tuple[float, str]:
+    """Choose the coefficient of friction of a press: the given one, else that of the sensor file, else 0.
+
+    Returns:
+        The coefficient [-], and the option or the key of the sensor file that states it.
+    """
+    if given is not None:
+        return given, "--friction"
+    return getattr(sensor, "friction", 0.0), f"{getattr(sensor, 'source', '')}: contact.friction"
 
 
 def find_cover(sensor: SensorDescription | Parameters) -> Any:  # noqa: ANN401 -- a cover of any kind
@@ -210,14 +216,3 @@ def find_cover(sensor: SensorDescription | Parameters) -> Any:  # noqa: ANN401 -
     if not isinstance(sensor, SensorDescription):
         raise InputError("the finite elements need the description of the cover")
     return sensor.cover
-
-
-@contextlib.contextmanager
-def name_unsupported(sensor: SensorDescription | Parameters, friction: float | None) -> Iterator[None]:
-    """Turn an `UnsupportedError` of a solver into an `InputError` that names the option or key of the sensor file."""
-    try:
-        yield
-    except UnsupportedError as error:
-        of_file = error.argument == "friction" and friction is None
-        place = f"{getattr(sensor, 'source', '')}: contact.friction" if of_file else f"--{error.argument}"
-        raise InputError(f"{place}: {error}") from None

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from fem_reference.errors import UnsupportedError
 from meshes import Cover, SolidCover, TexelArray
 from validation.campaign.case import Case
 from validation.errors import InputError
@@ -28,17 +31,32 @@ def press_reference(cover: Cover | SolidCover, array: TexelArray, case: Case, *,
         InputError: If the solver of this kind of cover does not support the friction.
         ConvergenceError: If the solver does not converge.
     """
-    from fem_reference.errors import UnsupportedError
     from fem_reference.indentation.press import press_path
 
     loads = case.path or (case.load,)
-    try:
+    with name_unsupported("contact.friction"):
         results = press_path(cover, array, case.indenter, loads=loads, pose=case.pose, friction=friction)
-    except UnsupportedError as error:
-        if error.argument != "friction":
-            raise
-        raise InputError(f"contact.friction: {error}") from None
     return results[loads.index(case.load)]
+
+
+@contextlib.contextmanager
+def name_unsupported(friction: str, others: str | None = None) -> Iterator[None]:
+    """Turn the `UnsupportedError` of a solver into an `InputError` that names the user's option or key.
+
+    Args:
+        friction: Option, or key of the sensor file, that states the friction.
+        others: Text before the name of any other argument, such as `--`; if None, errors on them are raised unchanged.
+
+    Raises:
+        InputError: If the solver does not support an argument that a user states.
+    """
+    try:
+        yield
+    except UnsupportedError as error:
+        if error.argument != "friction" and others is None:
+            raise
+        place = friction if error.argument == "friction" else f"{others}{error.argument}"
+        raise InputError(f"{place}: {error}") from None
 
 
 def find_stored_reference(
