@@ -143,19 +143,16 @@ def fit_contact(
     chosen = len(force) // 2 if matched is None else int(np.abs(force - matched).argmin())
     if matched is not None and not np.isclose(force[chosen], matched, rtol=1e-6):
         raise FastModelError(f"matched must be one of the loads {force.tolist()} N, not {matched}")
-    aim, mass = float(deep[chosen]), float(force[chosen] / STANDARD_GRAVITY)
-    least = _LEAST_STEPS * timestep
-    constant = max(least, float(np.sqrt(aim / ((1 - _IMPEDANCE) * STANDARD_GRAVITY))))
+    aim = float(deep[chosen])
+    constant = max(_LEAST_STEPS * timestep, float(np.sqrt(aim / ((1 - _IMPEDANCE) * STANDARD_GRAVITY))))
+    # This formula for the depth is exact for one contact point, as long as MuJoCo accepts the impedance.
     impedance = 1 - aim / (STANDARD_GRAVITY * constant**2)
-    found = _simulate_depth(mass, constant, impedance, timestep)
-    # The formula for the depth is exact for one contact point, except that MuJoCo limits the contact parameters.
-    impedance = 1 - (1 - impedance) * aim / found
     sinks = np.array([_simulate_depth(each / STANDARD_GRAVITY, constant, impedance, timestep) for each in force])
     return ContactFit(
         solref=(constant, 1.0),
         solimp=(impedance, impedance, 1e-3, 0.5, 2.0),
         load=float(force[chosen]),
-        mass=mass,
+        mass=float(force[chosen] / STANDARD_GRAVITY),
         depth=aim,
         sinks=sinks,
         misses=sinks / deep - 1,
