@@ -37,9 +37,11 @@ def jax_with_64_bits():
     return jax.numpy
 
 
-@pytest.fixture(params=["numpy", "array_api_strict", pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.fixture(params=["numpy", "strict", pytest.param("jax", marks=pytest.mark.slow)])
 def xp(request):
-    return jax_with_64_bits() if request.param == "jax" else pytest.importorskip(request.param)
+    if request.param == "jax":
+        return jax_with_64_bits()
+    return np if request.param == "numpy" else pytest.importorskip("array_api_strict")
 
 
 def inputs():
