@@ -146,7 +146,7 @@ class Pose:
 
     @cached_property
     def _axes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Axes of an indenter that faces its direction, before yaw and tilt, shape (3,) each."""
+        """Axes x, y, z of an indenter that faces its direction of motion, before yaw and tilt, shape (3,) each [-]."""
         z = -self.towards
         reference = np.array([0.0, 1.0, 0.0]) if abs(z[1]) < 1 - _ROUNDING else np.array([0.0, 0.0, -np.sign(z[1])])
         y = reference - (reference @ z) * z

@@ -143,10 +143,11 @@ class TiltedIndenter(Indenter):
         return Pose.planar(tilt=self.tilt).rotation
 
     def _height(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Compute the height of the rotated surface over the centre of rotation; inf where there is none [m].
+        """Compute the height of the rotated surface above the level of the centre of rotation [m]; inf beside the body.
 
-        The height z of the surface above (x, y) solves w(z) = gap(u(z), v(z)) with the coordinates u, v, w of the point
-        (x, y, z) in the frame of the upright indenter.
+        The height z of the surface above (x, y) solves w(z) = gap(u(z), v(z)).  Here u, v, w are the coordinates of the
+        point (x, y, z) in the frame of the upright indenter, and gap(u, v) is the height of the upright indenter's
+        surface above its lowest point.
         """
         back = self._rotation.T
         size = max(self.footprint)

@@ -133,7 +133,7 @@ class MeshContact(TexelContact):
         return MeshReader(self._require_surface(array), model, array, name)
 
     def _require_surface(self, array: TexelArray) -> CoverPoints:
-        """Return the points of the cover after a check that they belong to an array."""
+        """Return the points of the cover, after a check that their number of texels is that of a texel array."""
         if self.surface is None:
             raise ParametersError("the contact method 'curved' needs points: give its name or MeshContact(surface=...)")
         self.surface.check(array)

@@ -275,7 +275,8 @@ class CellReader(PressureReader):
     def find_contact(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums] | None:
         """Find the bodies that press on the plate, their loads and poses; see `PressureReader.find_contact`.
 
-        Friction can pull at the front of an array where the contact's normal is inclined.  No texel measures a pull.
+        Friction can pull at the front of an array where the contact's normal is inclined.  The force of a body that
+        pulls in total counts in the total force only, because no texel measures a pull.
         """
         bodies, sums, owner, touches, frame, totals = self._press_plate(
             read_contacts(self._model, data),
@@ -441,7 +442,7 @@ class PanelReader(CellReader):
         return replace(contact, beside=float(along[~measured].sum())), sums
 
     def _shift(self, part: PanelCells) -> FloatArray:
-        """Return the position of a panel's origin on the common grid, shape (2,) [m]."""
+        """Return the position of a flat panel's origin on the contact grid of all panels, shape (2,) [m]."""
         return np.asarray(self._grid.low - part.grid.low + np.array([part.column, part.row]) * part.grid.edge)
 
     def sample_gap(self, contact: ArrayContact, reach: Sequence[float]) -> GapSamples:

@@ -218,7 +218,8 @@ def transfer_cylinder(orders: FloatArray, core: float, outer: float, material: M
     nu = material.poisson_ratio
     c, b, d = nu / (1 - nu), (1 - 2 * nu) / (2 * (1 - nu)), 2 / (1 - nu)
     one, scale = np.ones_like(m), np.maximum(m, 1.0)
-    # Displacements are in units of (core radius / (mu scale)), so that all entries are of the same size at large m.
+    # Displacements are in units of core radius / (mu * scale), where mu is the shear modulus and scale = max(m, 1) for
+    # the circumferential wave number m, so that all entries are of the same size at large m.
     matrix = stack_rows(
         [
             [-c * one, -c * m, b * scale, 0 * one],

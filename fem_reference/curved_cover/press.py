@@ -62,8 +62,8 @@ class SolidPressSettings:
     #: over the relative node distance [-].  The relative node distance is the distance of the nodes in contact over
     #: half the smaller width of the contact.  The pressure is singular at a sharp edge.
     edge: float = 0.25
-    #: Smallest estimated relative error of depth and load without slip where a sharp edge ends the pressure, over the
-    #: relative node distance [-].
+    #: Lower limit of the estimated relative errors of depth and load of a contact without slip that ends at a sharp
+    #: edge [-].  It is multiplied by the distance of nodes over half the smaller width of the contact.
     sticking_edge: float = 0.4
     #: Smallest estimated relative error of depth and load where no sharp edge ends the pressure, over the square of the
     #: relative node distance [-].

@@ -33,7 +33,8 @@ from meshes.array_types import FloatArray
 
 #: Number of quadrature points that are evaluated together, so small that their tensors fit in the processor cache [-].
 _POINTS = 1152
-#: Largest displacement gradient of the scaled state from which the stress of linear elasticity is computed [-].
+#: Largest displacement gradient to which a state is scaled down, so that the stress of the hyperelastic law is that of
+#: linear elasticity [-].
 _LINEAR_STRAIN = 1e-6
 
 

@@ -107,7 +107,7 @@ class LoadingPath:
 
     @property
     def baseline(self) -> LoadingPath:
-        """The baseline of this loading path: the same path at small strain and with the friction of the baseline."""
+        """The path that shows the effect of finite strain: the same one at small strain, with `baseline_friction`."""
         return replace(self, friction=self.baseline_friction, load_scale=_SMALL_STRAIN_SCALE)
 
     @property

@@ -60,7 +60,7 @@ class RadialBase(Base):
     """Axisymmetric load on the base around the axis of the indenter.
 
     Attributes:
-        spread: Base pressure per force.
+        spread: Base pressure per force as a function of the distance from the axis.
         force: The force [N].
     """
 

@@ -77,7 +77,10 @@ class StretchedResponse:
 
     @classmethod
     def prepare(cls, cover: Cover, radius: FloatArray) -> StretchedResponse:
-        """Compute the response of a wide cover to waves and the transform to distances of shape (m,) [m]."""
+        """Compute the base pressure of a wide cover under pressure that varies as a plane wave along its top.
+
+        The result also holds the Hankel transform from wave numbers to the distances `radius`, shape (m,) [m].
+        """
         end = _SETTINGS.last_wave / cover.thickness
         panels = int(np.ceil(max(_SETTINGS.panels, end * float(radius.max()) / np.pi)))
         k, weight = gauss_points(np.linspace(0, end, panels + 1), _SETTINGS.panel_points)

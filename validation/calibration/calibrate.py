@@ -98,8 +98,8 @@ class HoldOut(Result):
         image_changed_percent: Mean absolute difference between recorded and predicted grey levels over 255, mean over
             images [%].
         line_per_texel_percent: Mean absolute difference of grey levels over 255 if each texel is predicted by a
-            straight line in the load, fitted for each placement [%]; None if the recordings that remain in a placement
-            have fewer than two loads.
+            straight line in the load, fitted for each placement of the indenter [%]; None if the recordings that remain
+            with a placement have fewer than two loads.
         loads: Loads of the k left-out images, shape (k,) [N].
         recorded: Recorded counts, shape (k, n) [-].
         predicted: Counts predicted by the forward model, shape (k, n) [-].

@@ -181,7 +181,7 @@ class Layout:
 
     @cached_property
     def height_texels(self) -> IntArray:
-        """Index of the texel of each of h fitted seating heights, shape (h,)."""
+        """Indices of the h texels for which the load at which the texel begins to carry is fitted, shape (h,)."""
         return np.array([each.texel for each in self.unknowns if each.texel >= 0 and not each.is_gain], dtype=np.intp)
 
     def list(self, name: str) -> FloatArray:

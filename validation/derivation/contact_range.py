@@ -45,9 +45,10 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str], None]
 
-#: Depths of the ball that measures the range, over the thickness of the cover, at finite strain [-].
+#: Depths of the simulated presses of a ball from which the valid range of the fast model's loads is found, over the
+#: thickness of the cover, at finite strain [-].
 _FINITE_DEPTHS = (0.015, 0.03, 0.05, 0.08, 0.12, 0.2, 0.3, 0.4)
-#: Depths of the ball that measures the range, over the thickness of the cover, at small strain [-].
+#: Depths of these presses over the thickness of the cover, at small strain [-].
 _SMALL_DEPTHS = (0.05, 0.1, 0.15, 0.18, 0.2, 0.22, 0.24, 0.27, 0.3)
 #: Largest depth of the ball that measures the range, over its radius [-].
 _LARGEST_DEPTH = 0.5

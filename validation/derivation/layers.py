@@ -65,8 +65,8 @@ class LayeredDerivation:
         fit: The fitted spread kernel and its residual.
         parameters: Parameters of the fast model.
         depth: Contact stiffnesses fitted to the depth of a sphere; None for a cover with free side edges.
-        tip: Share of the calibration tip's force that the texel under the tip measures; None if the characteristic was
-            calibrated against the texel force, or if the finite elements failed.
+        tip: Share of the calibration tip's force that the texel under the tip measures; None if the curve from force to
+            counts was calibrated against the texel force, or if the finite elements failed.
         seconds: Wall time of the derivation, without the properties that are computed on first use [s].
     """
 

@@ -220,7 +220,7 @@ def choose_calibration(array: TexelArray, cases: Sequence[Case]) -> list[Case]:
 
 
 def make_rows(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -> list[Row]:
-    """Make the rows of a model: with published parameters if known, and with fitted ones if any can be fitted.
+    """Make a model's rows in the table of scores: for its published and for its fitted parameters, if there are any.
 
     Args:
         model: The model.
@@ -257,9 +257,10 @@ def measure_error(model: Model, parameters: Values, presses: Sequence[Calibratio
 
 
 def fit_model(model: Model, cover: Cover, presses: Sequence[CalibrationPress]) -> tuple[Values, float]:
-    """Fit a model's parameters to presses, and return all its parameters and their mean misplaced force.
+    """Fit a model's parameters to presses; return all its parameters and the mean error that remains.
 
-    The result is never worse on these presses than the parameters as shipped.
+    The error of a press is the misplaced force, the share of the load on wrong texels.  The result is never worse on
+    these presses than the parameters as shipped.
 
     Args:
         model: The model.

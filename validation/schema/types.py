@@ -384,7 +384,7 @@ def _explain(name: str) -> str:
     return f"    {name}: {about[0].upper()}{about[1:]}."
 
 
-#: Table of a material, with the parameters of all models.
+#: Table `material` of a TOML file; its keys are those of any material and the parameters of all material laws.
 MaterialTable: type[_MaterialTable] = create_model(
     "MaterialTable",
     __base__=_MaterialTable,

@@ -103,7 +103,7 @@ def read_change(text: str, count: int) -> tuple[int, dict[str, str]]:
 
 
 def _is_known(change: Mapping[str, str]) -> bool:
-    """Return whether a change of a layer states its thickness and its whole elastic behaviour."""
+    """Return whether the new values of a layer include its thickness and all its elastic constants."""
     model = MODELS.get(change.get("model", ""))
     elastic = {"material", "hardness"} & set(change) or {"youngs_modulus", "poisson_ratio"} <= set(change)
     return "thickness" in change and bool(elastic or (model is not None and model.poisson_ratio))

@@ -147,7 +147,7 @@ class VirtualSensor:
         self._zero: npt.NDArray[np.int64] = np.zeros(matrix.texels, dtype=np.int64)
         #: Time since the start at which the next periodic frame is due; infinite while none are sent [s].
         self.next_due = math.inf
-        #: Time between periodic frames [s], and their flags.
+        #: Time between periodic frames [s], infinite for none, and the flags of the request, such as run-length coding.
         self._period, self._flags = math.inf, 0
 
     def receive(self, data: bytes, now: float) -> bytes:
