@@ -141,8 +141,8 @@ def summarise(
 
 _SOLID = "solid cover"
 #: Time of one finite-element solution that is not in the store, by the kind of problem, on one core of a computer of
-#: 2020 [s].  `foil` is for covers with a layer that is much stiffer than another one.  `solid` is for indenters that are
-#: not bodies of revolution, such as boxes.
+#: 2020 [s].  `foil` is for covers with a layer that is much stiffer than another one, and `solid` for indenters that
+#: are not bodies of revolution, such as boxes.
 _SECONDS = {
     "small strain": 2.0,
     "finite strain, round": 10.0,

@@ -4,9 +4,9 @@ Finite elements give the response of the texels to loads on the cover (`Influenc
 The two-point resolution of the kernel and the change of its width with thickness and Poisson ratio are computed too.
 The contact method `cover` divides each texel into small cells.  The response of a laterally wide cover is the same
 everywhere, so that two kernels describe it.  The compliance is the displacement of the cover's top around a loaded
-cell.  The influence is the force on a texel per unit force on a cell.  Near free side edges the influence depends on the
-position, and is a table with one entry per cell and texel.  The compliance is still that of the wide cover, which is
-stiffer than the real cover near its sides.
+cell.  The influence is the force on a texel per unit force on a cell.  Near free side edges the influence depends on
+the position, and is a table with one entry per cell and texel.  The compliance is still that of the wide cover, which
+is stiffer than the real cover near its sides.
 """
 
 from __future__ import annotations
