@@ -294,6 +294,8 @@ def find_differences(run: Run, stored: dict[str, Any], found: dict[str, Any], le
             continue
         if name not in now:
             differences.append(f"{name}: lost (was {value!r})")
+        elif "parameters.toml" in name and all(DIGEST.fullmatch(str(each)) for each in (value, now[name])):
+            continue  # The digest of cover.npz differs with the last bit of a sum.
         elif not agree(value, now[name], tolerance, scale):
             differences.append(f"{name}: {value!r} -> {now[name]!r}")
     return differences
@@ -301,8 +303,6 @@ def find_differences(run: Run, stored: dict[str, Any], found: dict[str, Any], le
 
 def agree(stored: Any, found: Any, tolerance: float, scale: float) -> bool:
     """Whether two values agree; of texts the words, and the numbers to three digits or the tolerance."""
-    if isinstance(stored, str) and isinstance(found, str) and DIGEST.fullmatch(stored) and DIGEST.fullmatch(found):
-        return True  # Digests of arrays differ with the last bit of a sum.
     if isinstance(stored, bool) or stored is None or isinstance(found, bool) or found is None:
         return stored is found or (stored == found)
     if isinstance(stored, (int, float)) and isinstance(found, (int, float)):

@@ -23,7 +23,7 @@ from typing import Protocol
 import numpy as np
 
 from meshes import Material
-from meshes.array_types import FloatArray
+from meshes.array_types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -299,10 +299,13 @@ def create_energy(material: Material, unit: float = 1.0) -> Energy:
         unit: Unit of stress by which all moduli are divided [Pa].
 
     Raises:
-        ValueError: If the material is `linear-elastic`, which has no stored energy at finite strain.
+        ValueError: If the material is `linear-elastic`, which has no stored energy at finite strain, or its model has
+            none in `ENERGIES`.
     """
     if material.small_strain_only:
         raise ValueError(f"{material.model} is a small-strain model; take neo-hookean for finite strain")
+    if material.model not in ENERGIES:
+        raise ValueError(f"{material.model} has no stored energy; add it to fem_reference.materials.ENERGIES")
     return ENERGIES[material.model](material, unit)
 
 
@@ -336,6 +339,14 @@ _NEWTON_STEPS = 50
 _LARGEST_STEP = 0.5
 #: Change of the strain of the axes that are free of stress below which Newton's method ends [-].
 _SMALLEST_STEP = 1e-12
+#: Change in the last Newton step up to which a strain counts as found [-].
+_CONVERGED = 1e-6
+#: Largest lateral logarithmic strain that is examined [-].
+_FARTHEST = 5.0
+#: Change of a principal logarithmic strain between two of the examined strains above which it counts as a jump [-].
+_LARGEST_JUMP = 0.2
+#: Number of steps in which the strain of a compressible material grows [-].
+_STRAIN_STEPS = 16
 
 
 def find_unstable_stretches(material: Material) -> dict[str, float]:
@@ -363,7 +374,9 @@ def _find_unstable_states(material: Material) -> dict[str, FloatArray]:
     out = {}
     for mode, direction in _MODES.items():
         stress, stretches = measure_stress(material, strain, np.array(direction))
-        falls = np.flatnonzero(np.diff(stress / stretches.prod(axis=1)) <= 0)
+        # Where no state is near, the stress is not found, which is NaN, or the sides jump; that counts as a fall as well.
+        jumps = np.abs(np.diff(np.log(stretches), axis=0)).max(axis=1) > _LARGEST_JUMP
+        falls = np.flatnonzero(~(np.diff(stress / stretches.prod(axis=1)) > 0) | jumps)
         if falls.size:
             out[mode] = stretches[falls[0]]
     return out
@@ -404,12 +417,37 @@ def measure_stress(material: Material, strain: FloatArray, direction: FloatArray
         direction: Principal logarithmic strains at constant volume over the strain, with sum 0, shape (3,) [-].
 
     Returns:
-        Derivative of the stored energy with respect to the strain, shape (n,) [Pa], and principal stretches, shape
-        (n, 3) [-].
+        Derivative of the stored energy with respect to the strain, shape (n,) [Pa], NaN where no state without lateral
+        stress is found; and principal stretches, shape (n, 3) [-].
+    """
+    bulk, lateral = material.bulk_modulus, direction * direction[0] < 0
+    logarithms = np.outer(strain, direction)
+    if np.isinf(bulk):
+        first, stretches = _balance_sides(material, logarithms, lateral)
+        return np.asarray((first * stretches) @ direction), stretches
+    before = sides = np.zeros((len(strain), 3))
+    # The strain grows in steps, and the start value is extrapolated, so that the sides follow one branch of solutions.
+    for share in np.linspace(0, 1, _STRAIN_STEPS + 1)[1:]:
+        start = np.where(lateral, 2 * sides - before, share * np.outer(strain, direction))
+        first, stretches = _balance_sides(material, start, lateral)
+        before, sides = sides, np.log(stretches)
+    return np.asarray((first * stretches) @ direction), stretches
+
+
+def _balance_sides(material: Material, logarithms: FloatArray, lateral: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Find the strain at which the lateral axes are free of stress, by Newton's method from a start value.
+
+    Args:
+        material: Material with a stored energy.  The strain of an incompressible one is kept.
+        logarithms: Principal logarithmic strains with the start value, shape (n, 3) [-].
+        lateral: Which axes are free of stress, shape (3,).
+
+    Returns:
+        Derivatives of the stored energy with respect to the principal stretches, shape (n, 3) [Pa], NaN where the
+        method does not converge; and principal stretches, shape (n, 3) [-].
     """
     energy, bulk = create_energy(material), material.bulk_modulus
-    logarithms = np.outer(strain, direction)
-    lateral = direction * direction[0] < 0
+    logarithms, step = logarithms.copy(), np.zeros(len(logarithms))
     for _ in range(_NEWTON_STEPS):
         stretches = np.exp(logarithms)
         F = stretches[:, :, None] * np.eye(3)
@@ -427,5 +465,6 @@ def measure_stress(material: Material, strain: FloatArray, direction: FloatArray
         step = np.clip(slope / np.maximum(np.abs(curve), _SMALLEST_STEP * bulk), -_LARGEST_STEP, _LARGEST_STEP)
         if np.abs(step).max(initial=0.0) < _SMALLEST_STEP:
             break
-        logarithms[:, lateral] -= step[:, None]
-    return np.asarray((first * stretches) @ direction), stretches
+        logarithms[:, lateral] = np.clip(logarithms[:, lateral] - step[:, None], -_FARTHEST, _FARTHEST)
+    first[np.abs(step) > _CONVERGED] = np.nan
+    return first, stretches

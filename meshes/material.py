@@ -136,8 +136,8 @@ class Material:
 
         Raises:
             ValueError: If the model is unknown, a parameter is missing, unknown or not a finite number, the parameters
-                have different numbers of terms, the Poisson ratio is out of range, or the shear modulus or a parameter
-                that must be positive is not.
+                have different numbers of terms, the Poisson ratio is out of range, or the shear modulus is not
+                positive.
         """
         if self.model not in MODELS:
             raise ValueError(f"unknown material model {self.model!r}; known models: {', '.join(MODELS)}")
@@ -153,12 +153,9 @@ class Material:
         object.__setattr__(self, "parameters", _Parameters(values))
         if has_terms:
             self._check_terms()
-        for name, parameter in MODELS[self.model].parameters.items():
-            if parameter.positive and min(self.terms(name)) <= 0:
-                raise ValueError(f"{self.model} {name} must be positive, not {min(self.terms(name)):g}")
-        self._check_poisson_ratio()
         if self.shear_modulus <= 0:
             raise ValueError(f"the small-strain shear modulus must be positive, not {self.shear_modulus} Pa")
+        self._check_poisson_ratio()
 
     def _check_poisson_ratio(self) -> None:
         """Compute the Poisson ratio if the parameters determine it, and check its range.
@@ -175,7 +172,7 @@ class Material:
                 raise ValueError(f"the parameters of {self.model} determine poisson_ratio, {ratio:.6g}; leave it out")
             object.__setattr__(self, "poisson_ratio", ratio)
         if not 0 <= self.poisson_ratio <= 0.5:  # noqa: PLR2004 -- the incompressible limit
-            raise ValueError(f"{name} must lie in 0..0.5, not {self.poisson_ratio:g}")
+            raise ValueError(f"{name} must lie in 0..0.5, not {self.poisson_ratio}")
 
     def with_poisson_ratio(self, ratio: float) -> Material:
         """Return this material with another Poisson ratio and the same response to a change of shape.

@@ -40,15 +40,6 @@ def test_every_law_has_an_energy_of_its_modulus(name):
         assert small_strain_error(energy, shear_modulus / 1e5) < 1e-9
 
 
-@pytest.mark.parametrize("name", MODELS)
-def test_positive_parameters_are_checked_in_python_too(name):
-    parameters, ratio, _ = EXAMPLES[name]
-    for key, parameter in MODELS[name].parameters.items():
-        if parameter.positive:
-            with pytest.raises(ValueError, match=f"{name} {key} must be positive, not -1"):
-                Material(name="example", model=name, parameters={**parameters, key: -1.0}, poisson_ratio=ratio)
-
-
 def test_a_law_that_determines_its_poisson_ratio_must_take_another_one():
     with pytest.raises(ValueError, match="give both or neither"):
         Model(parameters={}, shear_modulus=lambda _: 1.0, poisson_ratio=lambda _: 0.3)

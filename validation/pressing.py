@@ -17,7 +17,7 @@ from validation.parameters import find_parameters
 from validation.places import FlatPlaces, Places, PoseText, find_places
 from validation.sensor_file import BUILT_IN, SensorDescription
 from validation.text.friction import read_friction
-from validation.text.indenter import read_depth, read_indenter, read_load
+from validation.text.indenter import read_depth, read_indenter, read_load, read_yaw
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
@@ -197,6 +197,8 @@ def read_request(
     texts = {name: text for name, text in pose.items() if text is not None}
     # The form of a pose depends on the cover, so that a pose is read only if the sensor could be read.
     placed = None if sensor is None else faults.read(_find_places(sensor).parse, texts, "--")
+    if sensor is None and "yaw" in texts:  # The yaw alone is written in one way for all covers.
+        faults.read(read_yaw, texts["yaw"])
     if strain not in (None, *STRAINS):
         faults.append(f"--strain: {str(strain)[:40]!r} is neither of {' and '.join(STRAINS)}")
     coefficient = faults.read(_read_friction, friction, used=needs_reference)

@@ -88,9 +88,13 @@ class Batch:
             methods = multiprocessing.get_all_start_methods()
             # A fork of this process might copy locks that other threads hold.
             context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-            self._workers = [
-                ProcessPoolExecutor(1, context, _make_worlds, (model, twins, part.tolist())) for part in parts
+            self._workers = [ProcessPoolExecutor(1, mp_context=context) for _ in parts]
+            made = [
+                worker.submit(_make_worlds, model, twins, part.tolist())
+                for worker, part in zip(self._workers, parts, strict=True)
             ]
+            for each in made:
+                each.result()
         self._call("seed", seed)
 
     def step(self, steps: int = 1, control: Control | None = None) -> list[list[list[Frame]]]:

@@ -42,7 +42,10 @@ class FlexSurfaces:
         if self._elements:
             mujoco.mj_fwdPosition(model, data)
         self._shares = [
-            _divide(corners.shape[1], np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max() / spacing)
+            _divide(
+                corners.shape[1],
+                np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(initial=0.0) / spacing,
+            )
             for corners in (data.flexvert_xpos[elements] for elements in self._elements)
         ]
         if self._elements:  # This call compiles the kernel, so that nothing is compiled at the first contact.

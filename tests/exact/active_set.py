@@ -13,12 +13,13 @@ _EXCHANGES = 100
 _ROUNDING = 1e-9
 
 
-def solve_active_set(matrix: FloatArray, wanted: FloatArray) -> FloatArray:
+def solve_active_set(matrix: FloatArray, wanted: FloatArray, rounding: float = _ROUNDING) -> FloatArray:
     """Find the contact pressures without tension and without overlap of cover and indenter.
 
     Args:
         matrix: Displacement of each of m elements per pressure on each, shape (m, m) [m/Pa].
         wanted: Displacement that contact requires at each element, -inf beside the indenter, shape (m,) [m].
+        rounding: Overlap below which an element counts as free of it, over the largest `wanted` [-].
 
     Returns:
         Pressure on each element, 0 where cover and indenter do not touch, shape (m,) [Pa].
@@ -27,7 +28,7 @@ def solve_active_set(matrix: FloatArray, wanted: FloatArray) -> FloatArray:
         RuntimeError: If the method does not converge.
     """
     touching = wanted > 0
-    limit = _ROUNDING * float(wanted.max())
+    limit = rounding * float(wanted.max())
     for _ in range(_EXCHANGES):
         pressure = np.zeros(len(wanted))
         pressure[touching] = np.linalg.solve(matrix[np.ix_(touching, touching)], wanted[touching])

@@ -204,7 +204,7 @@ def _solve_step(
     """
     down, down_shear, out_pressure, out = blocks
     for _ in range(_REPETITIONS):
-        pressure = solve_active_set(down, wanted - down_shear @ shear)
+        pressure = solve_active_set(down, wanted - down_shear @ shear, rounding=1e-12)
         previous = shear
         shear = _find_slip(out, before - out_pressure @ pressure, friction * pressure)
         if np.abs(shear - previous).max() <= _SETTLED * pressure.max():

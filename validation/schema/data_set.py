@@ -43,7 +43,7 @@ def _fitted_or_pair(kind: Kind, example: str) -> types.Read:
         if value == FITTED:
             return FITTED
         if not isinstance(value, list) or len(value) != 2:  # noqa: PLR2004 -- x and y
-            raise ValueError(f"must be {FITTED!r} or a pair such as {example}, not {shorten(value)}")
+            raise ValueError(f"must be {FITTED!r} or a pair such as {example}, not {shorten(str(value))}")
         first, second = (read_quantity(part, kind) for part in value)
         return first, second
 

@@ -37,7 +37,8 @@ def test_the_filter_equals_scipys(order, cutoff, steps):
     samples = 1.0 + np.random.default_rng(order).normal(size=(steps, 5))
     ours = filtered(Butterworth(cutoff_hz=cutoff, order=order), samples)
     theirs = sosfilt(butter(order, cutoff, fs=RATE, output="sos"), samples, axis=0)
-    np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-11)
+    looser = 10 if cutoff == 0.5 else 1  # Rounding adds up over 8000 samples.
+    np.testing.assert_allclose(ours, theirs, rtol=looser * 1e-9, atol=looser * 1e-12)
 
 
 @pytest.mark.parametrize("order", ORDERS)

@@ -12,6 +12,7 @@ from fem_reference.indentation.grid_solution import (
     GridStudy,
     add_refinements,
     correct_solution,
+    estimate_spread,
     extrapolate_solutions,
     scale_solution,
 )
@@ -151,3 +152,8 @@ def test_values_that_go_back_and_forth_are_not_extrapolated():
     assert study.estimate_error(grids, read_force) == pytest.approx(
         GridStudy(solutions=[]).estimate_error(grids, read_force)
     )
+
+
+def test_scattered_values_are_covered_by_their_spread():
+    assert estimate_spread([1.0, 1.02, 1.01]) == pytest.approx(2 * 0.02 / 1.01)
+    assert estimate_spread([3.0, 3.0, 3.0]) == 0

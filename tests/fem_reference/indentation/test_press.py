@@ -15,7 +15,7 @@ from meshes.pose import Place, Pose
 from tests.support.rubber import make_cover
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def coarse(monkeypatch):
     """Few cells: what these tests check does not depend on the grids."""
     monkeypatch.setattr(small_strain, "CELLS", (16, 32, 48))
@@ -37,6 +37,7 @@ def coarse(monkeypatch):
         ({"loads": [1.0], "friction": np.nan}, "friction coefficient"),
     ],
 )
+@pytest.mark.usefixtures("coarse")
 def test_bad_requests_are_refused_in_words(bonded, wts, request_, message):
     with pytest.raises(ValueError, match=message):
         press_path(bonded(0.3), wts, Sphere(radius=5e-3), **request_)
@@ -100,10 +101,3 @@ def test_fields_are_computed_up_to_the_sides():
     path = LoadingPath(cover=cover, indenter=Sphere(radius=4e-3), targets=(1e-4,), control="depth", fields=True)
     place = Place(array=TexelArray.grid(2, 2, pitch=3e-3), pose=Pose())
     assert not is_far_from_sides(path, place)
-
-
-def test_a_cover_of_limited_size_needs_a_place():
-    cover = make_cover(0.45, "linear-elastic", size=(8e-3, 8e-3))
-    path = LoadingPath(cover=cover, indenter=Sphere(radius=4e-3), targets=(1.0,), control="load")
-    with pytest.raises(ValueError, match="depends on the place"):
-        small_strain.study_path(path, None, None)

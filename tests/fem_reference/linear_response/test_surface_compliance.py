@@ -38,12 +38,12 @@ def test_the_decay_length_is_the_thickness_or_the_bending_length_of_a_foil(bonde
     assert decay_length(cover) > cover.thickness
 
 
-@pytest.mark.parametrize("layers", [((0.44, 3e5), (0.56, 2e6)), ((0.38, 1e4), (0.34, 8e6), (0.28, 3e4))])
+@pytest.mark.parametrize("layers", [((0.44, 3e5), (0.56, 2e6)), ((0.38, 1e4), (0.34, 8e7), (0.28, 3e4))])
 def test_a_wide_even_pressure_compresses_a_cover_with_a_stiff_layer_like_a_long_wave(layers):
     cover = stack_layers(*((*layer, 0.45) for layer in layers))
     surface = surface_compliance(cover, 1e9)
     # The displacement under even pressure on a circle that ends where the table does: the volume below a point load.
-    radius, weight = gauss_points(np.linspace(0, surface.reach, 4001), 3)
+    radius, weight = gauss_points(np.linspace(0, surface.reach, 20001), 3)
     pressed = 2 * np.pi * weight @ (radius * surface.regular(radius) + surface.half_space)
     exact = solve_waves(cover, np.array([1e-3 / surface.reach])).compliance
     assert pressed == pytest.approx(exact, rel=2e-4)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from fem_reference.materials import describe_instability, find_unstable_stretches, warn_of_instability
+from fem_reference.materials import describe_instability, find_unstable_stretches, measure_stress, warn_of_instability
 from meshes import Material
 
 
@@ -63,3 +63,13 @@ def test_a_compressible_material_is_stretched_without_lateral_stress():
     assert limit > 1.2 * (at / 0.99) ** -2
     assert warn_of_instability(material, limit + 0.01) == ""
     assert "equibiaxial tension at a stretch of 1.8" in warn_of_instability(material, limit - 0.01)
+
+
+def test_a_compressed_material_whose_sides_jump_loses_its_stability():
+    """Solved strain by strain, each from the one before, the sides jump inwards at a stretch of 0.3174."""
+    material = Material(name="m", model="mooney-rivlin", parameters={"c10": 6e4, "c01": -1e4}, poisson_ratio=0.3)
+    assert find_unstable_stretches(material)["uniaxial compression"] == pytest.approx(0.3174, abs=2e-3)
+    # just before the jump the sides still bulge
+    _, stretches = measure_stress(material, -np.linspace(0, 1.14, 300)[1:], np.array([1, -0.5, -0.5]))
+    assert np.abs(np.diff(np.log(stretches[:, 1]))).max() < 0.02
+    assert stretches[-1, 1] == pytest.approx(np.exp(0.21), abs=0.02)

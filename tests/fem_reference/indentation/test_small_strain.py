@@ -1,0 +1,84 @@
+"""Small strain: flat faces scale with the load, poses share a solution, limited covers need a place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fem_reference.finite_strain.loading_path import LoadingPath
+from fem_reference.grid_convergence import grid_convergence
+from fem_reference.indentation import small_strain
+from fem_reference.indentation.small_strain import study_path
+from fem_reference.linear_response.point_spread import superpose
+from meshes import Cylinder, Sphere, TexelArray
+from meshes.pose import Place, Pose
+from tests.support.rubber import make_cover
+
+ARRAY = TexelArray.grid(6, 6, pitch=3.4e-3)
+POSE = Pose.planar(at=(1e-3, 0.0))
+COVER = make_cover(0.45, "linear-elastic")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def coarse():
+    """Few cells: scaling and symmetry hold on every grid."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(small_strain, "CELLS", (16, 32, 48))
+        yield
+
+
+@pytest.mark.parametrize("control", [pytest.param("load", marks=pytest.mark.slow), "depth"])
+def test_a_flat_face_at_another_load_is_the_first_solution_scaled(control):
+    targets = (1.0, 2.5) if control == "load" else (0.1e-3, 0.25e-3)
+    path = LoadingPath(cover=COVER, indenter=Cylinder(radius=2e-3), targets=targets, control=control)
+    both = study_path(path, None, None).solutions
+    alone = study_path(replace(path, targets=targets[1:]), None, None).solutions
+    for scaled, solved in zip(both[1], alone[0], strict=True):
+        for name in ("total_force", "depth", "area"):
+            assert getattr(scaled, name) == pytest.approx(getattr(solved, name), rel=1e-6)
+        assert scaled.contact == pytest.approx(solved.contact, rel=1e-6)
+        forces = scaled.base.forces(ARRAY, POSE)
+        assert forces == pytest.approx(solved.base.forces(ARRAY, POSE), rel=1e-6)
+        assert forces.sum() == pytest.approx(scaled.total_force, rel=1e-4)
+
+
+@pytest.fixture(scope="module")
+def ball():
+    path = LoadingPath(cover=COVER, indenter=Sphere(radius=4e-3), targets=(0.2e-3,), control="depth")
+    return path, study_path(path, None, None).solutions[0]
+
+
+@settings(max_examples=15, deadline=None)
+@given(x=st.floats(-8e-3, 8e-3), y=st.floats(-8e-3, 8e-3))
+def test_a_mirrored_pose_mirrors_the_base_forces(ball, x, y):
+    finest = ball[1][-1]
+    here = ARRAY.image(finest.base.forces(ARRAY, Pose.planar(at=(x, y)))[:-1])
+    there = ARRAY.image(finest.base.forces(ARRAY, Pose.planar(at=(-x, -y)))[:-1])
+    assert there[::-1, ::-1] == pytest.approx(here, abs=1e-4 * finest.total_force)
+
+
+def test_a_cover_of_limited_size_needs_a_place():
+    path = LoadingPath(
+        cover=replace(COVER, size=(8e-3, 8e-3)), indenter=Sphere(radius=4e-3), targets=(1.0,), control="load"
+    )
+    with pytest.raises(ValueError, match="depends on the place"):
+        study_path(path, None, None)
+
+
+def test_the_error_of_a_texel_is_relative_to_its_force(ball):
+    """A texel at the rim, with a hundredth of the force, has the absolute change between grids over its own force."""
+    base = ball[1][-1].base
+    place = Place(array=ARRAY, pose=POSE)
+    for texel in (int(np.argmax(base.forces(ARRAY, POSE)[:-1])), 0):
+        on_grids = [
+            superpose(base.contact, each, ARRAY, POSE)[texel] / base.contact[:, 2].sum()
+            for each in base.response.on_grids
+        ]
+        share = on_grids[-1]
+        wanted = grid_convergence(on_grids, base.response.sizes) / share
+        assert base.estimate_error(place, texel, share) == pytest.approx(wanted, rel=1e-6)
+        assert base.estimate_error(place, texel, 0.0) == 0.0
