@@ -374,7 +374,7 @@ def _find_unstable_states(material: Material) -> dict[str, FloatArray]:
     out = {}
     for mode, direction in _MODES.items():
         stress, stretches = measure_stress(material, strain, np.array(direction))
-        # Where no state is near, the stress is not found, which is NaN, or the sides jump; that counts as a fall as well.
+        # Where no state is near, the stress is not found (NaN) or the sides jump, which counts as a fall as well.
         jumps = np.abs(np.diff(np.log(stretches), axis=0)).max(axis=1) > _LARGEST_JUMP
         falls = np.flatnonzero(~(np.diff(stress / stretches.prod(axis=1)) > 0) | jumps)
         if falls.size:
