@@ -43,7 +43,8 @@ def test_a_tilted_face_touches_at_height_zero_and_nowhere_below(about_x, about_y
         x, y = np.random.default_rng(0).uniform(-half, half, (2, 20_000))
         near = shape.lowest_point[:2] + np.random.default_rng(1).uniform(-1e-6, 1e-6, (200, 2))
         gap = shape.gap(np.append(x, near[:, 0]), np.append(y, near[:, 1]))
-        assert -1e-12 <= np.min(gap) < 2e-6 * np.hypot(about_x, about_y) + 1e-12
+        # Corners whose heights differ by less than 5e-12 m count as equally low.
+        assert -5e-12 <= np.min(gap) < 2e-6 * np.hypot(about_x, about_y) + 1e-12
 
 
 def rotate(about_x, about_y):
