@@ -7,6 +7,8 @@ import pytest
 
 from fem_reference.closed_form.cylinder import ArcLoad, CylinderLayer
 from fem_reference.curved_cover import texel_responses
+from fem_reference.curved_cover.press import build_compliance
+from fem_reference.curved_cover.responses import build_solid
 from meshes import Material, TexelArray
 from meshes.solids import sweep
 from meshes.solids.swept import join_grids
@@ -14,6 +16,14 @@ from tests.exact.sphere import CapLoad, SphereLayer
 
 THICKNESS = 2e-3
 PRESSURE = 1e4
+
+
+@pytest.fixture(autouse=True)
+def forget_solids():
+    """Release the factorisations of large meshes, of which three would otherwise take 10 GB."""
+    yield
+    build_compliance.cache_clear()
+    build_solid.cache_clear()
 
 
 def rubber(poisson_ratio):
