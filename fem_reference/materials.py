@@ -420,15 +420,13 @@ def measure_stress(material: Material, strain: FloatArray, direction: FloatArray
         Derivative of the stored energy with respect to the strain, shape (n,) [Pa], NaN where no state without lateral
         stress is found; and principal stretches, shape (n, 3) [-].
     """
-    bulk, lateral = material.bulk_modulus, direction * direction[0] < 0
-    logarithms = np.outer(strain, direction)
-    if np.isinf(bulk):
-        first, stretches = _balance_sides(material, logarithms, lateral)
-        return np.asarray((first * stretches) @ direction), stretches
-    before = sides = np.zeros((len(strain), 3))
+    steps = _STRAIN_STEPS if np.isfinite(material.bulk_modulus) else 1
+    lateral = (direction * direction[0] < 0) & np.isfinite(material.bulk_modulus)
+    prescribed = np.outer(strain, direction)
+    before = sides = np.zeros_like(prescribed)
     # The strain grows in steps, and the start value is extrapolated, so that the sides follow one branch of solutions.
-    for share in np.linspace(0, 1, _STRAIN_STEPS + 1)[1:]:
-        start = np.where(lateral, 2 * sides - before, share * np.outer(strain, direction))
+    for step in range(1, steps + 1):
+        start = np.where(lateral, 2 * sides - before, step / steps * prescribed)
         first, stretches = _balance_sides(material, start, lateral)
         before, sides = sides, np.log(stretches)
     return np.asarray((first * stretches) @ direction), stretches
@@ -438,9 +436,9 @@ def _balance_sides(material: Material, logarithms: FloatArray, lateral: BoolArra
     """Find the strain at which the lateral axes are free of stress, by Newton's method from a start value.
 
     Args:
-        material: Material with a stored energy.  The strain of an incompressible one is kept.
+        material: Material with a stored energy.
         logarithms: Principal logarithmic strains with the start value, shape (n, 3) [-].
-        lateral: Which axes are free of stress, shape (3,).
+        lateral: Which axes are free of stress, shape (3,); none for an incompressible material, whose strain is kept.
 
     Returns:
         Derivatives of the stored energy with respect to the principal stretches, shape (n, 3) [Pa], NaN where the

@@ -175,9 +175,10 @@ class Material:
             raise ValueError(f"{name} must lie in 0..0.5, not {self.poisson_ratio}")
 
     def with_poisson_ratio(self, ratio: float) -> Material:
-        """Return this material with another Poisson ratio and the same response to a change of shape.
+        """Return this material with another Poisson ratio; parameters that do not determine the ratio stay as they are.
 
-        A model whose parameters determine the Poisson ratio takes ratios up to 0.499999; a larger one is reduced to it.
+        A model whose parameters determine the Poisson ratio keeps its response to a change of shape.  It takes ratios
+        up to 0.499999; a larger one is reduced to that.
         """
         find = MODELS[self.model].at_poisson_ratio
         if find is None:
