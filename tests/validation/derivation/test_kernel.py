@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from fem_reference import point_spread
 from fem_reference.closed_form import point_response
-from meshes import Cover, Layer, Material, TexelArray
+from meshes import TexelArray
+from tests.support.rubber import stack_layers
 from validation.derivation.kernel import (
     fit_kernel,
     fitting_grid,
@@ -135,28 +136,13 @@ def test_sensitivity_to_thickness_predicts_a_thicker_cover(derivation, thicker):
     assert change == pytest.approx(derivation.result.sensitivity["thickness"] * 1e-4, rel=0.1)
 
 
-def cover(*layers):
-    """Layers from bottom to top: thickness [m], Young's modulus [Pa], Poisson ratio."""
-    return Cover(
-        layers=tuple(
-            Layer(
-                thickness=thickness,
-                material=Material(
-                    name="test", model="linear-elastic", parameters={"youngs_modulus": modulus}, poisson_ratio=ratio
-                ),
-            )
-            for thickness, modulus, ratio in layers
-        )
-    )
-
-
 def sigma(layers):
     """Of a run of the elements."""
-    return uncut_sigma(point_spread(cover(*layers)), load("wts-0614-34").array)
+    return uncut_sigma(point_spread(stack_layers(*layers)), load("wts-0614-34").array)
 
 
 def sensitivity(layers):
-    chosen = cover(*layers)
+    chosen = stack_layers(*layers)
     return sigma_sensitivities(chosen, load("wts-0614-34").array, point_spread(chosen))
 
 
@@ -188,7 +174,7 @@ def test_sensitivities_of_two_layers_are_those_of_real_runs():
 
 def test_youngs_modulus_drops_out_of_the_point_spread(derivation):
     assert derivation.result.sensitivity["youngs_modulus"] == 0
-    stiff, soft = derivation.point_spread, point_spread(cover((2e-3, 1e4, 0.49)))
+    stiff, soft = derivation.point_spread, point_spread(stack_layers((2e-3, 1e4, 0.49)))
     assert derivation.sensor.cover.layers[0].material.youngs_modulus > 1e5
     np.testing.assert_allclose(soft.pressure_per_force, stiff.pressure_per_force, rtol=1e-6, atol=1e-6)
     two = [sigma([(1e-3, scale * 1e6, 0.49), (1e-3, scale * 1e7, 0.49)]) for scale in (1, 0.01)]
