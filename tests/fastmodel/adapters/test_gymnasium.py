@@ -192,7 +192,11 @@ def test_an_accessor_finds_a_hidden_simulation():
     spec, sensor = build_pushed_ball()
     inner = BallEnv(spec.compile())
     hidden = inner.model, inner.data
-    TactileObservation(inner, sensor, simulation=lambda _: hidden).reset()
+    asked = []
+    env = TactileObservation(inner, sensor, simulation=lambda env: asked.append(env) or hidden)
+    env.reset()
+    assert asked
+    assert all(each is inner for each in asked)
 
 
 @pytest.mark.parametrize(
