@@ -20,6 +20,7 @@ from fastmodel.parameters import Parameters
 from fastmodel.pressure.gap import BodyShape, describe_solid
 from fastmodel.pressure.gap_kernels import cross_lines
 from fastmodel.signal.point_spread import Gaussian
+from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Thickness of plates and boxes below which soft bodies may pass through them [mm].  A rope and a cloth of 50 g that
@@ -190,7 +191,7 @@ def _may_sleep(model: mujoco.MjModel, geom: int) -> bool:
 
 
 def check_surroundings(
-    model: mujoco.MjModel, geoms: IntArray, name: str, contact: TexelContact, pitch: float
+    model: mujoco.MjModel, geoms: IntArray, name: str, contact: TexelContact, array: TexelArray
 ) -> Iterator[str]:
     """Find geoms that carry part of the force on an array, and geoms that never touch it; yield a sentence about each.
 
@@ -199,11 +200,11 @@ def check_surroundings(
         geoms: Ids of the geoms of the array.
         name: Name of the sensor in the model.
         contact: Contact method, which defines the top of the array.
-        pitch: The smaller pitch of the array [m].
+        array: The texels.
     """
     data, obstacles = mujoco.MjData(model), find_obstacles(model, geoms)
     mujoco.mj_fwdPosition(model, data)
-    top = contact.sample_top(model, data, geoms, pitch)
+    top = contact.sample_top(model, data, geoms, array)
     yield from _check_flush_geoms(model, data, geoms, name, top)
     yield from _check_own_links(model, data, geoms, name)
     colliding = _find_colliding(model) & ~np.isin(np.arange(model.ngeom), geoms)

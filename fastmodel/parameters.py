@@ -252,6 +252,8 @@ def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
     layout = {name: getattr(array, name) for name in ("name", "rows", "columns", "pitch", "texel_size")}
     if not array.active.all():
         layout["active"] = array.image(array.active).astype(int)
+    if array.margin is not None:
+        layout["margin"] = array.margin
     grid = TexelArray.grid(array.rows, array.columns, array.pitch)
     if not (np.array_equal(array.centres, grid.centres) and np.array_equal(array.normals, grid.normals)):
         layout |= {"centres": array.centres, "normals": array.normals}
@@ -296,7 +298,8 @@ def _build_array(document: _Document) -> TexelArray:
     check_type("name", take["name"], str, "a text")
     for name in ("pitch", "texel_size"):
         take[name] = (take[name][0], take[name][1])
-    grid = TexelArray.grid(**take, active=table.get("active"))
+    margin = tuple(table["margin"]) if "margin" in table else None
+    grid = TexelArray.grid(**take, active=table.get("active"), margin=margin)
     if "centres" not in table:
         return grid
     centres, normals = (np.array(document.take(f"array.{name}"), dtype=np.float64) for name in ("centres", "normals"))

@@ -193,7 +193,7 @@ class Sensor:
         if not len(geoms):
             advice = self._suggest_names(model, self._prefix, self._suffix)
             raise LifeCycleError(f"array {name!r} is not in this model{advice}")
-        around = check_surroundings(model, geoms, name, self._contact, min(self.parameters.array.pitch))
+        around = check_surroundings(model, geoms, name, self._contact, self.parameters.array)
         spread = () if self._contact.computes_spread else check_calibration(self.parameters)
         return (*check_options(self.parameters, model, self._choose_interval(model), geoms), *spread, *around)
 

@@ -30,6 +30,16 @@ def check_texel_count(rows: object, columns: object) -> None:
         raise ValueError(f"{rows} rows of {columns} texels are too many; at most {MOST_TEXELS} texels are supported")
 
 
+def check_margin(margin: tuple[float, float]) -> None:
+    """Check the width of a cover beyond the texels, along x and y [m].
+
+    Raises:
+        ValueError: If a width is negative or not finite.
+    """
+    if not all(0 <= width < np.inf for width in margin):
+        raise ValueError(f"margin must be the width of the cover beyond the texels, 0 m or more, not {margin} m")
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TexelArray:
     """A tactile array of n texels.
@@ -47,6 +57,8 @@ class TexelArray:
         columns: Number of image columns [-].
         active: Whether each texel measures a force, shape (n,); false for masked texels.
         name: Name of the array in reports.
+        margin: Width of the cover beyond the texels, along x and y, from half a pitch beyond the outermost centres to
+            the edge of the cover [m]; None if it is not known.
     """
 
     centres: FloatArray
@@ -57,13 +69,14 @@ class TexelArray:
     columns: int
     active: BoolArray
     name: str = "array"
+    margin: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and values, and make the numpy arrays read-only.
 
         Raises:
             ValueError: If shapes disagree, a centre is not finite, a size is not positive, a normal is no unit vector,
-                or all texels are masked.
+                all texels are masked, or the margin is negative.
         """
         n = len(self.centres)
         if self.rows < 1 or self.columns < 1 or self.rows * self.columns != n:
@@ -78,6 +91,8 @@ class TexelArray:
             raise ValueError("normals must be unit vectors")
         if not self.active.any():
             raise ValueError("every texel is masked; at least one must be active")
+        if self.margin is not None:
+            check_margin(self.margin)
         for values in (self.centres, self.normals, self.active):
             values.setflags(write=False)
 
@@ -91,6 +106,7 @@ class TexelArray:
         texel_size: float | tuple[float, float] | None = None,
         active: npt.ArrayLike | None = None,
         name: str = "array",
+        margin: float | tuple[float, float] | None = None,
     ) -> TexelArray:
         """Make a planar array of texels on a regular grid, centred on the origin.
 
@@ -101,9 +117,11 @@ class TexelArray:
             texel_size: Edge lengths of a texel, one number or (x, y); the pitch if None [m].
             active: Whether each texel measures, shape (rows, columns) or (rows * columns,); all texels if None.
             name: Name of the array in reports.
+            margin: Width of the cover beyond the texels, one number or (x, y); None if it is not known [m].
 
         Raises:
-            ValueError: If a number is not positive, or `active` has the wrong shape or masks all texels.
+            ValueError: If a number is not positive, the margin is negative, or `active` has the wrong shape or masks
+                all texels.
         """
         if rows < 1 or columns < 1:
             raise ValueError(f"rows and columns must be at least 1, not {rows} and {columns}")
@@ -121,6 +139,7 @@ class TexelArray:
             columns=columns,
             active=mask,
             name=name,
+            margin=None if margin is None else _as_pair(margin),
         )
 
     @property

@@ -96,7 +96,7 @@ class TexelContact(Protocol):
         return float(array.centres[under, 2].max(initial=0.0)) + (not array.planar) * max(array.pitch)
 
     def sample_top(
-        self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, pitch: float
+        self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, array: TexelArray
     ) -> tuple[FloatArray, FloatArray]:
         """Place points on the top of an array, about half a pitch apart.
 
@@ -106,12 +106,12 @@ class TexelContact(Protocol):
             model: The compiled model.
             data: A state with the poses of geoms.
             geoms: Ids of the array's geoms.
-            pitch: The smaller pitch of the array [m].
+            array: The texels.
 
         Returns:
             The points in the world, shape (n, 3) [m], and the outward normals there, shape (n, 3) [-].
         """
-        return sample_boxes(model, data, geoms, inset=0.0, spacing=0.5 * pitch)
+        return sample_boxes(model, data, geoms, inset=0.0, spacing=0.5 * min(array.pitch))
 
     def bind(
         self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None

@@ -109,11 +109,11 @@ class MeshContact(TexelContact):
         frame.parent.attach_frame(inner, f"{name}/", "").set_frame(frame)
 
     def sample_top(
-        self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, pitch: float
+        self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, array: TexelArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the points of the cover; see `TexelContact.sample_top`."""
         if self.surface is None:
-            return super().sample_top(model, data, geoms, pitch)
+            return super().sample_top(model, data, geoms, array)
         turn, middle = _find_mesh_frame(model, int(geoms[0]))
         axes = data.geom_xmat[geoms[0]].reshape(3, 3) @ turn.T
         origin = data.geom_xpos[geoms[0]] - axes @ middle

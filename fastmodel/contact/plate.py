@@ -39,6 +39,7 @@ from fastmodel.state import State, take_array
 from fastmodel.surface import Surface
 from fastmodel.validity import FEWEST_CELLS
 from meshes import TexelArray
+from meshes.array import check_margin
 from meshes.array_types import FloatArray, IntArray
 
 #: Reach at the first contact of a body [-]: height above the body's smallest gap up to which cells are sampled, over
@@ -52,8 +53,9 @@ class Plate:
 
     Attributes:
         height: Thickness of the plate, inwards from the cover's top [m].
-        margin: Number of pitches by which plate and cover extend beyond the outermost texels on each side [-].  Force
-            on the margin counts as `outside`, the force that no texel measures.
+        margin: Width by which plate and cover extend beyond the texels on each side, one number or (x, y) [m].  Force
+            on the margin counts as `outside`, the force that no texel measures.  By default `TexelArray.margin`, or
+            one pitch if the array states none.  Bent arrays have no margin.
         contype: Collision mask of the plate, 31 bits [-].  With all bits, the default, the plate collides with every
             geom that collides with anything, including other arrays.
         conaffinity: Mask of the geoms that the plate collides with, 31 bits [-].
@@ -64,7 +66,7 @@ class Plate:
     """
 
     height: float = 2e-3
-    margin: int = 1
+    margin: float | tuple[float, float] | None = None
     contype: int = EVERY
     conaffinity: int = EVERY
     solref: tuple[float, float] | None = None
@@ -78,10 +80,20 @@ class Plate:
                 and solimp given.
         """
         check_box(self.height, self.contype, self.conaffinity)
-        if self.margin < 0 or self.margin != int(self.margin):
-            raise ValueError(f"margin must be a whole number of pitches from 0 on, not {self.margin}")
+        if self.margin is not None:
+            check_margin(self._pair(self.margin))
         if (self.solref is None) != (self.solimp is None):
             raise ValueError("solref and solimp belong together; give both or neither")
+
+    @staticmethod
+    def _pair(margin: float | tuple[float, float]) -> tuple[float, float]:
+        x, y = margin if isinstance(margin, tuple) else (margin, margin)
+        return (x, y)
+
+    def count_pitches(self, array: TexelArray) -> tuple[float, float]:
+        """Return the margin along x and y, in pitches of the array [-]."""
+        margin = array.margin if self.margin is None else self._pair(self.margin)
+        return (1.0, 1.0) if margin is None else (margin[0] / array.pitch[0], margin[1] / array.pitch[1])
 
     def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
         """Add the plate to a spec: one box geom for each flat panel of the array; see `TexelContact.attach`."""
@@ -103,7 +115,7 @@ class Plate:
 
         The names are numbered if there are several panels.
         """
-        panels = divide_into_panels(array, self.margin)
+        panels = divide_into_panels(array, self.count_pitches(array))
         numbers = [""] if len(panels) == 1 else range(len(panels))
         return panels, [f"{name}/plate{number}" for number in numbers]
 
@@ -129,10 +141,11 @@ class _PlateMethod(TexelContact):
         return replace(self, plate=replace(self.plate, margin=surface.margin))
 
     def sample_top(
-        self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, pitch: float
+        self, model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, array: TexelArray
     ) -> tuple[FloatArray, FloatArray]:
         """Place points on the top of the array, not on its margin; see `TexelContact.sample_top`."""
-        return sample_boxes(model, data, geoms, inset=self.plate.margin * pitch, spacing=0.5 * pitch)
+        inset = max(np.multiply(self.plate.count_pitches(array), array.pitch).tolist())
+        return sample_boxes(model, data, geoms, inset=inset, spacing=0.5 * min(array.pitch))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +178,7 @@ class Foundation(_PlateMethod):
                 f"parameters anew, or use Foundation(modulus=...)"
             )
         modulus = self.modulus or (cells.foundation_modulus() if cells else 0.0)
-        grid = lay_out(array, self.plate.margin, self.per_texel or (cells.per_texel if cells else 4))
+        grid = lay_out(array, self.plate.count_pitches(array), self.per_texel or (cells.per_texel if cells else 4))
         reader = PanelReader if grid.panels else CellReader
         return reader(self.plate, model, array, name, solver=FoundationSolver(grid, modulus), first=min(array.pitch))
 
@@ -204,7 +217,7 @@ class CoverContact(_PlateMethod):
                 f"hold; derive them anew, or use 'boxes' or 'area'"
             )
         cells.check(array)
-        grid = lay_out(array, self.plate.margin, cells.per_texel, max(cells.compliance.shape))
+        grid = lay_out(array, self.plate.count_pitches(array), cells.per_texel, max(cells.compliance.shape))
         bases = [grid.build_base_forces(each, array) for each in cells.under_loads]
         solver = CoverSolver(cells, grid, tolerance=self.tolerance, steps=self.steps, bases=bases)
         reader = PanelReader if grid.panels else CellReader

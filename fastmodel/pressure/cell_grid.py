@@ -43,7 +43,7 @@ class CellGrid:
         per_texel: Number of cells along each texel pitch [-].
         rows: Number of rows of cells, margin included [-].
         columns: Number of columns of cells, margin included [-].
-        margin: Number of cells by which the grid extends beyond the array on each side [-].
+        margin: Numbers of rows and columns of cells by which the grid extends beyond the array on each side [-].
         edge: Edge lengths of a cell along x and y [m].
         low: x and y of the grid's lowest corner in the array's frame, shape (2,) [m].
         texel_columns: Number of columns of texels [-].
@@ -53,32 +53,35 @@ class CellGrid:
     per_texel: int
     rows: int
     columns: int
-    margin: int
+    margin: tuple[int, int]
     edge: tuple[float, float]
     low: FloatArray
     texel_columns: int
     panels: tuple[PanelCells, ...] = ()
 
     @classmethod
-    def over(cls, array: TexelArray, per_texel: int, margin: int) -> CellGrid:
-        """Make the grid that divides a flat array, and a margin of `margin` pitches around the array, into cells."""
+    def over(cls, array: TexelArray, per_texel: int, margin: float | tuple[float, float]) -> CellGrid:
+        """Make the grid that divides a flat array, and a margin around the array, into cells.
+
+        The margin, in pitches, one number or (x, y), is rounded to whole cells.
+        """
         edge = (array.pitch[0] / per_texel, array.pitch[1] / per_texel)
-        beyond = margin * per_texel
+        columns, rows = (round(along * per_texel) for along in np.broadcast_to(margin, 2).tolist())
         half_pitch = np.array(array.pitch) / 2
         return cls(
             per_texel=per_texel,
-            rows=array.rows * per_texel + 2 * beyond,
-            columns=array.columns * per_texel + 2 * beyond,
-            margin=beyond,
+            rows=array.rows * per_texel + 2 * rows,
+            columns=array.columns * per_texel + 2 * columns,
+            margin=(rows, columns),
             edge=edge,
-            low=array.centres[0, :2] - half_pitch - beyond * np.array(edge),
+            low=array.centres[0, :2] - half_pitch - np.array([columns, rows]) * edge,
             texel_columns=array.columns,
         )
 
     @property
     def texels(self) -> int:
         """Number of texels of the array [-]."""
-        return (self.rows - 2 * self.margin) * (self.columns - 2 * self.margin) // self.per_texel**2
+        return (self.rows - 2 * self.margin[0]) * (self.columns - 2 * self.margin[1]) // self.per_texel**2
 
     @cached_property
     def arrays(self) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -153,8 +156,8 @@ class CellGrid:
 
     def find_texel(self, row: IntArray, column: IntArray) -> IntArray:
         """Find the index of the texel that each cell belongs to, -1 for cells in the margin, same shape as `row`."""
-        i, j = row - self.margin, column - self.margin
-        inside = (i >= 0) & (j >= 0) & (i < self.rows - 2 * self.margin) & (j < self.columns - 2 * self.margin)
+        i, j = row - self.margin[0], column - self.margin[1]
+        inside = (i >= 0) & (j >= 0) & (i < self.rows - 2 * self.margin[0]) & (j < self.columns - 2 * self.margin[1])
         return np.asarray(np.where(inside, i // self.per_texel * self.texel_columns + j // self.per_texel, -1))
 
     def build_base_forces(self, cells: CoverCells, array: TexelArray) -> BaseForces:
@@ -180,9 +183,9 @@ class BaseForces:
             array: The texels.
         """
         self._cells, self._grid, self._array = cells, grid, array
-        beyond = (grid.margin, grid.margin)
+        rows, columns = ((beyond, beyond) for beyond in grid.margin)
         # the table contains no cells in the margin; a force in the margin then reaches no texel
-        self._table = None if cells.table is None else np.pad(cells.table, ((0, 0), beyond, beyond))
+        self._table = None if cells.table is None else np.pad(cells.table, ((0, 0), rows, columns))
         self._masked = None if array.active.all() else ~array.active
         #: The last window, as row and column of its first cell and its shape; and its factors, see `_factor_window`.
         self._last: tuple[tuple[int, ...], _Factors] | None = None
@@ -222,7 +225,7 @@ class BaseForces:
         s = self._cells.per_texel
         image = contact_forces.reshape(self._array.rows, self._array.columns)
         uniform = np.kron(image, np.full((s, s), 1 / s**2))
-        return self.from_window(uniform, (self._grid.margin, self._grid.margin))
+        return self.from_window(uniform, self._grid.margin)
 
     def _factor_window(self, origin: tuple[int, int], shape: tuple[int, ...]) -> _Factors:
         """Find the factors of the influence for a window of cells.
@@ -245,10 +248,10 @@ class BaseForces:
             row, column = (np.clip(c, 0, most - 1) for c, most in zip(cells, self._table.shape[1:], strict=True))
             return self._table[:, row[:, None], column].reshape(len(self._table), -1), np.zeros(0), (slice(0), slice(0))
         data, factors, near = self._cells, [], []
-        for factor, cell, texels in zip(
-            data.influence_factors, cells, (self._array.rows, self._array.columns), strict=True
+        for factor, cell, texels, margin in zip(
+            data.influence_factors, cells, (self._array.rows, self._array.columns), self._grid.margin, strict=True
         ):
-            index = cell - self._grid.margin - data.per_texel * np.arange(texels)[:, None] + data.reach
+            index = cell - margin - data.per_texel * np.arange(texels)[:, None] + data.reach
             inside = (index >= 0) & (index < factor.shape[1])
             reached = inside.any(axis=1).nonzero()[0]
             near.append(slice(reached[0], reached[-1] + 1) if len(reached) else slice(0))
@@ -334,13 +337,13 @@ class ScatteredGrid(CellGrid):
         return ScatteredBaseForces(cells, self, array)
 
 
-def divide_into_panels(array: TexelArray, margin: int) -> tuple[Panel, ...]:
+def divide_into_panels(array: TexelArray, margin: float | tuple[float, float]) -> tuple[Panel, ...]:
     """Divide an array into flat panels.
 
     Args:
         array: The texels.
-        margin: Number of pitches by which the plate of a flat array extends beyond the outermost texels.  Curved arrays
-            have no margin, because the plates of adjacent panels would overlap [-].
+        margin: Number of pitches by which the plate of a flat array extends beyond the texels, one number or (x,
+            y).  Curved arrays have no margin, because the plates of adjacent panels would overlap [-].
     """
     axes = np.stack([*find_tangents(array), array.normals], axis=-1)
     is_bent = not array.planar and _is_bent_sheet(array, axes)
@@ -350,19 +353,20 @@ def divide_into_panels(array: TexelArray, margin: int) -> tuple[Panel, ...]:
     pitch = np.array(array.pitch)
     if np.abs(local[:, 2]).max() < _FLAT * min(array.pitch) and np.abs(axes - axes[0]).max() < _FLAT:
         low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
-        half = (high - low) / 2 + (0.5 + margin) * pitch
+        half = (high - low) / 2 + (0.5 + np.array(margin)) * pitch
         middle = array.centres[0] + axes[0] @ np.append((low + high) / 2, 0.0)
         return (Panel(origin=middle, axes=axes[0], half=(float(half[0]), float(half[1]))),)
     half = (array.pitch[0] / 2, array.pitch[1] / 2)
     return tuple(Panel(origin=centre, axes=turn, half=half) for centre, turn in zip(array.centres, axes, strict=True))
 
 
-def lay_out(array: TexelArray, margin: int, per_texel: int, apart: int = 1) -> CellGrid:
+def lay_out(array: TexelArray, margin: float | tuple[float, float], per_texel: int, apart: int = 1) -> CellGrid:
     """Divide an array, or every panel of it, into cells, and place the cells of all panels on a common grid.
 
     Args:
         array: The texels.
-        margin: Number of pitches by which the plate of a flat array extends beyond the outermost texels [-].
+        margin: Number of pitches by which the plate of a flat array extends beyond the texels, one number or (x, y)
+            [-].
         per_texel: Number of cells along each texel pitch [-].
         apart: Number of cells between panels that do not interact [-].
     """
@@ -389,7 +393,7 @@ def lay_out(array: TexelArray, margin: int, per_texel: int, apart: int = 1) -> C
         per_texel=per_texel,
         rows=((len(panels) - 1) // wide + 1) * rows,
         columns=wide * columns,
-        margin=0,
+        margin=(0, 0),
         edge=edge,
         low=np.zeros(2),
         texel_columns=array.columns,
@@ -511,7 +515,7 @@ def _divide_panel(panel: Panel, edge: tuple[float, float], rim: int) -> CellGrid
     """Divide a panel into cells in the frame of the panel, with a rim of `rim` cells around the panel."""
     columns, rows = (np.ceil(2 * np.array(panel.half) / edge - 1e-6).astype(int) + 2 * rim).tolist()
     low = -np.array(panel.half) - rim * np.array(edge)
-    return CellGrid(per_texel=1, rows=rows, columns=columns, margin=0, edge=edge, low=low, texel_columns=columns)
+    return CellGrid(per_texel=1, rows=rows, columns=columns, margin=(0, 0), edge=edge, low=low, texel_columns=columns)
 
 
 def _find_centres(part: PanelCells) -> FloatArray:

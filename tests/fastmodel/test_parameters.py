@@ -49,6 +49,15 @@ def test_saved_parameters_are_loaded_unchanged(tmp_path):
     assert np.array_equal(back.tables["radius"], saved.tables["radius"])
 
 
+def test_the_width_of_the_cover_beyond_the_texels_is_kept_and_a_negative_one_is_refused(tmp_path):
+    saved = make(array=TexelArray.grid(2, 3, 2e-3, margin=(1.2e-3, 0.0)))
+    path = saved.save(tmp_path)
+    assert load(tmp_path).array.margin == (1.2e-3, 0.0)
+    path.write_text(path.read_text().replace("0.0012", "-0.0012"))
+    with pytest.raises(ParametersError, match=r"\[array\] margin must be the width .*, 0 m or more, not"):
+        load(tmp_path)
+
+
 def test_operator_gains_and_free_layout_are_loaded_unchanged(tmp_path):
     angle = np.linspace(-0.5, 0.5, 6)
     normals = np.stack([np.sin(angle), np.zeros(6), np.cos(angle)], axis=1)

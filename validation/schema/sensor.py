@@ -92,6 +92,7 @@ class ArrayTable(Table):
         unit: Unit of the file of positions; metres when left out.
         project: Whether texels are moved to the base of a curved cover.
         texel_size: Sensitive rectangle of a texel, or [x, y]; the pitch when left out.
+        margin: Width of a flat cover beyond the texels, from half a pitch beyond the outermost centres, or [x, y].
         mask: One text of 0 and 1 for each row, smallest y first; 0 marks a missing texel.
         name: Name of the array.
     """
@@ -105,6 +106,7 @@ class ArrayTable(Table):
     unit: types.LengthUnit | None = None
     project: Annotated[bool, Field(strict=True)] = False
     texel_size: types.Lengths | None = None
+    margin: types.Widths | None = None
     mask: Annotated[list[list[str]], types.Read(_read_mask, _MASK_JSON)] | None = None
     name: str | None = None
 

@@ -255,12 +255,12 @@ def _read_name(value: object) -> str:
     return value.strip()
 
 
-def _read_pair(value: object) -> tuple[float, float]:
+def _read_pair(value: object, read_one: Callable[[object], float] | None = None) -> tuple[float, float]:
     """Read a pair of lengths along x and y, given as one length for the two directions or as a list [m]."""
     pair = value if isinstance(value, list) else [value, value]
     if len(pair) != 2:  # noqa: PLR2004 -- x and y
         raise ValueError(f"must be one length or [x, y], not {shorten(value)}")
-    x, y = (_LENGTH.read(part) for part in pair)
+    x, y = map(read_one or _LENGTH.read, pair)
     return (x, y)
 
 
@@ -282,6 +282,8 @@ _LENGTH = quantity("length")
 Length = Annotated[float, _LENGTH]
 _PAIR_JSON = {"anyOf": [_LENGTH.json, {"type": "array", "items": _LENGTH.json, "minItems": 2, "maxItems": 2}]}
 Lengths = Annotated[tuple[float, float], Read(_read_pair, _PAIR_JSON)]
+_WIDTH = quantity("length", positive=False, most=LIMITS.longest)
+Widths = Annotated[tuple[float, float], Read(lambda value: _read_pair(value, _WIDTH.read), _PAIR_JSON)]
 LengthUnit = Annotated[float, Read(lambda value: read_quantity(f"1 {value}", "length"))]
 Pressure = Annotated[float, quantity("pressure")]
 Force = Annotated[float, quantity("force")]

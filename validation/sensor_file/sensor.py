@@ -261,6 +261,10 @@ def _build_cover(tables: SensorTables, array: TexelArray, folder: Path) -> tuple
         raise InputError("array.project: is for curved covers; leave it out")
     cover = table.make()
     _refuse_uncovered(array, cover)
+    if cover.size is not None and array.regular and array.margin is None:
+        half = np.abs(array.centres[0, :2]) + np.array(array.pitch) / 2
+        x, y = np.maximum(np.array(cover.size) / 2 - half, 0.0).tolist()
+        array = dataclasses.replace(array, margin=(x, y))
     return array, cover
 
 
@@ -316,7 +320,7 @@ def build_array(table: ArrayTable, *, name: str, folder: Path) -> TexelArray:
         pitch = table.pitch or (table.texel_size if count == 1 else None) or _smallest_spacing(centres, normals)
     active, size, name = _read_mask(table, rows, columns), table.texel_size or pitch, table.name or name
     with at("array: "):
-        array = TexelArray.grid(rows, columns, pitch, texel_size=size, active=active, name=name)
+        array = TexelArray.grid(rows, columns, pitch, texel_size=size, active=active, name=name, margin=table.margin)
         if centres is not None and normals is not None:
             array = dataclasses.replace(array, centres=centres, normals=normals)
     if array.planar:

@@ -2,9 +2,11 @@ import mujoco
 import numpy as np
 import pytest
 
+import fastmodel
 from fastmodel import FastModelError, Foundation, Plate
-from tests.support.cover_data import WTS
-from tests.support.scenes import add_body, make_spec
+from meshes import TexelArray
+from tests.support.cover_data import WTS, parameters
+from tests.support.scenes import add_body, make_spec, simulate
 
 CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL}
 
@@ -19,6 +21,34 @@ def build_blocks(cone, condim=3):
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 200)
     return Foundation(modulus=1e9).bind(model, WTS, "pad"), model, data
+
+
+@pytest.mark.parametrize(
+    ("plate", "margin", "half"),
+    [(None, None, 10.2), (None, (1.2e-3, 1.8e-3), 8.0), (None, 0.0, 6.8), (1e-3, 2e-3, 7.8)],
+)
+def test_the_plate_ends_where_the_cover_does(plate, margin, half):
+    """A pad of 16 mm x 24 mm over 6 x 4 texels of 3.4 mm collides with nothing beside it; by default it has a pitch."""
+    pad = TexelArray.grid(6, 4, WTS.pitch, margin=margin)
+    spec = mujoco.MjSpec()
+    Plate(margin=plate).attach(spec.worldbody.add_frame(), pad, "pad")
+    size = spec.compile().geom("pad/plate").size
+    beyond = 1e-3 if plate else 3.4e-3 if margin is None else pad.margin[1]
+    assert 1e3 * size == pytest.approx([half, 10.2 + 1e3 * beyond, 1])
+
+
+@pytest.mark.parametrize(("x", "share"), [(7.2e-3, 1.0), (8.2e-3, 0.0)])
+@pytest.mark.parametrize("contact", ["cover", "foundation"])
+def test_a_force_on_the_margin_is_felt_by_the_cover_and_beside_it_by_nobody(x, share, contact):
+    """The margin of 1.2 mm ends 8 mm from the middle; a ball stands on it, or falls past it."""
+    spec = make_spec()
+    array = TexelArray.grid(6, 4, WTS.pitch, margin=(1.2e-3, 1.8e-3))
+    sensor = fastmodel.attach(spec, "world", parameters(array, filter=None), contact=contact)
+    add_body(spec, "sphere", [0.3e-3], [x, 0, 0.3e-3], slides="z", mass=0.05, damping=1.0)
+    simulate(spec, sensor, 300)
+    assert sensor.carried() == pytest.approx(share * 0.05 * 9.81, rel=1e-3)
+    assert sensor.contact_forces().sum() == 0
+    assert sensor.frame().texel_forces.sum() <= 0.6 * sensor.carried()
 
 
 @pytest.mark.parametrize("condim", [1, 3, 6])

@@ -33,8 +33,8 @@ def test_force_at_the_base_is_the_sum_of_the_influence_of_every_cell():
     expected = np.zeros((14, 6))
     for i, j in np.ndindex(window.shape):
         for r, c in np.ndindex(expected.shape):
-            a = origin[0] + i - GRID.margin - 4 * r + CELLS.reach
-            b = origin[1] + j - GRID.margin - 4 * c + CELLS.reach
+            a = origin[0] + i - GRID.margin[0] - 4 * r + CELLS.reach
+            b = origin[1] + j - GRID.margin[1] - 4 * c + CELLS.reach
             if 0 <= a < len(CELLS.influence) and 0 <= b < len(CELLS.influence):
                 expected[r, c] += window[i, j] * CELLS.influence[a, b]
     np.testing.assert_allclose(found, expected, atol=1e-5 * expected.max())
@@ -45,7 +45,7 @@ def test_uniform_forces_on_texels_arrive_as_forces_on_their_cells():
     forces[40] = 2.0
     s = CELLS.per_texel
     window = np.full((s, s), 2.0 / s**2)
-    there = BASE.from_window(window, (GRID.margin + s * (40 // 6), GRID.margin + s * (40 % 6)))
+    there = BASE.from_window(window, (GRID.margin[0] + s * (40 // 6), GRID.margin[1] + s * (40 % 6)))
     np.testing.assert_allclose(BASE.from_texels(forces), there, atol=1e-12)
 
 
@@ -70,7 +70,7 @@ def test_a_table_of_all_cells_and_texels_is_applied_to_a_window():
     grid = CellGrid.over(array, 4, 2)
     base = BaseForces(dataclasses.replace(cells(array), table=table), grid, array)
     window = random.uniform(0, 1, (5, 9))
-    found = base.from_window(window, (grid.margin - 1, grid.margin + 4))
+    found = base.from_window(window, (grid.margin[0] - 1, grid.margin[1] + 4))
     expected = np.einsum("tij,ij->t", table[:, :4, 4:12], window[1:, :8])  # a row and a column lie in the margin
     np.testing.assert_allclose(found, np.where(array.active, expected, 0.0))
     np.testing.assert_allclose(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -74,7 +75,10 @@ def test_written_folder_carries_the_sides_to_the_fast_model(derivation, tmp_path
     assert np.array_equal(again.surface.table, cells.table)
     assert np.array_equal(again.spread.operator(array), derivation.parameters.spread.matrix)
     name, method = choose_method("default", again)
-    assert (name, method.plate.margin) == ("cover", 0)
+    assert name == "cover"
+    assert method.plate.count_pitches(again.array) == pytest.approx([0.4 / 3.4] * 2)  # 7.6 mm over 2 x 3.4 mm
+    bare = dataclasses.replace(again, array=dataclasses.replace(array, margin=None))
+    assert choose_method("default", bare)[1].plate.margin == 0
     pressed = fastmodel.indent(again, Sphere(radius=4e-3), load=0.5)
     assert pressed.texel_forces.sum() + pressed.outside == pytest.approx(0.5, rel=1e-3)
     assert pressed.texel_forces == pytest.approx(pressed.texel_forces[0], rel=1e-3)
@@ -86,7 +90,7 @@ def test_forces_on_cells_go_through_the_table_and_nothing_is_felt_beyond_the_arr
     grid = CellGrid.over(array, cells.per_texel, margin)
     base = BaseForces(cells, grid, array)
     forces = np.random.default_rng(0).uniform(0, 1, (grid.rows, grid.columns))
-    edge = grid.margin
+    edge = grid.margin[0]
     inner = forces[edge : grid.rows - edge, edge : grid.columns - edge]
     expected = np.einsum("nrc,rc->n", cells.table, inner)
     assert base.from_window(forces, (0, 0)) == pytest.approx(expected)

@@ -33,6 +33,17 @@ def test_cover_of_limited_size_holds_its_texels_and_keeps_its_size_under_another
     assert load(with_mask).cover.size == pytest.approx((6.4e-3, 9.8e-3))
 
 
+def test_the_plate_is_as_wide_as_the_cover_that_the_file_states(sensor):
+    """Two columns and three rows of 3.4 mm."""
+    assert load(sensor(GOOD)).array.margin is None
+    stated = load(sensor(GOOD.replace("rows = 3", "rows = 3\nmargin = ['1.2 mm', '0 mm']"))).array
+    assert stated.margin == pytest.approx((1.2e-3, 0))
+    sized = load(sensor(GOOD.replace("[electronics]", "[cover]\nsize = ['8 mm', '10.2 mm']\n[electronics]"))).array
+    assert sized.margin == pytest.approx((0.6e-3, 0), abs=1e-12)
+    with pytest.raises(InputError, match=r"array\.margin: must lie in 0"):
+        load(sensor(GOOD.replace("rows = 3", "rows = 3\nmargin = '-1 mm'")))
+
+
 def test_electronics_may_be_left_out_in_part_or_whole(sensor):
     without = load(sensor(GOOD.partition("[electronics]")[0]))
     assert (without.electronics.rate_hz, without.electronics.sensitivity) == (100.0, 1000.0)
