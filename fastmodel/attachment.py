@@ -10,11 +10,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from fastmodel.check import OptionWarning
 from fastmodel.contact.boxes import AreaTexels, BoxTexels
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.plate import CoverContact, Foundation
-from fastmodel.errors import FastModelError, check_count, check_type, name_unknown
+from fastmodel.errors import FastModelError, check_count, check_type, name_unknown, warn_user
 from fastmodel.parameters import Parameters
 from fastmodel.sensor import Sensor
 from fastmodel.signal.point_spread import find_tangents
@@ -164,6 +165,12 @@ def _check_pose(position: npt.ArrayLike, quaternion: npt.ArrayLike) -> tuple[lis
         raise FastModelError(f"a pose takes 3 and 4 numbers, not shapes {place.shape} and {turn.shape}")
     if not (np.isfinite([*place, *turn]).all() and turn.any()):
         raise FastModelError(f"a pose takes finite numbers and a quaternion other than zero, not {place} and {turn}")
+    if turn.tolist() == [0, 0, 0, 1]:
+        warn_user(
+            "quaternion (0, 0, 0, 1) is half a turn about z, because w comes first; no rotation is (1, 0, 0, 0), and a "
+            "half turn that is meant (0, 0, 0, -1)",
+            OptionWarning,
+        )
     return place.tolist(), (turn / np.linalg.norm(turn)).tolist()
 
 

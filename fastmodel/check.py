@@ -12,6 +12,7 @@ from collections.abc import Iterator
 
 import mujoco
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from fastmodel.compiled import compile_kernel
 from fastmodel.contact.bodies import Reasons, find_obstacles
@@ -48,6 +49,19 @@ _MOST_NAMES = 4
 #: Height above or below the top of an array up to which a geom counts as flush with it [m].  Geoms that overlap the
 #: array by less than this height do not count as pressing on it.
 _FLUSH = 5e-6
+#: Shortest distance between an array and all geoms of its body beyond which the array counts as far from the body [m].
+_FAR = 0.02
+#: Length by which an array may stick out beyond the geoms of its body without a warning, over the pitch [-].
+_OVERHANG = 0.5
+#: Share of points on an array with its own body ahead, and nothing of it behind, above which the array faces it [-].
+_MOST_AHEAD = 0.5
+#: Kinds of geoms whose distance from an array, outline and sides are examined.
+_CONVEX = [
+    int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"))
+    for kind in ("SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH")
+]
+#: Volume of a mesh's convex hull over that of the mesh above which the mesh counts as concave [-].
+_CONCAVE = 1.1
 #: Tolerance of comparisons with `_CLEARANCE`, over `_CLEARANCE`, for rounding [-].
 _ROUNDING = 1e-6
 
@@ -207,6 +221,7 @@ def check_surroundings(
     top = contact.sample_top(model, data, geoms, array)
     yield from _check_flush_geoms(model, data, geoms, name, top)
     yield from _check_own_links(model, data, geoms, name)
+    yield from _check_placement(model, data, geoms, name=name, array=array, surface=top)
     colliding = _find_colliding(model) & ~np.isin(np.arange(model.ngeom), geoms)
     others = colliding & (model.geom_bodyid != model.geom_bodyid[geoms[0]])
     if others.any() and not (colliding & (obstacles == "")).any() and not model.nflex:
@@ -219,6 +234,7 @@ def check_surroundings(
     elsewhere = others & (tree != tree[geoms[0]])
     for why in _sort(obstacles[elsewhere]):
         yield f"array {name!r} never touches {_list_geoms(model, elsewhere & (obstacles == why))}: {why}"
+    yield from _check_hulls(model, (obstacles == "") & (tree != tree[geoms[0]]))
     yield from _check_facing_arrays(model, data, geoms, name, obstacles)
 
 
@@ -266,6 +282,129 @@ def _check_own_links(model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray
         yield (
             f"{_list_geoms(model, chosen)} presses on array {name!r} in the initial pose of the model; move the array, "
             f"or exclude the contact: {exclude}"
+        )
+
+
+def _check_placement(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    geoms: IntArray,
+    *,
+    name: str,
+    array: TexelArray,
+    surface: tuple[FloatArray, FloatArray],
+) -> Iterator[str]:
+    """Find signs that an array is not where its body is, or faces the body; yield a sentence about each of them.
+
+    The body consists of all geoms without a joint between them and the array, also those that collide with nothing.
+    Nothing is found for an array of the world.
+
+    Args:
+        model: The compiled model.
+        data: State of the simulation.
+        geoms: Ids of the geoms of the array.
+        name: Name of the sensor.
+        array: The texels.
+        surface: Points on the top of the array [m], and the normals at these points [-], in the world, shape (k, 3)
+            each.
+    """
+    body, weld = int(model.geom_bodyid[geoms[0]]), model.body_weldid[model.geom_bodyid]
+    own = [
+        geom
+        for geom in ((weld == weld[geoms[0]]) if weld[geoms[0]] else (model.geom_bodyid == body)).nonzero()[0].tolist()
+        if model.geom_type[geom] in _CONVEX and geom not in geoms and not _find_sensor(model, geom)
+    ]
+    if not own or not body:
+        return
+    (points, normals), carrier = surface, f"body {model.body(body).name!r}"
+    limit = max(_FAR, float(np.linalg.norm(np.ptp(points, axis=0))))
+    away = min(mujoco.mj_geomDistance(model, data, a, b, 1e3, None) for a in geoms.tolist() for b in own)
+    if away > limit:
+        place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ model.geom_pos[geoms].mean(axis=0) / 1e3
+        near = (np.linalg.norm(data.geom_xpos[own] - place, axis=1) < model.geom_rbound[own] + limit).any()
+        advice = (
+            "its position looks like millimetres, attach takes metres" if away > 1 and near else "mend its position"
+        )
+        yield f"array {name!r} lies {1e3 * away:.4g} mm from every geom of its {carrier}; {advice}"
+        return
+    ahead, behind = _look_around(model, data, own, points, normals)
+    w, x, y, z = model.geom_quat[geoms[0]].tolist()
+    exchanged = np.zeros(9)
+    mujoco.mju_quat2Mat(exchanged, np.array([z, w, x, y]))
+    normal = data.xmat[body].reshape(3, 3) @ exchanged[2::3]
+    there, back = _look_around(model, data, own, points.mean(axis=0, keepdims=True), normal[None])
+    mended = array.planar and bool(back[0] and not there[0])
+    hint = "its quaternion looks like x, y, z, w, attach takes w first" if mended else ""
+    if (ahead & ~behind).mean() > _MOST_AHEAD or (mended and not behind.any()):
+        advice = hint or "turn its z axis outwards"
+        yield f"the front of array {name!r} does not point away from its {carrier}; {advice}"
+    elif array.planar:
+        yield from _check_overhang(model, data, geoms, own, array=array, hint=hint)
+
+
+def _look_around(
+    model: mujoco.MjModel, data: mujoco.MjData, own: list[int], points: FloatArray, normals: FloatArray
+) -> tuple[BoolArray, BoolArray]:
+    """Find whether some geoms lie ahead of and behind each of k points, along its normal, each of shape (k,)."""
+    spans = [find_span(model, data, geom, points, normals) for geom in own]
+    ahead = np.any([(low <= high) & (high > -low) for low, high in spans], axis=0)
+    behind = np.any([(low <= high) & (high < -low) for low, high in spans], axis=0)
+    return np.asarray(ahead), np.asarray(behind)
+
+
+def _check_overhang(
+    model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, own: list[int], *, array: TexelArray, hint: str
+) -> Iterator[str]:
+    """Find whether a planar array sticks out beyond geoms of its body; yield a sentence with a hint if so."""
+    axes = data.geom_xmat[geoms[0]].reshape(3, 3)[:, :2]
+
+    def find_box(chosen: list[int]) -> FloatArray:
+        """Find the lowest and highest x and y of geoms along the axes of the array, shape (2, 2) [m]."""
+        turn = np.einsum("gij,ik->gjk", data.geom_xmat[chosen].reshape(-1, 3, 3), axes)
+        centre = data.geom_xpos[chosen] @ axes + np.einsum("gj,gjk->gk", model.geom_aabb[chosen, :3], turn)
+        reach = np.einsum("gj,gjk->gk", model.geom_aabb[chosen, 3:], np.abs(turn))
+        return np.array([(centre - reach).min(axis=0), (centre + reach).max(axis=0)])
+
+    def find_excess(half: FloatArray) -> FloatArray:
+        """Find the length by which a rectangle of given half edges sticks out, along x and y, shape (2,) [m]."""
+        return np.asarray(np.maximum(body[0] - middle + half, middle + half - body[1]))
+
+    body, (low, high), pitch = find_box(own), find_box(geoms.tolist()), np.array(array.pitch)
+    middle, plate = (low + high) / 2, (high - low) / 2
+    texels = np.minimum((np.ptp(array.centres[:, :2], axis=0) + pitch) / 2, plate)
+    named = f"array {_find_sensor(model, int(geoms[0]))!r}"
+    if (find_excess(texels) > _OVERHANG * pitch).any():
+        turned = (find_excess(texels[::-1]) <= _OVERHANG * pitch).all()
+        advice = "rows and columns look exchanged" if turned else "mend its position, or its rows and columns"
+        excess = 1e3 * find_excess(texels).max()
+        yield f"texels of {named} stick out {excess:.1f} mm beyond the geoms of its body; {hint or advice}"
+    elif (find_excess(plate) > _OVERHANG * pitch).any():
+        x, y = np.maximum(plate - texels - np.maximum(find_excess(plate), 0.0), 0.0).tolist()
+        yield (
+            f"the plate of {named} reaches {1e3 * find_excess(plate).max():.1f} mm beyond the geoms of its body, and "
+            f"collides there; state how far the cover extends beyond the texels, such as TexelArray.grid(..., "
+            f"margin=({x:.2g}, {y:.2g})) [m]"
+        )
+
+
+def _check_hulls(model: mujoco.MjModel, chosen: BoolArray) -> Iterator[str]:
+    """Find chosen geoms with a concave mesh, which MuJoCo replaces by its convex hull; yield a sentence about them."""
+    filled = np.zeros(model.ngeom, dtype=bool)
+    for geom in (chosen & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)).nonzero()[0].tolist():
+        mesh = model.mesh(model.geom_dataid[geom])
+        vertices = model.mesh_vert[mesh.vertadr[0] : mesh.vertadr[0] + mesh.vertnum[0]].astype(np.float64)
+        a, b, c = vertices[model.mesh_face[mesh.faceadr[0] : mesh.faceadr[0] + mesh.facenum[0]].T]
+        areas = np.cross(b - a, c - a)
+        # an open surface, whose area vectors do not cancel, encloses no volume
+        if np.linalg.norm(areas.sum(axis=0)) < 1e-3 * np.linalg.norm(areas, axis=1).sum():
+            try:
+                filled[geom] = ConvexHull(vertices).volume > _CONCAVE * abs(np.einsum("ij,ij->", a, areas)) / 6
+            except QhullError:
+                continue
+    if filled.any():
+        yield (
+            f"MuJoCo fills the hollows of the mesh of {_list_geoms(model, filled)} and collides with its convex hull; "
+            "divide it into convex parts, as fastmodel.add_geoms(body, meshes.read_stl(file)) does"
         )
 
 

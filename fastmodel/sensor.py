@@ -171,10 +171,12 @@ class Sensor:
     def check(self, model: mujoco.MjModel) -> tuple[str, ...]:
         """Find properties of a model that reduce the accuracy of this sensor or the force that it measures.
 
-        Three kinds of properties are found.  First, options and flags of the model.  Second, a Gaussian point spread
+        Four kinds of properties are found.  First, options and flags of the model.  Second, a Gaussian point spread
         that contradicts the calibration of the electronics.  Third, geoms: colliding geoms that move with the array and
-        are flush with its top, above it, or less than 1 mm below, where they carry part of the force; and objects or
-        facing arrays that can never touch the array. `bind` gives each sentence as an `OptionWarning`.
+        are flush with its top, above it, or less than 1 mm below, where they carry part of the force; objects or
+        facing arrays that can never touch the array; and concave meshes, which MuJoCo fills.  Fourth, the place of the
+        array: far from the geoms of its body, facing them, or sticking out beyond them. `bind` gives each sentence as
+        an `OptionWarning`.
 
         Args:
             model: The model that was compiled from the spec with this array; prefix and suffix are those of `bind`.

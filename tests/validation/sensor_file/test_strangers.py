@@ -132,7 +132,7 @@ def test_every_line_of_the_template_that_is_commented_out_is_accepted_alone(tmp_
     found, plain = switch_on(tmp_path, {number}), switch_on(tmp_path, set())
     fields = [field.name for field in dataclasses.fields(found) if field.name not in ("array", "source")]
     changed = [getattr(found, name) != getattr(plain, name) for name in fields]
-    texels = [(array.texel_size, array.active.tolist()) for array in (found.array, plain.array)]
+    texels = [(array.texel_size, array.margin, array.active.tolist()) for array in (found.array, plain.array)]
     assert any(changed) or texels[0] != texels[1]
 
 
