@@ -76,7 +76,8 @@ def attach(
         contact: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default `curved` if the parameters
             hold a curved cover, `cover` if they hold the cells of a flat cover, otherwise `boxes`.
         every: Number of physics steps between two samples of the contact forces [-].  By default 1 for the method
-            `boxes`, otherwise the largest number that frame rate and filter allow.
+            `boxes`, otherwise the largest number that frame rate and filter allow, or without a filter the steps at
+            which a frame is due.
         replaces: Geoms of the same body that the array replaces, by name or as objects.
 
     Returns:

@@ -55,7 +55,8 @@ class Sensor:
     Sensors can be pickled or copied with `copy.deepcopy`, together with the model and data that they are bound to.
     After a copy of `(model, data, sensor)`, the copied sensor continues with the copied model and data.
 
-    The filter runs on every sample of the contact forces.  Point spread and electronics run once per frame, on the
+    The filter runs on every sample of the contact forces.  Without a filter, contact methods other than `boxes` are
+    sampled only when a frame is due.  Point spread and electronics run once per frame, on the
     latest filtered sample.  Filter and point spread are linear and all texels have the same filter, so their order has
     no effect on the result.
 
@@ -155,6 +156,7 @@ class Sensor:
         self._prefix, self._suffix, self._label = prefix, suffix, f"{name}{suffix}"
         self._model, self._data, self._options, self._timestep = model, None, list_options(model), timestep
         self._interval, self._reader, self._functions = interval, reader, functions
+        self._waits = self._every is None and self._contact.costly and parameters.filter is None
         self._validity = parameters.validity
         self._noise = make_generator(parameters.electronics.seed, self._label)
         self._settle(np.zeros(()))
@@ -163,9 +165,9 @@ class Sensor:
         """Choose the number of physics steps between two samples of the contact forces [-]."""
         if self._every or not self._contact.costly:
             return self._every or 1
-        wanted = self.parameters.electronics.rate_hz
-        if self.parameters.filter is not None:
-            wanted = max(wanted, _SAMPLES_PER_CUTOFF * self.parameters.filter.cutoff_hz)
+        if self.parameters.filter is None:
+            return 1  # of these steps, only those at which a frame is due are sampled
+        wanted = max(self.parameters.electronics.rate_hz, _SAMPLES_PER_CUTOFF * self.parameters.filter.cutoff_hz)
         return max(1, int((1 + _CLOCK_TOLERANCE) / (wanted * model.opt.timestep)))
 
     def check(self, model: mujoco.MjModel) -> tuple[str, ...]:
@@ -282,7 +284,8 @@ class Sensor:
         if not abs(now - self._time - self._timestep) <= _CLOCK_TOLERANCE * self._timestep:
             self._check_clock(now)
         self._time = now
-        if self._steps % self._interval == 0:
+        is_due = self._count_due(now) > self._frames
+        if is_due if self._waits else self._steps % self._interval == 0:
             reading = self._reader.read(data)
             if not math.isfinite(reading.carried):
                 raise FastModelError(f"sensor {self._label!r}: contact forces are not finite at t = {now:g} s")
@@ -292,12 +295,16 @@ class Sensor:
                 warn_user(f"sensor {self._label!r}: {self._validity.describe_excess(reading)}", RangeWarning)
                 self._validity = None  # Only the first contact beyond the range gives a warning.
         self._steps += 1
-        due = int((self._sampled_at - self._start) * self.parameters.electronics.rate_hz + _CLOCK_TOLERANCE)
+        due = self._count_due(self._sampled_at)
         if due <= self._frames:
             return False
         self._frames = due
         self._make_frame(self._noise)
         return True
+
+    def _count_due(self, time: float) -> int:
+        """Return the number of frames that are due up to a time [-]."""
+        return int((time - self._start) * self.parameters.electronics.rate_hz + _CLOCK_TOLERANCE)
 
     def frame(self) -> Frame:
         """Return the latest frame, or a frame of the unloaded array if no frame has been made yet.

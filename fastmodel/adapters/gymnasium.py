@@ -1,4 +1,4 @@
-"""Tactile images as part of a Gymnasium observation.
+"""Tactile images and forces as part of a Gymnasium observation.
 
 The environment runs the physics, and the wrapper steps the sensors after every physics step.  So sampling of
 contact forces, filter and frames do not depend on the number of physics steps per environment step.  The observation
@@ -26,15 +26,20 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
-from fastmodel.errors import FastModelError, LifeCycleError, check_count, check_type
+from fastmodel.errors import FastModelError, LifeCycleError, check_count, check_type, name_unknown
+from fastmodel.parameters import Parameters
 from fastmodel.sensor import Sensor
 from fastmodel.signal.frame import Frame
+from meshes.array_types import FloatArray
 
 try:
     import gymnasium
@@ -50,22 +55,58 @@ Listen = Callable[[Any, Callable[[mujoco.MjData], None]], None]
 #: with the number of these steps.  The entries are for gymnasium's `MujocoEnv` and gymnasium-robotics'
 #: `MujocoRobotEnv`.
 _STEPPERS = {"_step_mujoco_simulation": "frame_skip", "_mujoco_step": "n_substeps"}
+#: Quantities that can be observed.
+QUANTITIES = ("image", "texel_forces", "pressures", "tangential", "wrench")
 #: Relative tolerance on the number of frames in a time; it allows for rounding [-].
 _TOLERANCE = 1e-6
 
 
+@dataclass(frozen=True, kw_only=True)
+class Variation:
+    """Spread of sensors between worlds and episodes, for training; `reset` draws new values for every texel.
+
+    Attributes:
+        gain: Standard deviation of the gain of each texel about 1 [-].
+        offset: Standard deviation of a constant force that is added on each texel [N].
+        dead: Probability that a texel measures nothing [-].
+        latency: Largest number of frames by which observations are late; each number from 0 on is equally likely [-].
+    """
+
+    gain: float = 0.0
+    offset: float = 0.0
+    dead: float = 0.0
+    latency: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            FastModelError: If a number is negative or not finite, or `dead` exceeds 1.
+        """
+        check_count("latency", self.latency, 0)
+        for name, most in (("gain", math.inf), ("offset", math.inf), ("dead", 1.0)):
+            if not (0 <= getattr(self, name) <= most and getattr(self, name) < math.inf):
+                raise FastModelError(f"{name} of a Variation must lie in 0..{most:g}, not {getattr(self, name)}")
+
+
 class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymnasium.utils.RecordConstructorArgs):
-    """Wrapper of an environment that adds the latest tactile image of one or several sensors to every observation.
+    """Wrapper of an environment that adds the latest tactile frame of one or several sensors to every observation.
 
     The observation is a dict.  If the observation of the wrapped environment is a dict, its entries are kept; otherwise
-    that observation is stored under the key `observation`.  Each image has shape (rows, columns), uint8, row 0 at the
-    smallest y.
+    that observation is stored under the key `observation`.  A sensor's entry has the name of the sensor, or, if several
+    quantities are observed, one entry for each of them has the name `sensor/quantity`:
+
+    - `image`, shape (rows, columns), uint8, row 0 at the smallest y;
+    - `texel_forces` [N] and `pressures` [Pa], shape (rows, columns), float32, before the electronics;
+    - `tangential`, shape (2, rows, columns), float32: see `Frame.tangential` [N];
+    - `wrench`, shape (6,), float32: net force [N] and net torque [N m] on the array in its frame.
 
     `info["frames"]` contains, by sensor, the frames of the step, oldest first, in arrays with room for m frames:
     simulation `times` of their samples, shape (m,) [s], `counts`, shape (m, n) [-], `images`, shape (m, rows, columns)
-    [-], and `net_forces` [N] and `net_torques` [N m] on the array in its frame (see `Frame`), shape (m, 3).  The number
-    `made` says how many entries are filled; the others are zero.  If a step makes more than m frames, the latest m are
-    kept, and `dropped` is the number of the others, else 0.
+    [-], `texel_forces`, shape (m, n) [N], `tangential`, shape (m, n, 2) [N], and `net_forces` [N] and `net_torques`
+    [N m] on the array in its frame (see `Frame`), shape (m, 3).  The number `made` says how many entries are filled;
+    the others are zero.  If a step makes more than m frames, the latest m are kept, and `dropped` is the number of the
+    others, else 0.
 
     Attributes:
         sensors: The sensors of this environment, by name.
@@ -81,11 +122,15 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
             environment must make one physics step per environment step.
         frames: Number m of frames of a step for which `info["frames"]` has room [-].  By default the largest number
             possible with the environment's physics steps; 1 with `listen`.
+        observe: The quantities to observe, one of `QUANTITIES` or several.
+        history: Number of past frames to observe with the latest one [-].  Each entry then has a first axis of length
+            history + 1, oldest first; after a reset, frames that were not made yet are those of the unloaded array.
+        variation: Spread of the sensors, drawn anew at every reset from its seed; `info` holds the frames without it.
         key: Name of the entry of `info` that replaces `frames`, for environments whose `info` already has an entry
             `frames`.  Nested wrappers share one entry if their sensors have different names.
 
     Raises:
-        FastModelError: If an argument has a wrong type.
+        FastModelError: If an argument has a wrong type, or a quantity is unknown or not computed by the contact method.
         FastModelError: If the environment has no attributes `model` and `data`, the observation already has the name of
             a sensor, there is no sensor, or `frames` is not a positive whole number; from `reset` and `step`, if the
             environment's `info` already has an entry named `key`.
@@ -101,17 +146,24 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         simulation: Callable[[Any], tuple[mujoco.MjModel, mujoco.MjData]] | None = None,
         listen: Listen | None = None,
         frames: int | None = None,
+        observe: str | Sequence[str] = "image",
+        history: int = 0,
+        variation: Variation | None = None,
         key: str = "frames",
     ) -> None:
         settings: dict[str, Any] = {"simulation": simulation, "listen": listen, "frames": frames, "key": key}
+        settings |= {"observe": observe, "history": history, "variation": variation}
         given = {"tactile": sensors} if isinstance(sensors, Sensor) else sensors
         _check_arguments(env, given, settings)
         gymnasium.utils.RecordConstructorArgs.__init__(self, sensors=sensors, **settings, _disable_deepcopy=True)
         gymnasium.Wrapper.__init__(self, env)
-        self._key = key
+        self._key, self._history, self._variation = key, history, variation or Variation()
+        self._observed = (observe,) if isinstance(observe, str) else tuple(observe)
         self.sensors = {name: sensor.twin() for name, sensor in given.items()}
         self._simulation = simulation or _find_simulation
         self._made: dict[str, list[Frame]] = {name: [] for name in self.sensors}
+        self._varied = {name: _Varied(sensor.parameters, self._variation, None) for name, sensor in given.items()}
+        self._seen: dict[str, deque[dict[str, Any]]] = {}
         self._seeds: np.random.SeedSequence | None = None
         self._stepping = False
         self._time = math.nan
@@ -137,8 +189,10 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         self._bind()
         if seed is not None or self._seeds is None:
             self._seeds = np.random.SeedSequence(self._find_seed() if seed is None else seed)
-        for sensor, child in zip(self.sensors.values(), self._seeds.spawn(len(self.sensors)), strict=True):
+        for (name, sensor), child in zip(self.sensors.items(), self._seeds.spawn(len(self.sensors)), strict=True):
             sensor.reset(seed=child)
+            self._varied[name] = _Varied(sensor.parameters, self._variation, child.spawn(1)[0])
+            self._fill(name)
         self._time = self._simulation(self.env)[1].time
         return self._observe(observation), self._inform(info)
 
@@ -193,6 +247,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         for name, sensor in self.sensors.items():
             if sensor.step(data):
                 self._made[name].append(sensor.frame())
+                self._seen[name].append(self._varied[name].observe(sensor.frame(), self._observed))
 
     def _count_frames(self, rate_hz: float) -> int:
         """Return the largest number of frames that a sensor of a given rate can make in one step of the environment."""
@@ -217,21 +272,80 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
     def _observe(self, observation: Any) -> dict[str, Any]:  # noqa: ANN401 -- whatever the environment observes
         """Add the latest image of each sensor to an observation of the environment."""
         own = dict(observation) if isinstance(self.env.observation_space, spaces.Dict) else {"observation": observation}
-        # Frames are read-only, but users may write to an observation.
-        return own | {name: sensor.frame().image.copy() for name, sensor in self.sensors.items()}
+        return own | {key: values for name in self.sensors for key, values in self._list_entries(name)}
+
+    def _fill(self, name: str) -> None:
+        """Fill the observed frames of a sensor with its latest frame."""
+        frame = self._varied[name].observe(self.sensors[name].frame(), self._observed)
+        self._seen[name] = deque([frame] * (length := self._history + self._variation.latency + 1), maxlen=length)
+
+    def _list_entries(self, name: str) -> Iterator[tuple[str, npt.NDArray[Any]]]:
+        """Yield key and values of each entry of a sensor in the observation; users may write to the values."""
+        end = len(self._seen[name]) - self._varied[name].late
+        frames = list(self._seen[name])[end - self._history - 1 : end]
+        for quantity in self._observed:
+            values = np.stack([frame[quantity] for frame in frames])
+            yield name if len(self._observed) == 1 else f"{name}/{quantity}", values if self._history else values[0]
 
     def _extend_space(self, space: spaces.Space[Any]) -> spaces.Dict:
         """Add one image per sensor to the observation space of the environment."""
         own = dict(space.spaces) if isinstance(space, spaces.Dict) else {"observation": space}
         if not self.sensors:
             raise FastModelError("there is no sensor to observe; give one, or several by name")
-        if taken := sorted(own.keys() & self.sensors.keys()):
+        added: dict[str, spaces.Space[Any]] = {}
+        for name in self.sensors:
+            self._fill(name)
+            for key, values in self._list_entries(name):
+                low, high = (0, 255) if values.dtype == np.uint8 else (-np.inf, np.inf)
+                added[key] = spaces.Box(low, high, shape=values.shape, dtype=values.dtype.type)
+        if taken := sorted(own.keys() & added.keys()):
             raise FastModelError(f"the environment observes {taken[0]!r} already; give the sensor another name")
-        images = {
-            name: spaces.Box(0, 255, shape=sensor.frame().image.shape, dtype=np.uint8)
-            for name, sensor in self.sensors.items()
-        }
-        return spaces.Dict(own | images)
+        return spaces.Dict(own | added)
+
+
+class _Varied:
+    """One sensor of one world, with drawn gains, offsets, dead texels and latency.
+
+    Attributes:
+        late: Number of frames by which observations are late [-].
+    """
+
+    def __init__(self, parameters: Parameters, variation: Variation, seed: np.random.SeedSequence | None) -> None:
+        """Draw the values of every texel; without a seed there is no variation."""
+        self._parameters, self._is_varied = parameters, seed is not None and variation != Variation()
+        self._draw, count = np.random.default_rng(seed), parameters.array.count
+        self._gain, self._offset, self.late = np.ones(count), np.zeros(count), 0
+        if self._is_varied:
+            alive = self._draw.random(count) >= variation.dead
+            self._gain = alive * (1 + variation.gain * self._draw.standard_normal(count))
+            self._offset = alive * variation.offset * self._draw.standard_normal(count)
+            self.late = int(self._draw.integers(variation.latency + 1))
+
+    def observe(self, frame: Frame, quantities: Sequence[str]) -> dict[str, npt.NDArray[Any]]:
+        """Return quantities of a frame, by name, as `TactileObservation` describes them.
+
+        Raises:
+            FastModelError: If the contact method does not compute a quantity.
+        """
+        array, found = self._parameters.array, dict[str, npt.NDArray[Any]]()
+        forces = self._gain * np.asarray(frame.texel_forces) + self._offset
+        for quantity in quantities:
+            if quantity == "image":
+                found[quantity] = self._show(forces) if self._is_varied else frame.image
+            elif quantity in {"texel_forces", "pressures"}:
+                found[quantity] = array.image(forces / (frame.texel_area or 1.0 if quantity == "pressures" else 1.0))
+            elif frame.net_force is None or frame.net_torque is None or frame.tangential is None:
+                raise FastModelError(f"the contact method does not compute {quantity!r}; accepted: {QUANTITIES[:3]}")
+            elif quantity == "tangential":
+                found[quantity] = array.image(self._gain * frame.tangential.T)
+            else:
+                found[quantity] = np.concatenate([frame.net_force, frame.net_torque])
+        return {name: each if each.dtype == np.uint8 else each.astype(np.float32) for name, each in found.items()}
+
+    def _show(self, forces: FloatArray) -> npt.NDArray[Any]:
+        """Return the image of varied texel forces."""
+        array, electronics = self._parameters.array, self._parameters.electronics
+        return array.image(electronics.image(np.where(array.active, electronics.counts(forces, self._draw), 0)))
 
 
 def _stack_frames(frames: Sequence[Frame], like: Frame, room: int) -> dict[str, Any]:
@@ -247,14 +361,17 @@ def _stack_frames(frames: Sequence[Frame], like: Frame, room: int) -> dict[str, 
         "times": np.zeros(room),
         "counts": np.zeros((room, *like.counts.shape), dtype=np.int64),
         "images": np.zeros((room, *like.image.shape), dtype=np.uint8),
+        "texel_forces": np.zeros((room, *like.counts.shape)),
+        "tangential": np.zeros((room, *like.counts.shape, 2)),
         "net_forces": np.zeros((room, 3)),
         "net_torques": np.zeros((room, 3)),
     }
     for index, frame in enumerate(kept):
         arrays["times"][index], arrays["counts"][index], arrays["images"][index] = frame.time, frame.counts, frame.image
-        for name, vector in (("net_forces", frame.net_force), ("net_torques", frame.net_torque)):
-            if vector is not None:
-                arrays[name][index] = vector
+        forces = {"texel_forces": frame.texel_forces, "tangential": frame.tangential}
+        for name, values in {**forces, "net_forces": frame.net_force, "net_torques": frame.net_torque}.items():
+            if values is not None:
+                arrays[name][index] = values
     return {"made": len(kept), "dropped": len(frames) - len(kept), **arrays}
 
 
@@ -264,7 +381,7 @@ def _check_arguments(env: object, sensors: Mapping[str, Sensor], settings: Mappi
     Args:
         env: The environment.
         sensors: The sensors by name.
-        settings: The arguments `simulation`, `listen`, `frames` and `key` by name.
+        settings: The other arguments by name.
     """
     check_type("env", env, gymnasium.Env, "a gymnasium.Env")
     check_type("sensors", sensors, Mapping, "a fastmodel.Sensor, or a dict of them by name")
@@ -277,6 +394,13 @@ def _check_arguments(env: object, sensors: Mapping[str, Sensor], settings: Mappi
     check_type("key", settings["key"], str, "a str")
     if settings["frames"] is not None:
         check_count("frames", settings["frames"], 1)
+    check_count("history", settings["history"], 0)
+    check_type("variation", settings["variation"], (Variation, type(None)), "a Variation or None")
+    observe = settings["observe"]
+    check_type("observe", observe, Sequence, f"one or several of {', '.join(QUANTITIES)}")
+    for quantity in [observe] if isinstance(observe, str) else observe or [""]:
+        if quantity not in QUANTITIES:
+            raise name_unknown("quantity", quantity, QUANTITIES)
 
 
 def _find_simulation(env: gymnasium.Env[Any, Any]) -> tuple[mujoco.MjModel, mujoco.MjData]:

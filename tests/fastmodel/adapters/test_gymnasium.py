@@ -24,7 +24,7 @@ gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402 -- only where gymnasium is
 
-from fastmodel.adapters.gymnasium import TactileObservation  # noqa: E402 -- only where gymnasium is
+from fastmodel.adapters.gymnasium import QUANTITIES, TactileObservation, Variation  # noqa: E402 -- only where gymnasium is
 
 
 @pytest.mark.filterwarnings("ignore:.*:UserWarning")
@@ -84,6 +84,11 @@ def test_of_frames_beyond_the_room_the_latest_are_kept_and_the_others_counted():
         ({"key": 1}, "key must be a str"),
         ({"frames": "6"}, "frames must be a whole number, not str"),
         ({"frames": 0}, "frames must be a whole number from 1 on, not 0"),
+        ({"observe": "forces"}, "no quantity named 'forces'; valid names: image"),
+        ({"observe": []}, "no quantity named ''"),
+        ({"observe": 5}, "observe must be one or several of"),
+        ({"history": -1}, "history must be a whole number from 0 on, not -1"),
+        ({"variation": 0.1}, "variation must be a Variation or None"),
         ({"frames": np.nan}, "frames must be a whole number from 1 on, not nan"),
     ],
 )
@@ -231,3 +236,100 @@ def test_the_package_loads_no_gymnasium_and_its_absence_raises_a_clear_error():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)  # noqa: S603 -- ours
     assert "pip install -e '.[gym]'" in done.stderr
+
+
+def observe_ball(**settings):
+    """A ball that is pushed onto an array within 300 steps of 1 ms, and the environment after one more step."""
+    spec, sensor = build_pushed_ball()
+    env = TactileObservation(BallEnv(spec.compile()), sensor, **settings)
+    env.reset(seed=4)
+    for _ in range(300):
+        observation, *_, info = env.step(np.array([-0.5]))
+    return env, observation, info
+
+
+@pytest.mark.filterwarnings("ignore:.*:UserWarning")
+def test_every_quantity_of_a_frame_can_be_observed():
+    env, seen, _ = observe_ball(observe=QUANTITIES)
+    frame = env.sensors["tactile"].frame()
+    wanted = {
+        "image": frame.image,
+        "texel_forces": frame.texel_forces.reshape(14, 6),
+        "pressures": frame.texel_forces.reshape(14, 6) / 3.4e-3**2,
+        "tangential": frame.tangential.T.reshape(2, 14, 6),
+        "wrench": np.concatenate([frame.net_force, frame.net_torque]),
+    }
+    assert sorted(set(seen) - {"observation"}) == sorted(f"tactile/{name}" for name in wanted)
+    for name, values in wanted.items():
+        assert np.abs(values).max() > 0
+        np.testing.assert_array_equal(seen[f"tactile/{name}"], values.astype(seen[f"tactile/{name}"].dtype))
+    assert seen["tactile/wrench"][2] == pytest.approx(-0.2 * 9.81 - 0.5, rel=0.02)
+    check_env(env, skip_render_check=True)
+
+
+def test_the_history_is_the_latest_frames_oldest_first_and_info_has_their_forces():
+    spec, sensor = build_pushed_ball()
+    model = spec.compile()
+    env = TactileObservation(
+        BallEnv(model, physics_steps=20), sensor, listen=listen, frames=6, observe="texel_forces", history=3
+    )
+    before = env.reset(seed=3)[0]["tactile"]
+    assert before.shape == env.observation_space["tactile"].shape == (4, 14, 6)
+    assert not before.any()
+    for _ in range(15):
+        seen, *_, info = env.step(np.array([-0.5]))
+    expected = np.array([frame.texel_forces for frame in simulate_by_hand(300, -0.5)])
+    np.testing.assert_array_equal(seen["tactile"].reshape(4, 84), expected[-4:].astype(np.float32))
+    new = info["frames"]["tactile"]
+    np.testing.assert_array_equal(new["texel_forces"][: new["made"]], expected[-new["made"] :])
+    assert new["tangential"].shape == (6, 84, 2)
+    assert (np.diff(expected[-4:].sum(axis=1)) != 0).all()
+
+
+def test_gains_offsets_and_dead_texels_vary_with_the_seed_of_the_reset_alone():
+    variation = Variation(gain=0.2, offset=0.03, dead=0.25)
+    env, seen, info = observe_ball(observe=("texel_forces", "tangential", "image"), variation=variation)
+    again = observe_ball(observe=("texel_forces", "tangential", "image"), variation=variation)[1]
+    assert all(np.array_equal(seen[name], again[name]) for name in seen)
+    frame = env.sensors["tactile"].frame()
+    true, forces = frame.texel_forces, seen["tactile/texel_forces"].ravel()
+    alive = forces != 0
+    assert 0.1 < 1 - alive.mean() < 0.4  # 84 texels, each dead with probability 1/4
+    rest = env.reset(seed=4)[0]["tactile/texel_forces"].ravel()  # the offsets alone
+    assert rest[alive].std() == pytest.approx(0.03, rel=0.25)
+    pressed = alive & (true > 0.01 * true.max())
+    gains = (forces - rest)[pressed] / true[pressed]
+    assert gains == pytest.approx(1, abs=0.8)
+    assert gains.std() > 0.05
+    share = (
+        seen["tactile/tangential"].reshape(2, -1)[:, pressed]
+        / np.where(frame.tangential, frame.tangential, 1).T[:, pressed]
+    )
+    found = np.abs(share) > 1e-12
+    np.testing.assert_allclose(share[found], np.broadcast_to(gains, share.shape)[found], rtol=1e-3)
+    assert seen["tactile/image"].ravel()[~alive].max() == 0
+    assert not np.array_equal(env.reset()[0]["tactile/texel_forces"].ravel(), rest)
+    np.testing.assert_array_equal(
+        info["frames"]["tactile"]["texel_forces"][0] * info["frames"]["tactile"]["made"],
+        true * info["frames"]["tactile"]["made"],
+    )
+
+
+def test_late_observations_are_those_of_earlier_frames():
+    spec, sensor = build_pushed_ball()
+    env = TactileObservation(BallEnv(spec.compile()), sensor, observe="texel_forces", variation=Variation(latency=3))
+    found = set()
+    for seed in range(12):
+        env.reset(seed=seed)
+        forces = [np.zeros(84)] * 4
+        for _ in range(150):
+            seen, *_, info = env.step(np.array([-0.5]))
+            new = info["frames"]["tactile"]
+            forces += list(new["texel_forces"][: new["made"]])
+        late = [k for k in range(4) if np.array_equal(seen["tactile"].ravel(), forces[-1 - k].astype(np.float32))]
+        assert len(late) == 1
+        found |= set(late)
+    assert found == {0, 1, 2, 3}
+    for wrong in ({"gain": -1}, {"dead": 1.1}, {"offset": np.nan}, {"latency": 0.5}):
+        with pytest.raises(FastModelError, match=next(iter(wrong))):
+            Variation(**wrong)
