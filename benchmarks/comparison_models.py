@@ -68,7 +68,7 @@ def score(cases: tuple[Case, ...] | None) -> CampaignResult:
 def list_rows(result: CampaignResult) -> Iterator[tuple[str, str, dict[str, Pooled], str]]:
     """Yield the rows of the table: name, variant, pooled scores, and parameters."""
     for name in MODELS:
-        yield name, "ours" if name in ("fast", "area") else "baseline", dict(result.pooled[name]), ""
+        yield name, "ours" if name in ("fast", "foundation") else "baseline", dict(result.pooled[name]), ""
     for scores in result.published:
         values = ", ".join(
             f"{'**' if name in scores.fitted else ''}{name}{'**' if name in scores.fitted else ''} "

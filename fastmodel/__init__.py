@@ -32,8 +32,8 @@ Or as a simulated bench test, in which a weight presses on the array until it re
 The contact forces on the texels add up to the weight of the indenter.  After the point spread, the force that no texel
 measures is called `outside`.  Two results have no physical meaning: the depth of an object, which follows from the
 softness of MuJoCo's contacts and not from the cover; and the distribution of the force of a flat face by `BoxTexels`,
-which follows from the number of contact points.  `AreaTexels` distribute this force by area, `Foundation` by an elastic
-foundation, and `CoverContact` by the compliance of the cover.
+which follows from the number of contact points.  `Foundation` distributes this force by an elastic foundation, and
+`CoverContact` by the compliance of the cover.
 
 Every error about a user's input is a `FastModelError`, which is a `ValueError`.
 """

@@ -11,7 +11,7 @@ from .bench import (
 )
 from .check import OptionWarning as OptionWarning
 from .contact.bodies import add_geoms as add_geoms
-from .contact.boxes import AreaTexels as AreaTexels, BoxTexels as BoxTexels
+from .contact.boxes import BoxTexels as BoxTexels
 from .contact.interface import TexelContact as TexelContact
 from .contact.mesh import MeshContact as MeshContact
 from .contact.plate import CoverContact as CoverContact, Foundation as Foundation, Plate as Plate

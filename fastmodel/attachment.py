@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from fastmodel.check import OptionWarning
-from fastmodel.contact.boxes import AreaTexels, BoxTexels
+from fastmodel.contact.boxes import BoxTexels
 from fastmodel.contact.interface import TexelContact
 from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.plate import CoverContact, Foundation
@@ -25,7 +25,6 @@ from meshes import TexelArray
 METHODS: Mapping[str, TexelContact] = MappingProxyType(
     {
         "boxes": BoxTexels(),
-        "area": AreaTexels(),
         "foundation": Foundation(),
         "cover": CoverContact(),
         "curved": MeshContact(),
@@ -311,7 +310,8 @@ def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[s
     if method == DEFAULT:
         method = "boxes" if parameters.surface is None else parameters.surface.methods[0]
     if method not in METHODS:
-        raise name_unknown("contact method", method, (DEFAULT, *METHODS))
+        note = "; 'area' was removed: use 'foundation', which is more accurate and faster" if method == "area" else ""
+        raise name_unknown("contact method", method, (DEFAULT, *METHODS), note)
     if parameters.surface is not None and method not in parameters.surface.methods:
         accepted = ", ".join(parameters.surface.methods)
         raise FastModelError(f"the contact method {method} does not suit this cover; accepted: {accepted}")

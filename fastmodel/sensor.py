@@ -150,8 +150,7 @@ class Sensor:
         with report_slow_compilation(f"sensor {self.name!r}"):
             compile_kernels(self._contact, parameters.array, parameters.surface, model.opt.cone)
         interval, timestep = self._choose_interval(model), float(model.opt.timestep)
-        spreads = not self._contact.computes_spread
-        functions = ChainFunctions(parameters, 1.0 / (interval * timestep), spreads=spreads)
+        functions = ChainFunctions(parameters, 1.0 / (interval * timestep), spreads=not self._computes_spread)
         # The sensor is changed only from here on, so that errors raised above leave it as it was.
         self._prefix, self._suffix, self._label = prefix, suffix, f"{name}{suffix}"
         self._model, self._data, self._options, self._timestep = model, None, list_options(model), timestep
@@ -160,6 +159,11 @@ class Sensor:
         self._validity = parameters.validity
         self._noise = make_generator(parameters.electronics.seed, self._label)
         self._settle(np.zeros(()))
+
+    @property
+    def _computes_spread(self) -> bool:
+        """Whether the contact method computes the texel forces after spread."""
+        return self._contact.computes_spread and self.parameters.surface is not None
 
     def _choose_interval(self, model: mujoco.MjModel) -> int:
         """Choose the number of physics steps between two samples of the contact forces [-]."""
@@ -198,7 +202,7 @@ class Sensor:
             advice = self._suggest_names(model, self._prefix, self._suffix)
             raise LifeCycleError(f"array {name!r} is not in this model{advice}")
         around = check_surroundings(model, geoms, name, self._contact, self.parameters.array)
-        spread = () if self._contact.computes_spread else check_calibration(self.parameters)
+        spread = () if self._computes_spread else check_calibration(self.parameters)
         return (*check_options(self.parameters, model, self._choose_interval(model), geoms), *spread, *around)
 
     def _suggest_names(self, model: mujoco.MjModel, prefix: str, suffix: str) -> str:

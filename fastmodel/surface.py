@@ -147,7 +147,7 @@ class CoverCells:
     #: Type of the numbers of the arrays in the npz file.
     number: ClassVar[type] = np.float64
     #: Contact methods that accept an array under this cover, most accurate first.
-    methods: ClassVar[tuple[str, ...]] = ("cover", "foundation", "area", "boxes")
+    methods: ClassVar[tuple[str, ...]] = ("cover", "foundation", "boxes")
 
     def __post_init__(self) -> None:
         """Check shapes and values, and make the tables read-only.
@@ -278,7 +278,7 @@ class CoverCells:
         if self.table is not None and not array.regular:
             raise FastModelError(
                 f"array {array.name!r} is not a flat, regular grid, which the table of a cover with free side edges "
-                f"needs; leave the cells out and use 'boxes', 'area' or Foundation(modulus=...), which take any layout"
+                f"needs; leave the cells out and use 'foundation' or 'boxes', which take any layout"
             )
         wanted = (array.count, array.rows * self.per_texel, array.columns * self.per_texel)
         if self.table is not None and self.table.shape != wanted:

@@ -134,8 +134,8 @@ def make_mjcf(parameters: Parameters, *, name: str, method: str) -> str:
     """Make the text of a complete MJCF model, with the sensor on one body.
 
     The model contains the rigid plate of the contact methods `cover` and `foundation`, or the rigid texels of the
-    methods `area` and `boxes`.  The distribution of the load on texels, the spread, the filter and the electronics are
-    not in the model: `fastmodel` computes them from `parameters.toml`.
+    method `boxes`.  The distribution of the load on texels, the spread, the filter and the electronics are not in the
+    model: `fastmodel` computes them from `parameters.toml`.
 
     Args:
         parameters: Parameters of the sensor's fast model.

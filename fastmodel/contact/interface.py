@@ -52,7 +52,7 @@ class TexelContact(Protocol):
     Attributes:
         costly: Whether the contact forces take so long to compute that they are sampled only as often as frame rate and
             filter require.
-        computes_spread: Whether the readings hold the texel forces after spread.
+        computes_spread: Whether the readings hold the texel forces after spread, if the parameters hold a surface.
         takes_overlaps: Whether texels may overlap.
     """
 

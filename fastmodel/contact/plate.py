@@ -3,8 +3,8 @@
 MuJoCo's contacts with a plate give the total force of each body exactly and at little cost, but not the distribution of
 this force over the texels.  After a simulation step the shape of each touching body determines how its force is
 distributed over cells of the contact grid, which are smaller than a texel.  `Foundation` uses an elastic foundation.
-`CoverContact` uses the compliance of the cover, in which a force on one cell also displaces the other cells; it also
-computes the texel forces at the base of the cover.
+`CoverContact` uses the compliance of the cover, in which a force on one cell also displaces the other cells.  Both
+compute the texel forces at the base by the influence of each cell on each texel.
 
 `CellReader` reads a flat, regular array with one plate, and `PanelReader` an array with several plates or texels in
 any layout.  `fastmodel.contact.reader` describes the stages from MuJoCo's contacts to a reading.
@@ -31,7 +31,7 @@ from fastmodel.contact.forces import FRONT, NetForceReader, Sums, press_plate, r
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from fastmodel.contact.reader import ArrayContact, PressureReader
 from fastmodel.errors import ParametersError
-from fastmodel.pressure.cell_grid import Panel, PanelCells, divide_into_panels, lay_out
+from fastmodel.pressure.cell_grid import BaseForces, Panel, PanelCells, divide_into_panels, lay_out
 from fastmodel.pressure.flexes import FlexSurfaces
 from fastmodel.pressure.gap import GapSamples, PosedBody, sample_gap
 from fastmodel.pressure.solvers import STEEP, CoverSolver, FoundationSolver, Load, PressureSolution, PressureSolver
@@ -45,6 +45,9 @@ from meshes.array_types import FloatArray, IntArray
 #: Reach at the first contact of a body [-]: height above the body's smallest gap up to which cells are sampled, over
 #: the cover's thickness, or for `Foundation` over the pitch.  Later readings adapt the reach to the contact.
 _FIRST = 0.1
+#: Modulus of the elastic foundation without cover data, about that of 2 mm of rubber [Pa/m]; and the number of its
+#: cells along each texel pitch [-].
+_MODULUS, _PER_TEXEL = 1e9, 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,6 +133,8 @@ class _PlateMethod(TexelContact):
 
     plate: Plate = field(default_factory=Plate)
 
+    computes_spread: ClassVar[bool] = True
+
     def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
         """Add a plate for each flat panel of the array to a spec; see `TexelContact.attach`."""
         self.plate.attach(frame, array, name)
@@ -152,15 +157,16 @@ class _PlateMethod(TexelContact):
 class Foundation(_PlateMethod):
     """Contact method with a rigid plate, which distributes the force of each body by an elastic foundation of cells.
 
+    The texel forces at the base follow from the influence of each cell of the cover without load.  Parameters without
+    cells have the point spread between texels instead, which misplaces two to fifteen times as much force.
+
     Attributes:
         plate: Settings of the plate.
         modulus: Pressure on the foundation per displacement; by default that of the cover under a square patch four
-            thicknesses wide [Pa/m].
-        per_texel: Number of cells along each texel pitch; by default as in the cover data, or 4 without cover data [-].
+            thicknesses wide, or `_MODULUS` without cells [Pa/m].  It does not matter under a flat face.
     """
 
     modulus: float | None = None
-    per_texel: int | None = None
 
     def bind(
         self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None
@@ -169,25 +175,22 @@ class Foundation(_PlateMethod):
 
         Raises:
             LifeCycleError: If the model was not compiled from the spec that the array was attached to.
-            ParametersError: If there is neither a modulus nor cover data.
         """
         cells = None if surface is None else surface.cells
-        if self.modulus is None and cells is None:
-            raise ParametersError(
-                f"sensor {name!r}: the contact method 'foundation' needs the cover's cells or a modulus; derive the "
-                f"parameters anew, or use Foundation(modulus=...)"
-            )
-        modulus = self.modulus or (cells.foundation_modulus() if cells else 0.0)
-        grid = lay_out(array, self.plate.count_pitches(array), self.per_texel or (cells.per_texel if cells else 4))
+        grid = lay_out(array, self.plate.count_pitches(array), cells.per_texel if cells else _PER_TEXEL)
+        modulus, bases = self.modulus or _MODULUS, list[BaseForces]()
+        if cells is not None:
+            cells.check(array)
+            modulus = self.modulus or cells.foundation_modulus()
+            bases.append(grid.build_base_forces(cells.under_loads[0], array))
         reader = PanelReader if grid.panels else CellReader
-        return reader(self.plate, model, array, name, solver=FoundationSolver(grid, modulus), first=min(array.pitch))
+        solver = FoundationSolver(grid, modulus, bases)
+        return reader(self.plate, model, array, name, solver=solver, first=min(array.pitch))
 
 
 @dataclass(frozen=True, kw_only=True)
 class CoverContact(_PlateMethod):
     """Contact method with a rigid plate, which distributes the force of each body by the compliance of the cover.
-
-    The method also computes the forces on the texels at the base of the cover.
 
     Attributes:
         plate: Settings of the plate.
@@ -198,8 +201,6 @@ class CoverContact(_PlateMethod):
 
     tolerance: float = 2e-3
     steps: int = 100
-
-    computes_spread: ClassVar[bool] = True
 
     def bind(
         self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None
@@ -214,7 +215,7 @@ class CoverContact(_PlateMethod):
         if cells is None:
             raise ParametersError(
                 f"sensor {name!r}: the contact method 'cover' needs the cover's cells, which these parameters do not "
-                f"hold; derive them anew, or use 'boxes' or 'area'"
+                f"hold; derive them anew, or use 'foundation' or 'boxes'"
             )
         cells.check(array)
         grid = lay_out(array, self.plate.count_pitches(array), cells.per_texel, max(cells.compliance.shape))

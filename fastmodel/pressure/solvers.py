@@ -270,14 +270,14 @@ class PressureSolver:
         """
         raise NotImplementedError
 
-    def find_base_forces(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray | None:  # noqa: ARG002
-        """Compute the forces on texels at the base of the cover; None if the method computes none.
+    def find_base_forces(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray | None:
+        """Compute the forces on texels at the base of the cover; None without operators.
 
         Args:
             forces: Forces on a window (rectangle) of cells, shape (rows, columns) [N].
             origin: Row and column of the window's first cell in the grid.
         """
-        return None
+        return self.bases[0].from_window(forces, origin) if self.bases else None
 
 
 class CoverSolver(PressureSolver):
@@ -460,16 +460,17 @@ def join_constraints(
 class FoundationSolver(PressureSolver):
     """Solver for the pressure on an elastic foundation; no solution depends on previous ones."""
 
-    def __init__(self, grid: CellGrid, modulus: float) -> None:
+    def __init__(self, grid: CellGrid, modulus: float, bases: Sequence[BaseForces] = ()) -> None:
         """Compute the stiffness of a whole cell.
 
         Args:
             grid: The contact grid of the array.
             modulus: Modulus of the foundation, pressure per displacement [Pa/m].
+            bases: Operator to texel forces at the base.
         """
-        super().__init__(grid)
+        super().__init__(grid, bases)
         self._stiffness = modulus * grid.edge[0] * grid.edge[1]
-        self._match = compile_kernel(match_springs)
+        self._match, self._place = compile_kernel(match_springs), compile_kernel(place_cells)
 
     def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
         """Compute the forces on the cells under all bodies; see `PressureSolver.solve`."""
@@ -485,4 +486,11 @@ class FoundationSolver(PressureSolver):
                 )
                 if found:
                     break
-        return PressureSolution(forces=forces, height=samples.find_largest(surface) - samples.lowest)
+        height = samples.find_largest(surface) - samples.lowest
+        if not self.bases:
+            return PressureSolution(forces=forces, height=height)
+        cells = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
+        origin, (rows, columns), (row, column), weight, _ = self._place(cells, self.grid.arrays, np.zeros((2, 2)), 0.0)
+        four = row * columns + column + np.array([[0], [1], [columns], [columns + 1]])
+        window = np.bincount(four.ravel(), (weight * forces).ravel(), rows * columns).reshape(rows, columns)
+        return PressureSolution(forces=forces, height=height, window=window, origin=origin)

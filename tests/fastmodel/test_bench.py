@@ -44,7 +44,7 @@ def test_force_lands_under_the_indenter_and_nowhere_else():
     assert np.allclose(result.texel_forces, Gaussian.from_sigma(0.6).operator(WTS)[:, 20], rtol=1e-3)
 
 
-@pytest.mark.parametrize("method", ["boxes", "area"])
+@pytest.mark.parametrize("method", ["boxes", "foundation"])
 @pytest.mark.parametrize("at", [(0.2e-3, 1.8e-3), (-0.2e-3, 1.6e-3), (0.2e-3, -1.8e-3)])
 def test_force_lands_on_texels_that_are_not_square(method, at):
     array = TexelArray.grid(3, 5, (2e-3, 5e-3))

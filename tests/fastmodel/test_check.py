@@ -288,7 +288,7 @@ def test_a_copy_with_a_prefix_is_checked_under_its_names():
         sensor.check(model)
 
 
-@pytest.mark.parametrize("method", ["boxes", "area", "foundation", "cover"])
+@pytest.mark.parametrize("method", ["boxes", "foundation", "cover"])
 def test_a_gaussian_that_contradicts_the_calibration_is_told(method):
     """Under a force on one texel's centre the built-in Gaussian leaves 0.574 of it, the calibration tip 0.765."""
     spec = mujoco.MjSpec()
@@ -296,7 +296,7 @@ def test_a_gaussian_that_contradicts_the_calibration_is_told(method):
     built_in = fastmodel.load("wts-0614-34")
     sensor = fastmodel.attach(spec, "world", built_in, name="given", contact=method)
     said = [each for each in sensor.check(spec.compile()) if "single texels" in each]
-    if method == "cover":
+    if method != "boxes":
         assert said == []
         return
     assert said[0].startswith("forces on single texels are measured 25 % too low: ")

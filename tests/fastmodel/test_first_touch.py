@@ -53,7 +53,7 @@ for sensed in (parameters(bent_array()), parameters(TexelArray.grid(3, 3, 3.4e-3
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["boxes", "area", "cover", "foundation"])
+@pytest.mark.parametrize("method", ["boxes", "cover", "foundation"])
 def test_nothing_is_compiled_imported_or_prepared_after_binding(method):
     """A ball makes one contact and a block four, on a bent and a flat array; the hull of a mesh stands since bind."""
     command = [sys.executable, "-c", FIRST_TOUCHES, method]
@@ -61,7 +61,7 @@ def test_nothing_is_compiled_imported_or_prepared_after_binding(method):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["boxes", "area", "foundation", "cover"])
+@pytest.mark.parametrize("method", ["boxes", "foundation", "cover"])
 def test_the_first_touch_costs_at_most_fifteen_usual_steps(method):
     """Without an earlier solution to start from a touch costs a few usual steps; the mesh has 400 corners."""
     ratios = []

@@ -143,7 +143,7 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
         fastmodel.attach(spec, "palm", PARAMETERS, quaternion=(0, 0, 0, 0))
     sensor = fastmodel.attach(spec, "palm", PARAMETERS)
     with pytest.raises(FastModelError, match="'sensor' is on this spec already"):
-        fastmodel.attach(spec, "palm", PARAMETERS, contact="area")
+        fastmodel.attach(spec, "palm", PARAMETERS, contact="boxes")
     with pytest.raises(LifeCycleError, match="not bound"):
         sensor.frame()
     with pytest.raises(LifeCycleError, match="sensor/texel0"):

@@ -605,7 +605,7 @@ def choose_method(
     """Choose the contact method of a calibration by its name.
 
     The default is finite elements.  Where these are slow or do not apply, it is the method `cover` (for fitted tilts or
-    a cover of finite size) or `area` (for a given spread).
+    a cover of finite size) or `foundation` (for a given spread).
     """
     level = all(image.file.placement.tilt is not None for image in images)
     solvable = sensor.spread is None and sensor.cover.size is None and level
@@ -615,5 +615,5 @@ def choose_method(
         return make_reference_method(sensor.layered_cover, sensor.array)
     parameters = find_parameters(sensor, progress)
     if method == "default":
-        method = "area" if parameters.surface is None else "cover"
+        method = "foundation" if parameters.surface is None else "cover"
     return make_fast_method(parameters, method)

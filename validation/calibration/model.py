@@ -238,14 +238,13 @@ def make_fast_method(parameters: Parameters, method: str = DEFAULT) -> ContactMe
 #: on simulated recordings of a box of 16 mm x 12 mm on 8 x 10 texels.
 _COVER_ERROR = 0.033
 #: Largest relative error of a fitted gain with the other contact methods, on the recordings of `_COVER_ERROR` [-].
-#: These methods spread the force by a Gaussian, which was narrower than a texel.
+#: It occurred where the force was spread by a Gaussian, which was narrower than a texel.
 _SPREAD_ERROR = 0.34
 #: Assumptions of each contact method, by its name.
 _ABOUT = {
     "cover": "contact pressure on the layered cover, solved cell by cell",
     "boxes": "MuJoCo boxes share the load by contact points; Gaussian spread",
-    "area": "the load shared by overlapped area; Gaussian spread",
-    "foundation": "springs under the cover's surface; Gaussian spread",
+    "foundation": "springs under the cover's surface; spread of the cover if known, else Gaussian",
     REFERENCE: "rigid frictionless indenter on the cover by finite elements at small strain",
 }
 

@@ -175,7 +175,7 @@ class LayeredBench(Bench):
 
         array, case = self.parameters.array, case.turned
         press = partial(indent, self.parameters, case.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw)
-        fast, area = press(method="default"), press(method="area")
+        fast, foundation = press(method="default"), press(method="foundation")
         published: Mapping[str, tuple[FloatArray, float]] = {}
         if self.comparison is None:
             boxes = press(method="boxes")
@@ -186,7 +186,7 @@ class LayeredBench(Bench):
         kept = np.where(array.active, boxes.contact_forces, 0.0)
         models = {
             "fast": (fast.texel_forces, fast.outside),
-            "area": (area.texel_forces, area.outside),
+            "foundation": (foundation.texel_forces, foundation.outside),
             "boxes": (boxes.texel_forces, boxes.outside),
             "no-spread": (kept, case.load - float(kept.sum())),
             "zeros": (np.zeros(array.count), 0.0),

@@ -25,7 +25,7 @@ Progress = Callable[[str], None]
 #: Models that a user can name: finite elements and the fast model.
 MODELS = ("fem", "fast")
 #: Contact methods of the fast model that a user can name.
-METHODS = ("default", "cover", "foundation", "area", "boxes", "curved")
+METHODS = ("default", "cover", "foundation", "boxes", "curved")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)

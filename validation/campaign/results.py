@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 #: Names of the scored models, with a description of each for tables.
 MODELS: Mapping[str, str] = {
     "fast": "the fast model by default: contact on the cover's own cells, or boxes if there are none",
-    "area": "rigid box texels in MuJoCo, forces shared by contact area, fitted Gaussian spread",
+    "foundation": "the fast model's simple method: independent springs on the cover's cells, spread of each cell",
     "boxes": "the 2015 report's: rigid box texels, forces by contact points, fitted Gaussian spread",
     "no-spread": "null: the same boxes, their texel forces without spread",
     "zeros": "null: an empty image",

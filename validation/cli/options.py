@@ -40,7 +40,7 @@ Json = Annotated[
     bool, Parameter(name="--json", help="Print one JSON object on standard output, and nothing else there.")
 ]
 Shape = Annotated[str, Parameter(help="Shape of the indenter, e.g. sphere:radius=5mm or box:size=10mmx10mmx5mm.")]
-Method = Annotated[str, Parameter(help="Contact method of the fast model: default, cover, foundation, area or boxes.")]
+Method = Annotated[str, Parameter(help="Contact method of the fast model: default, cover, foundation or boxes.")]
 RecordingFile = Annotated[Path, Parameter(help="A recording: .mcap, .dsa, .csv, .bag, or a folder of ROS 2.")]
 Topic = Annotated[str | None, Parameter(name="--topic", help="Topic that holds the frames, in bags of other programs.")]
 PressedArrayIndex = Annotated[

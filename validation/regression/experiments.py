@@ -189,15 +189,15 @@ def _make_bump(array: TexelArray, middle: tuple[float, float], width: float) -> 
 #: Contact methods that are measured, by the first method of the surface in the parameters; None stands for parameters
 #: without a surface.
 METHODS_OF: Mapping[str | None, tuple[str, ...]] = {
-    None: ("boxes", "area"),
-    "cover": ("boxes", "area", "foundation", "cover"),
+    None: ("boxes", "foundation"),
+    "cover": ("boxes", "foundation", "cover"),
     "curved": ("curved",),
 }
 #: Contact methods that compute the contact area.
 AREA_METHODS = ("foundation", "cover", "curved")
 #: Contact methods that compute contact and spread by the cover together.  Their texel forces are read after spread,
 #: those of the other methods before it.
-SPREADING = ("cover", "curved")
+SPREADING = ("foundation", "cover", "curved")
 #: Mean pressure below the H-shaped indenter: that of 500 g on an H of 12 x 16 mm with bars of 4 mm [Pa].
 LETTER_PRESSURE = 34e3
 #: Largest width and largest height of the H-shaped indenter [pitches].

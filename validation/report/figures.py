@@ -36,8 +36,8 @@ _LOG = logging.getLogger(__name__)
 #: Largest number of cases with a picture in three dimensions [-], because each picture takes a second or two.
 _MOST_PICTURES = 24
 #: Colour of each scored model in the figures.
-_COLOURS = {"fast": "#2b6cb0", "area": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
-_COLOURS |= {"gaussian": _COLOURS["area"], "rigid": _COLOURS["boxes"]}
+_COLOURS = {"fast": "#2b6cb0", "foundation": "#3a9d6e", "boxes": "#8a5fb0", "no-spread": "#dd8a34", "zeros": "#9aa0ab"}
+_COLOURS |= {"gaussian": _COLOURS["foundation"], "rigid": _COLOURS["boxes"]}
 #: Function that draws a plot into the axes of a figure.
 Draw = Callable[["Axes"], None]
 

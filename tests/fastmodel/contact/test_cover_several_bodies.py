@@ -9,7 +9,7 @@ from meshes import Box, LetterH, Prism, Sphere, TriangleMesh
 from tests.support.cover_data import parameters
 from tests.support.outlines import LETTER, RECTANGLE
 
-METHODS = ("boxes", "area", "foundation", "cover")
+METHODS = ("boxes", "foundation", "cover")
 
 PARAMETERS = parameters()
 POSE = {"load": 2.0, "at": (0.7e-3, -1.1e-3), "yaw": 0.4}

@@ -9,7 +9,7 @@ from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import parameters
 from tests.support.scenes import make_spec, simulate
 
-METHODS = ("boxes", "area", "foundation", "cover")
+METHODS = ("boxes", "foundation", "cover")
 
 PARAMETERS = parameters()
 KINDS = [getattr(mujoco.mjtGeom, f"mjGEOM_{name}") for name in ("BOX", "SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER")]
@@ -107,6 +107,6 @@ def test_random_bodies_in_random_poses_never_break(method):
 @pytest.mark.parametrize("seed", [pytest.param(k, marks=() if k < 5 else pytest.mark.bench) for k in range(1, 11)])
 def test_ten_thousand_random_poses_each_never_break(seed):
     # each method in turn, the costly ones on fewer poses
-    for method, share in (("cover", 6000), ("foundation", 2000), ("boxes", 1800), ("area", 200)):
+    for method, share in (("cover", 6000), ("foundation", 2000), ("boxes", 2000)):
         # Shallow bodies may stand between two texels' boxes, or beside the array, and touch nothing.
         assert press_at_random(method, share, seed) > 0.8 * share

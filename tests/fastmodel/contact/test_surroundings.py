@@ -15,7 +15,7 @@ from tests.support.contact_forces import measure_force
 from tests.support.cover_data import parameters
 from tests.support.scenes import add_body, make_spec, run, simulate
 
-METHODS = ("boxes", "area", "foundation", "cover")
+METHODS = ("boxes", "foundation", "cover")
 
 #: The default contact method, and the others in the slow tier.
 COVER_FIRST = [pytest.param(each, marks=() if each == "cover" else pytest.mark.slow) for each in METHODS]
@@ -88,7 +88,7 @@ def press(method, geoms, load=3.0, steps=200):
     ("name", "method"),
     [
         pytest.param(name, method, marks=pytest.mark.slow if method in rare and name not in few else ())
-        for few, rare in [(("pad in a mug", "rail"), ("area", "foundation"))]
+        for few, rare in [(("pad in a mug", "rail"), ("foundation",))]
         for name in SCENES
         for method in METHODS
     ],
@@ -157,7 +157,7 @@ def test_a_soft_body_is_laid_out_at_its_contact_points(method):
     assert force == pytest.approx(0.3 * 9.81, rel=0.1)
     assert sensor.carried() == pytest.approx(force, rel=1e-5)
     # MuJoCo finds some contacts with the edges between boxes
-    assert sensor.contact_forces().sum() == pytest.approx(force, rel=1e-2 if method in ("boxes", "area") else 1e-9)
+    assert sensor.contact_forces().sum() == pytest.approx(force, rel=1e-2 if method == "boxes" else 1e-9)
     centre = sensor.contact_forces() @ PARAMETERS.array.centres[:, :2] / force
     points, weights = list_points(model, data)
     np.testing.assert_allclose(centre, weights @ points[:, :2] / weights.sum(), atol=2e-3)
@@ -283,7 +283,7 @@ def test_changes_after_bind_are_followed(method):
     assert sensor.carried() == pytest.approx(measure_force(model, data), rel=1e-5)
     assert sensor.contact_forces().sum() == pytest.approx(3.0, rel=1e-2)
     assert np.count_nonzero(sensor.contact_forces() > 1e-6) > few
-    model.geom("sensor/texel0" if method in ("boxes", "area") else "sensor/plate").size[0] *= 2
+    model.geom("sensor/texel0" if method == "boxes" else "sensor/plate").size[0] *= 2
     mujoco.mj_step(model, data)
     with pytest.raises(LifeCycleError, match="attach it anew"):
         sensor.step(data)

@@ -69,4 +69,4 @@ def test_the_fast_model_is_asked_at_the_pose_and_reads_nothing_beside_the_array(
     assert not boxes.solve(FACE, 2.0, Pose(0.1, 0.0)).any()
     cover = make_fast_method(fastmodel.load("wts-0614-34"))
     assert (cover.name, cover.gain_error) == ("fast model, cover", 0.033)
-    assert make_fast_method(fastmodel.load("wts-0614-34"), "area").gain_error == 0.34
+    assert make_fast_method(fastmodel.load("wts-0614-34"), "boxes").gain_error == 0.34

@@ -26,7 +26,7 @@ def test_forces_balance_in_both_models(campaign):
 
 def predict(parameters, case):
     """Texel forces and force outside of every model in a case, each simulated anew."""
-    methods = {"fast": "default", "area": "area", "boxes": "boxes"}
+    methods = {"fast": "default", "foundation": "foundation", "boxes": "boxes"}
     press = partial(fastmodel.indent, parameters, case.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw)
     found = {name: press(method=method) for name, method in methods.items()}
     forces = {name: (each.texel_forces, each.outside) for name, each in found.items()}

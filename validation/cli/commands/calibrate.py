@@ -54,8 +54,7 @@ def calibrate(
         at: Position of the tool's axis in the array's frame; fitted when not given.
         yaw: Yaw of the tool; fitted when neither it nor --at is given.
         moved: The tool was put down anew for each recording: fit a pose to each.
-        method: Contact method: default (finite elements where they apply), cover, area, boxes, foundation or
-            reference.
+        method: Contact method: default (finite elements where they apply), cover, foundation, boxes or reference.
         threshold: Counts that the firmware subtracts; as the labels say when not given.
         window: Average the frames between these times after loading, from:to [s].
         temperature_channel: Index of the temperature sensor, negative from the last.

@@ -45,7 +45,7 @@ def export(
 
     Args:
         format: What to write: mjcf, sdf, urdf, or gazebo (the plugin block of 2015).
-        method: Contact method that the model is for: default, cover or foundation (one plate for the array), area or
+        method: Contact method that the model is for: default, cover or foundation (one plate for the array), or
             boxes (one box per texel).
         mass: Mass of the array for sdf and urdf, e.g. 20g; without it sdf is static and urdf has no inertia.
         out: Folder for the files; an earlier result is replaced.
