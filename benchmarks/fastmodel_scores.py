@@ -16,9 +16,11 @@ from pathlib import Path
 
 import numpy as np
 from campaign import LOADS, SHAPES
+from other_methods import AreaTexels, Tactile, TouchGrid, use_distance_fields
 
 import fastmodel
 from fastmodel import WTS_0614_34, Parameters, Placement
+from fastmodel.contact.interface import TexelContact
 from fastmodel.signal.electronics import grey_levels
 from fem_reference import point_spread, press
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
@@ -33,7 +35,15 @@ YAWS = (0.0, np.pi / 4, np.pi / 2)
 #: Over a texel's centre, edge and corner, and off the grid.
 PLACES = ((1.7e-3, 1.7e-3), (1.7e-3, 0.0), (0.0, 0.0), (0.7e-3, -1.1e-3))
 RATIOS = (0.49, 0.3)
-METHODS = ("cover", "foundation", "area", "boxes")
+METHODS: dict[str, str | TexelContact] = {
+    "cover": "cover",
+    "foundation": "foundation",
+    "area": AreaTexels(),
+    "boxes": "boxes",
+    "touch_grid": TouchGrid(),
+    "tactile": Tactile(),
+    "tactile, Gaussian": Tactile(computes_spread=False),
+}
 
 
 def parameters(poisson_ratio: float) -> Parameters:
@@ -65,8 +75,8 @@ def single(ratio: float, shapes=tuple(SHAPES), loads=LOADS, yaws=YAWS, places=PL
     for name, load, yaw, at in itertools.product(shapes, loads, yaws, places):
         shape = SHAPES[name]
         reference = press(cover, ARRAY, shape, load=load, pose=Pose.planar(at=at, yaw=yaw))
-        for method in METHODS:
-            found = fastmodel.indent(fast, shape, load=load, at=at, yaw=yaw, method=method)
+        for method, contact in METHODS.items():
+            found = fastmodel.indent(fast, shape, load=load, at=at, yaw=yaw, method=contact)
             yield _row(ratio, name, method, reference, found, load, at, yaw)
 
 
@@ -78,8 +88,8 @@ def two_squares(ratio: float, places=PLACES) -> Iterator[dict]:  # noqa: ANN001
         bodies = [Body(indenter=SHAPES[name], load=load, at=at) for name, load, at in squares]
         reference = press_together(cover, ARRAY, bodies)
         placements = [Placement(indenter=SHAPES[name], load=load, at=at) for name, load, at in squares]
-        for method in METHODS:
-            found = fastmodel.indent_together(fast, placements, method=method)
+        for method, contact in METHODS.items():
+            found = fastmodel.indent_together(fast, placements, method=contact)
             yield _row(ratio, "two squares", method, reference, found, sum(LOADS), (x, y), 0.0)
 
 
@@ -89,8 +99,8 @@ def tilting_block(ratio: float, places=PLACES) -> Iterator[dict]:  # noqa: ANN00
     for at in places:
         settings = {"indenter": BLOCK, "load": LOADS[1], "at": at, "guided": False, "centre": (2e-3, 0.0)}
         reference = press_together(cover, ARRAY, [Body(**settings)])
-        for method in METHODS:
-            found = fastmodel.indent_together(fast, [Placement(**settings)], method=method)
+        for method, contact in METHODS.items():
+            found = fastmodel.indent_together(fast, [Placement(**settings)], method=contact)
             yield _row(ratio, "tilting block", method, reference, found, LOADS[1], at, 0.0)
 
 
@@ -110,7 +120,7 @@ def _row(ratio, name, method, reference, found, load, at, yaw) -> dict:  # noqa:
 
 def summary(rows: list[dict]) -> list[str]:
     """One line per method and group."""
-    lines = [f"{'method':<12}{'cases':<16}{'misplaced [%]: median':>22}{'mean':>8}{'max':>8}{'image [%]':>12}"]
+    lines = [f"{'method':<20}{'cases':<16}{'misplaced [%]: median':>22}{'mean':>8}{'max':>8}{'image [%]':>12}"]
     groups = {"guided": set(SHAPES), "two squares": {"two squares"}, "tilting block": {"tilting block"}}
     for method, (group, names) in itertools.product(METHODS, groups.items()):
         mine = [row for row in rows if row["method"] == method and row["shape"] in names]
@@ -118,7 +128,7 @@ def summary(rows: list[dict]) -> list[str]:
             values = np.array([[row["misplaced"], row["image_changed"]] for row in mine])
             m, image = values[:, 0], values[:, 1].mean()
             title = f"{group} ({len(mine)})"
-            lines.append(f"{method:<12}{title:<16}{np.median(m):>22.2f}{m.mean():>8.2f}{m.max():>8.2f}{image:>12.3f}")
+            lines.append(f"{method:<20}{title:<16}{np.median(m):>22.2f}{m.mean():>8.2f}{m.max():>8.2f}{image:>12.3f}")
     return lines
 
 
@@ -127,6 +137,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="score the contact methods against the finite elements")
     parser.add_argument("--json", type=Path, help="where to write every case")
     target = parser.parse_args().json
+    use_distance_fields()
     rows = []
     for ratio in RATIOS:
         rows += [*single(ratio), *two_squares(ratio), *tilting_block(ratio)]

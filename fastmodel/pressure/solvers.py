@@ -490,7 +490,8 @@ class FoundationSolver(PressureSolver):
         if not self.bases:
             return PressureSolution(forces=forces, height=height)
         cells = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
-        origin, (rows, columns), (row, column), weight, _ = self._place(cells, self.grid.arrays, np.zeros((2, 2)), 0.0)
-        four = row * columns + column + np.array([[0], [1], [columns], [columns + 1]])
-        window = np.bincount(four.ravel(), (weight * forces).ravel(), rows * columns).reshape(rows, columns)
-        return PressureSolution(forces=forces, height=height, window=window, origin=origin)
+        origin, shape, corner, weight, _ = self._place(cells, self.grid.arrays, np.zeros((2, 2)), 0.0)
+        first = corner[0] * shape[1] + corner[1]
+        four = first + np.array([[0], [1], [shape[1]], [shape[1] + 1]])
+        window = np.bincount(four.ravel(), (weight * forces).ravel(), shape[0] * shape[1]).astype(np.float64)
+        return PressureSolution(forces=forces, height=height, window=window.reshape(shape), origin=origin)

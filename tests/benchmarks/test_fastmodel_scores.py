@@ -26,7 +26,7 @@ def test_default_keeps_its_bounds_on_two_shapes_and_the_reports_method_does_not(
     """On the catalogue's cover, which is derived for other tests anyway and is the one of the benchmark by value."""
     monkeypatch.setattr(scores, "parameters", lambda _: wts_derivation.parameters)
     monkeypatch.setattr(scores, "make_cover", lambda *_: wts_derivation.sensor.cover)
-    monkeypatch.setattr(scores, "METHODS", ("cover", "boxes"))
+    monkeypatch.setattr(scores, "METHODS", {"cover": "cover", "boxes": "boxes"})
     rows = list(scores.single(0.49, ("small square", "nut"), scores.LOADS[1:], (np.pi / 4,), scores.PLACES[3:]))
     assert len(rows) == 4
     assert within_bounds(rows, "cover")

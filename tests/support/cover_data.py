@@ -1,8 +1,11 @@
 """Cover data in closed form, so that these tests need no finite elements."""
 
+import dataclasses
+
 import numpy as np
 
-from fastmodel import WTS_0614_34, Butterworth, CoverCells, Gaussian, Parameters
+from fastmodel import WTS_0614_34, Butterworth, CoverCells, CoverPoints, Gaussian, Parameters, Tabulated
+from meshes import TexelArray
 from meshes.catalogue import ARRAYS
 
 WTS = ARRAYS["wts-0614-34"]
@@ -39,3 +42,26 @@ def parameters(array=WTS, **changes):
         "surface": cells(array),
     }
     return Parameters(**(settings | changes))
+
+
+def make_dome(side=17):
+    """A cover of springs that also push down their neighbours, on the top of a ball of 10 mm, with 4 texels."""
+    x, y = (each.ravel() for each in np.meshgrid(*[np.linspace(-6e-3, 6e-3, side)] * 2))
+    normals = np.stack([x, y, np.sqrt(1e-4 - x**2 - y**2)], axis=1) / 10e-3
+    apart = np.linalg.norm(normals[:, None] - normals, axis=2) * 10
+    quarter = (x >= 0).astype(int) + 2 * (y >= 0)
+    return CoverPoints(
+        points=10e-3 * normals,
+        normals=normals,
+        influence=0.8 * (quarter == np.arange(4)[:, None]),
+        compliance=1e-3 * np.exp(-apart / 0.5),
+        thickness=2e-3,
+    )
+
+
+def dome_parameters(cover):
+    """A sensor of 2 x 2 texels under a dome."""
+    normals = np.array([[x, y, 8.0] for y in (-3, 3) for x in (-3, 3)]) / np.sqrt(82)
+    array = dataclasses.replace(TexelArray.grid(2, 2, 4e-3), centres=8e-3 * normals, normals=normals)
+    electronics = dataclasses.replace(WTS_0614_34, calibrated="texel force")
+    return Parameters(array=array, spread=Tabulated(matrix=np.eye(4)), electronics=electronics, surface=cover)

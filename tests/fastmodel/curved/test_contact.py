@@ -10,15 +10,14 @@ import pytest
 
 import fastmodel
 import meshes
-from fastmodel import WTS_0614_34, Parameters, Tabulated
 from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.points import pose_indenter, press_points, solve_pressure
 from fastmodel.errors import FastModelError
 from fastmodel.pressure.solvers import Wrench
-from fastmodel.surface import CoverPoints
-from meshes import Sphere, TexelArray
+from meshes import Sphere
 from meshes.pose import Pose
 from tests.support.contact_forces import sum_pushes
+from tests.support.cover_data import dome_parameters, make_dome
 from tests.support.quaternions import rotate
 from tests.support.scenes import add_body, make_spec, run, simulate
 
@@ -28,30 +27,12 @@ QUATERNION = np.array([0.9, 0.1, 0.3, 0.2]) / np.linalg.norm([0.9, 0.1, 0.3, 0.2
 PLACE = np.array([0.1, 0, 0.2])
 
 
-def make_dome(side=17):
-    """A cover of springs that also push down their neighbours, on the top of a ball of 10 mm, with 4 texels."""
-    x, y = (each.ravel() for each in np.meshgrid(*[np.linspace(-6e-3, 6e-3, side)] * 2))
-    normals = np.stack([x, y, np.sqrt(1e-4 - x**2 - y**2)], axis=1) / 10e-3
-    apart = np.linalg.norm(normals[:, None] - normals, axis=2) * 10
-    quarter = (x >= 0).astype(int) + 2 * (y >= 0)
-    return CoverPoints(
-        points=10e-3 * normals,
-        normals=normals,
-        influence=0.8 * (quarter == np.arange(4)[:, None]),
-        compliance=1e-3 * np.exp(-apart / 0.5),
-        thickness=2e-3,
-    )
-
-
 COVER = make_dome()
 
 
 @pytest.fixture
 def parameters():
-    normals = np.array([[x, y, 8.0] for y in (-3, 3) for x in (-3, 3)]) / np.sqrt(82)
-    array = dataclasses.replace(TexelArray.grid(2, 2, 4e-3), centres=8e-3 * normals, normals=normals)
-    electronics = dataclasses.replace(WTS_0614_34, calibrated="texel force")
-    return Parameters(array=array, spread=Tabulated(matrix=np.eye(4)), electronics=electronics, surface=COVER)
+    return dome_parameters(COVER)
 
 
 def press_ball(parameters, direction, *, joint="slide", steps=800, **options):
