@@ -22,9 +22,11 @@ import mujoco
 import numpy as np
 from campaign import SHAPES as REPORTED
 from common import draw, time_in_turn
+from other_methods import METHODS, use_distance_fields
 
 import fastmodel
 from fastmodel import WTS_0614_34, Butterworth, Gaussian, Parameters, Plate
+from fastmodel.contact.interface import TexelContact
 from fem_reference import point_spread
 from meshes import Box, Indenter, Sphere, TexelArray
 from meshes.catalogue import ARRAYS
@@ -36,7 +38,6 @@ SHAPES: dict[str, Indenter] = {
     **{name: shape for name, shape in REPORTED.items() if name != "small rectangle"},
     "sphere": Sphere(radius=5e-3),
 }
-METHODS = ("boxes", "area", "foundation", "cover")
 STEPS = 60
 ROUNDS = 25
 #: Speed of what slides, to and fro [m/s].
@@ -53,7 +54,7 @@ def parameters(array: TexelArray) -> Parameters:
 class Scene:
     """A free 500 g body on an array; the time of one step of it."""
 
-    def __init__(self, settings: Parameters, shape: Indenter, method: str | None) -> None:
+    def __init__(self, settings: Parameters, shape: Indenter, method: str | TexelContact | None) -> None:
         """Build it, with a sensor or, without a method, with a bare plate."""
         spec = mujoco.MjSpec()
         fastmodel.recommend_options(spec)
@@ -95,7 +96,7 @@ def methods(settings: Parameters) -> list[dict[str, Any]]:
     """Every method on every shape, resting and sliding."""
     rows = []
     for name, shape in SHAPES.items():
-        scenes = {method or "bare": Scene(settings, shape, method) for method in (None, *METHODS)}
+        scenes = {key: Scene(settings, shape, method) for key, method in {"bare": None, **METHODS}.items()}
         for sliding in (False, True):
             seconds = measure({key: partial(each.run, STEPS, sliding=sliding) for key, each in scenes.items()})
             rows.append({"shape": name, "sliding": sliding, "seconds": seconds})
@@ -158,6 +159,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="where to write every figure")
     parser.add_argument("--picture", type=Path, help="where to draw cost against texels")
     arguments = parser.parse_args()
+    use_distance_fields()
     settings = parameters(ARRAYS["wts-0614-34"])
     result = {"chain": chain(settings), "methods": methods(settings), "texel_counts": texel_counts()}
     if arguments.picture is not None:

@@ -16,11 +16,10 @@ from pathlib import Path
 
 import numpy as np
 from campaign import LOADS, SHAPES
-from other_methods import AreaTexels, Tactile, TouchGrid, use_distance_fields
+from other_methods import METHODS, use_distance_fields
 
 import fastmodel
 from fastmodel import WTS_0614_34, Parameters, Placement
-from fastmodel.contact.interface import TexelContact
 from fastmodel.signal.electronics import grey_levels
 from fem_reference import point_spread, press
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
@@ -35,15 +34,6 @@ YAWS = (0.0, np.pi / 4, np.pi / 2)
 #: Over a texel's centre, edge and corner, and off the grid.
 PLACES = ((1.7e-3, 1.7e-3), (1.7e-3, 0.0), (0.0, 0.0), (0.7e-3, -1.1e-3))
 RATIOS = (0.49, 0.3)
-METHODS: dict[str, str | TexelContact] = {
-    "cover": "cover",
-    "foundation": "foundation",
-    "area": AreaTexels(),
-    "boxes": "boxes",
-    "touch_grid": TouchGrid(),
-    "tactile": Tactile(),
-    "tactile, Gaussian": Tactile(computes_spread=False),
-}
 
 
 def parameters(poisson_ratio: float) -> Parameters:

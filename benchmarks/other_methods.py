@@ -27,7 +27,7 @@ from fastmodel.compiled import compile_kernel
 from fastmodel.contact.bodies import Joints
 from fastmodel.contact.boxes import BoxReader
 from fastmodel.contact.forces import read_contacts, sum_contacts
-from fastmodel.contact.interface import ContactReader, Reading
+from fastmodel.contact.interface import ContactReader, Reading, TexelContact
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
 
@@ -247,3 +247,15 @@ def _find_hull(points: list[list[float]]) -> list[list[float]]:
 def _cross(a: list[float], b: list[float], c: list[float]) -> float:
     """Compute the cross product of b - a and c - a, which is positive if the path a, b, c turns left [m2]."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+#: The compared methods, by name.
+METHODS: dict[str, str | TexelContact] = {
+    "cover": "cover",
+    "foundation": "foundation",
+    "area": AreaTexels(),
+    "boxes": "boxes",
+    "touch_grid": TouchGrid(),
+    "tactile": Tactile(),
+    "tactile, Gaussian": Tactile(computes_spread=False),
+}
