@@ -470,10 +470,13 @@ class FoundationSolver(PressureSolver):
         """
         super().__init__(grid, bases)
         self._stiffness = modulus * grid.edge[0] * grid.edge[1]
-        self._match, self._place = compile_kernel(match_springs), compile_kernel(place_cells)
+        self._match = compile_kernel(match_springs)
 
     def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
-        """Compute the forces on the cells under all bodies; see `PressureSolver.solve`."""
+        """Compute the forces on the cells under all bodies; see `PressureSolver.solve`.
+
+        In the window, the force on a partly covered cell is that on the whole cell.
+        """
         forces, surface = np.zeros(samples.count), np.zeros(samples.count)
         for body, load in enumerate(loads):
             own = (samples.body == body).nonzero()[0]
@@ -489,9 +492,8 @@ class FoundationSolver(PressureSolver):
         height = samples.find_largest(surface) - samples.lowest
         if not self.bases:
             return PressureSolution(forces=forces, height=height)
-        cells = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
-        origin, shape, corner, weight, _ = self._place(cells, self.grid.arrays, np.zeros((2, 2)), 0.0)
-        first = corner[0] * shape[1] + corner[1]
-        four = first + np.array([[0], [1], [shape[1]], [shape[1] + 1]])
-        window = np.bincount(four.ravel(), (weight * forces).ravel(), shape[0] * shape[1]).astype(np.float64)
+        origin = int(samples.row.min()), int(samples.column.min())
+        row, column = samples.row - origin[0], samples.column - origin[1]
+        shape = int(row.max()) + 1, int(column.max()) + 1
+        window = np.bincount(row * shape[1] + column, forces, shape[0] * shape[1]).astype(np.float64)
         return PressureSolution(forces=forces, height=height, window=window.reshape(shape), origin=origin)

@@ -31,7 +31,7 @@ class Frame:
             texel's tangents (`fastmodel.signal.point_spread.find_tangents`), shape (n, 2) [N].  It is filtered, without
             spread, and zero on masked texels.  None for a real sensor.
         tangential_source: Method of the tangential forces.  It is "contacts of each texel" for the contact methods
-            `boxes` and `area`, and "net shear, shared in proportion to pressure" for `cover` and `foundation`.  With
+            `boxes`, and "net shear, shared in proportion to pressure" for `cover` and `foundation`.  With
             the second method only the sum of the tangential forces is meaningful, not their distribution.
     """
 
