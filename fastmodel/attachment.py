@@ -104,7 +104,13 @@ def attach(
     carrier, pose = _find_carrier(spec, body), _check_pose(position, quaternion)
     moving = carrier if isinstance(carrier, mujoco.MjsBody) else carrier.parent
     replaced = _find_replaced(spec, moving, replaces)
-    method.attach(_add_frame(carrier, *pose), parameters.array, name)
+    frame, default = _add_frame(carrier, *pose), moving.classname
+    frame.add_site(spec.default, name=f"{name}/origin", group=5, size=[1e-6] * 3)
+    try:  # default settings of the body's geoms do not apply to the array
+        moving.classname = spec.default
+        method.attach(frame, parameters.array, name)
+    finally:
+        moving.classname = default
     _switch_off(spec, replaced, [geom.name for geom in moving.geoms if geom.name.startswith(f"{name}/")])
     return Sensor(name=name, parameters=parameters, contact=method, every=every)
 

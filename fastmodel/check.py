@@ -191,7 +191,8 @@ def _check_flags(model: mujoco.MjModel, geoms: IntArray) -> Iterator[str]:
         )
     if enabled & on.mjENBL_SLEEP and _may_sleep(model, int(geoms[0])):
         yield (
-            "objects that sleep have no contacts in MuJoCo, so that the force of an object at rest fades to 0; remove "
+            "objects that sleep have no contacts in MuJoCo: an array keeps its last reading while all that pressed on "
+            "it sleep, but an object that sleeps beside one that is awake is not felt; remove "
             '<flag sleep="enable"/>, or set sleep="never" for the objects that touch the array'
         )
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -35,6 +35,7 @@ from fastmodel.errors import FastModelError, LifeCycleError, check_type, warn_us
 from fastmodel.parameters import Parameters
 from fastmodel.signal.chain import ChainFunctions, ChainState
 from fastmodel.signal.frame import Frame
+from fastmodel.signal.point_spread import find_tangents
 from fastmodel.state import State, make_generator, pack, pack_generator, take_array, unpack, unpack_generator
 from meshes.array_types import FloatArray
 
@@ -47,6 +48,20 @@ _CLOCK_TOLERANCE = 1e-3
 
 class RangeWarning(UserWarning):
     """Warn that a contact lies beyond the range in which the fast model agrees with the finite elements."""
+
+
+class TexelPoses(NamedTuple):
+    """Places of the n texels of an array in the world.
+
+    Attributes:
+        positions: Centres of the texels, on the top of a flat cover, shape (n, 3) [m].
+        normals: Outward normals, shape (n, 3) [-].
+        frames: Axes of each texel as columns: its two tangents and its normal, shape (n, 3, 3) [-].
+    """
+
+    positions: FloatArray
+    normals: FloatArray
+    frames: FloatArray
 
 
 class Sensor:
@@ -155,6 +170,7 @@ class Sensor:
         self._prefix, self._suffix, self._label = prefix, suffix, f"{name}{suffix}"
         self._model, self._data, self._options, self._timestep = model, None, list_options(model), timestep
         self._interval, self._reader, self._functions = interval, reader, functions
+        self._geoms = find_geoms_of(model, name, suffix)
         self._waits = self._every is None and self._contact.costly and parameters.filter is None
         self._validity = parameters.validity
         self._noise = make_generator(parameters.electronics.seed, self._label)
@@ -241,7 +257,8 @@ class Sensor:
             )
         self._reading = self._reader.at_rest(settled)
         self._state = self._functions.settle(*_list_signals(self._reading))
-        self._steps = self._frames = 0
+        self._steps = self._frames = self._asked = 0
+        self._pressing = np.zeros(0, dtype=np.int64)
         self._time = self._start = math.nan
         self._sampled_at = 0.0
         self._make_frame(None)
@@ -249,7 +266,6 @@ class Sensor:
     def _make_frame(self, noise: np.random.Generator | None) -> None:
         """Make a frame from the latest filtered sample, with or without the noise of the electronics."""
         self._state, made = self._functions.frame(self._state, noise)
-        self._outside = float(made.outside)
         vectors: FloatArray = made.others.copy()
         self._frame = Frame(
             time=self._sampled_at,
@@ -260,6 +276,7 @@ class Sensor:
             net_force=vectors[:3] if len(vectors) else None,
             net_torque=vectors[3:6] if len(vectors) else None,
             tangential=vectors[6:].reshape(-1, 2) if len(vectors) else None,
+            outside=float(made.outside),
             tangential_source=self._reading.tangential_source,
         )
 
@@ -290,7 +307,7 @@ class Sensor:
         self._time = now
         is_due = self._count_due(now) > self._frames
         if is_due if self._waits else self._steps % self._interval == 0:
-            reading = self._reader.read(data)
+            reading = self._read(data)
             if not math.isfinite(reading.carried):
                 raise FastModelError(f"sensor {self._label!r}: contact forces are not finite at t = {now:g} s")
             self._state = self._functions.take(self._state, *_list_signals(reading))
@@ -306,6 +323,22 @@ class Sensor:
         self._make_frame(self._noise)
         return True
 
+    def _read(self, data: mujoco.MjData) -> Reading:
+        """Read the contact forces, or return the last ones while everything that pressed on the array sleeps.
+
+        Bodies that sleep have no contacts in MuJoCo.
+        """
+        model = self._require_model()
+        if not model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP:
+            return self._reader.read(data)
+        if len(self._pressing) and (data.tree_asleep[self._pressing] >= 0).all():
+            return self._reading
+        pairs = data.contact.geom
+        touching = pairs[np.isin(pairs, self._geoms).any(axis=1) & (pairs >= 0).all(axis=1)]
+        trees = np.unique(model.body_treeid[model.geom_bodyid[touching]])
+        self._pressing = trees[trees >= 0].astype(np.int64)
+        return self._reader.read(data)
+
     def _count_due(self, time: float) -> int:
         """Return the number of frames that are due up to a time [-]."""
         return int((time - self._start) * self.parameters.electronics.rate_hz + _CLOCK_TOLERANCE)
@@ -313,11 +346,79 @@ class Sensor:
     def frame(self) -> Frame:
         """Return the latest frame, or a frame of the unloaded array if no frame has been made yet.
 
+        A second such call without any step gives an `OptionWarning`.
+
         Raises:
             LifeCycleError: If the sensor is not bound to a compiled model.
         """
         self._require_model()
+        if not self._steps and not self._reading.carried:
+            self._asked += 1
+            if self._asked == 2:  # noqa: PLR2004 -- the frame before the simulation may be wanted once
+                sentence = (
+                    "the frame is that of the unloaded array, because step(data) was not called since bind or reset"
+                )
+                warn_user(f"sensor {self._label!r}: {sentence}; call it after every mj_step", OptionWarning)
         return self._frame
+
+    def texel_forces(self) -> FloatArray:
+        """Return the filtered and spread force on each texel at the latest frame, shape (n,) [N]; see `Frame`.
+
+        Raises:
+            LifeCycleError: If the sensor is not bound.
+        """
+        self._require_model()
+        return np.array(self._frame.texel_forces)
+
+    def pressures(self) -> FloatArray:
+        """Return the mean pressure on each texel at the latest frame, shape (n,) [Pa].
+
+        Raises:
+            LifeCycleError: If the sensor is not bound.
+        """
+        self._require_model()
+        return np.array(self._frame.pressures)
+
+    def texel_poses(self, data: mujoco.MjData) -> TexelPoses:
+        """Compute positions, normals and axes of the texels in the world.
+
+        Args:
+            data: A state with the poses of bodies.
+
+        Raises:
+            LifeCycleError: If the sensor is not bound, or the model was compiled without the site of the array.
+        """
+        array, name = self.parameters.array, f"{self._prefix}{self.name}/origin{self._suffix}"
+        site = mujoco.mj_name2id(self._require_model(), mujoco.mjtObj.mjOBJ_SITE, name)
+        if site < 0:
+            raise LifeCycleError(f"the model has no site {name!r}, which fastmodel.attach adds; attach the array anew")
+        axes = data.site_xmat[site].reshape(3, 3)
+        frames = axes @ np.stack([*find_tangents(array), array.normals], axis=-1)
+        return TexelPoses(data.site_xpos[site] + array.centres @ axes.T, frames[:, :, 2], frames)
+
+    def draw(self, scene: mujoco.MjvScene, data: mujoco.MjData, *, white: float = 0.5) -> None:
+        """Add the texels to a scene of MuJoCo's visualisation, from black without force to white.
+
+        Active texels are added as far as the scene has room, for example to `viewer.user_scn` after
+        `viewer.user_scn.ngeom = 0`.
+
+        Args:
+            scene: The scene.
+            data: The state that the scene shows.
+            white: Texel force that is shown white [N].
+
+        Raises:
+            LifeCycleError: As from `texel_poses`.
+        """
+        (positions, normals, frames), array = self.texel_poses(data), self.parameters.array
+        half = np.array([0.45 * array.texel_size[0], 0.45 * array.texel_size[1], 1e-4])
+        shades = np.clip(self.texel_forces() / white, 0.0, 1.0)
+        for k in array.active.nonzero()[0][: scene.maxgeom - scene.ngeom].tolist():
+            place, colour = positions[k] + 2e-4 * normals[k], np.array([*[shades[k]] * 3, 1.0], dtype=np.float32)
+            mujoco.mjv_initGeom(
+                scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_BOX, half, place, frames[k].ravel(), colour
+            )
+            scene.ngeom += 1
 
     def contact_forces(self) -> FloatArray:
         """Return the contact force on each texel at the latest sample, before filter and spread, shape (n,) [N].
@@ -344,7 +445,7 @@ class Sensor:
             LifeCycleError: If the sensor is not bound.
         """
         self._require_model()
-        return self._outside
+        return float(self._frame.outside or 0.0)
 
     def reset(self, contact_forces: npt.ArrayLike = 0.0, *, seed: int | np.random.SeedSequence | None = None) -> None:
         """Restart clocks, filter and hysteresis; call this after `mj_resetData`.
@@ -397,6 +498,7 @@ class Sensor:
         return {
             "clock": np.array(clock, dtype=np.float64),
             "method": np.array(type(self._reader).__name__),
+            "pressing": self._pressing,
             **pack("reading", self._reading),
             **pack("frame", self._frame),
             **self._get_chain(),
@@ -404,10 +506,9 @@ class Sensor:
         }
 
     def _get_chain(self) -> State:
-        """Return the states of filter, hysteresis and noise, and the force `outside`, as arrays by name."""
+        """Return the states of filter, hysteresis and noise, as arrays by name."""
         filtered, play = (np.array(each) for each in self._state)
-        noise, outside = pack_generator(self._noise), np.array(self._outside)
-        return {"chain/filter": filtered, "chain/play": play, "chain/noise": noise, "chain/outside": outside}
+        return {"chain/filter": filtered, "chain/play": play, "chain/noise": pack_generator(self._noise)}
 
     def set_state(self, state: State) -> None:
         """Restore a state that `get_state` returned, also that of another sensor of the same array and model.
@@ -442,10 +543,10 @@ class Sensor:
         reading, frame = (unpack(state, name, (Reading, Frame)) for name in ("reading", "frame"))
         if not isinstance(reading, Reading) or not isinstance(frame, Frame) or not math.isfinite(reading.carried):
             raise FastModelError("state: reading or frame is not complete or not finite")
-        filtered, play, noise, outside = (take_array(state, name, like) for name, like in self._get_chain().items())
+        filtered, play, noise = (take_array(state, name, like) for name, like in self._get_chain().items())
         steps, frames = int(clock[0]), int(clock[1])
         self._reader.set_state({k.removeprefix("contact/"): v for k, v in state.items() if k.startswith("contact/")})
-        self._state, self._outside = ChainState(filtered, play), float(outside)
+        self._state, self._pressing = ChainState(filtered, play), take_array(state, "pressing").astype(np.int64)
         self._noise = unpack_generator(noise)
         self._reading, self._frame = reading, frame
         self._steps, self._frames = steps, frames

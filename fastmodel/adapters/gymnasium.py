@@ -39,6 +39,7 @@ from fastmodel.errors import FastModelError, LifeCycleError, check_count, check_
 from fastmodel.parameters import Parameters
 from fastmodel.sensor import Sensor
 from fastmodel.signal.frame import Frame
+from meshes import TexelArray
 from meshes.array_types import FloatArray
 
 try:
@@ -261,7 +262,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         """Return the info of the environment with the frames since the previous call, and those of a nested wrapper."""
         frames, theirs = {}, info.get(self._key, {})
         for name, made in self._made.items():
-            frames[name] = _stack_frames(made, self.sensors[name].frame(), self._room[name])
+            frames[name] = _stack_frames(made, self.sensors[name].parameters.array, self._room[name])
             made.clear()
         if not isinstance(theirs, Mapping) or theirs.keys() & frames.keys():
             raise FastModelError(
@@ -348,21 +349,21 @@ class _Varied:
         return array.image(electronics.image(np.where(array.active, electronics.counts(forces, self._draw), 0)))
 
 
-def _stack_frames(frames: Sequence[Frame], like: Frame, room: int) -> dict[str, Any]:
+def _stack_frames(frames: Sequence[Frame], array: TexelArray, room: int) -> dict[str, Any]:
     """Stack the values of frames to arrays of fixed shapes, see `TactileObservation`.
 
     Args:
         frames: The frames, oldest first.
-        like: A frame of the same sensor, whose shapes are used.
+        array: The texels of the sensor.
         room: Length of the arrays.
     """
     kept = frames[-room:]
-    arrays = {
+    arrays: dict[str, npt.NDArray[Any]] = {
         "times": np.zeros(room),
-        "counts": np.zeros((room, *like.counts.shape), dtype=np.int64),
-        "images": np.zeros((room, *like.image.shape), dtype=np.uint8),
-        "texel_forces": np.zeros((room, *like.counts.shape)),
-        "tangential": np.zeros((room, *like.counts.shape, 2)),
+        "counts": np.zeros((room, array.count), dtype=np.int64),
+        "images": np.zeros((room, array.rows, array.columns), dtype=np.uint8),
+        "texel_forces": np.zeros((room, array.count)),
+        "tangential": np.zeros((room, array.count, 2)),
         "net_forces": np.zeros((room, 3)),
         "net_torques": np.zeros((room, 3)),
     }

@@ -30,6 +30,7 @@ class Frame:
         tangential: Tangential force that contacts exert on each texel, along x and y of a flat array or else along the
             texel's tangents (`fastmodel.signal.point_spread.find_tangents`), shape (n, 2) [N].  It is filtered, without
             spread, and zero on masked texels.  None for a real sensor.
+        outside: Part of the filtered contact force that no texel measures [N]; None for a real sensor.
         tangential_source: Method of the tangential forces.  It is "contacts of each texel" for the contact methods
             `boxes`, and "net shear, shared in proportion to pressure" for `cover` and `foundation`.  With
             the second method only the sum of the tangential forces is meaningful, not their distribution.
@@ -43,6 +44,7 @@ class Frame:
     net_force: FloatArray | None = None
     net_torque: FloatArray | None = None
     tangential: FloatArray | None = None
+    outside: float | None = None
     tangential_source: str = ""
 
     @property
