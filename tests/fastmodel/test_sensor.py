@@ -64,7 +64,8 @@ def test_a_frame_is_the_filtered_and_spread_contact_force():
 
 def test_counts_and_image_are_the_sensors_integers_and_zero_before_the_first_frame():
     sensor, model, data = ball_on_array()
-    assert sensor.frame().counts.sum() == sensor.frame().time == 0
+    first = sensor.frame()
+    assert first.counts.sum() == first.time == 0
     frame = run(sensor, model, data, 600)[-1]
     assert frame.counts.shape == (84,)
     assert np.issubdtype(frame.counts.dtype, np.integer)
