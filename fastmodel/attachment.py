@@ -106,11 +106,9 @@ def attach(
     replaced = _find_replaced(spec, moving, replaces)
     frame, default = _add_frame(carrier, *pose), moving.classname
     frame.add_site(spec.default, name=f"{name}/origin", group=5, size=[1e-6] * 3)
-    try:  # default settings of the body's geoms do not apply to the array
-        moving.classname = spec.default
-        method.attach(frame, parameters.array, name)
-    finally:
-        moving.classname = default
+    moving.classname = spec.default  # default settings of the body's geoms do not apply to the array
+    method.attach(frame, parameters.array, name)
+    moving.classname = default
     _switch_off(spec, replaced, [geom.name for geom in moving.geoms if geom.name.startswith(f"{name}/")])
     return Sensor(name=name, parameters=parameters, contact=method, every=every)
 
@@ -172,11 +170,8 @@ def _check_pose(position: npt.ArrayLike, quaternion: npt.ArrayLike) -> tuple[lis
     if not (np.isfinite([*place, *turn]).all() and turn.any()):
         raise FastModelError(f"a pose takes finite numbers and a quaternion other than zero, not {place} and {turn}")
     if turn.tolist() == [0, 0, 0, 1]:
-        warn_user(
-            "quaternion (0, 0, 0, 1) is half a turn about z, because w comes first; no rotation is (1, 0, 0, 0), and a "
-            "half turn that is meant (0, 0, 0, -1)",
-            OptionWarning,
-        )
+        advice = "w comes first; no rotation is (1, 0, 0, 0), and a half turn that is meant (0, 0, 0, -1)"
+        warn_user(f"quaternion (0, 0, 0, 1) is half a turn about z, because {advice}", OptionWarning)
     return place.tolist(), (turn / np.linalg.norm(turn)).tolist()
 
 

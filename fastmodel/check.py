@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import mujoco
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull
 
 from fastmodel.compiled import compile_kernel
 from fastmodel.contact.bodies import Reasons, find_obstacles
@@ -55,10 +55,9 @@ _FAR = 0.02
 _OVERHANG = 0.5
 #: Share of points on an array with its own body ahead, and nothing of it behind, above which the array faces it [-].
 _MOST_AHEAD = 0.5
-#: Kinds of geoms whose distance from an array, outline and sides are examined.
-_CONVEX = [
-    int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"))
-    for kind in ("SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH")
+#: Kinds of geoms that are no part of a finger: a ground, or a shape of which MuJoCo knows no hull.
+_NO_FINGER = [
+    int(kind) for kind in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
 ]
 #: Volume of a mesh's convex hull over that of the mesh above which the mesh counts as concave [-].
 _CONCAVE = 1.1
@@ -222,7 +221,7 @@ def check_surroundings(
     top = contact.sample_top(model, data, geoms, array)
     yield from _check_flush_geoms(model, data, geoms, name, top)
     yield from _check_own_links(model, data, geoms, name)
-    yield from _check_placement(model, data, geoms, name=name, array=array, surface=top)
+    yield from _check_placement(model, data, geoms, array, top)
     colliding = _find_colliding(model) & ~np.isin(np.arange(model.ngeom), geoms)
     others = colliding & (model.geom_bodyid != model.geom_bodyid[geoms[0]])
     if others.any() and not (colliding & (obstacles == "")).any() and not model.nflex:
@@ -287,13 +286,7 @@ def _check_own_links(model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray
 
 
 def _check_placement(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    geoms: IntArray,
-    *,
-    name: str,
-    array: TexelArray,
-    surface: tuple[FloatArray, FloatArray],
+    model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray, array: TexelArray, top: tuple[FloatArray, FloatArray]
 ) -> Iterator[str]:
     """Find signs that an array is not where its body is, or faces the body; yield a sentence about each of them.
 
@@ -304,28 +297,21 @@ def _check_placement(
         model: The compiled model.
         data: State of the simulation.
         geoms: Ids of the geoms of the array.
-        name: Name of the sensor.
         array: The texels.
-        surface: Points on the top of the array [m], and the normals at these points [-], in the world, shape (k, 3)
-            each.
+        top: Points on the top of the array [m], and the normals at these points [-], in the world, shape (k, 3) each.
     """
     body, weld = int(model.geom_bodyid[geoms[0]]), model.body_weldid[model.geom_bodyid]
     own = [
         geom
         for geom in ((weld == weld[geoms[0]]) if weld[geoms[0]] else (model.geom_bodyid == body)).nonzero()[0].tolist()
-        if model.geom_type[geom] in _CONVEX and geom not in geoms and not _find_sensor(model, geom)
+        if model.geom_type[geom] not in _NO_FINGER and geom not in geoms and not _find_sensor(model, geom)
     ]
     if not own or not body:
         return
-    (points, normals), carrier = surface, f"body {model.body(body).name!r}"
-    limit = max(_FAR, float(np.linalg.norm(np.ptp(points, axis=0))))
+    (points, normals), name, carrier = top, _find_sensor(model, int(geoms[0])), f"body {model.body(body).name!r}"
     away = min(mujoco.mj_geomDistance(model, data, a, b, 1e3, None) for a in geoms.tolist() for b in own)
-    if away > limit:
-        place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ model.geom_pos[geoms].mean(axis=0) / 1e3
-        near = (np.linalg.norm(data.geom_xpos[own] - place, axis=1) < model.geom_rbound[own] + limit).any()
-        advice = (
-            "its position looks like millimetres, attach takes metres" if away > 1 and near else "mend its position"
-        )
+    if away > max(_FAR, float(np.linalg.norm(np.ptp(points, axis=0)))):
+        advice = "its position looks like millimetres, attach takes metres" if away > 1 else "mend its position"
         yield f"array {name!r} lies {1e3 * away:.4g} mm from every geom of its {carrier}; {advice}"
         return
     ahead, behind = _look_around(model, data, own, points, normals)
@@ -396,12 +382,10 @@ def _check_hulls(model: mujoco.MjModel, chosen: BoolArray) -> Iterator[str]:
         vertices = model.mesh_vert[mesh.vertadr[0] : mesh.vertadr[0] + mesh.vertnum[0]].astype(np.float64)
         a, b, c = vertices[model.mesh_face[mesh.faceadr[0] : mesh.faceadr[0] + mesh.facenum[0]].T]
         areas = np.cross(b - a, c - a)
-        # an open surface, whose area vectors do not cancel, encloses no volume
-        if np.linalg.norm(areas.sum(axis=0)) < 1e-3 * np.linalg.norm(areas, axis=1).sum():
-            try:
-                filled[geom] = ConvexHull(vertices).volume > _CONCAVE * abs(np.einsum("ij,ij->", a, areas)) / 6
-            except QhullError:
-                continue
+        whole, volume = np.linalg.norm(areas, axis=1).sum(), abs(np.einsum("ij,ij->", a, areas)) / 6
+        # the area vectors of an open surface, which encloses no volume, do not cancel
+        if np.linalg.norm(areas.sum(axis=0)) < 1e-3 * whole and volume > 1e-6 * whole**1.5:
+            filled[geom] = ConvexHull(vertices).volume > _CONCAVE * volume
     if filled.any():
         yield (
             f"MuJoCo fills the hollows of the mesh of {_list_geoms(model, filled)} and collides with its convex hull; "

@@ -30,7 +30,7 @@ def check_texel_count(rows: object, columns: object) -> None:
         raise ValueError(f"{rows} rows of {columns} texels are too many; at most {MOST_TEXELS} texels are supported")
 
 
-def check_margin(margin: tuple[float, float]) -> None:
+def check_margin(margin: tuple[float, ...]) -> None:
     """Check the width of a cover beyond the texels, along x and y [m].
 
     Raises:

@@ -19,7 +19,7 @@ OWN = {
 }
 #: Distributions that are run, not imported: linters, type checker and stubs, plugins of pytest and Sphinx.
 TOOLS = {"ruff", "mypy", "scipy-stubs", "mujoco-stubs", "pytest-xdist", "pytest-cov", "furo", "myst-parser"}
-#: Packages that benchmarks and examples use, where each says how to install its own; and coverage, which pytest-cov brings.
+#: Packages of benchmarks and examples, where each says how to install them; and coverage, which pytest-cov brings.
 BENCHMARKS_ONLY = {
     *("felupe", "netgen", "ngsolve", "coverage"),
     *("stable_baselines3", "robosuite", "dm_control", "shimmy"),

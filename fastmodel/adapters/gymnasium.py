@@ -36,7 +36,6 @@ import numpy as np
 import numpy.typing as npt
 
 from fastmodel.errors import FastModelError, LifeCycleError, check_count, check_type, name_unknown
-from fastmodel.parameters import Parameters
 from fastmodel.sensor import Sensor
 from fastmodel.signal.frame import Frame
 from meshes import TexelArray
@@ -86,8 +85,8 @@ class Variation:
         """
         check_count("latency", self.latency, 0)
         for name, most in (("gain", math.inf), ("offset", math.inf), ("dead", 1.0)):
-            if not (0 <= getattr(self, name) <= most and getattr(self, name) < math.inf):
-                raise FastModelError(f"{name} of a Variation must lie in 0..{most:g}, not {getattr(self, name)}")
+            if not (0 <= (value := getattr(self, name)) <= most and value < math.inf):
+                raise FastModelError(f"{name} of a Variation must lie in 0..{most:g}, not {value}")
 
 
 class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymnasium.utils.RecordConstructorArgs):
@@ -163,7 +162,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         self.sensors = {name: sensor.twin() for name, sensor in given.items()}
         self._simulation = simulation or _find_simulation
         self._made: dict[str, list[Frame]] = {name: [] for name in self.sensors}
-        self._varied = {name: _Varied(sensor.parameters, self._variation, None) for name, sensor in given.items()}
+        self._drawn: dict[str, tuple[FloatArray, FloatArray, np.random.Generator]] = {}
         self._seen: dict[str, deque[dict[str, Any]]] = {}
         self._seeds: np.random.SeedSequence | None = None
         self._stepping = False
@@ -192,8 +191,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
             self._seeds = np.random.SeedSequence(self._find_seed() if seed is None else seed)
         for (name, sensor), child in zip(self.sensors.items(), self._seeds.spawn(len(self.sensors)), strict=True):
             sensor.reset(seed=child)
-            self._varied[name] = _Varied(sensor.parameters, self._variation, child.spawn(1)[0])
-            self._fill(name)
+            self._fill(name, child.spawn(1)[0])
         self._time = self._simulation(self.env)[1].time
         return self._observe(observation), self._inform(info)
 
@@ -248,7 +246,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         for name, sensor in self.sensors.items():
             if sensor.step(data):
                 self._made[name].append(sensor.frame())
-                self._seen[name].append(self._varied[name].observe(sensor.frame(), self._observed))
+                self._seen[name].append(self._look(name))
 
     def _count_frames(self, rate_hz: float) -> int:
         """Return the largest number of frames that a sensor of a given rate can make in one step of the environment."""
@@ -275,15 +273,35 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         own = dict(observation) if isinstance(self.env.observation_space, spaces.Dict) else {"observation": observation}
         return own | {key: values for name in self.sensors for key, values in self._list_entries(name)}
 
-    def _fill(self, name: str) -> None:
-        """Fill the observed frames of a sensor with its latest frame."""
-        frame = self._varied[name].observe(self.sensors[name].frame(), self._observed)
-        self._seen[name] = deque([frame] * (length := self._history + self._variation.latency + 1), maxlen=length)
+    def _fill(self, name: str, seed: np.random.SeedSequence | None = None) -> None:
+        """Draw the variation of a sensor, and fill its observed frames with its latest frame."""
+        vary, draw, count = self._variation, np.random.default_rng(seed), self.sensors[name].parameters.array.count
+        alive = draw.random(count) >= vary.dead
+        gain, offset = 1 + vary.gain * draw.standard_normal(count), vary.offset * draw.standard_normal(count)
+        self._drawn[name] = (alive * gain, alive * offset, draw)
+        length = self._history + 1 + int(draw.integers(vary.latency + 1))
+        self._seen[name] = deque([self._look(name)] * length, maxlen=length)
+
+    def _look(self, name: str) -> dict[str, npt.NDArray[Any]]:
+        """Return the observed quantities of the latest frame of a sensor, by name, with its variation."""
+        sensor, (gain, offset, draw) = self.sensors[name], self._drawn[name]
+        frame, array, electronics = sensor.frame(), sensor.parameters.array, sensor.parameters.electronics
+        forces = gain * np.asarray(frame.texel_forces) + offset
+        found = {"image": frame.image, "texel_forces": array.image(forces)}
+        found["pressures"] = array.image(forces / (frame.texel_area or 1.0))
+        if self._variation != Variation():
+            counts = np.where(array.active, electronics.counts(forces, draw), 0)
+            found["image"] = array.image(electronics.image(counts))
+        if frame.net_force is not None and frame.net_torque is not None and frame.tangential is not None:
+            found["tangential"] = array.image(gain * frame.tangential.T)
+            found["wrench"] = np.concatenate([frame.net_force, frame.net_torque])
+        if missing := sorted(set(self._observed) - found.keys()):
+            raise FastModelError(f"the contact method computes no {missing[0]!r}; observe {', '.join(found)}")
+        return {each: found[each].astype(np.uint8 if each == "image" else np.float32) for each in self._observed}
 
     def _list_entries(self, name: str) -> Iterator[tuple[str, npt.NDArray[Any]]]:
         """Yield key and values of each entry of a sensor in the observation; users may write to the values."""
-        end = len(self._seen[name]) - self._varied[name].late
-        frames = list(self._seen[name])[end - self._history - 1 : end]
+        frames = list(self._seen[name])[: self._history + 1]
         for quantity in self._observed:
             values = np.stack([frame[quantity] for frame in frames])
             yield name if len(self._observed) == 1 else f"{name}/{quantity}", values if self._history else values[0]
@@ -302,51 +320,6 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         if taken := sorted(own.keys() & added.keys()):
             raise FastModelError(f"the environment observes {taken[0]!r} already; give the sensor another name")
         return spaces.Dict(own | added)
-
-
-class _Varied:
-    """One sensor of one world, with drawn gains, offsets, dead texels and latency.
-
-    Attributes:
-        late: Number of frames by which observations are late [-].
-    """
-
-    def __init__(self, parameters: Parameters, variation: Variation, seed: np.random.SeedSequence | None) -> None:
-        """Draw the values of every texel; without a seed there is no variation."""
-        self._parameters, self._is_varied = parameters, seed is not None and variation != Variation()
-        self._draw, count = np.random.default_rng(seed), parameters.array.count
-        self._gain, self._offset, self.late = np.ones(count), np.zeros(count), 0
-        if self._is_varied:
-            alive = self._draw.random(count) >= variation.dead
-            self._gain = alive * (1 + variation.gain * self._draw.standard_normal(count))
-            self._offset = alive * variation.offset * self._draw.standard_normal(count)
-            self.late = int(self._draw.integers(variation.latency + 1))
-
-    def observe(self, frame: Frame, quantities: Sequence[str]) -> dict[str, npt.NDArray[Any]]:
-        """Return quantities of a frame, by name, as `TactileObservation` describes them.
-
-        Raises:
-            FastModelError: If the contact method does not compute a quantity.
-        """
-        array, found = self._parameters.array, dict[str, npt.NDArray[Any]]()
-        forces = self._gain * np.asarray(frame.texel_forces) + self._offset
-        for quantity in quantities:
-            if quantity == "image":
-                found[quantity] = self._show(forces) if self._is_varied else frame.image
-            elif quantity in {"texel_forces", "pressures"}:
-                found[quantity] = array.image(forces / (frame.texel_area or 1.0 if quantity == "pressures" else 1.0))
-            elif frame.net_force is None or frame.net_torque is None or frame.tangential is None:
-                raise FastModelError(f"the contact method does not compute {quantity!r}; accepted: {QUANTITIES[:3]}")
-            elif quantity == "tangential":
-                found[quantity] = array.image(self._gain * frame.tangential.T)
-            else:
-                found[quantity] = np.concatenate([frame.net_force, frame.net_torque])
-        return {name: each if each.dtype == np.uint8 else each.astype(np.float32) for name, each in found.items()}
-
-    def _show(self, forces: FloatArray) -> npt.NDArray[Any]:
-        """Return the image of varied texel forces."""
-        array, electronics = self._parameters.array, self._parameters.electronics
-        return array.image(electronics.image(np.where(array.active, electronics.counts(forces, self._draw), 0)))
 
 
 def _stack_frames(frames: Sequence[Frame], array: TexelArray, room: int) -> dict[str, Any]:

@@ -84,19 +84,15 @@ class Plate:
         """
         check_box(self.height, self.contype, self.conaffinity)
         if self.margin is not None:
-            check_margin(self._pair(self.margin))
+            check_margin(self.margin if isinstance(self.margin, tuple) else (self.margin,))
         if (self.solref is None) != (self.solimp is None):
             raise ValueError("solref and solimp belong together; give both or neither")
 
-    @staticmethod
-    def _pair(margin: float | tuple[float, float]) -> tuple[float, float]:
-        x, y = margin if isinstance(margin, tuple) else (margin, margin)
-        return (x, y)
-
     def count_pitches(self, array: TexelArray) -> tuple[float, float]:
         """Return the margin along x and y, in pitches of the array [-]."""
-        margin = array.margin if self.margin is None else self._pair(self.margin)
-        return (1.0, 1.0) if margin is None else (margin[0] / array.pitch[0], margin[1] / array.pitch[1])
+        margin = array.margin if self.margin is None else self.margin
+        x, y = np.divide(array.pitch if margin is None else margin, array.pitch).tolist()
+        return (x, y)
 
     def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
         """Add the plate to a spec: one box geom for each flat panel of the array; see `TexelContact.attach`."""
