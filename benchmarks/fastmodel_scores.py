@@ -66,7 +66,7 @@ def single(ratio: float, shapes=tuple(SHAPES), loads=LOADS, yaws=YAWS, places=PL
         shape = SHAPES[name]
         reference = press(cover, ARRAY, shape, load=load, pose=Pose.planar(at=at, yaw=yaw))
         for method, contact in METHODS.items():
-            found = fastmodel.indent(fast, shape, load=load, at=at, yaw=yaw, method=contact)
+            found = fastmodel.indent(fast, shape, load=load, at=at, yaw=yaw, contact=contact)
             yield _row(ratio, name, method, reference, found, load, at, yaw)
 
 
@@ -79,7 +79,7 @@ def two_squares(ratio: float, places=PLACES) -> Iterator[dict]:  # noqa: ANN001
         reference = press_together(cover, ARRAY, bodies)
         placements = [Placement(indenter=SHAPES[name], load=load, at=at) for name, load, at in squares]
         for method, contact in METHODS.items():
-            found = fastmodel.indent_together(fast, placements, method=contact)
+            found = fastmodel.indent_together(fast, placements, contact=contact)
             yield _row(ratio, "two squares", method, reference, found, sum(LOADS), (x, y), 0.0)
 
 
@@ -90,7 +90,7 @@ def tilting_block(ratio: float, places=PLACES) -> Iterator[dict]:  # noqa: ANN00
         settings = {"indenter": BLOCK, "load": LOADS[1], "at": at, "guided": False, "centre": (2e-3, 0.0)}
         reference = press_together(cover, ARRAY, [Body(**settings)])
         for method, contact in METHODS.items():
-            found = fastmodel.indent_together(fast, [Placement(**settings)], method=contact)
+            found = fastmodel.indent_together(fast, [Placement(**settings)], contact=contact)
             yield _row(ratio, "tilting block", method, reference, found, LOADS[1], at, 0.0)
 
 

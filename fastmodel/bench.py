@@ -117,7 +117,7 @@ def indent(
     at: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
     pose: Pose | None = None,
-    method: str | TexelContact = DEFAULT,
+    contact: str | TexelContact = DEFAULT,
 ) -> FastIndentation:
     """Press one guided indenter on the array until it rests under a load.
 
@@ -131,7 +131,7 @@ def indent(
         at: Position of the indenter's axis in the array's frame, without a pose [m].
         yaw: Rotation of the indenter about its axis, without a pose [rad].
         pose: Place, direction of motion and orientation of the indenter.
-        method: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default the best method that the
+        contact: Contact method, by name (`fastmodel.METHODS`) or as settings.  By default the best method that the
             parameters allow (see `choose_method`).
 
     Raises:
@@ -141,14 +141,14 @@ def indent(
     """
     check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
     check_type("pose", pose, (Pose, type(None)), "a meshes.Pose")
-    name, chosen = choose_method(method, parameters)
+    name, chosen = choose_method(contact, parameters)
     surface = chosen.pressed_points
     if pose is None or surface is None:
         if pose is not None:
             if pose.direction != Pose().direction:
                 raise FastModelError(f"the contact method {name!r} presses along the normal, not {pose.direction}")
             at, yaw, indenter = pose.at, pose.yaw, tilt_indenter(indenter, pose.tilt) if any(pose.tilt) else indenter
-        return indent_together(parameters, [Placement(indenter=indenter, load=load, at=at, yaw=yaw)], method=method)
+        return indent_together(parameters, [Placement(indenter=indenter, load=load, at=at, yaw=yaw)], contact=contact)
     started, array = time.perf_counter(), parameters.array
     found = press_points(surface, indenter, pose, load=load)
     contact_forces = np.bincount(surface.find_texels(array), found.forces, array.count).astype(np.float64)
@@ -158,14 +158,14 @@ def indent(
 
 
 def indent_together(
-    parameters: Parameters, placements: Sequence[Placement], *, method: str | TexelContact = DEFAULT
+    parameters: Parameters, placements: Sequence[Placement], *, contact: str | TexelContact = DEFAULT
 ) -> FastIndentation:
     """Simulate several indenters on the array at once, each guided or free to tilt, until all are at rest.
 
     Args:
         parameters: The array and its cover.
         placements: The indenters; they must not touch one another.
-        method: Contact method, as for `indent`.
+        contact: Contact method, as for `indent`.
 
     Raises:
         FastModelError: If an argument has a wrong type.
@@ -180,7 +180,7 @@ def indent_together(
     for placement in placements:
         check_type("placement", placement, Placement, "a fastmodel.Placement")
         _check_placement(placement)
-    name, chosen = choose_method(method, parameters)
+    name, chosen = choose_method(contact, parameters)
     model = _build_model(parameters, placements, chosen)
     reader = chosen.bind(model, parameters.array, _ARRAY, surface=parameters.surface)
     with report_slow_compilation("simulated bench test"):

@@ -49,7 +49,7 @@ def test_force_lands_under_the_indenter_and_nowhere_else():
 def test_force_lands_on_texels_that_are_not_square(method, at):
     array = TexelArray.grid(3, 5, (2e-3, 5e-3))
     parameters = dataclasses.replace(PARAMETERS, array=array)
-    found = indent(parameters, Sphere(radius=2e-3), load=0.02, at=at, method=method)
+    found = indent(parameters, Sphere(radius=2e-3), load=0.02, at=at, contact=method)
     assert found.contact_forces[array.middle] > 0.9 * 0.02
 
 
@@ -84,7 +84,7 @@ def test_a_load_of_which_a_part_is_missing_is_refused(monkeypatch, steps, share)
     monkeypatch.setattr(bench, "SETTLE_TIME", 0.0)
     monkeypatch.setattr(bench, "AVERAGE_TIME", (steps + 0.5) * bench.TIMESTEP)
     with pytest.raises(bench.MissedArrayError, match="of 2 N; 'at' must lie on the array") as refused:
-        indent(PARAMETERS, Sphere(radius=5e-3), load=2.0, method="boxes")
+        indent(PARAMETERS, Sphere(radius=5e-3), load=2.0, contact="boxes")
     carried = float(re.search(r"carry ([\d.]+) N", str(refused.value))[1])
     assert carried / 2 == pytest.approx(share, abs=0.02)
 

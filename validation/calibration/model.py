@@ -219,7 +219,7 @@ def make_fast_method(parameters: Parameters, method: str = DEFAULT) -> ContactMe
     def solve(indenter: Indenter, load: float, pose: Pose) -> FloatArray:
         tilted = tilt_indenter(indenter, (pose.tilt_x, pose.tilt_y))
         try:
-            found = indent(parameters, tilted, load=load, at=(pose.x, pose.y), yaw=pose.yaw, method=method)
+            found = indent(parameters, tilted, load=load, at=(pose.x, pose.y), yaw=pose.yaw, contact=method)
         except MissedArrayError:
             return np.zeros(parameters.array.count)
         return found.texel_forces

@@ -175,10 +175,10 @@ class LayeredBench(Bench):
 
         array, case = self.parameters.array, case.turned
         press = partial(indent, self.parameters, case.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw)
-        fast, foundation = press(method="default"), press(method="foundation")
+        fast, foundation = press(contact="default"), press(contact="foundation")
         published: Mapping[str, tuple[FloatArray, float]] = {}
         if self.comparison is None:
-            boxes = press(method="boxes")
+            boxes = press(contact="boxes")
         else:
             # The published models use the contacts of the simulation of the method `boxes`.
             scene, published = self.comparison.predict(self.cover, self.parameters, case)

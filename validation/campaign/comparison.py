@@ -154,7 +154,7 @@ def compare_models(
         from fastmodel import indent
 
         tell("indentation by the fast model")
-        fast = indent(model, case.indenter, load=case.load, pose=case.pose, method=method)
+        fast = indent(model, case.indenter, load=case.load, pose=case.pose, contact=method)
         if coefficient:
             use = "not used" if fem is None else "used by the finite elements alone"
             sentence = f"the fast model has no friction; {describe_friction(coefficient)} is {use}"

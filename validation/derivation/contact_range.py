@@ -286,7 +286,7 @@ def _repeat_presses(
     ball = Sphere(radius=presses.radius)
     for p, n in np.ndindex(misplaced.shape):
         x, y = presses.points[p].tolist()
-        found = indent(parameters, ball, load=float(presses.load[n]), at=(x, y), method="cover")
+        found = indent(parameters, ball, load=float(presses.load[n]), at=(x, y), contact="cover")
         misplaced[p, n] = measure_misplaced(np.append(found.texel_forces, found.outside), presses.texel_forces[p, n])
         depth[p, n] = found.depth or 0.0
         resolved[p, n] = (found.fewest_cells or 0) >= FEWEST_CELLS

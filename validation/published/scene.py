@@ -122,7 +122,7 @@ def make_scene(cover: Cover, parameters: Parameters, case: Case, response: Texel
         FastModelError: If the texels do not carry the load.
     """
     method = _RecordingBoxes()
-    boxes = indent(parameters, case.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw, method=method)
+    boxes = indent(parameters, case.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw, contact=method)
     array, pose = parameters.array, case.pose
     x, y = pose.to_indenter(array.centres[:, 0], array.centres[:, 1])
     return Scene(

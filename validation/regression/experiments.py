@@ -387,7 +387,7 @@ def _press(
     tangents, normal = tangent_axes(array.normals)[array.middle], array.normals[array.middle]
     pose = Pose.facing(origin + np.array(at) @ tangents, -normal, spin=yaw)
     for method in (each for each in list_methods(parameters) if each in among):
-        pressed = indent(parameters, indenter, load=load, pose=pose, method=method)
+        pressed = indent(parameters, indenter, load=load, pose=pose, contact=method)
         # The forces are read before the point spread, because quantities of their own measure the spread.
         forces = pressed.texel_forces if method in SPREADING else pressed.contact_forces
         readings |= {

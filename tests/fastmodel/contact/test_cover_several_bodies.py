@@ -35,14 +35,14 @@ def misplaced(found, wanted):
     ("prism", "shape"), [(H, LetterH(size=(12e-3, 16e-3), bar=4e-3)), (SQUARE, Box(size=(10e-3, 6e-3, 5e-3)))]
 )
 def test_a_prism_presses_as_the_shape_it_outlines(prism, shape, method):
-    found, wanted = (indent(PARAMETERS, each, method=method, **POSE) for each in (prism, shape))
+    found, wanted = (indent(PARAMETERS, each, contact=method, **POSE) for each in (prism, shape))
     assert found.total_force == pytest.approx(2.0, rel=1e-3)
     assert misplaced(found, wanted) < (1e-3 if method in SAMPLED else 0.2)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_ball_of_facets_presses_as_a_ball(method):
-    found, wanted = (indent(PARAMETERS, each, method=method, **POSE) for each in (BALL, Sphere(radius=5e-3)))
+    found, wanted = (indent(PARAMETERS, each, contact=method, **POSE) for each in (BALL, Sphere(radius=5e-3)))
     assert found.total_force == pytest.approx(2.0, rel=1e-3)
     assert misplaced(found, wanted) < (0.005 if method in SAMPLED else 0.25)
 

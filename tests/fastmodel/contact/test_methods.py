@@ -32,7 +32,7 @@ SHAPES = [
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda s: type(s).__name__)
 def test_the_weight_is_carried_and_nothing_is_negative(shape, method):
     for yaw in (0.0, np.pi / 4, np.pi / 2):
-        found = indent(PARAMETERS, shape, load=0.9, at=(0.7e-3, -1.1e-3), yaw=yaw, method=method)
+        found = indent(PARAMETERS, shape, load=0.9, at=(0.7e-3, -1.1e-3), yaw=yaw, contact=method)
         assert found.total_force == pytest.approx(0.9, rel=1e-3)
         assert found.contact_forces.sum() <= found.total_force * (1 + 1e-9)
         if max(shape.footprint) < 8e-3:  # else it may reach beyond the texels
@@ -44,8 +44,8 @@ def test_the_weight_is_carried_and_nothing_is_negative(shape, method):
 @pytest.mark.parametrize("method", NAMES)
 def test_mirrored_poses_mirror_the_image(method):
     shape = LetterH(size=(12e-3, 16e-3), bar=4e-3)
-    right = indent(PARAMETERS, shape, load=2.0, at=(1.1e-3, 2.3e-3), yaw=0.3, method=method)
-    left = indent(PARAMETERS, shape, load=2.0, at=(-1.1e-3, 2.3e-3), yaw=-0.3, method=method)
+    right = indent(PARAMETERS, shape, load=2.0, at=(1.1e-3, 2.3e-3), yaw=0.3, contact=method)
+    left = indent(PARAMETERS, shape, load=2.0, at=(-1.1e-3, 2.3e-3), yaw=-0.3, contact=method)
     # the boxes of an edge may touch in one more point on one side: their share jumps there
     tolerance = 0.2 if method == "boxes" else 2e-3
     apart = WTS.image(left.texel_forces) - WTS.image(right.texel_forces)[:, ::-1]
@@ -61,7 +61,7 @@ def test_a_flat_face_is_shared_by_area_not_by_contact_points(method):
     share = np.isfinite(shape.gap(WTS.centres[:, :1] + dx - at[0], WTS.centres[:, 1:2] + dy - at[1])).mean(axis=1)
     share /= share.sum()
     apart = {
-        name: np.abs(indent(PARAMETERS, shape, load=1.0, at=at, method=name).contact_forces - share).sum() / 2
+        name: np.abs(indent(PARAMETERS, shape, load=1.0, at=at, contact=name).contact_forces - share).sum() / 2
         for name in (method, "boxes")
     }
     # the cover itself presses harder along edges, so even shares are not its aim
@@ -73,7 +73,7 @@ def test_a_free_body_presses_where_its_weight_stands(method):
     block = Box(size=(10e-3, 10e-3, 10e-3))
     at = (0.7e-3, -1.1e-3)
     placement = Placement(indenter=block, load=2.0, at=at, guided=False, centre=(2e-3, -1e-3))
-    found = indent_together(PARAMETERS, [placement], method=method)
+    found = indent_together(PARAMETERS, [placement], contact=method)
     pressed = found.contact_forces @ WTS.centres[:, :2] / found.contact_forces.sum()
     np.testing.assert_allclose(pressed, np.add(at, [2e-3, -1e-3]), atol=0.6e-3)
 
@@ -127,12 +127,12 @@ def test_the_default_is_the_best_method_that_the_parameters_allow():
 
 def test_masked_texels_carry_but_do_not_measure_and_force_beside_the_texels_is_outside():
     array = ARRAYS["sdh2-distal"]
-    found = indent(parameters(array), Sphere(radius=3e-3), load=1.0, at=tuple(array.centres[0, :2]), method="cover")
+    found = indent(parameters(array), Sphere(radius=3e-3), load=1.0, at=tuple(array.centres[0, :2]), contact="cover")
     assert found.contact_forces[0] > 0.3
     assert np.all(found.texel_forces[~array.active] == 0)
     assert found.outside > 0.3
     edge = WTS.centres[:, 0].max() + 1.7e-3
-    found = indent(PARAMETERS, Cylinder(radius=2e-3), load=1.0, at=(edge, 1.7e-3), method="cover")
+    found = indent(PARAMETERS, Cylinder(radius=2e-3), load=1.0, at=(edge, 1.7e-3), contact="cover")
     assert found.total_force == pytest.approx(1, rel=1e-3)
     assert 0.3 < found.contact_forces.sum() < 0.7
     assert found.outside > 0.3
@@ -142,12 +142,12 @@ def test_wrong_use_raises_an_error_that_names_the_fault():
     sphere = SHAPES[0]
     bare = dataclasses.replace(PARAMETERS, surface=None)
     with pytest.raises(ParametersError, match="'cover' needs the cover's cells"):
-        indent(bare, sphere, load=1.0, method="cover")
+        indent(bare, sphere, load=1.0, contact="cover")
     with pytest.raises(FastModelError, match="'area' was removed: use 'foundation'"):
-        indent(PARAMETERS, sphere, load=1.0, method="area")
+        indent(PARAMETERS, sphere, load=1.0, contact="area")
     assert indent(dataclasses.replace(bare, array=bent_array()), sphere, load=1.0).method == "boxes"
     with pytest.raises(FastModelError, match="valid names: boxes, cover, curved, default, foundation"):
-        indent(PARAMETERS, sphere, load=1.0, method="covers")
+        indent(PARAMETERS, sphere, load=1.0, contact="covers")
     with pytest.raises(FastModelError, match="pitch"):
         dataclasses.replace(PARAMETERS, surface=cells(TexelArray.grid(2, 2, 3e-3)))
     spec = mujoco.MjSpec()

@@ -49,7 +49,7 @@ def test_a_curved_array_carries_the_load_as_a_vector(array, method):
     touched = set()
     for shape in (Sphere(radius=5e-3), Box(size=(8e-3, 12e-3, 5e-3))):
         for at in ((0.7e-3, -1.1e-3), (1.0e-3, 6e-3)):
-            found = indent(parameters(array, surface=CELLS), shape, load=1.5, at=at, method=method)
+            found = indent(parameters(array, surface=CELLS), shape, load=1.5, at=at, contact=method)
             # guided along z: the guide takes up the lateral force
             assert found.contact_forces @ array.normals[:, 2] == pytest.approx(1.5, rel=1e-6)
             assert found.contact_forces.min() >= 0
@@ -67,7 +67,7 @@ def test_a_flat_array_in_two_panels_reads_as_one_panel(shape, method):
     assert (len(divide_into_panels(WTS, 0)), len(divide_into_panels(cut, 0))) == (1, 2)
     # the seam lies under the shape; boxes put whole contact points on either side of it
     whole, halves = (
-        indent(parameters(array, surface=SOFT), shape, load=2.0, at=(0.9e-3, 1.3e-3), method=method)
+        indent(parameters(array, surface=SOFT), shape, load=2.0, at=(0.9e-3, 1.3e-3), contact=method)
         for array in (WTS, cut)
     )
     assert np.abs(halves.contact_forces - whole.contact_forces).sum() < 2e-3
@@ -76,7 +76,7 @@ def test_a_flat_array_in_two_panels_reads_as_one_panel(shape, method):
 
 def test_boxes_on_a_ridge_carry_too_little():
     array = bent(10e-3)
-    found = indent(parameters(array, surface=CELLS), Sphere(radius=5e-3), load=2.0, at=(0, 1.7e-3), method="boxes")
+    found = indent(parameters(array, surface=CELLS), Sphere(radius=5e-3), load=2.0, at=(0, 1.7e-3), contact="boxes")
     assert 0.03 < 1 - found.contact_forces @ array.normals[:, 2] / 2.0 < 0.08
 
 
@@ -84,7 +84,9 @@ def test_boxes_on_a_ridge_carry_too_little():
 def test_order_of_texels_does_not_matter_in_a_plane(method):
     scattered, order = shuffled(WTS)
     here, there = (
-        indent(parameters(array, surface=CELLS), Box(size=(9e-3, 5e-3, 5e-3)), load=1.0, at=(9e-3, 2e-3), method=method)
+        indent(
+            parameters(array, surface=CELLS), Box(size=(9e-3, 5e-3, 5e-3)), load=1.0, at=(9e-3, 2e-3), contact=method
+        )
         for array in (WTS, scattered)
     )
     np.testing.assert_allclose(there.contact_forces, here.contact_forces[order], atol=1e-9)
@@ -120,7 +122,7 @@ def test_foundation_on_a_bent_sheet_accounts_for_both_curvatures(radius):
     places = radius * (normals - [0, 0, 1]) + array.centres * [1, 0, 0]
     array = dataclasses.replace(array, centres=places, normals=normals, pitch=pitch, texel_size=pitch)
     bare = parameters(array, surface=None)
-    found = indent(bare, Sphere(radius=ball), load=load, method=fastmodel.Foundation(modulus=modulus))
+    found = indent(bare, Sphere(radius=ball), load=load, contact=fastmodel.Foundation(modulus=modulus))
     a, b = 1 / (2 * ball), 1 / (2 * ball) + 1 / (2 * radius)
     # volume of the paraboloid: load = k pi d^2 / (2 sqrt(a b))
     depth = np.sqrt(2 * load * np.sqrt(a * b) / (np.pi * modulus))

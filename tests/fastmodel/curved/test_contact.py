@@ -73,10 +73,10 @@ def test_a_press_along_a_direction_is_the_same_verb(parameters):
     assert found.contact_forces.sum() == pytest.approx(found.points.sum())
     assert found.depth > 0
     with pytest.raises(FastModelError, match="does not suit this cover; accepted: curved"):
-        fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, pose=pose, method="boxes")
+        fastmodel.indent(parameters, Sphere(radius=4e-3), load=LOAD, pose=pose, contact="boxes")
     flat = dataclasses.replace(parameters, surface=None)
     with pytest.raises(FastModelError, match="along the normal"):
-        fastmodel.indent(flat, Sphere(radius=4e-3), load=LOAD, pose=pose, method="boxes")
+        fastmodel.indent(flat, Sphere(radius=4e-3), load=LOAD, pose=pose, contact="boxes")
 
 
 @pytest.mark.parametrize("joint", ["slide", "hinge"])

@@ -62,7 +62,7 @@ def test_one_depth_is_matched_and_the_others_are_not(matched):
 def test_a_plate_with_fitted_parameters_carries_the_same_weight():
     found = fit_contact([0.5, 1.0, 2.0], [0.02e-3, 0.04e-3, 0.06e-3])
     soft = CoverContact(plate=found.plate())
-    stiff, soft = (indent(parameters(), BALL, load=1.0, method=each) for each in (CoverContact(), soft))
+    stiff, soft = (indent(parameters(), BALL, load=1.0, contact=each) for each in (CoverContact(), soft))
     assert soft.total_force == pytest.approx(1.0, rel=1e-3)
     np.testing.assert_allclose(soft.texel_forces, stiff.texel_forces, atol=1e-3)
 
@@ -92,6 +92,6 @@ def test_bad_points_raise_an_error_that_names_the_fault(fit, message):
 def test_the_foundation_of_cells_lies_among_those_of_contacts_of_its_width():
     """Cells and depth curve tell the same cover: an even patch of the width of a punch asks for about its modulus."""
     punch = Box(size=(8e-3, 8e-3, 5e-3))
-    found = indent(parameters(), punch, load=2.0, method="cover")
+    found = indent(parameters(), punch, load=2.0, contact="cover")
     again = fit_foundation(punch, [1.0, 2.0], [found.depth / 2, found.depth])
     assert again.modulus == pytest.approx(cells().foundation_modulus(8e-3), rel=0.1)

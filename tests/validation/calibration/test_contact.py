@@ -64,7 +64,7 @@ def test_the_fast_model_is_asked_at_the_pose_and_reads_nothing_beside_the_array(
     assert (boxes.name, boxes.gain_error) == ("fast model, boxes", 0.34)
     pose = Pose(1e-3, -2e-3, yaw=0.3)
     found = boxes.solve(FACE, 2.0, pose)
-    alone = fastmodel.indent(parameters, FACE, load=2.0, at=(1e-3, -2e-3), yaw=0.3, method="boxes")
+    alone = fastmodel.indent(parameters, FACE, load=2.0, at=(1e-3, -2e-3), yaw=0.3, contact="boxes")
     np.testing.assert_allclose(found, alone.texel_forces)
     assert not boxes.solve(FACE, 2.0, Pose(0.1, 0.0)).any()
     cover = make_fast_method(fastmodel.load("wts-0614-34"))

@@ -28,7 +28,7 @@ def predict(parameters, case):
     """Texel forces and force outside of every model in a case, each simulated anew."""
     methods = {"fast": "default", "foundation": "foundation", "boxes": "boxes"}
     press = partial(fastmodel.indent, parameters, case.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw)
-    found = {name: press(method=method) for name, method in methods.items()}
+    found = {name: press(contact=method) for name, method in methods.items()}
     forces = {name: (each.texel_forces, each.outside) for name, each in found.items()}
     bare = found["boxes"].contact_forces
     return forces | {"no-spread": (bare, case.load - bare.sum()), "zeros": (np.zeros(84), 0.0)}

@@ -29,7 +29,7 @@ def press(parameters, bonded):
 def test_contacts_are_those_of_the_method_boxes(press, parameters, case):
     scene = press(case)
     boxes = fastmodel.indent(
-        parameters, case.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw, method="boxes"
+        parameters, case.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw, contact="boxes"
     )
     np.testing.assert_array_equal(scene.boxes.contact_forces, boxes.contact_forces)
     np.testing.assert_array_equal(scene.boxes.texel_forces, boxes.texel_forces)
