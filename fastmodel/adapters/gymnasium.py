@@ -246,7 +246,6 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         for name, sensor in self.sensors.items():
             if sensor.step(data):
                 self._made[name].append(sensor.frame())
-                self._seen[name].append(self._look(name))
 
     def _count_frames(self, rate_hz: float) -> int:
         """Return the largest number of frames that a sensor of a given rate can make in one step of the environment."""
@@ -271,6 +270,8 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
     def _observe(self, observation: Any) -> dict[str, Any]:  # noqa: ANN401 -- whatever the environment observes
         """Add the latest image of each sensor to an observation of the environment."""
         own = dict(observation) if isinstance(self.env.observation_space, spaces.Dict) else {"observation": observation}
+        for name, made in self._made.items():
+            self._seen[name].extend(self._look(name, frame) for frame in made[-(self._seen[name].maxlen or 1) :])
         return own | {key: values for name in self.sensors for key, values in self._list_entries(name)}
 
     def _fill(self, name: str, seed: np.random.SeedSequence | None = None) -> None:
@@ -279,13 +280,14 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         alive = draw.random(count) >= vary.dead
         gain, offset = 1 + vary.gain * draw.standard_normal(count), vary.offset * draw.standard_normal(count)
         self._drawn[name] = (alive * gain, alive * offset, draw)
+        self._made[name].clear()
         length = self._history + 1 + int(draw.integers(vary.latency + 1))
-        self._seen[name] = deque([self._look(name)] * length, maxlen=length)
+        self._seen[name] = deque([self._look(name, self.sensors[name].frame())] * length, maxlen=length)
 
-    def _look(self, name: str) -> dict[str, npt.NDArray[Any]]:
-        """Return the observed quantities of the latest frame of a sensor, by name, with its variation."""
-        sensor, (gain, offset, draw) = self.sensors[name], self._drawn[name]
-        frame, array, electronics = sensor.frame(), sensor.parameters.array, sensor.parameters.electronics
+    def _look(self, name: str, frame: Frame) -> dict[str, npt.NDArray[Any]]:
+        """Return the observed quantities of a frame of a sensor, by name, with the variation of the sensor."""
+        parameters, (gain, offset, draw) = self.sensors[name].parameters, self._drawn[name]
+        array, electronics = parameters.array, parameters.electronics
         forces = gain * np.asarray(frame.texel_forces) + offset
         found = {"image": frame.image, "texel_forces": array.image(forces)}
         found["pressures"] = array.image(forces / (frame.texel_area or 1.0))
