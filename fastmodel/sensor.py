@@ -37,6 +37,7 @@ from fastmodel.signal.chain import ChainFunctions, ChainState
 from fastmodel.signal.frame import Frame
 from fastmodel.signal.point_spread import find_tangents
 from fastmodel.state import State, make_generator, pack, pack_generator, take_array, unpack, unpack_generator
+from fastmodel.validity import describe_offset, find_offset
 from meshes.array_types import FloatArray
 
 #: Lowest sampling rate of costly contact methods over the filter's cut-off [-].  Half the sampling rate, the highest
@@ -173,6 +174,8 @@ class Sensor:
         self._geoms = find_geoms_of(model, name, suffix)
         self._waits = self._every is None and self._contact.costly and parameters.filter is None
         self._validity = parameters.validity
+        #: Distance of centres of pressure above which a warning is given, half a pitch [m]; None after the warning.
+        self._farthest: float | None = 0.5 * min(parameters.array.pitch)
         self._noise = make_generator(parameters.electronics.seed, self._label)
         self._settle(np.zeros(()))
 
@@ -266,16 +269,14 @@ class Sensor:
     def _make_frame(self, noise: np.random.Generator | None) -> None:
         """Make a frame from the latest filtered sample, with or without the noise of the electronics."""
         self._state, made = self._functions.frame(self._state, noise)
-        vectors: FloatArray = made.others.copy()
+        vectors = _name_vectors(self._reading, made.others)
         self._frame = Frame(
             time=self._sampled_at,
             counts=made.counts,
             texel_forces=made.texel_forces,
             image=made.image,
             texel_area=math.prod(self.parameters.array.texel_size),
-            net_force=vectors[:3] if len(vectors) else None,
-            net_torque=vectors[3:6] if len(vectors) else None,
-            tangential=vectors[6:].reshape(-1, 2) if len(vectors) else None,
+            **vectors,
             outside=float(made.outside),
             tangential_source=self._reading.tangential_source,
         )
@@ -315,6 +316,9 @@ class Sensor:
             if self._validity is not None and self._validity.is_exceeded(reading):
                 warn_user(f"sensor {self._label!r}: {self._validity.describe_excess(reading)}", RangeWarning)
                 self._validity = None  # Only the first contact beyond the range gives a warning.
+            if self._farthest is not None and find_offset(reading) > self._farthest:
+                warn_user(f"sensor {self._label!r}: {describe_offset(reading)}", RangeWarning)
+                self._farthest = None  # The same holds for centres of pressure.
         self._steps += 1
         due = self._count_due(self._sampled_at)
         if due <= self._frames:
@@ -601,9 +605,24 @@ def _list_signals(reading: Reading) -> tuple[FloatArray, np.float64, FloatArray 
     """Return the signals of a reading with n texels that the filter takes.
 
     They are the texel forces, at the base of the cover if the contact method computes them, shape (n,) [N]; the total
-    force [N]; and net force, net torque and tangential forces, shape (6 + 2 n,) [N, N m], if the reading has them.
+    force [N]; and net force and net torque, the torques of the pressure, and the tangential forces, shape (m,)
+    [N, N m], as far as the reading has them.
     """
     pressing = reading.contact_forces if reading.texel_forces is None else reading.texel_forces
-    if reading.wrench is None or reading.tangential is None:
-        return pressing, np.float64(reading.carried), None
-    return pressing, np.float64(reading.carried), np.concatenate([reading.wrench, reading.tangential.reshape(-1)])
+    parts = (reading.wrench, reading.torques, reading.tangential)
+    vectors = [each.reshape(-1) for each in parts if each is not None]
+    return pressing, np.float64(reading.carried), np.concatenate(vectors) if vectors else None
+
+
+def _name_vectors(reading: Reading, vectors: FloatArray) -> dict[str, FloatArray]:
+    """Divide the filtered vectors of `_list_signals`, shape (m,), among the fields of a `Frame`."""
+    pairs: list[tuple[str, FloatArray]] = []
+    if reading.wrench is not None:
+        pairs += [("net_force", vectors[:3]), ("net_torque", vectors[3:6])]
+        vectors = vectors[6:]
+    if reading.torques is not None:
+        pairs += [("pressure_torque", vectors[:3]), ("missed_torque", vectors[3:6])]
+        vectors = vectors[6:]
+    if reading.tangential is not None:
+        pairs += [("tangential", vectors.reshape(-1, 2))]
+    return {name: each.copy() for name, each in pairs}

@@ -378,6 +378,16 @@ class CoverPoints:
         if len(self.influence) != array.count:
             raise FastModelError(f"the cover is for {len(self.influence)} texels; the array has {array.count}")
 
+    @cached_property
+    def spacing(self) -> float:
+        """Mean distance of a point to the nearest other point [m]."""
+        return float(np.asarray(cKDTree(self.points).query(self.points, 2)[0])[:, 1].mean())
+
+    @cached_property
+    def mean_compliance(self) -> float:
+        """Mean displacement of a point under unit force on it [m/N]."""
+        return float(np.diag(self.compliance).mean())
+
     def find_texels(self, array: TexelArray) -> IntArray:
         """Find for each of m points the texel below it, shape (m,) [-].
 

@@ -90,6 +90,21 @@ class Validity:
         )
 
 
+def find_offset(reading: Reading) -> float:
+    """Find the distance of the centre of pressure from that of MuJoCo's contacts, for bodies that may tilt [m]."""
+    if reading.torques is None or not reading.carried > 0:
+        return 0.0
+    return math.hypot(*reading.torques[3:].tolist()) / reading.carried
+
+
+def describe_offset(reading: Reading) -> str:
+    """Describe in one sentence a centre of pressure that lies apart from that of MuJoCo's contacts."""
+    return (
+        f"the centre of pressure lies {1e3 * find_offset(reading):.2g} mm from that of MuJoCo's contacts, because no "
+        f"pressure under the body's shape has their torque"
+    )
+
+
 def describe_limits(reading: Reading, validity: Validity | None) -> tuple[str, ...]:
     """Describe in sentences why the texel forces or the depth of a reading may be wrong; empty if nothing is known.
 

@@ -31,6 +31,9 @@ class Reading(NamedTuple):
         fewest_cells: Smallest number of cells under pressure of any body [-]; None if the contact method has no cells.
         wrench: Force that all contacts exert on the array, including its sides and back, and their torque about its
             origin, in the array's frame, shape (6,) [N, N m]; None if the contact method does not compute them.
+        torques: Torque of the pressure about the array's origin, and what it lacks of the torque of the contacts of
+            bodies that are free to tilt, in the array's frame, shape (6,) [N m]; None if the contact method does not
+            compute them.
         tangential: Tangential force on each texel along its two tangents (x and y of a flat array), before spread,
             shape (n, 2); None if the contact method does not compute it [N].
         tangential_source: Method by which the tangential forces were computed, see `Frame.tangential_source`.
@@ -42,8 +45,24 @@ class Reading(NamedTuple):
     approach: FloatArray | None = None
     fewest_cells: int | None = None
     wrench: FloatArray | None = None
+    torques: FloatArray | None = None
     tangential: FloatArray | None = None
     tangential_source: str = ""
+
+    def change(self, values: FloatArray) -> Reading:
+        """Return the reading with changed values.
+
+        Args:
+            values: Changes of `contact_forces`, of `texel_forces` if there are any, of `torques`, and of `carried`,
+                shape (n + 7,) or (2 n + 7,) [N, N m].
+        """
+        count, texel_forces = len(self.contact_forces), self.texel_forces
+        return self._replace(
+            contact_forces=self.contact_forces + values[:count],
+            texel_forces=None if texel_forces is None else texel_forces + values[count : 2 * count],
+            carried=self.carried + float(values[-1]),
+            torques=None if self.torques is None else self.torques + values[-7:-1],
+        )
 
 
 class TexelContact(Protocol):

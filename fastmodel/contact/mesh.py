@@ -11,7 +11,6 @@ position of this force is uncertain by about half a facet.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -22,10 +21,9 @@ from scipy.spatial.transform import Rotation
 
 from fastmodel.contact.bodies import COLOUR, EVERY, check_box, find_geoms
 from fastmodel.contact.interface import Reading, TexelContact
-from fastmodel.contact.points import PointPressure, solve_pressure
-from fastmodel.contact.reader import ArrayContact, PressureReader
+from fastmodel.contact.points import solve_pressure
+from fastmodel.contact.reader import ArrayContact, PressureReader, Solved
 from fastmodel.errors import FastModelError, ParametersError
-from fastmodel.pressure.solvers import Load
 from fastmodel.state import State, take_array
 from fastmodel.surface import CoverPoints, Surface
 from meshes import TexelArray
@@ -167,7 +165,7 @@ class MeshReader(PressureReader):
         geoms = [f"{name}/plate"]
         frame = _find_mesh_frame(model, int(find_geoms(model, geoms, name)[0]))
         super().__init__(model, array, name, geoms=geoms, frame=frame)
-        self._cover, self._length = cover, cover.thickness
+        self._cover, self._length = cover, cover.spacing
         self._points, self._texel = cKDTree(cover.points), cover.find_texels(array)
         self._nothing = self.at_rest(np.zeros(array.count))
 
@@ -213,31 +211,40 @@ class MeshReader(PressureReader):
         )
         return (contact, None) if contact.bodies or len(contact.points) else None
 
-    def _solve(self, contact: ArrayContact) -> Reading:
+    def _solve(self, contact: ArrayContact) -> Solved:
         """Compute the forces on the points of the cover from the loads of all bodies.
 
-        First the pressure is computed for the force and the moments of each body.  If no pressure balances the
-        moments, it is computed again for the forces alone.  If this does not converge either, the forces of the last
-        iteration are returned.
+        If the search does not converge, the forces of its last iteration are used.
         """
-        forces, carried, fewest = np.zeros(len(self._cover.points)), 0.0, None
+        points, normals = self._cover.points, self._cover.normals
+        pressing, carried, fewest, depth, owner = np.zeros(len(points)), 0.0, None, 0.0, np.zeros(0, dtype=np.int64)
         if contact.loads:
             found = solve_pressure(self._cover, contact.poses, contact.loads, self._forces)
-            if not found.settled or _misses_load(self._cover, found, contact.loads):
-                found = solve_pressure(self._cover, contact.poses, [load.without_moments() for load in contact.loads])
-            forces, fewest = found.forces, int(found.points.min())
+            pressing, fewest = found.forces, int(found.points.min())
+            owner = (np.cumsum(found.points > 0) - 1)[found.owner]
+            touched = pressing > 0
+            depth = float((self._cover.compliance[np.ix_(touched, touched)] @ pressing[touched]).max(initial=0.0))
             # A body so small that it fits between the points acts through its contact points.
             contact = contact.select(found.points.nonzero()[0].tolist())
             carried = sum(load.force for load in contact.loads)
+        forces = pressing
         if len(contact.points):
             # contacts without a convex shape act as forces on the nearest points
             nearest, pressure = self._points.query(contact.points[:, :3])[1], contact.points[:, 3:]
-            forces = forces.copy()
-            np.add.at(forces, nearest, np.maximum((pressure * self._cover.normals[nearest]).sum(axis=1), 0.0))
+            forces = pressing.copy()
+            np.add.at(forces, nearest, np.maximum((pressure * normals[nearest]).sum(axis=1), 0.0))
             carried += float(np.linalg.norm(pressure, axis=1).sum())
         self._forces = forces
         contact_forces = np.bincount(self._texel, forces, self._array.count).astype(np.float64)
-        return Reading(contact_forces, self._cover.influence @ forces, carried, fewest_cells=fewest)
+        reading = Reading(contact_forces, self._cover.influence @ forces, carried, fewest_cells=fewest)
+
+        def add_up(forces: FloatArray) -> list[FloatArray]:
+            sums = np.bincount(self._texel, forces, self._array.count).astype(np.float64)
+            return [sums, self._cover.influence @ forces]
+
+        if not len(owner):
+            owner = np.zeros(len(points), dtype=np.int64)
+        return self._conclude(contact, reading, (owner, points, normals), pressing, depth=depth, add_up=add_up)
 
 
 def _find_mesh_frame(model: mujoco.MjModel, geom: int) -> tuple[FloatArray, FloatArray]:
@@ -247,13 +254,3 @@ def _find_mesh_frame(model: mujoco.MjModel, geom: int) -> tuple[FloatArray, Floa
     """
     mesh = int(model.geom_dataid[geom])
     return Rotation.from_quat(model.mesh_quat[mesh], scalar_first=True).as_matrix(), model.mesh_pos[mesh].copy()
-
-
-def _misses_load(cover: CoverPoints, found: PointPressure, loads: Sequence[Load]) -> bool:
-    """Return whether the computed force of any touching body differs from its load by more than 1 % along the load."""
-    for number, load in enumerate(loads):
-        force = np.where(found.owner == number, found.forces, 0.0) @ cover.normals
-        length = float(np.linalg.norm(load.pressing))
-        if found.points[number] and abs((force - load.pressing) @ load.pressing) > 1e-2 * load.force * length:
-            return True
-    return False

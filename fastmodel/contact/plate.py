@@ -29,11 +29,12 @@ from fastmodel.compiled import compile_kernel
 from fastmodel.contact.bodies import EVERY, check_box, describe_box, sample_boxes
 from fastmodel.contact.forces import FRONT, NetForceReader, Sums, press_plate, read_contacts, sum_contacts
 from fastmodel.contact.interface import ContactReader, Reading, TexelContact
-from fastmodel.contact.reader import ArrayContact, PressureReader
+from fastmodel.contact.reader import ArrayContact, PressureReader, Solved
 from fastmodel.errors import ParametersError
 from fastmodel.pressure.cell_grid import BaseForces, Panel, PanelCells, divide_into_panels, lay_out
 from fastmodel.pressure.flexes import FlexSurfaces
 from fastmodel.pressure.gap import GapSamples, PosedBody, sample_gap
+from fastmodel.pressure.pressure_kernels import spread_on_window
 from fastmodel.pressure.solvers import STEEP, CoverSolver, FoundationSolver, Load, PressureSolution, PressureSolver
 from fastmodel.state import State, take_array
 from fastmodel.surface import Surface
@@ -259,7 +260,7 @@ class CellReader(PressureReader):
         self._length, self._height = min(edges), plate.height
         self._net_force = NetForceReader(model, array, self._geoms, axes=axes, middle=middle)
         self._flexes = FlexSurfaces(model, 0.5 * min(array.pitch))
-        self._press_plate = compile_kernel(press_plate)
+        self._press_plate, self._spread = compile_kernel(press_plate), compile_kernel(spread_on_window)
         self._first, self._reach = _FIRST * first, dict[int, float]()
         self._nothing = self.at_rest(np.zeros(array.count))
 
@@ -343,13 +344,17 @@ class CellReader(PressureReader):
         """
         return sample_gap(self._grid, contact.poses, reach)
 
-    def _solve(self, contact: ArrayContact) -> Reading:
+    def _solve(self, contact: ArrayContact) -> Solved:
         """Compute the forces on cells, and sum them over texels.
 
         The reach of a body is the height above its smallest gap up to which cells are sampled.  It is increased until
-        all cells under pressure, and some more, lie within it.
+        all cells under pressure lie within it.
         """
-        reach, most = [self._reach.get(body, self._first) for body in contact.bodies], 20 * self._first
+        reach = [self._reach.get(body, self._first) for body in contact.bodies]
+        # The parts of a body may touch far from one another, where MuJoCo's contacts are.
+        reach = [
+            have if pose.is_convex else max(have, pose.depth) for have, pose in zip(reach, contact.poses, strict=True)
+        ]
         while reach:
             samples = self.sample_gap(contact, reach)
             found = samples.bodies_found
@@ -358,33 +363,57 @@ class CellReader(PressureReader):
                 contact, reach = contact.select(found), [reach[k] for k in found]
                 continue
             solution = self._solver.solve(samples, contact.loads)
-            height = np.where(np.isfinite(solution.height), solution.height, self._first).tolist()
-            # The cover may bulge beside a contact, so that the reach must exceed the height of the contact.  A reach
-            # with a margin is kept for the next solution, so that it suffices while the load rises.
-            needed = [
-                min(1.6 * top, most) if have < min(1.2 * top, most) else have
-                for have, top in zip(reach, height, strict=True)
-            ]
+            heights = self._find_heights(contact, samples, solution)
+            needed = [1.2 * top if have < top else have for have, top in zip(reach, heights, strict=True)]
             if needed == reach:
-                for body, top in zip(contact.bodies, height, strict=True):
-                    self._reach[body] = min(max(1.6 * top, 0.25 * self._first), most)
-                return self._add_points(contact, self._sum(contact, samples, solution))
+                for body, top in zip(contact.bodies, heights, strict=True):
+                    # a margin, so that the reach suffices while the load rises
+                    self._reach[body] = max(1.2 * top, 0.25 * self._first)
+                return self._sum(contact, samples, solution)
             # A solution on fewer cells is a poor start value: the iteration would stop at once and add no cells.
             self._solver.reset()
             reach = needed
-        return self._add_points(contact, self._nothing)
+        nothing = np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3))
+        return self._conclude(
+            contact, self._add_points(contact, self._nothing), nothing, np.zeros(0), depth=0.0, add_up=lambda _: []
+        )
 
-    def _sum(self, contact: ArrayContact, samples: GapSamples, solution: PressureSolution) -> Reading:
+    def _find_heights(self, contact: ArrayContact, samples: GapSamples, solution: PressureSolution) -> list[float]:
+        """Find, for each body, the reach that the solution requires, shape (bodies,) [m].
+
+        The contact of a convex body with a plate is connected.  If no cell around the cells within reach is under
+        pressure, the solution is that on all cells.  Other bodies, and panels, whose cells have no such neighbours, may
+        touch in several places.  Their reach must exceed the height up to which the undeformed surfaces overlap,
+        because the cover may bulge beside a contact.
+        """
+        pressed, flat = solution.forces > 0, not self._grid.panels
+        heights = []
+        for body, pose in enumerate(contact.poses):
+            own = pressed & (samples.body == body) if len(contact.poses) > 1 else pressed
+            exact = flat and pose.is_convex
+            top = float((samples.gap if exact else solution.surface)[own].max(initial=-np.inf) - samples.lowest[body])
+            heights.append((top if exact else 1.5 * top) if math.isfinite(top) else self._first)
+        return heights
+
+    def _sum(self, contact: ArrayContact, samples: GapSamples, solution: PressureSolution) -> Solved:
         """Sum the forces on cells over texels, at the top and, if the method computes them, at the base."""
         pressed = np.bincount(samples.body, solution.forces > 0, len(contact.loads))
+        window, origin = solution.window, solution.origin
+
+        def add_up(forces: FloatArray) -> list[FloatArray]:
+            sums = [self._grid.sum_on_texels(samples.row, samples.column, forces)]
+            if window is not None and solution.shares is not None:
+                spread = self._spread(*solution.shares, forces, window.shape)
+                sums.append(np.asarray(self._solver.find_base_forces(spread, origin)))
+            return sums
+
         texel_forces = None
-        if solution.window is not None:
-            window, origin = solution.window, solution.origin
+        if window is not None:
+            placed, first = window, origin
             if len(pressed) == 1 and pressed[0] < FEWEST_CELLS and not self._grid.panels:
-                load = contact.loads[0]
-                window, origin = self._grid.shift_window(window, origin, load.moment / load.force)
-            texel_forces = self._solver.find_base_forces(window, origin)
-        return Reading(
+                placed, first = self._grid.shift_window(window, origin, contact.loads[0].centre[:2])
+            texel_forces = self._solver.find_base_forces(placed, first)
+        reading = Reading(
             contact_forces=self._grid.sum_on_texels(samples.row, samples.column, solution.forces),
             texel_forces=texel_forces,
             carried=float(solution.forces.sum()),
@@ -392,12 +421,16 @@ class CellReader(PressureReader):
             approach=solution.approach if len(self._grid.panels) <= 1 else None,
             fewest_cells=int(pressed.min()),
         )
+        cells = samples.body, samples.place, samples.normal
+        depth = float((solution.surface - samples.gap).max())
+        return self._conclude(
+            contact, self._add_points(contact, reading), cells, solution.forces, depth=depth, add_up=add_up
+        )
 
     def _add_points(self, contact: ArrayContact, reading: Reading) -> Reading:
-        """Add the point forces of a contact, and the force beside the front of the array, to a reading."""
-        carried = reading.carried + contact.beside
+        """Add the point forces of a contact to a reading."""
         if not len(contact.points):
-            return reading._replace(carried=carried) if contact.beside else reading
+            return reading
         row, column, forces = self._grid.divide_points(contact.points)
         contact_forces = reading.contact_forces + self._grid.sum_on_texels(row, column, forces)
         texel_forces = reading.texel_forces
@@ -406,7 +439,7 @@ class CellReader(PressureReader):
             window = np.zeros((row.max() - origin[0] + 1, column.max() - origin[1] + 1))
             np.add.at(window, (row - origin[0], column - origin[1]), forces)
             texel_forces = texel_forces + np.asarray(self._solver.find_base_forces(window, origin))
-        carried += float(contact.points[:, 2].sum())
+        carried = reading.carried + float(contact.points[:, 2].sum())
         return reading._replace(contact_forces=contact_forces, texel_forces=texel_forces, carried=carried)
 
 

@@ -80,8 +80,11 @@ def solve_pressure(
         if not reached.all():
             return _solve_without(cover, bodies, loads, ~reached)
         near = np.where(np.isfinite(gap), owner, -1)
-        columns, target, first = join_constraints(loads, near, cover.points, cover.normals)
-        forces, motion, found = _exchange(cover, gap, columns, target, touching)
+        constraints, first = join_constraints(
+            loads, near, cover.points, cover.normals, cover.spacing, cover.mean_compliance
+        )
+        columns = constraints[0]
+        forces, motion, found = _exchange(cover, gap, constraints, touching)
         touching = forces > 0
         # The travel is computed from all motions of a body, projected on its first direction, because the other
         # directions may be almost parallel to the first.
@@ -140,21 +143,25 @@ def _measure(cover: CoverPoints, body: PosedBody, outward: FloatArray, travel: f
 
 
 def _exchange(
-    cover: CoverPoints, gap: FloatArray, columns: FloatArray, target: FloatArray, touching: BoolArray | None
+    cover: CoverPoints,
+    gap: FloatArray,
+    constraints: tuple[FloatArray, FloatArray, FloatArray],
+    touching: BoolArray | None,
 ) -> tuple[FloatArray, FloatArray, bool]:
     """Find which of the m points are in contact, and compute their forces.
 
     Args:
         cover: The cover.
         gap: Gap of the undeformed cover at each point, infinite where no body presses, shape (m,) [m].
-        columns: Columns of k constraints columns.T @ forces = target, shape (m, k).
-        target: Prescribed values of the constraints, shape (k,) [N].
+        constraints: Columns of k constraints columns.T @ forces + slacks = target, shape (m, k), target, shape (k,)
+            [N], and compliance of each slack, shape (k,) [m/N].
         touching: Whether each point is in contact at the start of the search, shape (m,); None if unknown.
 
     Returns:
         Forces, shape (m,) [N]; motions of the bodies along the constraints, shape (k,) [m]; and whether the search
         converged.
     """
+    columns, target, yielding = constraints
     near = np.isfinite(gap)
     if touching is None or not (touching & near).any():
         touching = np.zeros(len(gap), dtype=bool)
@@ -162,15 +169,14 @@ def _exchange(
             own = np.flatnonzero(column & near)
             touching[own[np.argsort(gap[own])[:6]]] = True
     touching = touching & near
-    # A small compliance of the constraints keeps the equations regular where the points in contact do not determine
-    # each motion of a body.
-    loose = 1e-9 / float(np.diag(cover.compliance).mean())
+    # A constraint without slack has a very small compliance, which keeps the equations regular.
+    loose = np.diag(1 / np.where(yielding > 0, yielding, 1e9 * cover.mean_compliance))
     fewest, patience = len(gap) + 1, _PATIENCE
     forces, motion = np.zeros(len(gap)), np.zeros(len(target))
     for _ in range(100):
         nodes = np.flatnonzero(touching)
         part = columns[nodes]
-        system = np.block([[cover.compliance[np.ix_(nodes, nodes)], -part], [part.T, loose * np.eye(len(target))]])
+        system = np.block([[cover.compliance[np.ix_(nodes, nodes)], -part], [part.T, loose]])
         solved = np.linalg.solve(system, np.concatenate([-gap[nodes], target]))
         forces = np.zeros(len(gap))
         forces[nodes], motion = solved[: len(nodes)], solved[len(nodes) :]

@@ -4,7 +4,8 @@
 
 1. `find_contact` converts MuJoCo's contacts to an `ArrayContact`: load, shape and pose of each body that presses on the
    array, and point forces where the shape of a body is not known.
-2. If this contact equals that of the last solution within `UNCHANGED`, the last solution is used again.
+2. If this contact differs little from that of the last solution, see `KEPT`, the last solution is adapted to the new
+   loads.
 3. `_solve` computes the pressure of all bodies on the surface, and sums the pressure over texels.
 4. `NetForceReader.add` adds net force, net torque and tangential forces.
 
@@ -14,12 +15,14 @@ These two files implement stages 1 and 3.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from scipy.linalg import block_diag
 
 from fastmodel.compiled import compile_kernel
 from fastmodel.contact.bodies import Bodies, Joints, find_geoms, number_geoms
@@ -28,14 +31,20 @@ from fastmodel.contact.interface import Reading
 from fastmodel.errors import FastModelError
 from fastmodel.pressure.gap import BodyShape, PosedBody
 from fastmodel.pressure.solvers import Load, Wrench
-from fastmodel.state import State, pack, unpack
+from fastmodel.state import State, pack, take_array, unpack
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Largest change of a contact for which the last solution is used again [-]: relative change of loads, change of
-#: positions over a length of the cover, and change of entries of rotation matrices.  Bodies at rest in MuJoCo vary by
-#: about 1e-6.
-UNCHANGED = 1e-5
+#: Largest relative change of the pressure on any cell for which the last solution is adapted to new loads [-].  A tenth
+#: of it is the largest motion: along the cover over the size of the contact, and, for a body on a guide, change of the
+#: gap over the depth of the contact.
+KEPT = 0.04
+#: Mean square distance of the pressure from its centre, over the edge of a cell, below which a change of the moments is
+#: met in part only [-].
+_LOOSE = 0.1
+#: Change of a contact between two readings below which it counts as at rest, in the terms of `KEPT`; and largest change
+#: of point forces over their sum for which the last solution is used again [-].
+_UNCHANGED = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,29 +72,15 @@ class ArrayContact:
     points: FloatArray
     beside: float
 
-    def equals(self, other: ArrayContact, tolerance: float, length: float) -> bool:
-        """Return whether bodies, loads and poses of another contact are equal up to a tolerance.
-
-        Args:
-            other: Contact to compare with.
-            tolerance: Largest accepted difference of forces over the force, of positions over `length`, and of entries
-                of rotation matrices [-].
-            length: Length by which differences of positions and of lever arms are divided [m].
-        """
-        if self.bodies != other.bodies or len(self.points) != len(other.points):
-            return False
-        if not all(a.equals(b, tolerance, length) for a, b in zip(self.poses, other.poses, strict=True)):
-            return False
-        if not all(a.equals(b, tolerance, length) for a, b in zip(self.loads, other.loads, strict=True)):
-            return False
-        if abs(self.beside - other.beside) > tolerance * abs(self.beside):
+    def has_points_of(self, other: ArrayContact, length: float) -> bool:
+        """Return whether the point forces equal those of another contact; places may differ by a part of a length."""
+        if len(self.points) != len(other.points):
             return False
         if not len(self.points):
             return True
         places = (self.points.shape[1] + 1) // 2
-        apart, size = np.abs(self.points - other.points), np.abs(self.points[:, places:]).sum()
-        limits = np.where(np.arange(apart.shape[1]) < places, tolerance * length, tolerance * size)
-        return bool((apart <= limits).all())
+        apart, total = np.abs(self.points - other.points), np.abs(self.points[:, places:]).sum()
+        return bool((apart <= np.where(np.arange(apart.shape[1]) < places, length, total) * _UNCHANGED).all())
 
     def select(self, kept: Sequence[int]) -> ArrayContact:
         """Return a contact with some of the bodies; contact points of the other bodies become point forces.
@@ -105,6 +100,63 @@ class ArrayContact:
             touches=self.touches[owner >= 0],
             points=np.concatenate([self.points, self.touches[owner < 0]]),
         )
+
+
+class Solved(NamedTuple):
+    """A solution, and how its pressure changes with the loads.
+
+    Small changes of load and moments multiply the pressure by a factor that is linear in the position.  Such a change
+    is a sum of k modes, one for the force and, for a body that is free to tilt, one for each moment.
+
+    Attributes:
+        contact: The contact.
+        reading: The reading, without net force and tangential forces.
+        modes: Change of the values of the reading by each mode, see `Reading.change`, shape (k, values).
+        weights: Weights of the modes for unit changes of the loads, shape (k, k) [1/N].
+        centres: Centre of the pressure of each body, about which moments are taken, shape (bodies, 3) [m].
+        largest: Largest relative change of the pressure on a cell by each mode, shape (k,) [-].
+        depth: Largest overlap of the undeformed surfaces [m].
+        size: Half extent of the contact, and of a cell [m].
+    """
+
+    contact: ArrayContact
+    reading: Reading
+    modes: FloatArray
+    weights: FloatArray
+    centres: FloatArray
+    largest: FloatArray
+    depth: float
+    size: float
+
+    def adapt(self, contact: ArrayContact, edge: float) -> tuple[Reading, float]:
+        """Adapt the reading to a contact that has changed slightly.
+
+        Args:
+            contact: The contact.
+            edge: Edge of a cell [m].
+
+        Returns:
+            The reading, and the change of the contact, see `KEPT` [-]; infinite if the reading could not be adapted.
+        """
+        last, changes, missed, moved = self.contact, [], np.zeros(3), 0.0
+        if contact.bodies != last.bodies or not contact.has_points_of(last, edge):
+            return self.reading, math.inf
+        bodies = zip(contact.loads, last.loads, contact.poses, last.poses, self.centres, strict=True)
+        for load, old, pose, before, centre in bodies:
+            slide, turn, tilt = pose.measure_motion(before, centre, old.outward)
+            moved = max(moved, slide / self.size + turn)
+            if not load.rotates:
+                moved = max(moved, tilt * self.size / self.depth)
+            changes.append(load.find_change(old, centre, edge))
+            missed += load.find_missed_torque(old.torque)
+        weights = self.weights @ np.concatenate(changes) if changes else np.zeros(0)
+        # The modes allow for changes of the loads, with an error of second order, but not for motions.
+        most = max(10 * moved, float(np.abs(weights) @ self.largest))
+        if not most <= KEPT or not weights.any():
+            return self.reading, most
+        values = weights @ self.modes
+        values[-4:-1] += missed
+        return self.reading.change(values), most
 
 
 class Touches(NamedTuple):
@@ -132,7 +184,7 @@ class Touches(NamedTuple):
 class PressureReader:
     """Base class of the readers that compute texel forces from the bodies that press on a surface."""
 
-    #: Length by which differences of positions are divided, see `ArrayContact.equals` [m].
+    #: Edge of a cell, or distance of the points, of the surface [m].
     _length: float
     #: Height of the array's geoms; parts of a body that lie behind the geoms exert no pressure [m].
     _height: float = np.inf
@@ -172,7 +224,8 @@ class PressureReader:
         self._bodies.find_shapes()
         self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
         self._transform_poses = compile_kernel(transform_poses)
-        self._solved: tuple[ArrayContact, Reading] | None = None
+        self._solved: Solved | None = None
+        self._change = 0.0
 
     def read(self, data: mujoco.MjData) -> Reading:
         """Compute the contact forces of a simulation step, or return the last ones if no load or pose has changed.
@@ -188,9 +241,17 @@ class PressureReader:
         if found is None:
             return self._nothing
         contact, sums = found
-        if self._solved is None or not contact.equals(self._solved[0], UNCHANGED, self._length):
-            self._solved = (contact, self._solve(contact))
-        return self._solved[1] if self._net_force is None else self._net_force.add(self._solved[1], sums)
+        last, before = self._solved, self._change
+        reading, change = (self._nothing, math.inf) if last is None else last.adapt(contact, self._length)
+        # A contact that has come to rest is solved exactly.
+        at_rest = abs(change - before) <= _UNCHANGED < 0.1 * change
+        if last is None or change > KEPT or at_rest:
+            self._solved, change = self._solve(contact)._replace(contact=contact), 0.0
+            reading = self._solved.reading
+        self._change = change
+        if contact.beside:
+            reading = reading._replace(carried=reading.carried + contact.beside)
+        return reading if self._net_force is None else self._net_force.add(reading, sums)
 
     def find_contact(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums | None] | None:
         """Find the bodies that press on the array in a simulation state, and sum all contact forces on the array.
@@ -204,17 +265,21 @@ class PressureReader:
         """
         raise NotImplementedError
 
-    def _solve(self, contact: ArrayContact) -> Reading:
-        """Compute the pressure of all bodies of a contact, and sum the pressure over texels."""
+    def _solve(self, contact: ArrayContact) -> Solved:
+        """Compute the pressure of all bodies of a contact, and sum the pressure over texels.
+
+        The force beside the front of the array does not count in the reading.
+        """
         raise NotImplementedError
 
     def get_state(self) -> State:
         """Return the last contact and its reading as arrays; see `ContactReader.get_state`."""
-        return pack("solved", self._solved)
+        return {"change": np.array(self._change), **pack("solved", self._solved)}
 
     def set_state(self, state: State) -> None:
         """Restore what `get_state` returned; see `ContactReader.set_state`."""
-        self._solved = unpack(state, "solved", (ArrayContact, Load, Wrench, PosedBody, BodyShape, Reading))
+        self._change = float(take_array(state, "change"))
+        self._solved = unpack(state, "solved", (Solved, ArrayContact, Load, Wrench, PosedBody, BodyShape, Reading))
 
     def _rest(self, contact_forces: FloatArray, texel_forces: FloatArray | None) -> Reading:
         """Discard the last solution, and make the reading of given contact forces.
@@ -223,9 +288,63 @@ class PressureReader:
             contact_forces: Force that presses on each of n texels, before spread, shape (n,) [N].
             texel_forces: Force on each texel after spread, shape (n,) [N]; None if the method computes none.
         """
-        self._solved = None
+        self._solved, self._change = None, 0.0
         self._bodies.follow_meshes()
-        return Reading(contact_forces, texel_forces, float(contact_forces.sum()))
+        torque = -np.cross(self._array.centres, self._array.normals).T @ contact_forces
+        torques = np.concatenate([torque, np.zeros(3)])
+        return Reading(contact_forces, texel_forces, float(contact_forces.sum()), torques=torques)
+
+    def _conclude(
+        self,
+        contact: ArrayContact,
+        reading: Reading,
+        cells: tuple[IntArray, FloatArray, FloatArray],
+        forces: FloatArray,
+        *,
+        depth: float,
+        add_up: Callable[[FloatArray], Sequence[FloatArray]],
+    ) -> Solved:
+        """Add torques and modes to the reading of a solution.
+
+        Args:
+            contact: The contact.
+            reading: The reading of all forces.
+            cells: Body, position, shape (m, 3) [m], and normal, shape (m, 3) [-], of the m cells or points.
+            forces: Force on each of them, without point forces, shape (m,) [N].
+            depth: Largest overlap of the undeformed surfaces [m].
+            add_up: Function from forces on the cells to those on texels, before spread and at the base, if computed.
+        """
+        pressed = forces.nonzero()[0]
+        (owner, place, normal), own = (each[pressed] for each in cells), forces[pressed]
+        arms, torques, values, weights, largest, centres = np.cross(place, normal), np.zeros(6), [], [], [], []
+        for body, load in enumerate(contact.loads):
+            mine = (owner == body).nonzero()[0]
+            part, torque = own[mine], -(own[mine] @ arms[mine])
+            torques += np.concatenate([torque, load.find_missed_torque(torque)])
+            centres.append(part @ place[mine] / part.sum())
+            columns = load.find_modes(place[mine] - centres[-1], normal[mine], self._length)
+            for change in (columns * part[:, None]).T:
+                whole = np.zeros(len(forces))
+                whole[pressed[mine]] = change
+                torque = -(change @ arms[mine])
+                lacking = load.find_missed_torque(load.torque + torque)
+                values.append(np.concatenate([*add_up(whole), torque, lacking, [change.sum()]]))
+            gram = columns.T @ (columns * part[:, None])
+            # A row of cells cannot shift its force across, which the second term allows for.
+            loose = np.where(np.arange(len(gram)) > 0, _LOOSE * part.sum(), 1e-12 * gram[0, 0])
+            weights.append(np.linalg.inv(gram + np.diag(loose)))
+            largest.append(np.maximum(np.abs(columns).max(axis=0), _LOOSE))
+        size = np.ptp(place, axis=0) if len(own) else np.zeros(3)
+        return Solved(
+            contact=contact,
+            reading=reading._replace(torques=torques),
+            modes=np.array(values) if values else np.zeros((0, 0)),
+            weights=block_diag(*weights) if weights else np.zeros((0, 0)),
+            centres=np.array(centres).reshape(-1, 3),
+            largest=np.concatenate([*largest, np.zeros(0)]),
+            depth=depth,
+            size=0.5 * (float(np.sqrt(size @ size)) + self._length),
+        )
 
     def _find_frame(self, data: mujoco.MjData) -> FloatArray:
         """Find the axes of the array in the world, as columns, and its origin, shape (4, 3) [-, m]."""
@@ -315,7 +434,7 @@ class PressureReader:
         """
         geoms, shape = self._bodies.find_shape(body)
         rotation, position = self._transform_poses(geoms, data.geom_xmat, data.geom_xpos, frame)
-        return PosedBody(shape=shape, rotation=rotation, position=position, back=-self._height - depth)
+        return PosedBody(shape=shape, rotation=rotation, position=position, depth=depth)
 
     def _refuse(self, data: mujoco.MjData) -> None:
         """Raise the error about contact forces that are not finite."""

@@ -16,6 +16,7 @@ which represents the cover unrolled into a plane:
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -82,6 +83,11 @@ class CellGrid:
     def texels(self) -> int:
         """Number of texels of the array [-]."""
         return (self.rows - 2 * self.margin[0]) * (self.columns - 2 * self.margin[1]) // self.per_texel**2
+
+    @cached_property
+    def mean_edge(self) -> float:
+        """Edge of a square of a cell's area [m]."""
+        return math.sqrt(self.edge[0] * self.edge[1])
 
     @cached_property
     def arrays(self) -> tuple[IntArray, FloatArray, FloatArray]:

@@ -25,8 +25,16 @@ import numpy as np
 from fastmodel.compiled import compile_kernel
 from fastmodel.errors import FastModelError
 from fastmodel.pressure.cell_grid import CellGrid
-from fastmodel.pressure.gap_kernels import CAPSULE, CYLINDER, ELLIPSOID, POLYTOPE, Shape, cross_lines, sample_body
-from fastmodel.pressure.pressure_kernels import are_close
+from fastmodel.pressure.gap_kernels import (
+    CAPSULE,
+    CYLINDER,
+    ELLIPSOID,
+    POLYTOPE,
+    Shape,
+    cross_lines,
+    measure_motion,
+    sample_body,
+)
 from meshes.array_types import FloatArray, IntArray
 
 
@@ -165,28 +173,45 @@ class PosedBody:
         shape: The solids of the body.
         rotation: Axes of each solid in the array's frame, as columns, shape (p, 3, 3) [-].
         position: Origin of each solid in the array's frame, shape (p, 3) [m].
-        back: Height below which parts of the body lie behind the array [m].  A body may extend around the array; where
-            a vertical line enters the body below this height, the body exerts no pressure.
+        depth: Deepest penetration of the body into the geoms of the array in MuJoCo [m].
     """
 
     shape: BodyShape
     rotation: FloatArray
     position: FloatArray
-    back: float = -np.inf
+    depth: float = np.inf
 
-    def equals(self, other: PosedBody, tolerance: float, length: float) -> bool:
-        """Return whether another body has the same shape, and a pose that is equal up to a tolerance.
+    @property
+    def floor(self) -> float:
+        """Smallest possible gap [m].
+
+        MuJoCo measures the penetration along the contact normal, which may be inclined.  Where the body lies deeper
+        than that, and deeper than the enlargement of its edges explains, the body passes beside the array.
+        """
+        return -2 * self.depth - 4 * self.shape.edge
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether the body is one convex solid."""
+        return len(self.position) == 1
+
+    def measure_motion(self, other: PosedBody, point: FloatArray, normal: FloatArray) -> tuple[float, float, float]:
+        """Measure the motion from another pose of the same rigid body to this one, near a point of the cover.
 
         Args:
-            other: The other body.
-            tolerance: Largest accepted difference of positions over `length`, and of entries of rotations [-].
-            length: Length by which differences of positions are divided [m].
+            other: The other pose.
+            point: The point in the array's frame, shape (3,) [m].
+            normal: Normal of the cover at the point, shape (3,) [-].
+
+        Returns:
+            Distance along the cover [m], and angles of rotation about the normal and about other axes [rad]; infinite
+            for a body of another shape.
         """
         if self.shape is not other.shape and not all(map(np.array_equal, self.shape.arrays, other.shape.arrays)):
-            return False
-        close = compile_kernel(are_close)
-        moved = not close(self.position.ravel(), other.position.ravel(), tolerance * length)
-        return not moved and close(self.rotation.ravel(), other.rotation.ravel(), tolerance)
+            return np.inf, np.inf, np.inf
+        poses = self.rotation[0], self.position[0], other.rotation[0], other.position[0]
+        found: tuple[float, float, float] = compile_kernel(measure_motion)(*poses, point, normal)
+        return found
 
     def measure_gaps(self, points: FloatArray, normals: FloatArray, *, behind: float = 0.0) -> FloatArray:
         """Measure the distance from points to the body along their normals.
@@ -225,8 +250,7 @@ class GapSamples:
         x: x of the centroid of the covered part of the cell on the contact grid [m].
         y: y of the centroid of the covered part of the cell on the contact grid [m].
         gap: Mean gap between the body's surface and the undeformed cover over the covered part [m].
-        place: Centroid of the covered part in the array's frame, shape (m, 3), or its x and y on a plate, shape (m, 2)
-            [m].
+        place: Centroid of the covered part in the array's frame, shape (m, 3) [m].
         normal: Outward normal of the cell in the array's frame, shape (m, 3) [-].
     """
 
@@ -271,18 +295,18 @@ def sample_gap(grid: CellGrid, bodies: Sequence[PosedBody], reach: Sequence[floa
     Args:
         grid: The contact grid.
         bodies: Shapes and poses of the bodies.
-        reach: For each body, gap above the body's smallest gap up to which cells are kept [m].
+        reach: For each body, gap above the body's smallest gap up to which cells are kept, with their neighbours [m].
     """
     kernel = compile_kernel(sample_body)
     found = [
-        kernel((each.shape.arrays, each.shape.edge, each.rotation, each.position), grid.arrays, height, each.back)
+        kernel((each.shape.arrays, each.shape.edge, each.rotation, each.position), grid.arrays, height, each.floor)
         for each, height in zip(bodies, reach, strict=True)
     ]
     row, column, coverage, x, y, gap = (
         found[0] if len(found) == 1 else (np.concatenate(each) for each in zip(*found, strict=True))
     )
     # The arrays are filled in place, which takes a quarter of the time of `column_stack` and `tile` for small arrays.
-    place, normal = np.empty((len(x), 2)), np.zeros((len(x), 3))
+    place, normal = np.zeros((len(x), 3)), np.zeros((len(x), 3))
     place[:, 0], place[:, 1], normal[:, 2] = x, y, 1.0
     body = np.repeat(np.arange(len(found)), [len(each[0]) for each in found])
     return GapSamples(body, row, column, coverage, x, y, gap, place, normal)

@@ -1,4 +1,4 @@
-# ruff: noqa: PLR0917, PLR2004 -- kernels take plain numbers by position, and their tolerances stand where they act
+# ruff: noqa: PLR0917, PLR2004, C901 -- kernels take plain numbers by position, and their tolerances stand where they act
 """Compiled kernels that measure the gap between bodies and the undeformed cover; `fastmodel.pressure.gap` calls them.
 
 `sample_body` averages the gap along an array's normal over cells; `cross_lines` finds where any lines meet solids.
@@ -49,17 +49,17 @@ POINTS = 4
 _PARALLEL = 1e-9
 
 
-def sample_body(body: Body, grid: Grid, reach: float, back: float) -> Cells:
+def sample_body(body: Body, grid: Grid, reach: float, floor: float) -> Cells:
     """Kernel: sample the gap under one body of p solids, and average the gap over cells of the contact grid.
 
-    A vertical line intersects each solid in one interval of heights.  Where the interval begins below `back`, the solid
-    lies behind the array or passes beside it, and presses on nothing.
+    A vertical line intersects each solid in one interval of heights.  Where the interval begins below `floor`, the gap
+    is that of the floor; where it also ends below, the solid lies behind the array and presses on nothing.
 
     Args:
         body: The solids and their poses.
         grid: The contact grid.
-        reach: Gap above the smallest gap up to which cells are kept [m].
-        back: Height below which parts of the body lie behind the array [m].
+        reach: Gap above the smallest gap up to which cells are kept, with their eight neighbours [m].
+        floor: Smallest gap; parts of the body that lie below are not in front of the array [m].
 
     Returns:
         The kept cells.
@@ -67,9 +67,9 @@ def sample_body(body: Body, grid: Grid, reach: float, back: float) -> Cells:
     windows, around = _find_windows(body, grid)
     view, top = (windows, around, grid[1], grid[2]), np.inf
     while True:
-        centres, near, top = _sample_centres(body, view, reach, back, top)
-        spans = _find_spans(centres, near, view, top)
-        heights = _sample_spans(body, view, near, spans, back)
+        centres, near, top = _sample_centres(body, view, reach, floor, top)
+        spans = _widen(_find_spans(centres, near, view, top), centres.shape[2] - 2)
+        heights = _sample_spans(body, view, near, spans, floor)
         cells, lowest = _average_over_cells(heights, around, grid[1], grid[2], reach)
         if lowest + reach <= top or top >= 1e9:  # 1e9 m is above all bodies
             return cells
@@ -78,7 +78,7 @@ def sample_body(body: Body, grid: Grid, reach: float, back: float) -> Cells:
 
 @called_by_kernels
 def _sample_centres(
-    body: Body, view: View, reach: float, back: float, top: float
+    body: Body, view: View, reach: float, floor: float, top: float
 ) -> tuple[FloatArray, BoolArray, float]:
     """Sample the gap under each of p solids at the centres of the cells of its window and of one cell around it.
 
@@ -86,7 +86,7 @@ def _sample_centres(
         body: The solids and their poses.
         view: Their windows.
         reach: Gap above the smallest gap up to which cells are kept [m].
-        back: Height below which parts of the body lie behind the array [m].
+        floor: Smallest gap; parts of the body that lie below are not in front of the array [m].
         top: Height up to which the gap is sampled; if infinite, it is chosen from the smallest gap at a centre [m].
 
     Returns:
@@ -112,7 +112,7 @@ def _sample_centres(
             y = low[1] + cell[1] * (around[1] - 0.5 + i)
             _cross_solid(body, p, faces, (x, y, first, last), bottom, upper)
             for j in range(first, last):
-                heights[p, i, j] = bottom[j] if back < bottom[j] <= upper[j] else np.inf
+                heights[p, i, j] = max(bottom[j], floor) if upper[j] > max(bottom[j], floor) else np.inf
                 lowest = min(lowest, heights[p, i, j])
     # The smallest gap at a centre is an estimate of the smallest mean gap of a cell.  The caller samples up to a larger
     # height if the estimate was too low.
@@ -150,7 +150,19 @@ def _find_spans(centres: FloatArray, near: BoolArray, view: View, top: float) ->
 
 
 @called_by_kernels
-def _sample_spans(body: Body, view: View, near: BoolArray, spans: IntArray, back: float) -> FloatArray:
+def _widen(spans: IntArray, columns: int) -> IntArray:
+    """Extend the columns between two spans of each row, shape (rows, 2), by one cell on all sides."""
+    wide = spans.copy()
+    for i in range(len(spans)):
+        for k in range(max(i - 1, 0), min(i + 2, len(spans))):
+            if spans[k, 0] < spans[k, 1]:
+                wide[i, 0] = min(wide[i, 0], max(spans[k, 0] - 1, 0))
+                wide[i, 1] = max(wide[i, 1], min(spans[k, 1] + 1, columns))
+    return wide
+
+
+@called_by_kernels
+def _sample_spans(body: Body, view: View, near: BoolArray, spans: IntArray, floor: float) -> FloatArray:
     """Sample the gap at `POINTS` x `POINTS` points of the cells between two columns of each row of cells.
 
     Args:
@@ -158,7 +170,7 @@ def _sample_spans(body: Body, view: View, near: BoolArray, spans: IntArray, back
         view: Their windows.
         near: Which solids are sampled, shape (p,); others lie so high that they touch nothing.
         spans: First and one past the last column of each row of cells, shape (rows, 2).
-        back: Height below which parts of the body lie behind the array [m].
+        floor: Smallest gap; parts of the body that lie below are not in front of the array [m].
 
     Returns:
         Gap at each point, infinite elsewhere and beside the body, shape (rows * POINTS, columns * POINTS) [m].
@@ -177,7 +189,7 @@ def _sample_spans(body: Body, view: View, near: BoolArray, spans: IntArray, back
             y = low[1] + cell[1] * (around[1] + (i + 0.5) / POINTS)
             _cross_solid(body, p, faces, (x, y, first, last), bottom, top)
             for j in range(first, last):
-                height = bottom[j] if back < bottom[j] <= top[j] else np.inf
+                height = max(bottom[j], floor) if top[j] > max(bottom[j], floor) else np.inf
                 heights[i, j] = min(heights[i, j], height)
     return heights
 
@@ -402,14 +414,14 @@ def _average_over_cells(
         around: Window of the sampled cells, see `_find_windows`, shape (4,).
         low: Lowest corner of the contact grid, shape (2,) [m].
         cell: Edge lengths of a cell, shape (2,) [m].
-        reach: Gap above the smallest mean gap up to which cells are kept [m].
+        reach: Gap above the smallest mean gap up to which cells are kept, with their eight neighbours [m].
 
     Returns:
         The kept cells, and the smallest mean gap of a cell, infinite if there is no cell [m].
     """
     rows, columns = heights.shape[0] // POINTS, heights.shape[1] // POINTS
-    row, column = np.empty(rows * columns, dtype=np.int64), np.empty(rows * columns, dtype=np.int64)
-    found, count, lowest = np.empty((4, rows * columns)), 0, np.inf
+    # Coverage, x and y of the centroid relative to the centre, and mean gap; one cell around the window has no points.
+    found, lowest = np.full((4, rows + 2, columns + 2), np.inf), np.inf
     for r in range(rows):
         for c in range(columns):
             hits, sum_x, sum_y, total = 0, 0.0, 0.0, 0.0
@@ -422,18 +434,60 @@ def _average_over_cells(
                         sum_y += (i + 0.5) / POINTS - 0.5
                         total += height
             if hits > 0:
-                row[count], column[count] = around[1] + r, around[0] + c
-                found[0, count], found[3, count] = hits / POINTS**2, total / hits
-                found[1, count] = low[0] + (column[count] + 0.5 + sum_x / hits) * cell[0]
-                found[2, count] = low[1] + (row[count] + 0.5 + sum_y / hits) * cell[1]
-                lowest = min(lowest, found[3, count])
-                count += 1
-    kept = 0
-    for k in range(count):
-        if found[3, k] <= lowest + reach:
-            row[kept], column[kept] = row[k], column[k]
-            for field in range(4):
-                found[field, kept] = found[field, k]
-            kept += 1
-    cells = (row[:kept], column[:kept], found[0, :kept], found[1, :kept], found[2, :kept], found[3, :kept])
+                found[0, r + 1, c + 1], found[3, r + 1, c + 1] = hits / POINTS**2, total / hits
+                found[1, r + 1, c + 1], found[2, r + 1, c + 1] = sum_x / hits, sum_y / hits
+                lowest = min(lowest, total / hits)
+    row, column = np.empty(rows * columns, dtype=np.int64), np.empty(rows * columns, dtype=np.int64)
+    values, kept = np.empty((4, rows * columns)), 0
+    for r in range(rows):
+        for c in range(columns):
+            if found[3, r + 1, c + 1] < np.inf:
+                least = np.inf
+                for k in range(9):
+                    least = min(least, found[3, r + k // 3, c + k % 3])
+                if least <= lowest + reach:
+                    row[kept], column[kept] = around[1] + r, around[0] + c
+                    values[0, kept], values[3, kept] = found[0, r + 1, c + 1], found[3, r + 1, c + 1]
+                    values[1, kept] = low[0] + (column[kept] + 0.5 + found[1, r + 1, c + 1]) * cell[0]
+                    values[2, kept] = low[1] + (row[kept] + 0.5 + found[2, r + 1, c + 1]) * cell[1]
+                    kept += 1
+    cells = (row[:kept], column[:kept], values[0, :kept], values[1, :kept], values[2, :kept], values[3, :kept])
     return cells, lowest
+
+
+def measure_motion(
+    rotation: FloatArray,
+    position: FloatArray,
+    before: FloatArray,
+    origin: FloatArray,
+    point: FloatArray,
+    normal: FloatArray,
+) -> tuple[float, float, float]:
+    """Kernel: measure the motion of a rigid body near a point.
+
+    Args:
+        rotation: Axes of the body, as columns, shape (3, 3) [-].
+        position: Origin of the body, shape (3,) [m].
+        before: Axes of the body before the motion, shape (3, 3) [-].
+        origin: Origin of the body before the motion, shape (3,) [m].
+        point: The point, shape (3,) [m].
+        normal: Unit normal of the surface at the point, shape (3,) [-].
+
+    Returns:
+        Distance of the motion along the surface [m], and, for small rotations, angles about the normal and about axes
+        in the surface [rad].
+    """
+    turn = np.dot(rotation, np.ascontiguousarray(before.T))
+    moved = position - point
+    axis = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    for i in range(3):
+        for j in range(3):
+            moved[i] += turn[i, j] * (point[j] - origin[j])
+    along, about, slide, tilt = 0.0, 0.0, 0.0, 0.0
+    for i in range(3):
+        along += moved[i] * normal[i]
+        about += axis[i] * normal[i]
+    for i in range(3):
+        slide += (moved[i] - along * normal[i]) ** 2
+        tilt += (axis[i] - about * normal[i]) ** 2
+    return math.sqrt(slide), abs(about), math.sqrt(tilt)

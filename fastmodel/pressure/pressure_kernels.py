@@ -1,4 +1,4 @@
-# ruff: noqa: PLR0917, PLR2004, C901 -- kernels take arrays by position, and their tolerances stand where they act
+# ruff: noqa: PLR0917, PLR2004, PLR0912, C901 -- kernels take arrays by position, and their tolerances stand where they act
 """Compiled kernels that compute the pressure on cells; `fastmodel.pressure.solvers` describes the methods.
 
 All kernels are in one file, because numba's cache checks only the file of the called kernel for changes, not the files
@@ -111,38 +111,49 @@ def _fit_motion(
 
 
 @called_by_kernels
-def _scale_sums(forces: FloatArray, columns: FloatArray, target: FloatArray) -> None:
-    """Scale the cell forces so that they add up exactly to the load of each body.
+def _satisfy(forces: FloatArray, columns: FloatArray, target: FloatArray, yielding: FloatArray) -> None:
+    """Scale the cell forces of each body to its load, and let the slacks take up what is missing of other constraints.
 
-    The columns of the constraints on sums of forces consist of ones and zeros.  If the centre of pressure lies at the
-    rim of the cells under a body, the corrections leave a small error of the balance.  After scaling, only the moments
-    have this error.
+    `forces` holds the forces on m cells and k slacks; see `minimise_energy` for the other arguments.
     """
+    cells = len(forces) - len(target)
     for a in range(len(target)):
-        is_sum, total = True, 0.0
-        for i in range(len(forces)):
-            is_sum = is_sum and (columns[i, a] == 0.0 or columns[i, a] == 1.0)
-            total += forces[i] * columns[i, a]
-        if is_sum and total > 0:
-            for i in range(len(forces)):
-                forces[i] *= 1.0 + columns[i, a] * (target[a] / total - 1.0)
+        if yielding[a] == 0.0:
+            total, square = 0.0, 0.0
+            for i in range(cells):
+                total += forces[i] * columns[i, a]
+                square += columns[i, a] ** 2
+            for i in range(cells):
+                if columns[i, a] != 0.0:
+                    forces[i] = forces[i] * (target[a] / total) if total > 0 else target[a] / square * columns[i, a]
+    for a in range(len(target)):
+        if yielding[a] > 0.0:
+            forces[cells + a] = target[a]
+            for i in range(cells):
+                forces[cells + a] -= forces[i] * columns[i, a]
 
 
 @called_by_kernels
 def _balance(
-    forces: FloatArray, columns: FloatArray, target: FloatArray, matrix: FloatArray, found: FloatArray
-) -> tuple[float, bool]:
-    """Correct the cell forces until columns.T @ forces = target, the balance of force and moments.
+    forces: FloatArray,
+    columns: FloatArray,
+    target: FloatArray,
+    yielding: FloatArray,
+    matrix: FloatArray,
+    found: FloatArray,
+) -> bool:
+    """Correct the forces on m cells and k slacks until columns.T @ forces = target, the balance of force and moments.
 
-    Each correction multiplies the forces by factors that are linear in the columns.
+    Each correction multiplies the cell forces by factors that are linear in the columns.  If two corrections do not
+    suffice, for example because the wanted centre of pressure lies beside the cells, the slacks take up the rest.
 
     Returns:
-        The remaining error of the balance over the largest target [-], and whether a correction was more than slight.
+        Whether a correction was more than slight.
     """
-    k, changed, error, scale = len(target), False, np.inf, 0.0
+    k, cells, changed, scale = len(target), len(forces) - len(target), False, 0.0
     for a in range(k):
         scale = max(scale, abs(target[a]))
-    for _ in range(40):
+    for _ in range(2):
         error = 0.0
         for a in range(k):
             found[a] = target[a]
@@ -150,16 +161,16 @@ def _balance(
                 found[a] -= forces[i] * columns[i, a]
             error = max(error, abs(found[a]) / scale)
         if error <= 1e-9:
-            return error, changed
+            return changed
         changed = changed or error > 1e-6  # Smaller corrections change the displacements only within the tolerance.
-        _solve_weighted(columns, forces, matrix, found)
-        for i in range(len(forces)):
+        _solve_weighted(columns[:cells], forces[:cells], matrix, found)
+        for i in range(cells):
             factor = 1.0
             for a in range(k):
                 factor += columns[i, a] * found[a]
             forces[i] *= max(factor, 0.2)  # The factor is kept positive, so that forces stay positive.
-    _scale_sums(forces, columns, target)
-    return error, changed
+    _satisfy(forces, columns, target, yielding)
+    return True
 
 
 @called_by_kernels
@@ -228,16 +239,18 @@ def _measure_curvature(
 
 @called_by_kernels
 def _advance(
-    length: float, active: FloatArray, residual: FloatArray, direction: FloatArray, forces: FloatArray
+    length: float, cells: int, active: FloatArray, residual: FloatArray, direction: FloatArray, forces: FloatArray
 ) -> bool:
     """Change the cell forces by one step of given length, and return whether the set of active cells changed.
 
     Active cells are those under pressure.  Forces that would become negative are set to zero, and inactive cells on
-    which the surfaces overlap receive a force.
+    which the surfaces overlap receive a force.  The slacks, which follow the `cells` cells, may have any sign.
     """
     other = False
     for i in range(len(forces)):
-        if active[i] == 0.0:
+        if i >= cells:
+            forces[i] -= length * direction[i]
+        elif active[i] == 0.0:
             forces[i] = max(-length * residual[i], 0.0)
             other = other or forces[i] > 0
         else:
@@ -249,9 +262,12 @@ def _advance(
 
 @called_by_kernels
 def _compare(forces: FloatArray, before: FloatArray, active: FloatArray) -> float:
-    """Return the summed absolute change of the cell forces since the last step [N]; update `before` and `active`."""
+    """Return the summed absolute change of the cell forces since the last step [N]; update `before` and `active`.
+
+    `before` holds the m cells only; the slacks behind them stay active.
+    """
     change = 0.0
-    for i in range(len(forces)):
+    for i in range(len(before)):
         change += abs(forces[i] - before[i])
         before[i], active[i] = forces[i], 1.0 if forces[i] > 0 else 0.0
     return change
@@ -260,47 +276,54 @@ def _compare(forces: FloatArray, before: FloatArray, active: FloatArray) -> floa
 def minimise_energy(
     cover: Cover,
     gap: FloatArray,
-    columns: FloatArray,
-    target: FloatArray,
+    constraints: tuple[FloatArray, FloatArray, FloatArray],
     start: FloatArray,
     limits: tuple[float, float, int],
 ) -> tuple[FloatArray, FloatArray, FloatArray, int, bool]:
     """Kernel: compute the forces on m cells that minimise the energy under k constraints, by conjugate gradients.
 
+    A constraint that may be missed has a slack: an unknown of any sign that is added to the sum over the cells, and
+    whose square times half its compliance is added to the energy.
+
     Args:
         cover: Compliance of the cover between the cells.
         gap: Gap between the undeformed surfaces, shape (m,) [m].
-        columns: Columns of the constraints columns.T @ forces = target, shape (m, k).
-        target: Prescribed values of the constraints, shape (k,) [N].
+        constraints: Columns of the constraints columns.T @ forces + slacks = target, shape (m, k); target, shape (k,)
+            [N]; and compliance of each slack, 0 for a constraint without slack, shape (k,) [m/N].
         start: Forces from which the iteration starts, shape (m,) [N].
         limits: Limits at which the iteration stops: sum of the changes of forces in one step [N], summed residual [m],
             and largest number of steps [-].
 
     Returns:
-        Cell forces, shape (m,) [N]; those in `start` if the constraints cannot be satisfied.  These forces on the whole
-        cells of the window, shape (rows, columns) [N].  Lagrange multipliers of the constraints, shape (k,) [m].
-        Number of steps.  Whether the iteration converged.
+        Cell forces, shape (m,) [N].  These forces on the whole cells of the window, shape (rows, columns) [N].
+        Lagrange multipliers of the constraints, shape (k,) [m].  Number of steps.  Whether the iteration converged.
     """
-    count, k = columns.shape
+    (given, target, yielding), (count, k) = constraints, constraints[0].shape
     rows, cols, tall = cover[3].shape[1], cover[4].shape[1], cover[3].shape[0]
     room = (np.empty((rows, cols)), np.empty((tall, cols)), np.empty((rows, tall // rows * cols)))
-    forces, before, active = start.copy(), np.zeros(count), np.zeros(count)
-    overlap, residual, direction, image = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    unknowns, columns = count + k, np.zeros((count + k, k))
+    columns[:count] = given
+    forces, active, overlap, before = np.zeros(unknowns), np.zeros(unknowns), np.zeros(unknowns), np.zeros(count)
+    residual, direction, image = np.zeros(unknowns), np.zeros(unknowns), np.zeros(unknowns)
+    forces[:count] = start
+    for a in range(k):
+        if yielding[a] > 0.0:
+            columns[count + a, a] = active[count + a] = 1.0
+    _satisfy(forces, columns, target, yielding)
     matrix, shifts, motion = np.zeros((k, k)), np.zeros(k), np.zeros(k)
     previous, conjugate, other, step, converged = 1.0, 0.0, True, 0, False
     while not converged:
-        error, corrected = _balance(forces, columns, target, matrix, shifts)
+        corrected = _balance(forces, columns, target, yielding, matrix, shifts)
         converged = _compare(forces, before, active) < limits[0] and step > 0
         if converged or step == limits[2]:
             break
-        if not error <= 1e-3:  # The condition is also true if the error is nan.
-            forces[:] = start
-            break
         # The overlap is computed anew only after cells joined or left the active set, or after a large correction.
         if other or corrected:
-            _displace(cover, forces, room, overlap)
+            _displace(cover, forces[:count], room, overlap)
             for i in range(count):
                 overlap[i] += gap[i]
+            for a in range(k):
+                overlap[count + a] = yielding[a] * forces[count + a]
         energy, size, total, grows = _compute_residual(active, overlap, columns, matrix, motion, residual)
         # The iteration ends if the residual is small enough or consists of rounding errors only.
         if total <= limits[1] or (energy <= 1e-20 * size and not grows):
@@ -308,19 +331,28 @@ def minimise_energy(
             break
         # The search direction is conjugate to the previous one.  After cells were added to the active set it is the
         # residual alone.
-        for i in range(count):
+        for i in range(unknowns):
             direction[i] = active[i] * (residual[i] + conjugate * energy / previous * direction[i])
-        _displace(cover, direction, room, image)
+        _displace(cover, direction[:count], room, image)
+        for a in range(k):
+            image[count + a] = yielding[a] * direction[count + a]
         curvature, slope = _measure_curvature(active, columns, (residual, direction, image), matrix, shifts)
+        if grows and not energy > 1e-20 * size:
+            # The active cells are in balance, but others overlap; the step is along the overlap of these alone.
+            for i in range(unknowns):
+                direction[i] = (1.0 - active[i]) * min(residual[i], 0.0)
+            _displace(cover, direction[:count], room, image)
+            curvature, slope = np.dot(image[:count], direction[:count]), np.dot(residual[:count], direction[:count])
         converged = not curvature > 0
         if not converged:
-            other = _advance(slope / curvature, active, residual, direction, forces)
+            other = _advance(slope / curvature, count, active, residual, direction, forces)
             previous, conjugate, step = energy, 0.0 if grows else 1.0, step + 1
             if not other:
-                for i in range(count):
+                for i in range(unknowns):
                     overlap[i] += -slope / curvature * image[i]
-    _spread_on_window(cover[0], cover[1], forces, room[0])
-    return forces, room[0], motion, step, converged
+    _satisfy(forces, columns, target, yielding)
+    _spread_on_window(cover[0], cover[1], forces[:count], room[0])
+    return forces[:count].copy(), room[0], motion, step, converged
 
 
 def place_cells(
@@ -405,45 +437,48 @@ def find_start(
     return forces
 
 
-def are_close(one: FloatArray, other: FloatArray, tolerance: float) -> bool:
-    """Kernel: return whether no entries of two arrays of equal length, shape (n,), differ by more than a tolerance."""
-    return bool(np.abs(one - other).max() <= tolerance)
-
-
 def match_springs(
-    columns: FloatArray, gap: FloatArray, stiffness: FloatArray, target: FloatArray
-) -> tuple[FloatArray, FloatArray, bool]:
+    gap: FloatArray, stiffness: FloatArray, constraints: tuple[FloatArray, FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
     """Kernel: find the motion of one body at which the springs of m cells carry the body's force and moments.
 
     Args:
-        columns: Columns of the k constraints, see `Load.build_constraints`, shape (m, k).
         gap: Gap between body and cover at each cell, shape (m,) [m].
         stiffness: Force per displacement of each cell, shape (m,) [N/m].
-        target: Prescribed values of the constraints, shape (k,) [N].
+        constraints: The k constraints, see `minimise_energy`; the first, on the force, has no slack.
 
     Returns:
-        Force on each cell, shape (m,) [N]; gap below which each cell is in contact, shape (m,) [m]; whether the
-        constraints are satisfied.
+        Force on each cell, shape (m,) [N]; gap below which each cell is in contact, shape (m,) [m].
     """
+    columns, target, yielding = constraints
+    holding = np.where(yielding > 0, 1 / np.where(yielding > 0, yielding, 1.0), 0.0)
     motion = np.zeros(len(target))
     motion[0] = gap.min() + target[0] / stiffness.sum()
     height = np.dot(columns, motion)
     forces = stiffness * np.maximum(height - gap, 0.0)
-    value = 0.5 * np.dot(forces, height - gap) - np.dot(motion, target)
+    value = 0.5 * np.dot(forces, height - gap) - np.dot(motion, target) + 0.5 * np.dot(holding, motion**2)
     for _ in range(60):
-        miss = target - np.dot(forces, columns)
+        miss = target - np.dot(forces, columns) - holding * motion
         if np.abs(miss).max() <= 1e-9 * target[0]:
-            return forces * (target[0] / np.dot(forces, columns)[0]), height, True
+            break
         weighted = columns * (stiffness * (forces > 0)).reshape(len(gap), 1)
         # the small diagonal makes the matrix invertible even if few cells touch
-        tangent = np.dot(np.ascontiguousarray(weighted.T), columns) + 1e-9 * stiffness.sum() * np.eye(len(target))
+        tangent = np.dot(np.ascontiguousarray(weighted.T), columns) + np.diag(holding + 1e-9 * stiffness.sum())
         step, share, before = np.linalg.solve(tangent, miss), 1.0, value
         while True:
-            height = np.dot(columns, motion + share * step)
+            trial = motion + share * step
+            height = np.dot(columns, trial)
             forces = stiffness * np.maximum(height - gap, 0.0)
-            value = 0.5 * np.dot(forces, height - gap) - np.dot(motion + share * step, target)
+            value = 0.5 * np.dot(forces, height - gap) - np.dot(trial, target) + 0.5 * np.dot(holding, trial**2)
             if value <= before or share <= 1e-6:
                 break
             share /= 2
-        motion = motion + share * step
-    return forces, height, False
+        motion = trial
+    return forces * (target[0] / np.dot(forces, columns)[0]), height
+
+
+def spread_on_window(corner: IntArray, weight: FloatArray, forces: FloatArray, shape: tuple[int, int]) -> FloatArray:
+    """Kernel: divide forces on m partly covered cells among whole cells of a window, shape (rows, columns) [N]."""
+    window = np.zeros(shape)
+    _spread_on_window(corner, weight, forces, window)
+    return window

@@ -21,7 +21,6 @@ with step halving.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,14 +30,22 @@ import numpy as np
 from fastmodel.compiled import compile_kernel
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 from fastmodel.pressure.gap import GapSamples
-from fastmodel.pressure.pressure_kernels import are_close, find_start, match_springs, minimise_energy, place_cells
+from fastmodel.pressure.pressure_kernels import (
+    find_start,
+    match_springs,
+    minimise_energy,
+    place_cells,
+    spread_on_window,
+)
 from fastmodel.state import State, take_array
 from fastmodel.surface import CoverCells
 from meshes.array_types import FloatArray, IntArray
 
-#: Length by which the lever arms of moments are divided [m]; the size of a typical contact.  The constraints on force
-#: and moments are then of similar magnitude.
-_LEVER = 1e-2
+#: Slack of a moment [-]: rotation of a body, as displacement over the edge of a cell, for each missing moment, as force
+#: with this edge as lever arm, in units of the compliance of one cell under a force on itself.
+TILT = 4.0
+#: Slack of a force across the body's main force [-]: motion of the body for each missing force, in the same unit.
+SHIFT = 400.0
 #: Cosine of the angle between a body's force and a panel's normal, up to which the body exerts no pressure on the panel
 #: [-].  It is also the smallest share of a body's force along the directions in which its joints leave the body free;
 #: below this share the direction of the force is used instead.
@@ -71,44 +78,80 @@ class Load:
         """Force of the body with its sign reversed, in the array's frame, shape (3,) [N]."""
         return self.force * self.outward
 
-    def equals(self, other: Load, tolerance: float, length: float) -> bool:
-        """Return whether another load is equal up to a tolerance.
+    @property
+    def rotates(self) -> bool:
+        """Whether the moments determine the tilt of the body."""
+        return self.tilts
+
+    @property
+    def centre(self) -> FloatArray:
+        """Centre of pressure, or a point on the line of action of the force, in the array's frame, shape (3,) [m]."""
+        return np.array([*(self.moment / self.force), 0.0])
+
+    @property
+    def torque(self) -> FloatArray:
+        """Torque of the body on the array about the array's origin, from pressure alone, shape (3,) [N m]."""
+        return np.array([-self.moment[1], self.moment[0], 0.0])
+
+    def find_missed_torque(self, torque: FloatArray) -> FloatArray:
+        """Return what the torque of a computed pressure lacks of the body's own, in directions that it may tilt.
 
         Args:
-            other: The other load.
-            tolerance: Largest accepted difference of the forces over the force, and of the moments over force times
-                `length` [-].
-            length: Lever arm by which differences of moments are divided [m].
+            torque: Torque of the pressure under the body about the array's origin, shape (3,) [N m].
         """
-        if abs(self.force - other.force) > tolerance * self.force:
-            return False
-        return compile_kernel(are_close)(self.moment, other.moment, length * tolerance * self.force)
+        lacking = self.torque - torque
+        return lacking - (lacking @ self.outward) * self.outward if self.rotates else np.zeros(3)
 
-    def without_moments(self) -> Load:
-        """Return the same load with the force prescribed and the moments free."""
-        return dataclasses.replace(self, tilts=False)
+    def find_change(self, last: Load, centre: FloatArray, edge: float) -> FloatArray:
+        """Find the change since another load, of the force and, for a body that may tilt, of the moments, shape (k,).
 
-    def build_constraints(self, place: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Build the k linear constraints columns.T @ forces = target on the forces on the m cells under the body.
+        Args:
+            last: The other load.
+            centre: Point about which moments are taken, shape (3,) [m].
+            edge: Length by which they are divided [m].
+        """
+        force = self.force - last.force
+        if not self.rotates:
+            return np.array([force])
+        return np.array([force, *((self.moment - last.moment - force * centre[:2]) / edge)])
+
+    def find_modes(self, arms: FloatArray, normal: FloatArray, edge: float) -> FloatArray:
+        """Find the force and moments of unit forces on m cells, in the terms of `find_change`, shape (m, k).
+
+        Args:
+            arms: Positions of the cells, from the point about which moments are taken, shape (m, 3) [m].
+            normal: Normals of the cells, shape (m, 3) [-].
+            edge: Length by which moments are divided [m].
+        """
+        columns = (normal @ self.outward)[:, None]
+        return np.hstack([columns, arms[:, :2] / edge]) if self.rotates else columns
+
+    def build_constraints(
+        self,
+        place: FloatArray,
+        normal: FloatArray,  # noqa: ARG002
+        edge: float,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Build the k linear constraints columns.T @ forces + slacks = target on the forces on m cells under the body.
 
         The first constraint prescribes the force of the body, so its Lagrange multiplier is the approach of the body.
+        The moments are taken about the centre of pressure, or the point next to it on the rectangle around the cells.
 
         Args:
-            place: Positions of the cells in the array's frame, shape (m, 2 or 3) [m].
+            place: Positions of the cells in the array's frame, shape (m, 3) [m].
             normal: Outward normals of the cells, shape (m, 3) [-].
+            edge: Edge of a cell, by which lever arms are divided [m].
 
         Returns:
-            Columns, shape (m, k), and target, shape (k,) [N].
+            Columns, shape (m, k), target, shape (k,) [N], and slack of each constraint, shape (k,); see `TILT` [-].
         """
-        if not self.tilts or len(place) < 3:  # noqa: PLR2004 -- three points define a plane
-            return np.ones((len(place), 1)), np.array([self.force])
-        # Moments are taken about the centre of pressure and divided by a typical length, so that the Lagrange
-        # multipliers of force and moments are of similar magnitude.
-        centre = (self.moment / (self.force * _LEVER)).tolist()
-        columns = np.ones((len(place), 3))
-        columns[:, 1] = place[:, 0] / _LEVER - centre[0]
-        columns[:, 2] = place[:, 1] / _LEVER - centre[1]
-        return columns, np.array([self.force, 0.0, 0.0])
+        if not self.tilts:
+            return np.ones((len(place), 1)), np.array([self.force]), np.zeros(1)
+        wanted, columns = self.moment / self.force, np.ones((len(place), 3))
+        centre = np.minimum(np.maximum(wanted, place[:, :2].min(axis=0)), place[:, :2].max(axis=0))
+        columns[:, 1:] = (place[:, :2] - centre) / edge
+        aims = self.force * (wanted - centre) / edge
+        return columns, np.array([self.force, *aims]), np.array([0.0, TILT, TILT])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,7 +171,7 @@ class Wrench(Load):
 
     vector: FloatArray
     directions: FloatArray
-    rotates: bool
+    rotates: bool = False
 
     @classmethod
     def along_free_directions(
@@ -175,41 +218,51 @@ class Wrench(Load):
         """Force of the body with its sign reversed, in the array's frame, shape (3,) [N]."""
         return self.vector
 
-    def equals(self, other: Load, tolerance: float, length: float) -> bool:
-        """Return whether another wrench is equal up to a tolerance; see `Load.equals`."""
-        if not isinstance(other, Wrench) or not super().equals(other, tolerance, length):
-            return False
-        return bool(np.abs(self.vector - other.vector).max() <= tolerance * self.force)
+    @property
+    def centre(self) -> FloatArray:
+        """A point on the line of action of the force, in the array's frame, shape (3,) [m]."""
+        return np.asarray(np.cross(self.vector, self.moment) / (self.vector @ self.vector))
 
-    def without_moments(self) -> Wrench:
-        """Return the same wrench with only the force along the first direction prescribed."""
-        return dataclasses.replace(self, tilts=False, rotates=False, directions=self.directions[:1])
+    @property
+    def torque(self) -> FloatArray:
+        """Torque of the body on the array about the array's origin, shape (3,) [N m]."""
+        return -self.moment
 
-    def build_constraints(self, place: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def find_change(self, last: Load, centre: FloatArray, edge: float) -> FloatArray:
+        """Find the change since another wrench, shape (k,); see `Load.find_change`."""
+        force = self.vector @ last.outward - last.force
+        if not isinstance(last, Wrench) or not self.rotates:
+            return np.array([force])
+        moment = self.moment - last.moment - np.cross(centre, self.vector - last.vector)
+        return np.array([force, *(last.directions[1:] @ moment / edge)])
+
+    def find_modes(self, arms: FloatArray, normal: FloatArray, edge: float) -> FloatArray:
+        """Find the force and moments of unit forces on m cells, shape (m, k); see `Load.find_modes`."""
+        columns = (normal @ self.outward)[:, None]
+        if not self.rotates:
+            return columns
+        return np.hstack([columns, np.cross(arms, normal) @ self.directions[1:].T / edge])
+
+    def build_constraints(
+        self, place: FloatArray, normal: FloatArray, edge: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Build the constraints on the force along each direction and, if the body rotates, on two moments.
 
-        The moments are those about the axes perpendicular to the first direction.  Linearly dependent columns are
-        omitted, such as those of lateral forces on a flat array.  Arguments and return values are those of
-        `Load.build_constraints`.
+        The moments are those about the axes perpendicular to the first direction.  All constraints but the first have
+        a slack.  Arguments and return values are those of `Load.build_constraints`.
         """
-        columns = [normal @ direction for direction in self.directions]
-        wanted = [float(self.vector @ direction) for direction in self.directions]
+        columns, aims = normal @ self.directions.T, self.directions @ self.vector
+        slack = np.where(np.arange(len(aims)) > 0, SHIFT, 0.0)
         if self.rotates:
-            centre = np.cross(self.vector, self.moment) / (self.vector @ self.vector)
-            lever = np.cross(place - centre, normal)
-            size = max(float(np.abs(lever).max()), 1e-9)
-            columns += [lever @ direction / size for direction in self.directions[1:]]
-            wanted += [0.0] * (len(self.directions) - 1)
-        first, rest = columns[0], np.array(columns[1:]).reshape(-1, len(place))
-        share = rest @ first / (first @ first)
-        rest = rest - np.outer(share, first)
-        aims = np.array(wanted[1:]) - share * wanted[0]
-        values, vectors = np.linalg.eigh(rest @ rest.T / len(place))
-        # Combinations of columns whose root mean square, after the first column is projected out, is at most 0.02 count
-        # as linearly dependent and are omitted.
-        kept = values > 0.02**2
-        mixed = vectors[:, kept] * (1 / np.sqrt(values[kept]))
-        return np.ascontiguousarray(np.column_stack([first, rest.T @ mixed])), np.append(wanted[0], aims @ mixed)
+            # the point on the line of action next to the middle of the cells
+            along = self.vector @ (place.mean(axis=0) - self.centre) / (self.vector @ self.vector)
+            wanted = self.centre + along * self.vector
+            centre = np.minimum(np.maximum(wanted, place.min(axis=0)), place.max(axis=0))
+            axes = self.directions[1:].T / edge
+            columns = np.hstack([columns, np.cross(place - centre, normal) @ axes])
+            aims = np.concatenate([aims, np.cross(wanted - centre, self.vector) @ axes])
+            slack = np.concatenate([slack, np.full(len(self.directions) - 1, TILT)])
+        return columns, aims, slack
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -218,22 +271,24 @@ class PressureSolution:
 
     Attributes:
         forces: Force on each of the m cells under bodies, shape (m,) [N].
-        height: For each body, the height above its smallest gap up to which the body's surface lies below the
-            undeformed top of the cover, shape (bodies,) [m].
+        surface: Gap up to which a body at the cell would touch it if the cover stayed flat, shape (m,) [m].
         approach: Approach of each body since its first touch of the undeformed cover, shape (bodies,) [m]; None if not
             computed.
         window: The forces as forces on a window (rectangle) of whole cells, shape (rows, columns) [N]; None if not
             computed.
         origin: Row and column in the contact grid of the first cell of the window.
+        shares: Arrays that divide forces on cells among those of the window, see `spread_on_window`; None if not
+            computed.
         steps: Number of steps of the iteration [-].
         converged: Whether the iteration met its tolerance.
     """
 
     forces: FloatArray
-    height: FloatArray
+    surface: FloatArray
     approach: FloatArray | None = None
     window: FloatArray | None = None
     origin: tuple[int, int] = (0, 0)
+    shares: tuple[IntArray, FloatArray] | None = None
     steps: int = 0
     converged: bool = True
 
@@ -342,9 +397,8 @@ class CoverSolver(PressureSolver):
     def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
         """Compute the forces on the cells under all bodies.
 
-        If the iteration with the prescribed moments does not converge, for example because no pressure on the cells has
-        these moments, only the forces of the bodies are prescribed, and the bodies keep their tilt.  The body with the
-        largest force determines the tables of a cover that depends on the load; see `PressureSolver.solve`.
+        The body with the largest force determines the tables of a cover that depends on the load; see
+        `PressureSolver.solve`.
         """
         heaviest = int(np.argmax([load.force for load in loads]))
         force, position = loads[heaviest].force, self._cells.position_among_loads
@@ -385,21 +439,17 @@ class CoverSolver(PressureSolver):
         # the tolerance is allowed for it, because a start value may be accepted unchanged in several successive
         # readings, and its errors add up.
         limits = (tolerance, 0.25 * tolerance / self._stiffest[nearest], self._steps)
-        columns, target, approach = join_constraints(loads, samples.body, samples.place, samples.normal)
-        found = self._minimise(cover, samples.gap, columns, target, start, limits)
-        if not found[-1] and any(load.tilts for load in loads):
-            columns, target, approach = join_constraints(
-                [load.without_moments() for load in loads], samples.body, samples.place, samples.normal
-            )
-            found = self._minimise(cover, samples.gap, columns, target, start, limits)
-        forces, window, motion, steps, converged = found
+        edge, compliance = self.grid.mean_edge, float(self._near[nearest][0, 0])
+        constraints, first = join_constraints(loads, samples.body, samples.place, samples.normal, edge, compliance)
+        forces, window, motion, steps, converged = self._minimise(cover, samples.gap, constraints, start, limits)
         self._last = (samples.row, samples.column, forces / samples.coverage)
         return PressureSolution(
             forces=forces,
-            height=samples.find_largest(columns.dot(motion)) - samples.lowest,
-            approach=motion[approach] - samples.lowest,
+            surface=constraints[0].dot(motion),
+            approach=motion[first] - samples.lowest,
             window=window,
             origin=origin,
+            shares=(corner, weight),
             steps=steps,
             converged=converged,
         )
@@ -426,35 +476,40 @@ def _find_largest_stiffness(kernel: FloatArray) -> float:
     return float(1 / (signs[: len(kernel)] @ kernel @ signs[: kernel.shape[1]]))
 
 
-def join_constraints(
-    loads: Sequence[Load], owner: IntArray, place: FloatArray, normal: FloatArray
-) -> tuple[FloatArray, FloatArray, list[int]]:
+def join_constraints(  # noqa: PLR0917 -- one call per reading
+    loads: Sequence[Load], owner: IntArray, place: FloatArray, normal: FloatArray, edge: float, compliance: float
+) -> tuple[tuple[FloatArray, FloatArray, FloatArray], list[int]]:
     """Join the linear constraints by which the loads of several bodies prescribe the forces on m cells or points.
 
     Args:
         loads: Load of each body.
         owner: Index of the body that presses on each cell, -1 for none, shape (m,).
-        place: Positions of the cells, shape (m, 2 or 3) [m].
+        place: Positions of the cells, shape (m, 3) [m].
         normal: Outward normals of the cells, shape (m, 3) [-].
+        edge: Edge of a cell [m].
+        compliance: Displacement of a cell under unit force on it [m/N].
 
     Returns:
-        Columns of k constraints on the m forces, shape (m, k); target, shape (k,) [N]; and for each body the index of
-        the column that prescribes its force.
+        Columns of k constraints on the m forces, shape (m, k), target, shape (k,) [N], and compliance of each slack,
+        shape (k,) [m/N]; and for each body the index of the column that prescribes its force.
     """
     if len(loads) == 1 and not owner.any():
-        return *loads[0].build_constraints(place, normal), [0]
-    columns: list[FloatArray] = []
+        columns, target, slack = loads[0].build_constraints(place, normal, edge)
+        return (columns, target, slack * compliance), [0]
+    parts: list[FloatArray] = []
     targets: list[FloatArray] = []
+    slacks: list[FloatArray] = []
     first: list[int] = []
     for body, load in enumerate(loads):
         own = (owner == body).nonzero()[0]
-        part, target = load.build_constraints(place[own], normal[own])
+        part, target, slack = load.build_constraints(place[own], normal[own], edge)
         column = np.zeros((len(owner), len(target)))
         column[own] = part
         first.append(sum(len(each) for each in targets))
-        columns.append(column)
+        parts.append(column)
         targets.append(target)
-    return np.concatenate(columns, axis=1), np.concatenate(targets), first
+        slacks.append(slack * compliance)
+    return (np.concatenate(parts, axis=1), np.concatenate(targets), np.concatenate(slacks)), first
 
 
 class FoundationSolver(PressureSolver):
@@ -470,7 +525,7 @@ class FoundationSolver(PressureSolver):
         """
         super().__init__(grid, bases)
         self._stiffness = modulus * grid.edge[0] * grid.edge[1]
-        self._match = compile_kernel(match_springs)
+        self._match, self._spread = compile_kernel(match_springs), compile_kernel(spread_on_window)
 
     def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
         """Compute the forces on the cells under all bodies; see `PressureSolver.solve`.
@@ -482,18 +537,17 @@ class FoundationSolver(PressureSolver):
             own = (samples.body == body).nonzero()[0]
             if not len(own):
                 continue
-            for tried in (load, load.without_moments()):
-                columns, target = tried.build_constraints(samples.place[own], samples.normal[own])
-                forces[own], surface[own], found = self._match(
-                    columns, samples.gap[own], self._stiffness * samples.coverage[own], target
-                )
-                if found:
-                    break
-        height = samples.find_largest(surface) - samples.lowest
+            stiffness = self._stiffness * samples.coverage[own]
+            columns, target, slack = load.build_constraints(
+                samples.place[own], samples.normal[own], self.grid.mean_edge
+            )
+            constraints = columns, target, slack / self._stiffness
+            forces[own], surface[own] = self._match(samples.gap[own], stiffness, constraints)
         if not self.bases:
-            return PressureSolution(forces=forces, height=height)
+            return PressureSolution(forces=forces, surface=surface)
         origin = int(samples.row.min()), int(samples.column.min())
-        row, column = samples.row - origin[0], samples.column - origin[1]
-        shape = int(row.max()) + 1, int(column.max()) + 1
-        window = np.bincount(row * shape[1] + column, forces, shape[0] * shape[1]).astype(np.float64)
-        return PressureSolution(forces=forces, height=height, window=window.reshape(shape), origin=origin)
+        corner = np.array([samples.row - origin[0], samples.column - origin[1]])
+        weight = np.zeros((4, samples.count))
+        weight[0] = 1.0
+        window = self._spread(corner, weight, forces, (int(corner[0].max()) + 2, int(corner[1].max()) + 2))
+        return PressureSolution(forces=forces, surface=surface, window=window, origin=origin, shares=(corner, weight))

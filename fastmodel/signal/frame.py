@@ -27,6 +27,12 @@ class Frame:
             without spread, noise or electronics.  None for a real sensor.
         net_torque: Torque of all contacts about the origin of the array's frame, filtered, shape (3,) [N m]; None for a
             real sensor.
+        pressure_torque: Torque of the computed pressure about the origin of the array's frame, filtered, shape (3,)
+            [N m].  It is that of all bodies of known shape; other bodies act as point forces.
+            None for contact methods that compute no pressure, and for a real sensor.
+        missed_torque: What `pressure_torque` lacks of the torque with which bodies that are free to tilt press in
+            MuJoCo, filtered, shape (3,) [N m].  Where MuJoCo's contact points lie at the rim of a body, no pressure on
+            the cells of the cover has exactly their torque.  None as above.
         tangential: Tangential force that contacts exert on each texel, along x and y of a flat array or else along the
             texel's tangents (`fastmodel.signal.point_spread.find_tangents`), shape (n, 2) [N].  It is filtered, without
             spread, and zero on masked texels.  None for a real sensor.
@@ -43,6 +49,8 @@ class Frame:
     texel_area: float | None = None
     net_force: FloatArray | None = None
     net_torque: FloatArray | None = None
+    pressure_torque: FloatArray | None = None
+    missed_torque: FloatArray | None = None
     tangential: FloatArray | None = None
     outside: float | None = None
     tangential_source: str = ""
@@ -56,6 +64,6 @@ class Frame:
 
     def __post_init__(self) -> None:
         """Make the arrays of the frame read-only."""
-        for values in (self.counts, self.image, self.texel_forces, self.net_force, self.net_torque, self.tangential):
-            if values is not None:
+        for values in vars(self).values():
+            if isinstance(values, np.ndarray):
                 values.setflags(write=False)

@@ -3,7 +3,7 @@ import pytest
 
 from fastmodel.pressure.gap import sample_gap
 from fastmodel.pressure.pressure_kernels import place_cells
-from fastmodel.pressure.solvers import CoverSolver, Load
+from fastmodel.pressure.solvers import TILT, CoverSolver, Load
 from meshes import Box, Cylinder, LetterH, Nut, Sphere
 from tests.support.cover_data import cells
 from tests.support.posed_bodies import GRID, pose_body
@@ -36,7 +36,7 @@ def build_matrix(samples, solver):
 @pytest.mark.parametrize("tilts", [False, True], ids=["guided", "free"])
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda s: type(s).__name__)
 def test_solution_meets_the_conditions_of_the_minimum(shape, tilts):
-    """Balance; no tension; one plane under the contact; a gap beside it."""
+    """Balance; no tension; one plane under the contact; a gap beside it; a tilt in proportion to missed moments."""
     samples = sample_gap(GRID, [pose_body(shape, yaw=0.3)], [2e-3])
     moment = 3.0 * np.array([0.7e-3, -1.1e-3]) + (3.0 * 0.3e-3 if samples.count > 9 else 0.0)
     solver = CoverSolver(CELLS, GRID, tolerance=1e-10, steps=2000)
@@ -55,8 +55,13 @@ def test_solution_meets_the_conditions_of_the_minimum(shape, tilts):
     # the convolution of the solver leaves out small singular values of the kernel
     assert np.abs(apart[active]).max() < 3e-4 * scale
     assert apart[~active].min(initial=0) > -3e-4 * scale
-    if tilts and samples.count > 9:  # a point has no moment
-        np.testing.assert_allclose([found.forces @ samples.x, found.forces @ samples.y], moment, atol=1e-9)
+    if tilts:
+        missed = moment - [found.forces @ samples.x, found.forces @ samples.y]
+        assert np.abs(missed).max() < 3.0 * (5e-6 if active.sum() > 25 else 0.5e-3)
+        if active.sum() > 25:  # fewer cells may lie on a line, which has no tilt across
+            edge, compliance = np.sqrt(GRID.edge[0] * GRID.edge[1]), solver._near[0][0, 0]
+            slack = TILT * compliance / edge**2
+            np.testing.assert_allclose(motion[1:], slack * missed, atol=3e-2 * slack * np.abs(missed).max())
 
 
 def test_a_warm_start_changes_only_the_number_of_steps():

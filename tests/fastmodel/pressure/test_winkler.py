@@ -20,9 +20,9 @@ def test_forces_and_moments_are_those_of_the_load():
         assert found.forces.min() >= 0
         assert found.forces.sum() == pytest.approx(2.0)
         if tilts:
-            np.testing.assert_allclose([found.forces @ samples.x, found.forces @ samples.y], moment, atol=1e-8)
+            np.testing.assert_allclose([found.forces @ samples.x, found.forces @ samples.y], moment, atol=2e-5)
         else:
-            np.testing.assert_array_equal(found.forces > 0, samples.gap - samples.lowest[0] < found.height[0])
+            np.testing.assert_array_equal(found.forces > 0, samples.gap < found.surface)
 
 
 @settings(max_examples=20, deadline=None)
@@ -33,7 +33,7 @@ def test_a_sphere_sinks_as_in_closed_form(force, radius):
     found = SOLVER.solve(samples, [Load(force=force, moment=np.zeros(2), tilts=False)])
     depth = np.sqrt(force / (np.pi * radius * MODULUS))
     cell = GRID.edge[0] ** 2 / radius  # largest difference of height along a cell
-    assert abs(found.height[0] + samples.lowest[0] - depth) < cell
+    assert abs(found.surface[0] - depth) < cell
 
 
 @settings(max_examples=20, deadline=None)
