@@ -1,7 +1,7 @@
-"""Scenes for `grippers.py`: a Panda and a Fetch gripper with two arrays, a post, and something to grasp.
+"""Scenes for `grippers.py`: grippers with two arrays, a post, and something to grasp; and bodies free on one array.
 
-The models of the grippers come from the packages robosuite and gymnasium-robotics.  Nothing of robosuite is imported
-but its files.
+The models of the Panda, Rethink and Fetch grippers come from the packages robosuite and gymnasium-robotics.  Nothing of
+robosuite is imported but its files.  A turned object floats, without a post, until it is grasped.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 import fastmodel
 from fastmodel import Parameters
@@ -126,7 +127,21 @@ FETCH = Gripper(
     axes=((0, 1, 0), (0, 0, -1), (-1, 0, 0)),
     points=0,
 )
-GRIPPERS = {"panda": PANDA, "fetch": FETCH}
+RETHINK = Gripper(
+    package="robosuite",
+    file="models/assets/grippers/rethink_gripper.xml",
+    body="gripper_base",
+    turn=(0.0, 1.0, 0.0, 0.0),
+    pitch=1.5e-3,
+    slipping=-0.5,
+    sides=("l", "r"),
+    names=("{}_finger_tip", "{}_finger_joint", "gripper_{}_finger_joint", "{}_fingerpad_g0"),
+    opens=(1.0, -1.0),
+    position=(0.0, -10.5e-3, -17e-3),
+    axes=((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    points=2,
+)
+GRIPPERS = {"panda": PANDA, "fetch": FETCH, "rethink": RETHINK}
 OBJECTS = ("box", "sphere", "cylinder", "capsule", "mug", "flex")
 
 
@@ -148,15 +163,15 @@ def parameters(pitch: float) -> Parameters:
 class Scene:
     """A gripper above a table with an object, and its two sensors."""
 
-    def __init__(self, gripper: Gripper, thing: str) -> None:
-        """Build and bind the scene."""
+    def __init__(self, gripper: Gripper, thing: str, turn: Rotation | None = None) -> None:
+        """Build and bind the scene; the object may be turned."""
         self.gripper, self._fingers = gripper, gripper.list_fingers()
         alone = mujoco.MjSpec()
         mount(alone, gripper)
         middle = self._find_middle(mujoco.MjData(alone.compile()))
         spec = start_spec(thing, middle)
         self.sensors = mount(spec, gripper)
-        add_object(spec, thing, middle)
+        add_object(spec, thing, middle, turn)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         with warnings.catch_warnings(record=True) as caught:
@@ -166,7 +181,7 @@ class Scene:
         self.warned = sorted({str(each.message) for each in caught})
         self._joints = [self.data.joint(finger.joint) for finger in self._fingers]
         self._actuators = [self.model.actuator(finger.actuator) for finger in self._fingers]
-        self._open(middle, HALF_OF.get(thing, HALF) + CLEARANCE)
+        self._open(middle, find_half(thing, turn) + CLEARANCE)
 
     def _find_middle(self, data: mujoco.MjData) -> FloatArray:
         """Find the middle between the two arrays."""
@@ -202,6 +217,12 @@ class Scene:
             closing = min(max(missing, -OPENING / stiffness), force / stiffness)
             self.data.ctrl[actuator.id] = position - finger.opens * closing
         self.data.ctrl[self.model.actuator("lift").id] = lift
+
+    def let_go(self) -> None:
+        """Let gravity act on a turned object."""
+        thing = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "thing")
+        if thing >= 0:
+            self.model.body_gravcomp[thing] = 0.0
 
     def step(self) -> None:
         """One step of the physics and of the sensors."""
@@ -264,14 +285,32 @@ HALF_OF = {"mug": 20e-3}
 HALF_HEIGHTS = {"box": CENTRE, "sphere": HALF, "cylinder": CENTRE, "capsule": 25e-3, "mug": CENTRE, "flex": HALF}
 
 
-def add_object(spec: mujoco.MjSpec, thing: str, middle: FloatArray) -> None:
-    """Add a post, narrow enough for fingers beside it, and an object that stands on it between the arrays."""
+def find_half(thing: str, turn: Rotation | None) -> float:
+    """Find the half extent of an object between the fingers [m]."""
+    half, ball = {
+        "box": ([ACROSS, HALF, CENTRE], 0.0),
+        "sphere": ([0, 0, 0], HALF),
+        "cylinder": ([0, 0, CENTRE], HALF),
+        "capsule": ([0, 0, 10e-3], HALF),
+        "mug": ([0, 0, CENTRE], HALF_OF["mug"]),
+        "flex": ([0, HALF, 0], 0.0),
+    }[thing]
+    across = (turn or Rotation.identity()).as_matrix()[1]
+    flat = math.hypot(*across[:2]) if thing in {"cylinder", "mug"} else 1.0
+    return float(np.abs(across) @ half + flat * ball)
+
+
+def add_object(spec: mujoco.MjSpec, thing: str, middle: FloatArray, turn: Rotation | None = None) -> None:
+    """Add an object between the arrays, and below it a post, narrow enough for fingers beside it."""
     kinds = mujoco.mjtGeom
-    below = [*middle[:2], middle[2] - HALF_HEIGHTS[thing] - 0.01]
-    spec.worldbody.add_geom(name="post", type=kinds.mjGEOM_BOX, size=[8e-3, 8e-3, 10e-3], pos=below)
+    if turn is None:
+        below = [*middle[:2], middle[2] - HALF_HEIGHTS[thing] - 0.01]
+        spec.worldbody.add_geom(name="post", type=kinds.mjGEOM_BOX, size=[8e-3, 8e-3, 10e-3], pos=below)
     if thing == "flex":  # part of the text that the scene starts from, see `start_spec`
         return
     body = spec.worldbody.add_body(name="thing", pos=middle)
+    if turn is not None:
+        body.quat, body.gravcomp = turn.as_quat(scalar_first=True), 1.0
     body.add_freejoint(name="thing")
     common = {"condim": 4, "friction": [1.0, 0.01, 1e-4], "rgba": [0.8, 0.5, 0.2, 1]}
     if thing == "mug":
@@ -303,3 +342,55 @@ def add_mug(spec: mujoco.MjSpec, body: mujoco.MjsBody, *, radius: float, common:
     handle = (([6e-3, 3e-3, 2e-3], 6e-3, -12e-3), ([6e-3, 3e-3, 2e-3], 6e-3, 12e-3), ([2e-3, 3e-3, 14e-3], 11e-3, 0))
     for size, out, z in handle:
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=[radius + out, 0, z], mass=5e-3, **common)
+
+
+#: Bodies that press on one array by a force with a wobbling torque: geoms as type, size [mm] and position [mm].
+FREE = {
+    "ball": [("sphere", (9, 0, 0), (0, 0, 0))],
+    "ellipsoid": [("ellipsoid", (12, 7, 5), (0, 0, 0))],
+    "box": [("box", (8, 6, 5), (0, 0, 0))],
+    "blade": [("box", (9, 1, 6), (0, 0, 0))],
+    "bar": [("box", (20, 4, 4), (0, 0, 0))],
+    "cylinder": [("cylinder", (6, 8, 0), (0, 0, 0))],
+    "capsule": [("capsule", (4, 8, 0), (0, 0, 0))],
+    "cross": [("box", (10, 3, 3), (0, 0, 0)), ("box", (3, 10, 3), (0, 0, 0))],
+}
+
+
+class FreeScene:
+    """A body free to move on one array, in a random pose, under a force and a torque that wobbles."""
+
+    def __init__(self, thing: str, random: np.random.Generator) -> None:
+        """Build and bind the scene."""
+        spec = mujoco.MjSpec()
+        fastmodel.recommend_options(spec)
+        spec.option.timestep = TIMESTEP
+        base = spec.worldbody.add_body(name="base")
+        base.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.03, 0.03, 5e-3], pos=[0, 0, -0.02])
+        self.sensors = [fastmodel.attach(spec, "base", parameters(3.4e-3), name="pad", contact="cover")]
+        height = 25e-3
+        body = spec.worldbody.add_body(name="thing", pos=[*random.uniform(-8e-3, 8e-3, 2), height])
+        body.add_freejoint(name="thing")
+        body.quat = Rotation.random(rng=random).as_quat(scalar_first=True)
+        for kind, size, place in FREE[thing]:
+            geom = body.add_geom(type=getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}"), mass=0.05)
+            geom.size, geom.pos = 1e-3 * np.array(size), 1e-3 * np.array(place)
+            geom.condim, geom.friction[:] = 4, [0.8, 0.01, 1e-4]
+        self.model = spec.compile()
+        self.model.dof_damping[:3], self.model.dof_damping[3:] = 1.0, 2e-4
+        self.data = mujoco.MjData(self.model)
+        self.warned: list[str] = []
+        for sensor in self.sensors:
+            sensor.bind(self.model)
+        self._load, self._torque = random.uniform(1, 8), random.normal(0, 1, (2, 3))
+        self._rates = random.uniform(0.5, 4, 3)
+
+    def step(self) -> None:
+        """One step of the physics and of the sensor."""
+        phase = 2 * np.pi * self._rates * self.data.time
+        thing, torque = self.data.body("thing"), self._torque[0] * np.sin(phase) + self._torque[1] * np.cos(phase)
+        thing.xfrc_applied[:] = [0, 0, -self._load * min(4 * self.data.time, 1.0), *(1.5e-3 * self._load * torque)]
+        thing.xfrc_applied[:2] -= 40 * thing.xpos[:2]
+        mujoco.mj_step(self.model, self.data)
+        for sensor in self.sensors:
+            sensor.step(self.data)

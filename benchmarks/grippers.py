@@ -1,14 +1,19 @@
-"""Two grippers grasp, lift, let slip and drop six objects; their arrays of 120 texels against MuJoCo's own forces.
+"""Three grippers grasp, lift, let slip and drop six objects; their arrays of 120 texels against MuJoCo's own forces.
 
-Neither gripper is used by an example: a Panda gripper (robosuite) and a Fetch gripper (gymnasium-robotics).  Two arrays
-of 12 x 10 texels stand on their fingers, in place of the pads; physics steps of 2 ms, contact method `cover`, a reading
-after every step.  Printed for each gripper and object:
+No gripper is used by an example: a Panda and a Rethink gripper (robosuite) and a Fetch gripper (gymnasium-robotics).
+Two arrays of 12 x 10 texels stand on their fingers, in place of the pads; physics steps of 2 ms, contact method
+`cover`, a reading after every step.  With `--turned`, objects are turned by up to 45 degrees about a random axis; with
+`--free`, bodies of eight shapes press on one array in random poses under a force and a torque that wobbles.  Printed
+for each gripper and object:
 
 - net: largest difference between the force that an array reads and the sum of `mj_contactForce` along its normal, over
   the latter; at least over `LIGHT`, the force below which rounding counts;
 - change: largest and 99th percentile of the change of the image from one step to the next.  Both images are divided by
   their sums, the earlier one is moved by the motion of the centre of pressure, and half the sum of the absolute
   differences is taken.  Steps within `SETTLING` of the first touch and of the release of an array are left out;
+- jumps: steps in which the image changes by more than 5 % and MuJoCo's own force and torque by less;
+- off: share of the steps in which the centre of pressure lies more than a cell from that of MuJoCo's contact points,
+  and the largest distance;
 - speed: simulated over processor time of physics and sensors in the grasp, while it is lifted and held.
 
     python -m pip install --no-deps --target /tmp/robosuite robosuite
@@ -19,6 +24,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,8 +33,9 @@ from typing import Any
 import mujoco
 import numpy as np
 import numpy.typing as npt
-from gripper_scenes import CLEARANCE, GRIPPERS, OBJECTS, TIMESTEP, Scene, find_package
+from gripper_scenes import CLEARANCE, FREE, GRIPPERS, OBJECTS, TIMESTEP, FreeScene, Scene, find_package
 from scipy.ndimage import shift
+from scipy.spatial.transform import Rotation
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -40,6 +47,10 @@ SQUEEZE, LIFT = 8e-3, 50e-3
 SECONDS = {"close": 0.6, "lift": 0.5, "hold": 0.3, "slip": 1.0, "drop": 0.3}
 #: Force of an array below which it counts as untouched, for the change of images [N].
 LIGHT = 0.1
+#: Edge of a cell of an array of pitch 3.4 mm, the accepted distance of centres of pressure [m].
+CELL = 0.85e-3
+#: Pitch by which radii of images are measured, about that of all arrays [m].
+PITCH = 2e-3
 #: Steps after the first touch and before the release that are left out of the change of images [-].
 SETTLING = 10
 
@@ -52,11 +63,22 @@ class Record:
         carried: Force that the array read [N].
         expected: Sum of MuJoCo's contact forces along the normal [N].
         images: Texel forces, shape (rows, columns) each [N].
+        centres: Centre of pressure, shape (2,) each [m].
+        wanted: Centre of MuJoCo's contact forces on the front, shape (2,) each [m].
     """
 
     carried: list[float] = field(default_factory=list)
     expected: list[float] = field(default_factory=list)
     images: list[FloatArray] = field(default_factory=list)
+    centres: list[FloatArray] = field(default_factory=list)
+    wanted: list[FloatArray] = field(default_factory=list)
+
+    def radius(self, step: int) -> float:
+        """Root mean square distance of the force from its centre, in an image [m]."""
+        image = np.maximum(self.images[step], 0) / np.maximum(self.images[step], 0).sum()
+        rows, columns = np.indices(image.shape)
+        middle = find_centre(image)
+        return PITCH * math.sqrt((image * ((rows - middle[0]) ** 2 + (columns - middle[1]) ** 2)).sum())
 
 
 def command(scene: Scene, phase: str, progress: float, *, lift: float = LIFT) -> None:
@@ -76,16 +98,48 @@ def command(scene: Scene, phase: str, progress: float, *, lift: float = LIFT) ->
             scene.drive((1 - 2 * progress) * CLEARANCE, GRIP, lift)
 
 
-def contact_force(scene: Scene, plate: str) -> float:
-    """Sum of MuJoCo's contact forces on a plate, against its normal [N]."""
+def contact_force(scene: Scene | FreeScene, plate: str) -> tuple[float, FloatArray]:
+    """Sum of MuJoCo's contact forces on a plate, against its normal [N], and their centre on the plate, shape (2,) [m].
+
+    The centre counts the contacts with the front alone.
+    """
     geom, found, total = scene.model.geom(plate).id, np.zeros(6), 0.0
-    normal = scene.data.geom(plate).xmat.reshape(3, 3)[:, 2]
+    axes, place, front = scene.data.geom(plate).xmat.reshape(3, 3), scene.data.geom(plate).xpos, np.zeros(3)
     for index, contact in enumerate(scene.data.contact):
         if geom in contact.geom:
             mujoco.mj_contactForce(scene.model, scene.data, index, found)
             on_second = contact.frame.reshape(3, 3).T @ found[:3]
-            total -= normal @ on_second * (1.0 if contact.geom[1] == geom else -1.0)
-    return float(total)
+            force = -axes[:, 2] @ on_second * (1.0 if contact.geom[1] == geom else -1.0)
+            total += force
+            if abs(axes[:, 2] @ contact.frame[:3]) > 0.7:
+                front += force * np.append((contact.pos - place) @ axes[:, :2], 1.0)
+    return float(total), front[:2] / front[2] if front[2] else np.full(2, np.nan)
+
+
+def note(scene: Scene | FreeScene, records: list[Record]) -> None:
+    """Write down what every array reads."""
+    for record, sensor in zip(records, scene.sensors, strict=True):
+        force, wanted = contact_force(scene, f"{sensor.name}/plate")
+        frame = sensor.frame()
+        x, y, _ = frame.pressure_torque
+        record.carried.append(sensor.carried())
+        record.expected.append(force)
+        record.images.append(sensor.parameters.array.image(frame.texel_forces))
+        record.centres.append(np.array([y, -x]) / max(sensor.carried(), 1e-9))
+        record.wanted.append(wanted)
+
+
+def run_free(scene: FreeScene, seconds: float) -> tuple[list[Record], float]:
+    """Run a scene with a free body; return the records and the real-time factor while the array is touched."""
+    records, taken, simulated = [Record() for _ in scene.sensors], 0.0, 0.0
+    for _ in range(round(seconds / TIMESTEP)):
+        start = time.process_time()
+        scene.step()
+        if scene.sensors[0].carried():
+            taken += time.process_time() - start
+            simulated += TIMESTEP
+        note(scene, records)
+    return records, simulated / max(taken, 1e-9)
 
 
 def run(scene: Scene, share: float = 1.0) -> tuple[list[Record], float]:
@@ -94,6 +148,8 @@ def run(scene: Scene, share: float = 1.0) -> tuple[list[Record], float]:
     taken, simulated = 0.0, 0.0
     for phase, seconds in SECONDS.items():
         steps = round(share * seconds / TIMESTEP)
+        if phase == "lift":
+            scene.let_go()
         for step in range(steps):
             command(scene, phase, (step + 1) / steps)
             start = time.process_time()
@@ -101,10 +157,7 @@ def run(scene: Scene, share: float = 1.0) -> tuple[list[Record], float]:
             if phase in {"lift", "hold"}:
                 taken += time.process_time() - start
                 simulated += TIMESTEP
-            for record, sensor in zip(records, scene.sensors, strict=True):
-                record.carried.append(sensor.carried())
-                record.expected.append(contact_force(scene, f"{sensor.name}/plate"))
-                record.images.append(sensor.parameters.array.image(sensor.frame().texel_forces))
+            note(scene, records)
     return records, simulated / taken
 
 
@@ -122,19 +175,41 @@ def find_centre(image: FloatArray) -> FloatArray:
 
 
 def changes(record: Record) -> FloatArray:
-    """Change of the image at every step that counts."""
+    """Change of the image, and of MuJoCo's force and torque, at every step that counts, shape (steps, 2) [-].
+
+    The change of the torque is that of the centre of pressure over the radius of the image.
+    """
     touched = np.array(record.carried) > LIGHT
     counts = touched.copy()
     for step in range(-SETTLING, SETTLING + 1):
         counts &= np.roll(touched, step)
-    return np.array([change(record.images[k - 1], record.images[k]) for k in counts.nonzero()[0] if counts[k - 1]])
+    found = []
+    for k in counts.nonzero()[0]:
+        if counts[k - 1]:
+            shifted = np.linalg.norm(record.wanted[k] - record.wanted[k - 1]) / record.radius(k)
+            forced = abs(record.expected[k] / record.expected[k - 1] - 1)
+            found.append((change(record.images[k - 1], record.images[k]), max(forced, shifted)))
+    return np.array(found).reshape(-1, 2)
+
+
+def distances(record: Record) -> FloatArray:
+    """Distance of the centre of pressure from that of MuJoCo's contact points, at every touched step [m]."""
+    touched = np.array(record.carried) > LIGHT
+    apart = np.linalg.norm(np.array(record.centres) - np.array(record.wanted), axis=1)[touched]
+    return np.asarray(apart[np.isfinite(apart)])
 
 
 def measure(records: list[Record], speed: float) -> dict[str, Any]:
     """Figures of one run."""
     carried, expected = (np.array([getattr(each, name) for each in records]) for name in ("carried", "expected"))
-    change = np.concatenate([changes(each) for each in records])
+    apart = np.concatenate([distances(each) for each in records] + [np.zeros(1)])
+    change, forced = np.concatenate([changes(each) for each in records] + [np.zeros((1, 2))]).T
     return {
+        "off": float((apart > CELL).mean()),
+        "farthest": float(apart.max()),
+        "touched": len(apart),
+        "jumps": int(((change > 0.05) & (forced < change)).sum()),
+        "change_999": float(np.percentile(change, 99.9)),
         "grip": float(expected.max()),
         "net": float((np.abs(carried - expected) / np.maximum(np.abs(expected), LIGHT)).max()),
         "change": float(change.max()),
@@ -145,33 +220,72 @@ def measure(records: list[Record], speed: float) -> dict[str, Any]:
     }
 
 
+def random_turn(random: np.random.Generator) -> FloatArray:
+    """Draw a rotation vector about a random axis by up to 45 degrees, shape (3,) [rad]."""
+    axis = random.normal(size=3)
+    return np.asarray(axis / np.linalg.norm(axis) * random.uniform(0, np.pi / 4))
+
+
+def run_gripper(name: str, options: argparse.Namespace, random: np.random.Generator) -> list[dict[str, Any]]:
+    """Run the scenes of one gripper, and print and return their figures."""
+    if find_package(GRIPPERS[name].package) is None:
+        print(f"{name}: {GRIPPERS[name].package} is not installed")
+        return []
+    rows = []
+    things = [thing for thing in options.object or OBJECTS if not (options.turned and thing == "flex")]
+    for thing in np.repeat(things, max(options.turned, 1)).tolist():
+        turn, found = Rotation.from_rotvec(random_turn(random)) if options.turned else None, []
+        for _ in range(options.repeat):
+            scene = Scene(GRIPPERS[name], thing, turn)
+            found.append(measure(*run(scene)))
+        speed = max(each["speed"] for each in found)
+        rows.append({"gripper": name, "object": thing, **found[0], "speed": speed, "warnings": scene.warned})
+        print(describe(rows[-1]), flush=True)
+    for line in sorted({line for row in rows for line in row["warnings"]}):
+        print(f"{name}: {line}")
+    return rows
+
+
+def describe(figures: dict[str, Any]) -> str:
+    """Describe the figures of a run in one line."""
+    return (
+        f"{figures['gripper']:7} {figures['object']:9} grip {figures['grip']:5.1f} N   net {figures['net']:.1e}   "
+        f"change at most {100 * figures['change']:6.2f} %, 99th percentile {100 * figures['change_99']:6.2f} %, jumps "
+        f"{figures['jumps']:3d} of {figures['steps']:4d}   off {100 * figures['off']:6.2f} %, at most "
+        f"{1e3 * figures['farthest']:5.2f} mm   {figures['speed']:.1f} times real time"
+    )
+
+
 def main() -> None:
     """Run and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--gripper", choices=GRIPPERS, action="append")
+    parser.add_argument("--gripper", choices=GRIPPERS, action="append", default=[])
     parser.add_argument("--object", choices=OBJECTS, action="append")
     parser.add_argument("--repeat", type=int, default=1, help="runs of which the fastest gives the speed")
+    parser.add_argument("--turned", type=int, default=0, help="random turns of each object; 0 for upright objects")
+    parser.add_argument("--free", type=int, default=0, help="random scenes with each free body")
+    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
-    rows = []
-    for name in options.gripper or GRIPPERS:
-        if find_package(GRIPPERS[name].package) is None:
-            print(f"{name}: {GRIPPERS[name].package} is not installed")
-            continue
-        for thing in options.object or OBJECTS:
-            found = []
-            for _ in range(options.repeat):
-                scene = Scene(GRIPPERS[name], thing)
-                found.append(measure(*run(scene)))
-            figures = found[0] | {"speed": max(each["speed"] for each in found)}
-            rows.append({"gripper": name, "object": thing, **figures, "warnings": scene.warned})
-            print(
-                f"{name:6} {thing:9} grip {figures['grip']:5.1f} N   net {figures['net']:.1e}   change at most "
-                f"{100 * figures['change']:6.2f} %, 99th percentile {100 * figures['change_99']:6.2f} %   "
-                f"{figures['speed']:.1f} times real time"
-            )
-        for line in sorted({line for row in rows if row["gripper"] == name for line in row["warnings"]}):
-            print(f"{name}: {line}")
+    random = np.random.default_rng(options.seed)
+    rows = [
+        row
+        for name in (options.gripper if options.gripper or options.free else GRIPPERS)
+        for row in run_gripper(name, options, random)
+    ]
+    for thing in FREE:
+        for _ in range(options.free):
+            rows.append({"gripper": "free", "object": thing, **measure(*run_free(FreeScene(thing, random), 1.0))})
+            print(describe(rows[-1]), flush=True)
+    keys = ("touched", "steps", "off", "jumps", "farthest", "speed", "net")
+    total = {key: np.array([row[key] for row in rows]) for key in keys}
+    print(
+        f"{total['touched'].sum()} touched steps: centre off in "
+        f"{100 * total['off'] @ total['touched'] / total['touched'].sum():.3f} %, at most "
+        f"{1e3 * total['farthest'].max():.2f} mm; jumps in {100 * total['jumps'].sum() / total['steps'].sum():.3f} %; "
+        f"speed {np.median(total['speed']):.1f} in the median, {total['speed'].min():.1f} at least; largest net error "
+        f"{total['net'].max():.1e}"
+    )
     if options.json:
         options.json.write_text(json.dumps(rows, indent=2))
 
