@@ -314,29 +314,21 @@ def _check_placement(
         advice = "its position looks like millimetres, attach takes metres" if away > 1 else "mend its position"
         yield f"array {name!r} lies {1e3 * away:.4g} mm from every geom of its {carrier}; {advice}"
         return
-    ahead, behind = _look_around(model, data, own, points, normals)
-    w, x, y, z = model.geom_quat[geoms[0]].tolist()
     exchanged = np.zeros(9)
-    mujoco.mju_quat2Mat(exchanged, np.array([z, w, x, y]))
-    normal = data.xmat[body].reshape(3, 3) @ exchanged[2::3]
-    there, back = _look_around(model, data, own, points.mean(axis=0, keepdims=True), normal[None])
-    mended = array.planar and bool(back[0] and not there[0])
+    mujoco.mju_quat2Mat(exchanged, np.roll(model.geom_quat[geoms[0]], 1))
+    # the last line goes through the middle, along the normal that the array would have with w taken last
+    normals = np.vstack([normals, data.xmat[body].reshape(3, 3) @ exchanged[2::3]])
+    points = np.vstack([points, points.mean(axis=0)])
+    low, high = np.array([find_span(model, data, geom, points, normals) for geom in own]).transpose(1, 0, 2)
+    ahead = ((low <= high) & (high > -low)).any(axis=0)
+    behind = ((low <= high) & (high < -low)).any(axis=0)
+    mended = array.planar and bool(behind[-1] and not ahead[-1])
     hint = "its quaternion looks like x, y, z, w, attach takes w first" if mended else ""
-    if (ahead & ~behind).mean() > _MOST_AHEAD or (mended and not behind.any()):
+    if (ahead & ~behind)[:-1].mean() > _MOST_AHEAD or (mended and not behind[:-1].any()):
         advice = hint or "turn its z axis outwards"
         yield f"the front of array {name!r} does not point away from its {carrier}; {advice}"
     elif array.planar:
         yield from _check_overhang(model, data, geoms, own, array=array, hint=hint)
-
-
-def _look_around(
-    model: mujoco.MjModel, data: mujoco.MjData, own: list[int], points: FloatArray, normals: FloatArray
-) -> tuple[BoolArray, BoolArray]:
-    """Find whether some geoms lie ahead of and behind each of k points, along its normal, each of shape (k,)."""
-    spans = [find_span(model, data, geom, points, normals) for geom in own]
-    ahead = np.any([(low <= high) & (high > -low) for low, high in spans], axis=0)
-    behind = np.any([(low <= high) & (high < -low) for low, high in spans], axis=0)
-    return np.asarray(ahead), np.asarray(behind)
 
 
 def _check_overhang(

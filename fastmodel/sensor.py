@@ -337,9 +337,8 @@ class Sensor:
             return self._reader.read(data)
         if len(self._pressing) and (data.tree_asleep[self._pressing] >= 0).all():
             return self._reading
-        pairs = data.contact.geom
-        touching = pairs[np.isin(pairs, self._geoms).any(axis=1) & (pairs >= 0).all(axis=1)]
-        trees = np.unique(model.body_treeid[model.geom_bodyid[touching]])
+        pairs = data.contact.geom[np.isin(data.contact.geom, self._geoms).any(axis=1)]
+        trees = np.unique(model.body_treeid[model.geom_bodyid[pairs[pairs >= 0]]])
         self._pressing = trees[trees >= 0].astype(np.int64)
         return self._reader.read(data)
 

@@ -33,6 +33,11 @@ def test_a_page_runs_from_its_first_block_to_its_last(page, tmp_path):
     assert "OptionWarning" not in done.stderr
 
 
+def test_the_page_on_robots_runs_as_pasted():
+    """Its blocks need nothing but the blocks above them that a reader sees."""
+    assert "<!-- test" not in (DOCS / "how-to" / "robots.md").read_text()
+
+
 @pytest.mark.parametrize("page", RUNNING, ids=name)
 def test_a_page_with_code_asserts_a_number(page):
     assert any(re.search(r"assert.*\d", code) for language, code in list_blocks(page) if language == "python")
