@@ -19,6 +19,7 @@ from .errors import FastModelError as FastModelError
 from .fitting.contact_stiffness import fit_contact as fit_contact
 from .fitting.gaussian import fit_gaussian as fit_gaussian
 from .parameters import Parameters as Parameters, list_sensors as list_sensors, load as load
+from .pressure.array_functions import ContactForces as ContactForces, ContactFunctions as ContactFunctions
 from .sensor import RangeWarning as RangeWarning, Sensor as Sensor, TexelPoses as TexelPoses
 from .signal.butterworth import Butterworth as Butterworth
 from .signal.chain import ChainFunctions as ChainFunctions

@@ -193,7 +193,7 @@ class BaseForces:
         # the table contains no cells in the margin; a force in the margin then reaches no texel
         self._table = None if cells.table is None else np.pad(cells.table, ((0, 0), rows, columns))
         self._masked = None if array.active.all() else ~array.active
-        #: The last window, as row and column of its first cell and its shape; and its factors, see `_factor_window`.
+        #: The last window, as row and column of its first cell and its shape; and its factors, see `factor_window`.
         self._last: tuple[tuple[int, ...], _Factors] | None = None
 
     def from_window(self, forces: FloatArray, origin: tuple[int, int]) -> FloatArray:
@@ -208,7 +208,7 @@ class BaseForces:
         """
         key = (*origin, *forces.shape)
         if self._last is None or self._last[0] != key:
-            self._last = (key, self._factor_window(origin, forces.shape))
+            self._last = (key, self.factor_window(origin, forces.shape))
         along, across, near = self._last[1]
         if self._table is not None:
             texels = along.dot(forces.ravel())
@@ -233,7 +233,7 @@ class BaseForces:
         uniform = np.kron(image, np.full((s, s), 1 / s**2))
         return self.from_window(uniform, self._grid.margin)
 
-    def _factor_window(self, origin: tuple[int, int], shape: tuple[int, ...]) -> _Factors:
+    def factor_window(self, origin: tuple[int, int], shape: tuple[int, ...]) -> _Factors:
         """Find the factors of the influence for a window of cells.
 
         The influence is the force on a texel per unit force on a cell, a sum of products of row and column factors.
@@ -267,7 +267,7 @@ class BaseForces:
         return along.reshape(-1, shape[0]), across.reshape(-1, across.shape[2]), (near[0], near[1])
 
 
-#: Return value of `BaseForces._factor_window`: row factors, column factors, and rows and columns of the reached texels.
+#: Return value of `BaseForces.factor_window`: row factors, column factors, and rows and columns of the reached texels.
 _Factors = tuple[FloatArray, FloatArray, tuple[slice, slice]]
 
 

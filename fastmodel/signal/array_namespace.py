@@ -5,33 +5,90 @@ The functions of the signal chain accept arrays of any of these libraries, and r
 
 from __future__ import annotations
 
-from functools import cache
+import sys
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
+
+from fastmodel.errors import FastModelError
+from meshes.array_types import FloatArray
 
 #: An array of any library that follows the array API standard; its element type stands in the docstrings.
 Array = Any
 
 
-def find_namespace(values: Any) -> Any:  # noqa: ANN401 -- modules have no common type
+def find_namespace(values: Any, otherwise: Any = np) -> Any:  # noqa: ANN401 -- modules have no common type
     """Return the module whose functions accept an array, for example `numpy` or `jax.numpy`.
 
-    Numbers and sequences of numbers belong to numpy.  Arrays of PyTorch, which do not follow the standard by
-    themselves, need the package array-api-compat.
+    Arrays of PyTorch, which do not follow the standard by themselves, need the package array-api-compat.
 
     Args:
-        values: An array, or a value that `numpy.asarray` accepts.
+        values: An array, a number, or a sequence of numbers.
+        otherwise: Module to which numbers and sequences of numbers belong.
     """
     if isinstance(values, np.ndarray):  # The general way below gives the same result in ten times the time.
         return np
     if hasattr(values, "__array_namespace__"):
         return values.__array_namespace__()
-    if type(values).__module__.partition(".")[0] == "torch":
+    if _is_tensor(values):
         import array_api_compat
 
         return array_api_compat.array_namespace(values)
-    return np
+    return otherwise
+
+
+def _is_tensor(values: Any) -> bool:  # noqa: ANN401 -- modules have no common type
+    """Return whether an array belongs to PyTorch."""
+    return type(values).__module__.partition(".")[0] == "torch"
+
+
+def convert(constant: FloatArray | sp.csr_array, like: Array) -> Array:
+    """Convert a constant to the library, element type and device of an array.
+
+    Args:
+        constant: A matrix, which stays sparse for arrays of numpy, or an array of numpy.
+        like: The array.
+    """
+    if isinstance(like, np.ndarray):
+        return constant.astype(like.dtype, copy=False)
+    dense = constant.toarray() if sp.issparse(constant) else constant
+    if _is_tensor(like):
+        return find_namespace(like).asarray(dense, dtype=like.dtype, device=like.device)
+    return find_namespace(like).asarray(dense, dtype=like.dtype)
+
+
+def is_known(values: Array) -> bool:
+    """Return whether the values of an array are known, and not only its shape and type as under `jax.jit`."""
+    jax = sys.modules.get("jax")
+    return jax is None or not isinstance(values, jax.core.Tracer)
+
+
+def check_floats(name: str, values: Array, like: Array | None = None, shape: tuple[int, ...] | None = None) -> Array:
+    """Check library, element type, device and shape of an array of floating-point numbers, and return the array.
+
+    Args:
+        name: Name of the argument, for messages.
+        values: The array; arrays of numpy, numbers and sequences are converted to the library of `like`.
+        like: An array with the wanted library, type and device; None for any with 32 or 64 bits.
+        shape: The wanted shape; None for any.
+
+    Raises:
+        FastModelError: If the array differs in one of these.
+    """
+    xp = find_namespace(values if like is None else like)
+    if like is not None and find_namespace(values) is np and not (xp is np and isinstance(values, np.ndarray)):
+        values = convert(np.asarray(values, dtype=np.float64), like)
+    if find_namespace(values) is not xp:
+        raise FastModelError(f"{name} is an array of {find_namespace(values).__name__}; convert it to {xp.__name__}")
+    if not _is_float(xp, values) or (like is not None and values.dtype != like.dtype):
+        wanted = "float32 or float64" if like is None else like.dtype
+        raise FastModelError(f"{name} has elements of type {values.dtype}; convert them to {wanted}")
+    if like is not None and _is_tensor(like) and values.device != like.device:
+        raise FastModelError(f"{name} lies on {values.device}; move it with .to({str(like.device)!r})")
+    if shape is not None and tuple(values.shape) != shape:
+        raise FastModelError(f"{name} has shape {tuple(values.shape)}; give shape {shape}")
+    return values
 
 
 def as_floats(xp: Any, values: Any) -> Array:  # noqa: ANN401 -- modules have no common type
@@ -42,7 +99,7 @@ def as_floats(xp: Any, values: Any) -> Array:  # noqa: ANN401 -- modules have no
         values: An array of the module, or a value that its `asarray` accepts.
     """
     array = xp.asarray(values)
-    return array if array.dtype in _list_float_types(xp) else cast(xp, array, _list_float_types(xp)[0])
+    return array if _is_float(xp, array) else cast(xp, array, xp.float64)
 
 
 def cast(xp: Any, array: Array, dtype: Any) -> Array:  # noqa: ANN401 -- modules have no common type
@@ -56,13 +113,9 @@ def cast(xp: Any, array: Array, dtype: Any) -> Array:  # noqa: ANN401 -- modules
     return array.astype(dtype) if xp is np else xp.astype(array, dtype)
 
 
-@cache
-def _list_float_types(xp: Any) -> tuple[Any, Any]:  # noqa: ANN401 -- modules have no common type
-    """Return the types of 64-bit and 32-bit floating-point numbers of an array module.
-
-    Comparing a type with these two is faster than the function `isdtype` of the array API standard.
-    """
-    return xp.asarray(0.0, dtype=xp.float64).dtype, xp.asarray(0.0, dtype=xp.float32).dtype
+def _is_float(xp: Any, array: Array) -> bool:  # noqa: ANN401 -- modules have no common type
+    """Return whether an array has 64-bit or 32-bit floating-point numbers, faster than the function `isdtype`."""
+    return bool(array.dtype == xp.float64 or array.dtype == xp.float32)  # noqa: PLR1714 -- types without a hash
 
 
 def round_half_to_even(xp: Any, values: Array) -> Array:  # noqa: ANN401 -- modules have no common type

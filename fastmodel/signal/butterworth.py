@@ -9,12 +9,11 @@ stable.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from fastmodel.errors import FastModelError
-from fastmodel.signal.array_namespace import Array, find_namespace
+from fastmodel.signal.array_namespace import Array, convert, find_namespace
 from meshes.array_types import FloatArray
 
 #: Highest accepted order of a filter [-].  Higher orders are not tested.
@@ -72,21 +71,12 @@ class LowPass:
     constant matrix maps the states and the new sample of every signal to the next states and the filtered sample.
     """
 
-    def __init__(
-        self,
-        design: Butterworth | None,
-        rate_hz: float,
-        *,
-        namespace: Any = np,  # noqa: ANN401 -- modules have no common type
-        dtype: Any = None,  # noqa: ANN401 -- types of several libraries
-    ) -> None:
+    def __init__(self, design: Butterworth | None, rate_hz: float) -> None:
         """Build the matrix of the filter.
 
         Args:
             design: The low-pass filter; None passes every sample unchanged.
             rate_hz: Sampling rate [Hz].
-            namespace: Module of the arrays, for example `numpy` or `jax.numpy`.
-            dtype: Floating-point type of the arrays; by default that of the module, for numpy 64 bits.
 
         Raises:
             FastModelError: If the cut-off is not below half the sampling rate.
@@ -97,8 +87,7 @@ class LowPass:
 
             sections = design.sections(rate_hz)
             resting = sosfilt_zi(sections)
-        self._transition = namespace.asarray(_combine(sections), dtype=dtype)
-        self._steady = namespace.asarray(np.append(resting.ravel(), 1.0), dtype=dtype)
+        self._transition, self._steady = _combine(sections), np.append(resting.ravel(), 1.0)
 
     def settle(self, values: Array) -> Array:
         """Return the steady states under constant input, two for each of s sections and the filtered sample.
@@ -109,7 +98,7 @@ class LowPass:
         Returns:
             The states, shape (2 s + 1, *shape of the values); the last entry is the filtered sample.
         """
-        return find_namespace(values).reshape(self._steady, (-1, *(1,) * values.ndim)) * values
+        return convert(self._steady.reshape(-1, *(1,) * values.ndim), values) * values
 
     def step(self, states: Array, values: Array) -> Array:
         """Return the states after one more sample; the last entry is the filtered sample.
@@ -121,10 +110,10 @@ class LowPass:
         xp, count = find_namespace(values), self._transition.shape[0]
         if count == 1:  # There is no filter; the only state is the sample itself.
             return values[None, ...]
-        before = xp.concat([states[:-1, ...], values[None, ...]])
+        before, transition = xp.concat([states[:-1, ...], values[None, ...]]), convert(self._transition, values)
         if values.ndim == 1:
-            return self._transition @ before
-        return xp.reshape(self._transition @ xp.reshape(before, (count, -1)), before.shape)
+            return transition @ before
+        return xp.reshape(transition @ xp.reshape(before, (count, -1)), before.shape)
 
 
 def _combine(sections: FloatArray) -> FloatArray:

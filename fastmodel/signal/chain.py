@@ -2,16 +2,18 @@
 
 The contact forces may have any source, for example a simulator that runs thousands of worlds on a graphics card:
 
-    functions = ChainFunctions(parameters, rate_hz=1000.0, namespace=jax.numpy)
+    functions = ChainFunctions(parameters, rate_hz=1000.0)
     state = functions.settle(forces)                         # forces: (worlds, texels) [N]
     state = jax.jit(functions.take)(state, forces)           # one more sample
     state, output = jax.jit(functions.frame)(state)          # output.image: (worlds, rows, columns)
 
 No function changes its arguments.  A `Sensor` calls the same functions.  Arrays of any
 library that follows the array API standard (2024.12) are accepted, with any number of dimensions before that of the
-texels.  Tests run with numpy, array-api-strict and JAX.  Arrays of PyTorch need the package array-api-compat and are
-not tested.  JAX computes with 32 bits unless `jax.config.update("jax_enable_x64", True)` was called; with 32 bits
-counts may differ by one.
+texels.  Constants follow the library, the element type (32 or 64 bits) and the device of the forces.  Tests run with
+numpy, array-api-strict, JAX and PyTorch; arrays of PyTorch need the package array-api-compat.  JAX computes with 32
+bits unless `jax.config.update("jax_enable_x64", True)` was called; with 32 bits counts may differ by one.
+
+`fastmodel.ContactFunctions` computes texel forces from gaps, contacts or depths of such a simulator.
 """
 
 from __future__ import annotations
@@ -22,8 +24,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fastmodel.errors import FastModelError
 from fastmodel.parameters import Parameters
-from fastmodel.signal.array_namespace import Array, find_namespace
+from fastmodel.signal.array_namespace import Array, check_floats, convert, find_namespace
 from fastmodel.signal.butterworth import LowPass
 from fastmodel.signal.electronics import describe_calibration
 from fastmodel.signal.point_spread import build_operator
@@ -76,7 +79,6 @@ class ChainFunctions:
         *,
         spreads: bool = True,
         namespace: Any = np,  # noqa: ANN401 -- modules have no common type
-        dtype: Any = None,  # noqa: ANN401 -- types of several libraries
     ) -> None:
         """Build the matrices of filter and point spread.
 
@@ -85,8 +87,7 @@ class ChainFunctions:
             rate_hz: Samples of the contact forces per second [Hz].
             spreads: Whether the functions apply the point spread; False for forces at the base of the cover, which the
                 contact method `cover` computes.
-            namespace: Module of the arrays, for example `numpy` or `jax.numpy`.
-            dtype: Floating-point type of the contact forces; by default 64 bits, with JAX as configured.
+            namespace: Module for forces that are plain lists, for example `jax.numpy`; arrays keep their own.
 
         Raises:
             FastModelError: If the filter's cut-off is not below half the sampling rate.
@@ -95,15 +96,10 @@ class ChainFunctions:
         self._electronics, self._shape, self._count = parameters.electronics, (array.rows, array.columns), array.count
         if parameters.electronics.tip_radius is not None and parameters.electronics.tip_share is None:
             _warn_once(f"array {array.name!r}: {describe_calibration(parameters.electronics)}")
-        self._active = None if array.active.all() else namespace.asarray(array.active)
-        self._low_pass = LowPass(parameters.filter, rate_hz, namespace=namespace, dtype=dtype)
-        self._ones = namespace.ones(array.count, dtype=dtype)
+        self._namespace, self._active = namespace, None if array.active.all() else array.active.astype(np.float64)
+        self._low_pass = LowPass(parameters.filter, rate_hz)
         # The operator is transposed, because the forces stand on its left: texels are their last dimension.
-        self._spread = None
-        if spreads and namespace is np:
-            self._spread = build_operator(parameters.spread, array).T.astype(dtype or np.float64)
-        elif spreads:
-            self._spread = namespace.asarray(parameters.spread.operator(array).T.copy(), dtype=dtype)
+        self._spread = build_operator(parameters.spread, array).T if spreads else None
 
     def settle(self, forces: Array, carried: Array | None = None, others: Array | None = None) -> ChainState:
         """Return the steady state under constant forces, without hysteresis.
@@ -112,9 +108,13 @@ class ChainFunctions:
             forces: Constant contact force on each texel, shape (..., n) [N].
             carried: Total force, shape (...) [N]; by default the sum of the forces.
             others: Constant values of m other signals, shape (..., m) [any unit]; none by default.
+
+        Raises:
+            FastModelError: If an array has the wrong number of texels, shape, element type or device.
         """
-        xp = find_namespace(forces)
-        return ChainState(self._low_pass.settle(_join(forces, carried, others)), xp.zeros_like(forces))
+        signals = self._join(forces, carried, others)
+        play = find_namespace(signals).zeros_like(signals[..., : self._count])
+        return ChainState(self._low_pass.settle(signals), play)
 
     def take(
         self, state: ChainState, forces: Array, carried: Array | None = None, others: Array | None = None
@@ -126,8 +126,14 @@ class ChainFunctions:
             forces: Contact force on each texel, shape (..., n) [N].
             carried: Total force, shape (...) [N]; by default the sum of the forces.
             others: The m other signals, as many as in the state, shape (..., m) [any unit].
+
+        Raises:
+            FastModelError: If an array has the wrong number of texels, shape, element type or device, or another one
+                than the state.
         """
-        return ChainState(self._low_pass.step(state.filter, _join(forces, carried, others)), state.play)
+        signals = self._join(forces, carried, others)
+        check_floats("state.filter", state.filter, signals, (state.filter.shape[0], *signals.shape))
+        return ChainState(self._low_pass.step(state.filter, signals), state.play)
 
     def frame(
         self, state: ChainState, noise: np.random.Generator | Array | None = None
@@ -138,32 +144,44 @@ class ChainFunctions:
             state: The state after the latest sample.
             noise: Random generator of the noise of the electronics, for arrays of numpy; or independent numbers with
                 the standard normal distribution, shape (..., n) [-]; None for frames without noise.
+
+        Raises:
+            FastModelError: If the noise has another shape, element type or device than the forces.
         """
         electronics, filtered, count = self._electronics, state.filter[-1, ...], self._count
         pressing = filtered[..., :count]
-        forces = pressing if self._spread is None else pressing @ self._spread
+        forces = pressing if self._spread is None else pressing @ convert(self._spread, filtered)
         xp = find_namespace(forces)
+        if noise is not None and not isinstance(noise, np.random.Generator):
+            noise = check_floats("noise", noise, forces, tuple(forces.shape))
         delayed, play = electronics.apply_hysteresis(forces, state.play)
         counts = electronics.counts(delayed, noise)
         if self._active is not None:
-            counts = xp.where(self._active, counts, xp.zeros_like(counts))
+            counts = xp.where(convert(self._active, forces) > 0, counts, xp.zeros_like(counts))
         image = xp.reshape(electronics.image(counts), (*counts.shape[:-1], *self._shape))
         output = ChainOutput(
             counts=counts,
             image=image,
             texel_forces=forces,
-            outside=filtered[..., count] - forces @ self._ones,
+            outside=filtered[..., count] - xp.sum(forces, axis=-1),
             others=filtered[..., count + 1 :],
         )
         return ChainState(state.filter, play), output
 
-
-def _join(forces: Array, carried: Array | None, others: Array | None) -> Array:
-    """Join the forces on n texels, the total force, and m other signals, shape (..., n + 1 + m) [N]."""
-    xp = find_namespace(forces)
-    total = xp.sum(forces, axis=-1) if carried is None else xp.asarray(carried, dtype=forces.dtype)
-    signals = [forces, total[..., None]]
-    return xp.concat(signals if others is None else [*signals, xp.asarray(others, dtype=forces.dtype)], axis=-1)
+    def _join(self, forces: Array, carried: Array | None, others: Array | None) -> Array:
+        """Join the forces on n texels, the total force, and m other signals, shape (..., n + 1 + m) [N]."""
+        xp = find_namespace(forces, self._namespace)
+        forces = check_floats("forces", xp.asarray(forces))
+        worlds = tuple(forces.shape[:-1])
+        if forces.shape[-1:] != (self._count,):
+            raise FastModelError(
+                f"forces has shape {tuple(forces.shape)}; its last dimension must be the {self._count} texels"
+            )
+        total = xp.sum(forces, axis=-1) if carried is None else check_floats("carried", carried, forces, worlds)
+        signals = [forces, total[..., None]]
+        if others is not None:
+            signals.append(check_floats("others", others, forces, (*worlds, *others.shape[-1:])))
+        return xp.concat(signals, axis=-1)
 
 
 @functools.cache

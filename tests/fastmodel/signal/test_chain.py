@@ -160,7 +160,7 @@ def test_with_32_bits_the_results_have_32_bits_and_differ_little(xp):
     forces, carried, noise = inputs()
     exact = run(ChainFunctions(parameters(), RATE), np, forces, carried, noise)[-1]
     small = [each.astype(np.float32) for each in (forces, carried, noise)]
-    rough = run(ChainFunctions(parameters(), RATE, namespace=xp, dtype=xp.float32), xp, *small)[-1]
+    rough = run(ChainFunctions(parameters(), RATE, namespace=xp), xp, *small)[-1]
     assert rough.texel_forces.dtype == xp.float32
     np.testing.assert_allclose(np.asarray(rough.texel_forces), exact.texel_forces, atol=1e-5)
     assert np.abs(np.asarray(rough.counts) - exact.counts).max() <= 1
