@@ -1,49 +1,42 @@
 """Texel forces of many worlds at once, as pure functions of gap images and loads, for arrays of numpy, JAX or PyTorch.
 
-A gap image holds for every cell of the contact grid the distance from the undeformed cover up to the body above the
-cell.  One rigid body presses in every world; its force is prescribed, and optionally its two moments:
+A gap image holds the distance from the undeformed cover up to the body, at every cell of the contact grid or at m x m
+points of every cell.  One rigid body presses in each world; its force is prescribed, and optionally its moments:
 
     functions = ContactFunctions(parameters)
-    found = functions.forces(gap, load)                  # gap: (worlds, rows, columns) [m], load: (worlds,) [N]
-    state = chain.take(state, found.texel_forces, load)  # chain: `ChainFunctions(parameters, rate, spreads=False)`
+    found = functions.forces(gap, load)                        # gap: (worlds, rows, columns) [m], load: (worlds,) [N]
+    state = chain.take(state, found.texel_forces, found.load)  # ChainFunctions(parameters, rate_hz, spreads=False)
 
-The problem is that of the contact method `cover`, see `fastmodel.pressure.solvers`, except that a cell lies under the
-body as a whole or not at all.  The iteration starts from the elastic foundation and continues with conjugate gradients
-(Polonsky and Keer, Wear 231, 1999).  The cover's compliance is applied by fast Fourier transforms.  All worlds take the
-same fixed number of iterations; a world that has converged no longer changes.  Moments are a soft condition, as in
-`cover`: what is missing of a moment adds to the energy as a spring would.
+The contact problem is that of the method `cover`, see `fastmodel.pressure.solvers`.  The iteration starts from the
+elastic foundation and continues with conjugate gradients (Polonsky and Keer, Wear 231, 1999); fast Fourier transforms
+apply the compliance of the cover.  All worlds take the same fixed number of steps, and a world that has converged no
+longer changes.  Moments may be missed: what is missing of a moment adds to the energy as a spring would.
 
-Cell forces are differentiable with respect to gap, load and moments, with `jax.grad` and `backward` of PyTorch.  The
+Forces can be differentiated with respect to gap, load and moments, by `jax.grad` or by `backward` of PyTorch.  The
 gradient is that of the exact solution on the present contact area A, from one linear system with the same operator,
-[C_AA, -1; 1', 0].  The forces are continuous and piecewise smooth: where a cell is about to gain or lose contact, the
-gradient is the one-sided derivative on the side where the contact area stays as it is.
+[C_AA, -1; 1', 0].  Forces are continuous and piecewise smooth.  Where a cell is about to gain or lose contact, the
+gradient is the derivative on the side on which the contact area stays as it is.
 
 Constants follow library, element type and device of the arrays.  JAX computes with 32 bits unless
-`jax.config.update("jax_enable_x64", True)` was called.  Values are checked where they are known; functions under
-`jax.jit` check shapes and types only, and a world with NaN then returns NaN, without effect on other worlds.
+`jax.config.update("jax_enable_x64", True)` was called.  Under `jax.jit` only shapes and types can be checked: a world
+with NaN then returns NaN, without effect on other worlds, and a negative load counts as zero.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fastmodel.errors import FastModelError, ParametersError, check_count, check_type
 from fastmodel.parameters import Parameters
+from fastmodel.pressure.array_solver import TILT, Problem, differentiate
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 from fastmodel.signal.array_namespace import Array, cast, check_floats, convert, find_namespace, is_known
 from meshes.array_types import FloatArray
 
-#: Slack of a moment [-]: rotation of a body, as displacement over the edge of a cell, for each missing moment, as force
-#: with this edge as lever arm, in units of the compliance of one cell under a force on itself.
-_TILT = 4.0
-#: Newton steps for the motion of a body on the elastic foundation [-].
-_NEWTON = 20
-#: Smallest number that is added to the first entry of a matrix, so that it is regular in a world without contact [-].
-_TINY = 1e-30
+#: Number of worlds that numpy computes at a time, whose arrays fit a processor's cache [-].
+_BLOCK = 64
 
 
 class ContactForces(NamedTuple):
@@ -52,10 +45,12 @@ class ContactForces(NamedTuple):
     Attributes:
         cell_forces: Force on each cell at the top of the cover, shape (..., rows, columns) [N].
         texel_forces: Force on each of n texels at the base of the cover, shape (..., n) [N].
+        load: Force of the body in each world, shape (...) [N].
     """
 
     cell_forces: Array
     texel_forces: Array
+    load: Array
 
 
 class ContactFunctions:
@@ -76,8 +71,8 @@ class ContactFunctions:
         """Tabulate the operators of the cover.
 
         Args:
-            parameters: The array of n texels, flat and regular, and its cover's cells.
-            namespace: Module for gap images and depths that are plain lists; arrays keep their own.
+            parameters: The array of n texels, flat and regular, and the cells of its cover.
+            namespace: Module for gaps and depths that are plain lists, for example `jax.numpy`; arrays keep their own.
             margin: Number of pitches by which the contact grid extends beyond the texels, see `Plate` [-].
             nominal_load: Force of a body for which a cover that becomes stiffer under load is taken [N].
 
@@ -89,39 +84,44 @@ class ContactFunctions:
         array, cells = parameters.array, None if parameters.surface is None else parameters.surface.cells
         if cells is None or not array.regular:
             raise ParametersError(
-                f"array {array.name!r}: ContactFunctions needs a flat, regular array and the cover's cells; derive the "
-                f"parameters of such an array, or give texel forces from elsewhere to ChainFunctions"
+                f"array {array.name!r}: ContactFunctions needs a flat, regular array and the cells of its cover; use "
+                f"derived parameters of such an array, or give texel forces from elsewhere to ChainFunctions"
             )
         cells.check(array)
         cells = cells.under_loads[round(cells.position_among_loads(nominal_load))]
         margin = check_count("margin", margin, 0) if cells.margin is None else cells.margin
         grid = self.grid = CellGrid.over(array, cells.per_texel, margin)
-        self._namespace, self._array, self._margin = namespace, array, margin
-        edges, area = np.array(grid.edge), grid.edge[0] * grid.edge[1]
-        self._lever = float(np.sqrt(area))
-        #: Compliance of one cell under a force on itself [m/N].  Gaps are divided by it, and become forces.
-        self._own = float(cells.compliance[0, 0]) / area
-        self._modulus = cells.foundation_modulus()
-        self._cover = _transform(cells.compliance / cells.compliance[0, 0], (grid.rows, grid.columns))
-        places = np.stack(np.meshgrid(np.arange(grid.columns), np.arange(grid.rows)), axis=-1).reshape(-1, 2) * edges
-        #: Middle of the contact grid in the array's frame, shape (2,) [m].
-        self._middle = grid.low + edges * (grid.columns, grid.rows) / 2
-        self._basis = np.column_stack([np.ones(len(places)), (places - places.mean(axis=0)) / self._lever])
-        base = BaseForces(cells, grid, array)
-        self._along, self._across, _ = base.factor_window((0, 0), (grid.rows, grid.columns))
+        self._namespace, self._array, self._modulus = namespace, array, cells.foundation_modulus()
+        self._edge, self._lever = np.array(grid.edge), float(np.sqrt(grid.edge[0] * grid.edge[1]))
+        #: Compliance of a cell under a force on itself [m/N], and that of cells up to one row and column apart over it.
+        self._own, self._near = float(cells.compliance[0, 0]) / self._lever**2, np.zeros((2, 2))
+        near = cells.compliance[:2, :2] / cells.compliance[0, 0]
+        self._near[: near.shape[0], : near.shape[1]] = near
+        # displacement at the centre of a square on an elastic half space under uniform pressure of unit force
+        self._square = 4 * float(np.arcsinh(1.0)) * cells.top_compliance / self._lever / self._own
+        self._spectrum, self._padded = _transform(cells.compliance / cells.compliance[0, 0], (grid.rows, grid.columns))
+        #: Middle of the grid in the array's frame, shape (2,) [m].
+        self._middle = grid.low + self._edge * (grid.columns, grid.rows) / 2
+        y, x = np.mgrid[: grid.rows, : grid.columns].reshape(2, -1)
+        places = (np.column_stack([x, y]) + 0.5) * self._edge + grid.low - self._middle
+        #: Constants 1, x and y at each of N cells, and below them the columns of the slacks, shape (N + 3, 3) [-].
+        self._basis = np.vstack([np.column_stack([np.ones(len(x)), places / self._lever]), np.diag([0.0, 1.0, 1.0])])
+        self._along, self._across, _ = BaseForces(cells, grid, array).factor_window((0, 0), (grid.rows, grid.columns))
         self._tabulated = cells.table is not None
 
     def forces(self, gap: Array, load: Array, moments: Array | None = None, iterations: int = 8) -> ContactForces:
-        """Compute the forces under one body in every world.
+        """Compute the forces under one body in each world.
 
         Args:
-            gap: Distance from the undeformed cover up to the body at the centre of each cell, up to a constant, shape
-                (..., rows, columns) as in `grid`; inf where no body is above the cell [m].
+            gap: Distance from the undeformed cover up to the body, up to a constant, at the centre of each cell of
+                `grid`, shape (..., rows, columns), or at m x m points of each cell, shape (..., m * rows, m * columns);
+                inf where there is no body.  Points give the share of each cell that lies under the body: with 4 x 4
+                of them forces are those of `cover`, while whole cells misplace 3 to 9 % of the load of a flat face [m].
             load: Force of the body against the array's normal, shape (...) [N].
             moments: Sums over the contact points of force times x and of force times y, in the array's frame, shape
                 (..., 2); None for a body that keeps its tilt [N m].
-            iterations: Steps of the conjugate gradients [-]; 0 for the elastic foundation alone.  The forces add up to
-                the load after any number.
+            iterations: Steps of the conjugate gradients [-]; 0 for the elastic foundation alone.  Forces add up to the
+                load after any number.
 
         Returns:
             Forces on cells and texels; zero in a world without load, or without a body above the grid.
@@ -129,37 +129,119 @@ class ContactFunctions:
         Raises:
             FastModelError: If an array has a wrong shape, element type or device, or holds NaN, or a load is negative.
         """
-        xp, steps = find_namespace(gap, self._namespace), check_count("iterations", iterations, 0)
-        gap = check_floats("gap", xp.asarray(gap))
-        worlds, grid = tuple(gap.shape[:-2]), (self.grid.rows, self.grid.columns)
-        if tuple(gap.shape[-2:]) != grid:
+        gap, steps = check_floats("gap", gap, otherwise=self._namespace), check_count("iterations", iterations, 0)
+        xp, shape, worlds = find_namespace(gap), (self.grid.rows, self.grid.columns), tuple(gap.shape[:-2])
+        fine = max(gap.shape[-1] // shape[1], 1) if gap.ndim else 1
+        if tuple(gap.shape[-2:]) != (fine * shape[0], fine * shape[1]):
             raise FastModelError(
-                f"gap has shape {tuple(gap.shape)}; it must end with {grid}, the rows and columns of the contact grid "
-                f"of {self.grid.per_texel} x {self.grid.per_texel} cells a texel and a margin of {self._margin} texels"
+                f"gap has shape {tuple(gap.shape)}; its last two dimensions must be {shape}, the cells of "
+                f"ContactFunctions.grid, or the same whole multiple of both, from points that divide each cell evenly"
             )
         load = check_floats("load", load, gap, worlds)
-        _check_values("gap", gap, ~xp.isnan(gap), "numbers, and inf where there is no body")
-        _check_values("load", load, (load >= 0) & xp.isfinite(load), "finite forces from 0 on")
-        target = load[..., None]
+        _check_values("gap", gap, gap > -float("inf"), "a distance, or inf where there is no body")
+        _check_values("load", load, (load >= 0) & xp.isfinite(load), "a finite force from 0 on")
+        target = xp.maximum(load, 0 * load)[..., None]
         if moments is not None:
             moments = check_floats("moments", moments, gap, (*worlds, 2))
-            _check_values("moments", moments, xp.isfinite(moments), "finite numbers")
-            arms = (moments - target * convert(self._middle, gap)) / self._lever
-            target = xp.concat([target, arms], axis=-1)
-        target, count = xp.reshape(target, (-1, target.shape[-1])), target.shape[-1]
-        basis = self._basis[:, :count]
-        problem = _Problem(
-            basis=convert(basis, gap),
-            products=convert((basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1), gap),
-            soft=convert(np.array([0.0, 1.0, 1.0])[:count], gap),
-            stiffness=self._modulus * self._lever**2 * self._own,
-            shape=grid,
-            padded=self._cover[0],
-            spectrum=convert(self._cover[1], gap) if steps else None,
-        )
-        forces = _differentiate(xp, problem, steps)(xp.reshape(gap, (-1, problem.basis.shape[0])) / self._own, target)
-        forces = xp.reshape(forces, gap.shape)
-        return ContactForces(forces, self.base_forces(forces))
+            _check_values("moments", moments, xp.isfinite(moments), "a finite moment")
+            target = xp.concat([target, (moments - target * convert(self._middle, gap)) / self._lever], axis=-1)
+        gap, target = xp.reshape(gap, (-1, *gap.shape[-2:])) / self._own, xp.reshape(target, (-1, target.shape[-1]))
+        size = _BLOCK if xp is np else gap.shape[0]
+        first = range(0, max(gap.shape[0], 1), max(size, 1))
+        parts = [self._press(gap[k : k + size, ...], target[k : k + size, ...], fine, steps) for k in first]
+        forces = xp.reshape(xp.concat(parts), (*worlds, *shape))
+        return ContactForces(forces, self.base_forces(forces), load)
+
+    def from_contacts(
+        self,
+        world: Array,
+        points: Array,
+        forces: Array,
+        worlds: int,
+        gap: Array | None = None,
+        *,
+        tilts: bool = True,
+        iterations: int = 8,
+    ) -> ContactForces:
+        """Compute the forces under contacts that a simulator lists for all worlds together.
+
+        The contacts of a world belong to one body.  With a gap image their sum is the force, and their moments are the
+        moments, of the body.  Without one the force of every contact acts at its point, which is accurate only for
+        contacts smaller than a cell, since contacts at the corners of a face do not carry its pressure.
+
+        Args:
+            world: World of each of k contacts, integers of shape (k,); -1 for entries that are no contacts.
+            points: Positions of the contacts in the array's frame, shape (k, 3) [m].
+            forces: Forces on the array in its frame, shape (k, 3) [N].
+            worlds: Number of worlds [-].
+            gap: Gap images, see `forces`; None for forces at the points of contact.
+            tilts: Whether the bodies are free to tilt, so that the moments are prescribed.
+            iterations: Steps of the conjugate gradients, see `forces` [-].
+
+        Raises:
+            FastModelError: If an array does not fit the others, or holds NaN, or a world is out of range.
+        """
+        points, worlds = check_floats("points", points, otherwise=self._namespace), check_count("worlds", worlds, 0)
+        xp, count = find_namespace(points), points.shape[0] if points.ndim else 0
+        forces = check_floats("forces", forces, check_floats("points", points, shape=(count, 3)), (count, 3))
+        world = xp.asarray(world)
+        if tuple(world.shape) != (count,) or not xp.isdtype(world.dtype, "integral"):
+            raise FastModelError(f"world has type {world.dtype}, shape {tuple(world.shape)}; give integers ({count},)")
+        _check_values("world", world, (world >= -1) & (world < worlds), f"-1 to {worlds - 1}")
+        counted = (world >= 0)[:, None]
+        points, forces = xp.where(counted, points, 0.0), xp.where(counted, forces, 0.0)
+        _check_values("points", points, xp.isfinite(points), "a finite position")
+        _check_values("forces", forces, xp.isfinite(forces), "a finite force")
+        pressing, sides = -forces[:, 2:], points[:, :2]
+        sums = _add_at(world, xp.concat([pressing, pressing * sides], axis=1), worlds)
+        load = xp.maximum(sums[:, 0], 0 * sums[:, 0])
+        if gap is not None:
+            return self.forces(gap, load, sums[:, 1:] if tilts else None, iterations)
+        # the force of each contact is divided bilinearly among the four nearest cells
+        last = convert(np.array([self.grid.columns, self.grid.rows]) - 1.0, points)
+        place = (sides - convert(self.grid.low, points)) / convert(self._edge, points) - 0.5
+        place = xp.minimum(xp.maximum(place, 0 * place), last + 0 * place)
+        first = xp.minimum(xp.floor(place), last - 1 + 0 * place)
+        share, number = place - first, cast(xp, first, world.dtype)
+        index, parts, (rows, columns) = [], [], (self.grid.rows, self.grid.columns)
+        for i, j in np.ndindex(2, 2):
+            cell = (world * rows + number[:, 1] + i) * columns + number[:, 0] + j
+            index.append(xp.where(world < 0, world, cell))
+            parts.append(
+                xp.maximum(pressing, 0 * pressing) * xp.abs(share[:, 1:] - (1 - i)) * xp.abs(share[:, :1] - (1 - j))
+            )
+        cells = _add_at(xp.concat(index), xp.concat(parts), worlds * rows * columns)
+        cells = xp.reshape(cells, (worlds, rows, columns))
+        return ContactForces(cells, self.base_forces(cells), load)
+
+    def from_depths(self, depths: Array, load: Array | None = None, iterations: int = 8) -> ContactForces:
+        """Compute the forces under bodies whose depths below the undeformed cover are known at the texels' centres.
+
+        Depths are interpolated linearly between the texels, and extrapolated beyond them.
+
+        Args:
+            depths: Depth of the body at each of n texels, negative above the cover, shape (..., n) [m].  A depth of
+                exactly zero means that there is no body, as in simulators that cut depths off at zero.
+            load: Force of the body, shape (...) [N]; by default that of the elastic foundation at these depths.
+            iterations: Steps of the conjugate gradients, see `forces` [-].
+
+        Raises:
+            FastModelError: If an array has a wrong number of texels, shape, type or device, or holds NaN.
+        """
+        depths, array = check_floats("depths", depths, otherwise=self._namespace), self._array
+        if depths.shape[-1:] != (array.count,):
+            raise FastModelError(
+                f"depths has shape {tuple(depths.shape)}; its last dimension must be {array.count} texels"
+            )
+        xp, worlds = find_namespace(depths), tuple(depths.shape[:-1])
+        if load is None:
+            whole = array.pitch[0] * array.pitch[1] * self._modulus
+            load = whole * xp.sum(xp.maximum(depths, 0 * depths), axis=-1)
+        count = self.grid.per_texel
+        rows, columns = (_interpolate(n, count, self.grid.margin) for n in (array.rows, array.columns))
+        image = xp.reshape(depths, (*worlds, array.rows, array.columns))
+        image = convert(rows, depths) @ image @ convert(columns.T.copy(), depths)
+        return self.forces(xp.where(image == 0, float("inf"), -image), load, None, iterations)
 
     def base_forces(self, cell_forces: Array) -> Array:
         """Compute the forces on n texels at the base of the cover, shape (..., n) [N].
@@ -168,32 +250,134 @@ class ContactFunctions:
             cell_forces: Force on each cell at the top of the cover, shape (..., rows, columns) [N].
         """
         xp, worlds = find_namespace(cell_forces), tuple(cell_forces.shape[:-2])
-        along = convert(self._along, cell_forces)
+        along, across = convert(self._along, cell_forces), convert(self._across, cell_forces)
         if self._tabulated:
             images = xp.reshape(cell_forces, (*worlds, along.shape[1])) @ along.T
         else:
-            across = convert(self._across, cell_forces)
-            images = along @ cell_forces
-            images = xp.reshape(images, (*worlds, self._array.rows, across.shape[0])) @ across
-        return xp.reshape(images, (*worlds, self._array.count)) * convert(self._array.active, cell_forces)
+            images = xp.reshape(along @ cell_forces, (*worlds, self._array.rows, across.shape[0])) @ across
+        return xp.reshape(images, (*worlds, self._array.count)) * convert(
+            self._array.active.astype(np.float64), cell_forces
+        )
+
+    def _press(self, gap: Array, target: Array, fine: int, steps: int) -> Array:
+        """Compute the forces on whole cells under gaps and targets that are forces, shape (worlds, rows, columns)."""
+        xp, partly = find_namespace(gap), list[Array]()
+        if fine > 1:
+            gap, *partly = self._average(gap, fine)
+
+        def build(target: Array, *partly: Array) -> Problem:
+            return self._build(target, steps, *partly)
+
+        forces = differentiate(xp, build, steps)(xp.reshape(gap, (-1, len(self._basis) - 3)), target, *partly)
+        return build(target, *partly).place(forces)
+
+    def _average(self, gap: Array, fine: int) -> tuple[Array, Array, Array]:
+        """Average a gap at fine x fine points of each cell over the points under the body.
+
+        Returns:
+            Gap of the cells, shape (worlds, rows, columns) [N]; share of each cell under the body, 1 without body; and
+            x and y of the centroid of this share from the cell's centre over the edges, shape (worlds, 2, ...) [-].
+        """
+        xp, rows, columns = find_namespace(gap), self.grid.rows, self.grid.columns
+        points = xp.reshape(gap, (-1, rows, fine, columns, fine))
+        under = cast(xp, points != float("inf"), gap.dtype)
+        hits, steps = xp.sum(under, axis=(2, 4)), convert((np.arange(fine) + 0.5) / fine - 0.5, gap)
+        most = xp.maximum(hits, 0 * hits + 1)
+        mean = xp.sum(xp.where(under > 0, points, 0 * under), axis=(2, 4)) / most
+        away = xp.stack([xp.sum(under * each, axis=(2, 4)) for each in (steps, steps[:, None, None])], axis=1)
+        # forces at the rim of the grid are not moved outwards
+        bounds = 0.5 * np.ones((2, rows, columns))
+        bounds[0, :, -1] = bounds[1, -1, :] = 0
+        high, low = convert(bounds, gap), -convert(bounds[:, ::-1, ::-1].copy(), gap)
+        away = xp.minimum(xp.maximum(away / most[:, None, ...], low), high)
+        return xp.where(hits > 0, mean, float("inf")), xp.where(hits > 0, hits / fine**2, 0 * hits + 1), away
+
+    def _build(self, target: Array, steps: int, share: Array | None = None, away: Array | None = None) -> Problem:
+        """Build the contact problem; `share` and `away` describe partly covered cells, see `_average`."""
+        xp, count, cells = find_namespace(target), target.shape[1], len(self._basis) - 3
+        basis = convert(self._basis[: cells + count, :count], target)
+        springs = np.append(np.full(cells, self._modulus * self._lever**2 * self._own), np.full(count, 1 / TILT))
+        stiffness, split, own = convert(springs, target), {}, None
+        if share is not None and away is not None:
+            size, worlds = xp.abs(away), share.shape[0]
+            near = convert(self._near, target)
+            same, other = 1 - 2 * size * (1 - size), 2 * size * (1 - size)
+            own = 1 + self._square * (share**-0.5 - 1) - same[:, 0] * same[:, 1] * near[0, 0]
+            own = own - (other[:, 0] * same[:, 1] * near[0, 1] + same[:, 0] * other[:, 1] * near[1, 0])
+            own = xp.reshape(own - other[:, 0] * other[:, 1] * near[1, 1], (worlds, cells))
+            parts = {0: 1 - size, 1: xp.maximum(away, 0 * away), -1: xp.maximum(-away, 0 * away)}
+            split = {(i, j): parts[i][:, 1] * parts[j][:, 0] for i in parts for j in parts}
+            whole = xp.concat([xp.reshape(share, (worlds, cells)), 0 * target + 1], axis=1)
+            stiffness = stiffness * whole
+            if count > 1:
+                shift = xp.reshape(away, (worlds, 2, cells)) * convert(self._edge[:, None] / self._lever, target)
+                shift = xp.concat([xp.reshape(0 * share, (worlds, 1, cells)), shift], axis=1)
+                nothing = 0 * target[:, :, None] * target[:, None, :]
+                basis = basis + xp.concat([xp.permute_dims(shift, (0, 2, 1)), nothing], axis=1)
+        return Problem(
+            basis=basis,
+            products=xp.reshape(basis[..., :, None] * basis[..., None, :], (*basis.shape[:-1], count**2)),
+            soft=convert(np.array([0.0, 1.0, 1.0])[:count], target),
+            stiffness=stiffness,
+            always=convert(np.repeat([0.0, 1.0], [cells, count]), target),
+            tiny=convert(1e-30 * np.eye(count), target),
+            shape=(self.grid.rows, self.grid.columns),
+            padded=self._padded,
+            spectrum=convert(self._spectrum, target) if steps else None,
+            split=split,
+            own=own,
+        )
 
 
 def _check_values(name: str, values: Array, accepted: Array, wanted: str) -> None:
     """Check that the values of an argument are accepted, if they are known.
 
     Raises:
-        FastModelError: If one is not accepted.
+        FastModelError: If one is not accepted; the message names the first.
     """
-    if not is_known(values):
-        return
-    wrong = np.argwhere(~np.asarray(accepted.tolist())) if not bool(find_namespace(values).all(accepted)) else []
-    if len(wrong):
-        place = f"[{', '.join(map(str, wrong[0]))}]" if len(wrong[0]) else ""
-        raise FastModelError(f"{name}{place} is {float(values[tuple(wrong[0].tolist())])}; give {wanted}")
+    if is_known(values) and not bool(find_namespace(values).all(accepted)):
+        first = np.argwhere(~np.asarray(accepted.tolist()))[0].tolist()
+        raise FastModelError(f"{name}{first or ''} is {float(values[tuple(first)])}; give {wanted}")
 
 
-def _transform(kernel: FloatArray, shape: tuple[int, int]) -> tuple[tuple[int, int], FloatArray]:
-    """Find the padded shape of images and the Fourier transform of a symmetric kernel on this shape.
+def _add_at(index: Array, values: Array, size: int) -> Array:
+    """Add rows of values (k, m) at indices (k,) of an array of zeros, shape (size, m); those at -1 are left out."""
+    xp, index, whole = (
+        find_namespace(values),
+        index % (size + 1),
+        convert(np.zeros((size + 1, values.shape[1])), values),
+    )
+    if xp is np:
+        np.add.at(whole, index, values)
+    elif hasattr(whole, "at"):  # JAX
+        whole = whole.at[index].add(values)
+    elif hasattr(whole, "index_add"):  # PyTorch
+        whole = whole.index_add(0, index, values)
+    else:
+        whole = cast(xp, xp.arange(size + 1)[:, None] == index[None, :], values.dtype) @ values
+    return whole[:size, :]
+
+
+def _interpolate(texels: int, cells: int, margin: int) -> FloatArray:
+    """Compute the weights of linear interpolation from centres of texels to those of cells, shape (cells, texels).
+
+    Args:
+        texels: Number of texels in a row.
+        cells: Number of cells along a texel.
+        margin: Number of cells beyond the texels on each side.
+    """
+    place = (np.arange(-margin, texels * cells + margin) + 0.5) / cells - 0.5
+    if texels == 1:
+        return np.ones((len(place), 1))
+    first = np.clip(np.floor(place), 0, texels - 2).astype(int)
+    weights = np.zeros((len(place), texels))
+    weights[np.arange(len(place)), first] = 1 - (place - first)
+    weights[np.arange(len(place)), first + 1] = place - first
+    return weights
+
+
+def _transform(kernel: FloatArray, shape: tuple[int, int]) -> tuple[FloatArray, tuple[int, int]]:
+    """Compute the Fourier transform of a symmetric kernel, and the padded shape of images that it belongs to.
 
     Args:
         kernel: Values at distances of i rows and j columns, entry `[i, j]` [any unit].
@@ -201,205 +385,9 @@ def _transform(kernel: FloatArray, shape: tuple[int, int]) -> tuple[tuple[int, i
     """
     from scipy.fft import next_fast_len
 
-    reach = [min(each, size) for each, size in zip(kernel.shape, shape, strict=True)]
-    padded = tuple(next_fast_len(size + each - 1, real=True) for size, each in zip(shape, reach, strict=True))
-    whole = np.zeros(padded)
-    rows, columns = (np.arange(1 - each, each) for each in reach)
-    whole[np.ix_(rows % padded[0], columns % padded[1])] = kernel[np.ix_(np.abs(rows), np.abs(columns))]
-    return (padded[0], padded[1]), np.fft.rfft2(whole).real.copy()
-
-
-class _Problem(NamedTuple):
-    """The contact problem of N cells under k conditions; all quantities are forces, in the library of the arrays.
-
-    Unknown are the forces f on cells and a slack m of each moment.  Conditions: f >= 0 and B' f + m = target.
-
-    Attributes:
-        basis: Columns B of the conditions, which are also the rigid motions of a body, shape (N, k) [-].
-        products: Products of all pairs of columns of the basis, shape (N, k * k) [-].
-        soft: 0 for the condition on the force, 1 for those on moments, which may be missed, shape (k,) [-].
-        stiffness: Stiffness of the foundation under a cell, times the compliance of a cell of the cover [-].
-        shape: Rows and columns of the contact grid.
-        padded: Rows and columns of the padded grid.
-        spectrum: Fourier transform of the compliance over that of one cell; None for the elastic foundation [-].
-    """
-
-    basis: Array
-    products: Array
-    soft: Array
-    stiffness: float
-    shape: tuple[int, int]
-    padded: tuple[int, int]
-    spectrum: Array | None
-
-    def displace(self, forces: Array) -> Array:
-        """Compute the displacements of the cells under forces, shape (worlds, N) [N]."""
-        if self.spectrum is None:
-            return forces / self.stiffness
-        xp = find_namespace(forces)
-        images = xp.reshape(forces, (-1, *self.shape))
-        bent = xp.fft.rfftn(images, s=self.padded, axes=(-2, -1)) * self.spectrum
-        moved = xp.fft.irfftn(bent, s=self.padded, axes=(-2, -1))[..., : self.shape[0], : self.shape[1]]
-        return xp.reshape(moved, forces.shape)
-
-    def multiply(self, weights: Array, slack: float = 1.0) -> Array:
-        """Compute B' W B + D, with D = `slack` for moments, shape (worlds, k, k); weights have shape (worlds, N).
-
-        A small number keeps the matrix regular in a world without weights.
-        """
-        count = self.basis.shape[1]
-        products = find_namespace(weights).reshape(weights @ self.products, (-1, count, count))
-        return products + convert(np.diag([_TINY, slack, slack][:count]), weights)
-
-    def fit(self, matrix: Array, values: Array, slacks: Array) -> Array:
-        """Fit rigid motions to values on active cells (worlds, N) and to slacks (worlds, k), shape (worlds, k).
-
-        Args:
-            matrix: The result of `multiply` for active cells, shape (worlds, k, k).
-            values: Values on active cells, 0 on others, shape (worlds, N).
-            slacks: Values of the slacks, shape (worlds, k).
-        """
-        return _solve(matrix, values @ self.basis + self.soft * slacks)
-
-    def press(self, gap: Array, target: Array, steps: int) -> Array:
-        """Compute the forces on cells, shape (worlds, N) [N].
-
-        Args:
-            gap: Gap over the compliance of a cell, inf where there is no body, shape (worlds, N) [N].
-            target: Prescribed values of the conditions, shape (worlds, k) [N].
-            steps: Steps of the conjugate gradients; with 0 the result is that of the foundation [-].
-        """
-        xp, below = find_namespace(gap), find_namespace(gap).isfinite(gap)
-        lowest = xp.min(gap, axis=1, keepdims=True)
-        gap = xp.where(below, gap - xp.where(xp.isfinite(lowest), lowest, 0.0), 0.0)
-        forces = _scale(self._start(gap, below, target), target)
-        direction, turn = xp.zeros_like(gap), xp.zeros_like(target)
-        last, kept = xp.ones_like(gap[:, :1]), xp.zeros_like(gap[:, :1])
-        small, load = float(xp.finfo(gap.dtype).eps), xp.where(target[:, :1] > 0, target[:, :1], 1.0)
-        for _ in range(steps):
-            active = _as_numbers(forces > 0, gap)
-            slacks = self.soft * (target - forces @ self.basis)
-            overlap = self.displace(forces) + gap
-            pressed, matrix = active * overlap, self.multiply(active)
-            motion = self.fit(matrix, pressed, _TILT * slacks)
-            beside = overlap - motion @ self.basis.T
-            residual, rest = active * beside, self.soft * (_TILT * slacks - motion)
-            energy = _sum(residual**2) + _sum(rest**2)
-            share = kept * xp.minimum(energy / last, xp.ones_like(last))
-            direction, turn = residual + share * direction, rest + share * turn
-            direction = active * direction
-            motion = self.fit(matrix, direction, turn)
-            direction, turn = direction - active * (motion @ self.basis.T), turn - self.soft * motion
-            curvature = _sum(self.displace(direction) * direction) + _TILT * _sum(turn**2)
-            slope = _sum(residual * direction) + _sum(rest * turn)
-            # a world that has converged stays as it is: its residual consists of rounding errors
-            moves = (curvature > 0) & (slope > 0) & (energy > (64 * small) ** 2 * _sum(pressed**2))
-            length = xp.where(moves, slope / xp.where(moves, curvature, 1.0), 1.0)
-            direction, turn = xp.where(moves, direction, 0.0), xp.where(moves, turn, 0.0)
-            grown = xp.where(below & (active == 0), xp.maximum(-length * beside, xp.zeros_like(beside)), 0.0)
-            forces = grown + active * xp.maximum(forces - length * direction, xp.zeros_like(forces))
-            forces = _scale(forces, target)
-            if self.basis.shape[1] > 1:
-                # cells that gained or lost contact changed the moments; factors linear in x and y restore them
-                missed = (target - self.soft * (slacks - length * turn) - forces @ self.basis) / load
-                tilt = _solve(self.multiply(forces / load, 100 * small), missed)
-                forces = _scale(forces * xp.maximum(1 + tilt @ self.basis.T, 0.2 + xp.zeros_like(forces)), target)
-            last, kept = xp.where(energy > 0, energy, 1.0), _as_numbers(_sum(grown) == 0, gap)
-        return forces
-
-    def _start(self, gap: Array, below: Array, target: Array) -> Array:
-        """Compute the forces of the elastic foundation by Newton's method; see `press` for the arguments."""
-        xp = find_namespace(gap)
-        motion = xp.concat([target[:, :1] / (self.stiffness * gap.shape[1]), 0 * target[:, 1:]], axis=1)
-        for _ in range(_NEWTON):
-            height = motion @ self.basis.T - gap
-            pressed = below & (height > 0)
-            forces = self.stiffness * xp.where(pressed, height, 0.0)
-            missed = target - forces @ self.basis - self.soft * motion / _TILT
-            motion = motion + _solve(self.multiply(self.stiffness * _as_numbers(pressed, gap), 1 / _TILT), missed)
-        return self.stiffness * xp.where(below, xp.maximum(motion @ self.basis.T - gap, 0.0), 0.0)
-
-    def pull_back(self, forces: Array, slope: Array, steps: int) -> tuple[Array, Array]:
-        """Compute the gradient of a function of the forces with respect to gap and target, by conjugate gradients.
-
-        Args:
-            forces: Forces on the cells at the solution, shape (worlds, N) [N].
-            slope: Gradient of the function with respect to the forces, shape (worlds, N) [1/N].
-            steps: Steps of the conjugate gradients [-].
-
-        Returns:
-            Gradients with respect to gap, shape (worlds, N), and to target, shape (worlds, k) [1/N].
-        """
-        xp = find_namespace(forces)
-        active = _as_numbers(forces > 0, forces)
-        matrix = self.multiply(active)
-
-        def remove(values: Array, slacks: Array) -> tuple[Array, Array]:
-            motion = self.fit(matrix, active * values, slacks)
-            return active * (values - motion @ self.basis.T), self.soft * (slacks - motion)
-
-        found, rest = xp.zeros_like(forces), xp.zeros_like(forces @ self.basis)
-        residual, excess = remove(slope, rest)
-        direction, turn, energy = residual, excess, _sum(residual**2) + _sum(excess**2)
-        for _ in range(steps):
-            image, swing = remove(self.displace(direction), _TILT * turn)
-            curvature = _sum(image * direction) + _sum(swing * turn)
-            length = xp.where(curvature > 0, energy / xp.where(curvature > 0, curvature, 1.0), 0.0)
-            found, rest = found + length * direction, rest + length * turn
-            residual, excess, last = residual - length * image, excess - length * swing, energy
-            energy = _sum(residual**2) + _sum(excess**2)
-            share = xp.where(last > 0, energy / xp.where(last > 0, last, 1.0), 0.0)
-            direction, turn = residual + share * direction, excess + share * turn
-        return -found, -self.fit(matrix, active * (self.displace(found) - slope), _TILT * rest)
-
-
-def _solve(matrix: Array, right: Array) -> Array:
-    """Solve a system of k equations in every world, shape (worlds, k)."""
-    return find_namespace(matrix).linalg.solve(matrix, right[..., None])[..., 0]
-
-
-def _scale(forces: Array, target: Array) -> Array:
-    """Scale forces on cells (worlds, N) to the prescribed force (worlds, 1...); without any, they stay zero [N]."""
-    xp, total = find_namespace(forces), _sum(forces)
-    return forces * xp.where(total > 0, target[:, :1] / xp.where(total > 0, total, 1.0), 0.0)
-
-
-def _sum(values: Array) -> Array:
-    """Sum over cells or conditions, shape (worlds, 1)."""
-    return find_namespace(values).sum(values, axis=-1, keepdims=True)
-
-
-def _as_numbers(which: Array, like: Array) -> Array:
-    """Convert truth values to 0 and 1 of the type of an array, same shape."""
-    return cast(find_namespace(like), which, like.dtype)
-
-
-def _differentiate(xp: Any, problem: _Problem, steps: int) -> Callable[[Array, Array], Array]:  # noqa: ANN401
-    """Return the function of gap and target that computes the forces, with its gradient in the array's library."""
-
-    def press(gap: Array, target: Array) -> Array:
-        return problem.press(gap, target, steps)
-
-    def pull_back(forces: Array, slope: Array) -> tuple[Array, Array]:
-        return problem.pull_back(forces, slope, max(steps, 4))
-
-    if xp.__name__ == "jax.numpy":
-        solve = sys.modules["jax"].custom_vjp(press)
-        solve.defvjp(lambda gap, target: (press(gap, target),) * 2, pull_back)
-        return solve
-    if xp.__name__.endswith("torch"):
-        function = sys.modules["torch"].autograd.Function
-
-        class Press(function):
-            @staticmethod
-            def forward(ctx, gap, target):
-                forces = press(gap, target)
-                ctx.save_for_backward(forces)
-                return forces
-
-            @staticmethod
-            def backward(ctx, slope):
-                return pull_back(*ctx.saved_tensors, slope)
-
-        return Press.apply
-    return press
+    kernel = kernel[: shape[0], : shape[1]]
+    rows, columns = (next_fast_len(n + reach - 1, real=True) for n, reach in zip(shape, kernel.shape, strict=True))
+    whole = np.zeros((rows, columns))
+    i, j = (np.arange(1 - reach, reach) for reach in kernel.shape)
+    whole[np.ix_(i, j)] = kernel[np.ix_(np.abs(i), np.abs(j))]
+    return np.fft.rfft2(whole).real.copy(), (rows, columns)

@@ -43,7 +43,7 @@ def _is_tensor(values: Any) -> bool:  # noqa: ANN401 -- modules have no common t
     return type(values).__module__.partition(".")[0] == "torch"
 
 
-def convert(constant: FloatArray | sp.csr_array, like: Array) -> Array:
+def convert(constant: Any, like: Array) -> Array:  # noqa: ANN401 -- an array of numpy or a sparse matrix
     """Convert a constant to the library, element type and device of an array.
 
     Args:
@@ -64,23 +64,36 @@ def is_known(values: Array) -> bool:
     return jax is None or not isinstance(values, jax.core.Tracer)
 
 
-def check_floats(name: str, values: Array, like: Array | None = None, shape: tuple[int, ...] | None = None) -> Array:
+def check_floats(
+    name: str,
+    values: Any,  # noqa: ANN401 -- arrays of several libraries, or what they convert
+    like: Array | None = None,
+    shape: tuple[int, ...] | None = None,
+    otherwise: Any = np,  # noqa: ANN401 -- modules have no common type
+) -> Array:
     """Check library, element type, device and shape of an array of floating-point numbers, and return the array.
 
     Args:
         name: Name of the argument, for messages.
-        values: The array; arrays of numpy, numbers and sequences are converted to the library of `like`.
-        like: An array with the wanted library, type and device; None for any with 32 or 64 bits.
+        values: The array.  Numbers and sequences are converted, and arrays of numpy where another library is wanted.
+        like: An array of the wanted library, type and device; None for any with 32 or 64 bits.
         shape: The wanted shape; None for any.
+        otherwise: Module to which numbers and sequences are converted if `like` is None.
 
     Raises:
         FastModelError: If the array differs in one of these.
     """
-    xp = find_namespace(values if like is None else like)
-    if like is not None and find_namespace(values) is np and not (xp is np and isinstance(values, np.ndarray)):
-        values = convert(np.asarray(values, dtype=np.float64), like)
-    if find_namespace(values) is not xp:
-        raise FastModelError(f"{name} is an array of {find_namespace(values).__name__}; convert it to {xp.__name__}")
+    own = find_namespace(values, None)
+    if like is None:
+        xp = own or otherwise
+        values = values if own else xp.asarray(values)
+    else:
+        xp = find_namespace(like)
+        if own is None or (own is np and xp is not np):
+            values, own = convert(np.asarray(values, dtype=np.float64), like), xp
+    if own is not None and own is not xp:
+        given, wanted = (each.__name__.removeprefix("array_api_compat.") for each in (own, xp))
+        raise FastModelError(f"{name} is an array of {given}; convert it to one of {wanted}")
     if not _is_float(xp, values) or (like is not None and values.dtype != like.dtype):
         wanted = "float32 or float64" if like is None else like.dtype
         raise FastModelError(f"{name} has elements of type {values.dtype}; convert them to {wanted}")

@@ -170,9 +170,8 @@ class ChainFunctions:
 
     def _join(self, forces: Array, carried: Array | None, others: Array | None) -> Array:
         """Join the forces on n texels, the total force, and m other signals, shape (..., n + 1 + m) [N]."""
-        xp = find_namespace(forces, self._namespace)
-        forces = check_floats("forces", xp.asarray(forces))
-        worlds = tuple(forces.shape[:-1])
+        forces = check_floats("forces", forces, otherwise=self._namespace)
+        xp, worlds = find_namespace(forces), tuple(forces.shape[:-1])
         if forces.shape[-1:] != (self._count,):
             raise FastModelError(
                 f"forces has shape {tuple(forces.shape)}; its last dimension must be the {self._count} texels"
