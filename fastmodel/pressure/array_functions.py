@@ -301,12 +301,11 @@ class ContactFunctions:
         if share is not None and away is not None:
             size, worlds = xp.abs(away), share.shape[0]
             near = convert(self._near, target)
-            same, other = 1 - 2 * size * (1 - size), 2 * size * (1 - size)
-            own = 1 + self._square * (share**-0.5 - 1) - same[:, 0] * same[:, 1] * near[0, 0]
-            own = own - (other[:, 0] * same[:, 1] * near[0, 1] + same[:, 0] * other[:, 1] * near[1, 0])
-            own = xp.reshape(own - other[:, 0] * other[:, 1] * near[1, 1], (worlds, cells))
+            x, y = (2 * size[:, k, ...] * (1 - size[:, k, ...]) for k in (0, 1))
+            given = (1 - x) * (1 - y) + x * (1 - y) * near[0, 1] + (1 - x) * y * near[1, 0] + x * y * near[1, 1]
+            own = xp.reshape(1 - given + self._square * (share**-0.5 - 1), (worlds, cells))
             parts = {0: 1 - size, 1: xp.maximum(away, 0 * away), -1: xp.maximum(-away, 0 * away)}
-            split = {(i, j): parts[i][:, 1] * parts[j][:, 0] for i in parts for j in parts}
+            split = {(i, j): parts[i][:, 1, ...] * parts[j][:, 0, ...] for i in parts for j in parts}
             whole = xp.concat([xp.reshape(share, (worlds, cells)), 0 * target + 1], axis=1)
             stiffness = stiffness * whole
             if count > 1:

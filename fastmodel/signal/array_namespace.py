@@ -9,11 +9,11 @@ import sys
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from fastmodel.errors import FastModelError
-from meshes.array_types import FloatArray
 
+#: Type of 64-bit numbers of numpy.
+_DOUBLE = np.dtype(np.float64)
 #: An array of any library that follows the array API standard; its element type stands in the docstrings.
 Array = Any
 
@@ -51,8 +51,8 @@ def convert(constant: Any, like: Array) -> Array:  # noqa: ANN401 -- an array of
         like: The array.
     """
     if isinstance(like, np.ndarray):
-        return constant.astype(like.dtype, copy=False)
-    dense = constant.toarray() if sp.issparse(constant) else constant
+        return constant if constant.dtype == like.dtype else constant.astype(like.dtype)
+    dense = constant if isinstance(constant, np.ndarray) else constant.toarray()
     if _is_tensor(like):
         return find_namespace(like).asarray(dense, dtype=like.dtype, device=like.device)
     return find_namespace(like).asarray(dense, dtype=like.dtype)
@@ -83,6 +83,12 @@ def check_floats(
     Raises:
         FastModelError: If the array differs in one of these.
     """
+    # The general way below gives the same results in more time.
+    if type(values) is np.ndarray and shape in {None, values.shape}:
+        if values.dtype == (_DOUBLE if like is None else like.dtype):
+            return values
+    elif isinstance(values, float) and type(like) is np.ndarray and shape == ():
+        return np.asarray(values, dtype=like.dtype)
     own = find_namespace(values, None)
     if like is None:
         xp = own or otherwise

@@ -97,7 +97,7 @@ class ChainFunctions:
         if parameters.electronics.tip_radius is not None and parameters.electronics.tip_share is None:
             _warn_once(f"array {array.name!r}: {describe_calibration(parameters.electronics)}")
         self._namespace, self._active = namespace, None if array.active.all() else array.active.astype(np.float64)
-        self._low_pass = LowPass(parameters.filter, rate_hz)
+        self._low_pass, self._ones = LowPass(parameters.filter, rate_hz), np.ones(array.count)
         # The operator is transposed, because the forces stand on its left: texels are their last dimension.
         self._spread = build_operator(parameters.spread, array).T if spreads else None
 
@@ -163,7 +163,7 @@ class ChainFunctions:
             counts=counts,
             image=image,
             texel_forces=forces,
-            outside=filtered[..., count] - xp.sum(forces, axis=-1),
+            outside=filtered[..., count] - forces @ convert(self._ones, forces),
             others=filtered[..., count + 1 :],
         )
         return ChainState(state.filter, play), output

@@ -1,12 +1,14 @@
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from fastmodel import WTS_0614_34, Butterworth, Gaussian, Parameters
+from fastmodel import WTS_0614_34, Butterworth, FastModelError, Gaussian, Parameters
 from fastmodel.signal.chain import ChainFunctions
 from meshes import TexelArray
+from tests.support.array_modules import MODULES, open_module
 
 ARRAY = TexelArray.grid(5, 4, 3e-3)
 ARRAY = dataclasses.replace(ARRAY, active=np.arange(ARRAY.count) % 7 != 3)
@@ -31,17 +33,9 @@ def parameters(electronics=ELECTRONICS, **changes):
     return Parameters(electronics=electronics, **{**values, **changes})
 
 
-def jax_with_64_bits():
-    jax = pytest.importorskip("jax")
-    jax.config.update("jax_enable_x64", True)  # noqa: FBT003 -- jax takes it so
-    return jax.numpy
-
-
-@pytest.fixture(params=["numpy", "strict", pytest.param("jax", marks=pytest.mark.slow)])
+@pytest.fixture(params=MODULES)
 def xp(request):
-    if request.param == "jax":
-        return jax_with_64_bits()
-    return np if request.param == "numpy" else pytest.importorskip("array_api_strict")
+    return open_module(request.param)
 
 
 def inputs():
@@ -68,7 +62,7 @@ def run(functions, xp, forces, carried, noise):
 def test_many_worlds_in_any_library_give_what_each_world_gives_alone(xp, electronics, spreads):
     forces, carried, noise = inputs()
     given = parameters(electronics)
-    together = run(ChainFunctions(given, RATE, spreads=spreads, namespace=xp), xp, forces, carried, noise)
+    together = run(ChainFunctions(given, RATE, spreads=spreads), xp, forces, carried, noise)
     alone = ChainFunctions(given, RATE, spreads=spreads)
     for world in range(WORLDS):
         singles = run(alone, np, forces[:, world], carried[:, world], noise[:, world])
@@ -119,24 +113,24 @@ def test_other_signals_pass_the_filter_alone(xp):
     """Tangential forces of every world, shape (worlds, 2 texels), give what the filter gives for each of them."""
     forces, carried, _ = inputs()
     shear = np.random.default_rng(5).uniform(-1, 1, (SAMPLES, WORLDS, 2 * ARRAY.count))
-    functions = ChainFunctions(parameters(), RATE, namespace=xp)
+    functions = ChainFunctions(parameters(), RATE)
     state = functions.settle(xp.asarray(forces[0]), xp.asarray(carried[0]), xp.asarray(shear[0]))
     for sample, total, other in zip(forces, carried, shear, strict=True):
         state = functions.take(state, xp.asarray(sample), xp.asarray(total), xp.asarray(other))
     _, output = functions.frame(state)
     expected = sosfilt(parameters().filter.sections(RATE), shear - shear[0], axis=0)[-1] + shear[0]
     np.testing.assert_allclose(np.asarray(output.others), expected, atol=1e-12)
-    plain = run(ChainFunctions(parameters(), RATE, namespace=xp), xp, forces, carried, np.zeros_like(forces))
+    plain = run(ChainFunctions(parameters(), RATE), xp, forces, carried, np.zeros_like(forces))
     assert plain[0].others.shape == (WORLDS, 0)
     assert np.asarray(output.texel_forces).any()
 
 
 @pytest.mark.slow
 def test_jax_compiles_the_functions_and_differentiates_them():
-    jax_with_64_bits()
+    open_module("jax")
     import jax
 
-    functions = ChainFunctions(parameters(), RATE, namespace=jax.numpy)
+    functions = ChainFunctions(parameters(), RATE)
     forces, carried, noise = (jax.numpy.asarray(values) for values in inputs())
     plain = run(functions, jax.numpy, forces, carried, noise)[-1]
 
@@ -160,7 +154,7 @@ def test_with_32_bits_the_results_have_32_bits_and_differ_little(xp):
     forces, carried, noise = inputs()
     exact = run(ChainFunctions(parameters(), RATE), np, forces, carried, noise)[-1]
     small = [each.astype(np.float32) for each in (forces, carried, noise)]
-    rough = run(ChainFunctions(parameters(), RATE, namespace=xp), xp, *small)[-1]
+    rough = run(ChainFunctions(parameters(), RATE), xp, *small)[-1]
     assert rough.texel_forces.dtype == xp.float32
     np.testing.assert_allclose(np.asarray(rough.texel_forces), exact.texel_forces, atol=1e-5)
     assert np.abs(np.asarray(rough.counts) - exact.counts).max() <= 1
@@ -174,3 +168,41 @@ def test_more_texels_than_a_dense_operator_takes():
     _, made = functions.frame(functions.settle(forces))
     np.testing.assert_allclose(made.texel_forces, forces @ given.spread.operator(array).T, atol=1e-12)
     assert made.image.shape == (3, 26, 20)
+
+
+def test_constants_follow_the_type_and_library_of_the_forces(xp):
+    """One object takes 32 and 64 bits of any library, and lists of the library that it was made for."""
+    functions = ChainFunctions(parameters(), RATE, namespace=xp)
+    for dtype in (xp.float32, xp.float64):
+        state = functions.settle(xp.ones((2, ARRAY.count), dtype=dtype))
+        state, output = functions.frame(functions.take(state, xp.ones((2, ARRAY.count), dtype=dtype)))
+        assert state.filter.dtype == output.texel_forces.dtype == dtype
+    assert isinstance(functions.settle([0.5] * ARRAY.count).filter, type(state.filter))
+
+
+def test_wrong_arrays_are_refused_in_one_line(xp):
+    functions, forces = ChainFunctions(parameters(), RATE), xp.ones((2, ARRAY.count))
+    state = functions.settle(forces)
+    cases = {
+        "forces has shape (2, 19); its last dimension must be the 20 texels": (forces[:, 1:],),
+        "forces has elements of type": (xp.astype(forces, xp.int64),),
+        "carried has shape (3,); give shape (2,)": (forces, xp.ones(3)),
+        "others has elements of type": (forces, None, xp.ones((2, 5), dtype=xp.int64)),
+        "state.filter has shape": (forces[:1, :],),
+    }
+    for message, arguments in cases.items():
+        with pytest.raises(FastModelError, match=re.escape(message)) as raised:
+            functions.take(state, *arguments)
+        assert "\n" not in str(raised.value)
+    with pytest.raises(FastModelError, match="noise has shape"):
+        functions.frame(state, xp.ones((2, 3)))
+
+
+@pytest.mark.slow
+def test_arrays_of_two_libraries_or_devices_are_refused():
+    torch = open_module("torch")
+    functions = ChainFunctions(parameters(), RATE)
+    with pytest.raises(FastModelError, match="carried is an array of torch; convert it to one of numpy"):
+        functions.settle(np.ones((2, ARRAY.count)), torch.ones(2))
+    with pytest.raises(FastModelError, match=r"carried lies on meta; move it with .to\('cpu'\)"):
+        functions.settle(torch.ones((2, ARRAY.count)), torch.ones(2, device="meta"))
