@@ -137,7 +137,7 @@ def compare_guided(ratios: Sequence[float] = fastmodel_scores.RATIOS) -> None:
             fastmodel_scores.SHAPES.values(), fastmodel_scores.LOADS, fastmodel_scores.YAWS, fastmodel_scores.PLACES
         )
         for shape, load, yaw, at in cases:
-            pressed = fastmodel.indent(parameters, shape, load=load, at=at, yaw=yaw, method="cover")
+            pressed = fastmodel.indent(parameters, shape, load=load, at=at, yaw=yaw, contact="cover")
             (body,) = bodies[-1]
             # the kernel of `cover` also enlarges cylinders, whose sizes are radius and half length
             larger = body.shape.sizes + body.shape.edge * (body.shape.kinds == CYLINDER)[:, None]

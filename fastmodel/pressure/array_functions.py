@@ -65,7 +65,6 @@ class ContactFunctions:
         parameters: Parameters,
         namespace: Any = np,  # noqa: ANN401 -- modules have no common type
         *,
-        margin: int = 1,
         nominal_load: float = 0.0,
     ) -> None:
         """Tabulate the operators of the cover.
@@ -73,11 +72,9 @@ class ContactFunctions:
         Args:
             parameters: The array of n texels, flat and regular, and the cells of its cover.
             namespace: Module for gaps and depths that are plain lists, for example `jax.numpy`; arrays keep their own.
-            margin: Number of pitches by which the contact grid extends beyond the texels, see `Plate` [-].
             nominal_load: Force of a body for which a cover that becomes stiffer under load is taken [N].
 
         Raises:
-            FastModelError: If the margin is no whole number from 0 on.
             ParametersError: If the parameters hold no cells of a cover, or the array is not flat and regular.
         """
         check_type("parameters", parameters, Parameters, "the Parameters of a sensor, as fastmodel.load returns them")
@@ -89,8 +86,9 @@ class ContactFunctions:
             )
         cells.check(array)
         cells = cells.under_loads[round(cells.position_among_loads(nominal_load))]
-        margin = check_count("margin", margin, 0) if cells.margin is None else cells.margin
-        grid = self.grid = CellGrid.over(array, cells.per_texel, margin)
+        margin = array.margin if cells.margin is None else (cells.margin, cells.margin)
+        beyond = (1.0, 1.0) if margin is None else (margin[0] / array.pitch[0], margin[1] / array.pitch[1])
+        grid = self.grid = CellGrid.over(array, cells.per_texel, beyond)
         self._namespace, self._array, self._modulus = namespace, array, cells.foundation_modulus()
         self._edge, self._lever = np.array(grid.edge), float(np.sqrt(grid.edge[0] * grid.edge[1]))
         #: Compliance of a cell under a force on itself [m/N], and that of cells up to one row and column apart over it.
@@ -237,8 +235,10 @@ class ContactFunctions:
         if load is None:
             whole = array.pitch[0] * array.pitch[1] * self._modulus
             load = whole * xp.sum(xp.maximum(depths, 0 * depths), axis=-1)
-        count = self.grid.per_texel
-        rows, columns = (_interpolate(n, count, self.grid.margin) for n in (array.rows, array.columns))
+        rows, columns = (
+            _interpolate(n, self.grid.per_texel, margin)
+            for n, margin in zip((array.rows, array.columns), self.grid.margin, strict=True)
+        )
         image = xp.reshape(depths, (*worlds, array.rows, array.columns))
         image = convert(rows, depths) @ image @ convert(columns.T.copy(), depths)
         return self.forces(xp.where(image == 0, float("inf"), -image), load, None, iterations)
@@ -323,7 +323,8 @@ class ContactFunctions:
             shape=(self.grid.rows, self.grid.columns),
             padded=self._padded,
             spectrum=convert(self._spectrum, target) if steps else None,
-            split=split,
+            # the foundation takes the force on a partly covered cell for that on the whole cell, which is more accurate
+            split=split if steps else {},
             own=own,
         )
 

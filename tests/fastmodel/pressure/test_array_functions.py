@@ -95,7 +95,7 @@ def test_without_iterations_forces_are_those_of_the_elastic_foundation():
 @pytest.mark.parametrize(("shape", "yaw"), [(Box(size=(7e-3, 5e-3, 5e-3)), 0.6), (Sphere(radius=8e-3), 0.0)])
 def test_points_within_cells_give_what_a_simulated_press_gives(shape, yaw):
     """With 4 x 4 points a cell, the shares of partly covered cells are those of the method `cover`."""
-    pressed = fastmodel.indent(PARAMETERS, shape, load=4.0, at=(0.4e-3, -0.7e-3), yaw=yaw, method="cover")
+    pressed = fastmodel.indent(PARAMETERS, shape, load=4.0, at=(0.4e-3, -0.7e-3), yaw=yaw, contact="cover")
     x, y = places(4)
     a, b = x - 0.4e-3, y + 0.7e-3
     u, v = np.abs(a * np.cos(yaw) + b * np.sin(yaw)), np.abs(b * np.cos(yaw) - a * np.sin(yaw))
@@ -183,6 +183,12 @@ def test_worlds_do_not_depend_on_each_other_and_may_be_empty():
     single[12, 9] = 0.0  # a body above one cell
     assert FUNCTIONS.forces(single, 2.0).cell_forces[12, 9] == pytest.approx(2.0)
     assert FUNCTIONS.forces(single, 2.0, np.zeros(2)).cell_forces[12, 9] == pytest.approx(2.0)
+
+
+def test_the_grid_ends_with_the_cover():
+    array = dataclasses.replace(ARRAY, margin=(1.7e-3, 0.0))
+    grid = ContactFunctions(cover_data.parameters(array)).grid
+    assert (grid.rows, grid.columns) == (4 * array.rows, 4 * array.columns + 4)
 
 
 @pytest.mark.parametrize("changes", [{"table": True}, {"mask": True}])
