@@ -30,8 +30,9 @@ import numpy as np
 
 from fastmodel.errors import FastModelError, ParametersError, check_count, check_type
 from fastmodel.parameters import Parameters
-from fastmodel.pressure.array_solver import TILT, Problem, differentiate
+from fastmodel.pressure.array_solver import Problem, differentiate
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
+from fastmodel.pressure.solvers import TILT
 from fastmodel.signal.array_namespace import Array, cast, check_floats, convert, find_namespace, is_known
 from meshes.array_types import FloatArray
 
@@ -90,14 +91,14 @@ class ContactFunctions:
         beyond = (1.0, 1.0) if margin is None else (margin[0] / array.pitch[0], margin[1] / array.pitch[1])
         grid = self.grid = CellGrid.over(array, cells.per_texel, beyond)
         self._namespace, self._array, self._modulus = namespace, array, cells.foundation_modulus()
-        self._edge, self._lever = np.array(grid.edge), float(np.sqrt(grid.edge[0] * grid.edge[1]))
+        self._edge, self._lever = np.array(grid.edge), grid.mean_edge
+        ratios = cells.compliance / cells.compliance[0, 0]
         #: Compliance of a cell under a force on itself [m/N], and that of cells up to one row and column apart over it.
-        self._own, self._near = float(cells.compliance[0, 0]) / self._lever**2, np.zeros((2, 2))
-        near = cells.compliance[:2, :2] / cells.compliance[0, 0]
-        self._near[: near.shape[0], : near.shape[1]] = near
+        self._own = float(cells.compliance[0, 0]) / grid.mean_edge**2
+        self._near = np.pad(ratios, ((0, 1), (0, 1)))[:2, :2].copy()
         # displacement at the centre of a square on an elastic half space under uniform pressure of unit force
         self._square = 4 * float(np.arcsinh(1.0)) * cells.top_compliance / self._lever / self._own
-        self._spectrum, self._padded = _transform(cells.compliance / cells.compliance[0, 0], (grid.rows, grid.columns))
+        self._spectrum, self._padded = _transform(ratios, (grid.rows, grid.columns))
         #: Middle of the grid in the array's frame, shape (2,) [m].
         self._middle = grid.low + self._edge * (grid.columns, grid.rows) / 2
         y, x = np.mgrid[: grid.rows, : grid.columns].reshape(2, -1)
@@ -105,7 +106,7 @@ class ContactFunctions:
         #: Constants 1, x and y at each of N cells, and below them the columns of the slacks, shape (N + 3, 3) [-].
         self._basis = np.vstack([np.column_stack([np.ones(len(x)), places / self._lever]), np.diag([0.0, 1.0, 1.0])])
         self._along, self._across, _ = BaseForces(cells, grid, array).factor_window((0, 0), (grid.rows, grid.columns))
-        self._tabulated = cells.table is not None
+        self._tabulated, self._active = cells.table is not None, array.active.astype(np.float64)
 
     def forces(self, gap: Array, load: Array, moments: Array | None = None, iterations: int = 8) -> ContactForces:
         """Compute the forces under one body in each world.
@@ -255,9 +256,7 @@ class ContactFunctions:
             images = xp.reshape(cell_forces, (*worlds, along.shape[1])) @ along.T
         else:
             images = xp.reshape(along @ cell_forces, (*worlds, self._array.rows, across.shape[0])) @ across
-        return xp.reshape(images, (*worlds, self._array.count)) * convert(
-            self._array.active.astype(np.float64), cell_forces
-        )
+        return xp.reshape(images, (*worlds, self._array.count)) * convert(self._active, cell_forces)
 
     def _press(self, gap: Array, target: Array, fine: int, steps: int) -> Array:
         """Compute the forces on whole cells under gaps and targets that are forces, shape (worlds, rows, columns)."""
@@ -296,8 +295,9 @@ class ContactFunctions:
         """Build the contact problem; `share` and `away` describe partly covered cells, see `_average`."""
         xp, count, cells = find_namespace(target), target.shape[1], len(self._basis) - 3
         basis = convert(self._basis[: cells + count, :count], target)
-        springs = np.append(np.full(cells, self._modulus * self._lever**2 * self._own), np.full(count, 1 / TILT))
-        stiffness, split, own = convert(springs, target), {}, None
+        spring = self._modulus * self._lever**2 * self._own
+        stiffness = convert(np.repeat([spring, spring / TILT], [cells, count]), target)
+        split, own = {}, None
         if share is not None and away is not None:
             size, worlds = xp.abs(away), share.shape[0]
             near = convert(self._near, target)

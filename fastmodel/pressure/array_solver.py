@@ -10,11 +10,9 @@ import sys
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from fastmodel.pressure.solvers import TILT
 from fastmodel.signal.array_namespace import Array, cast, find_namespace
 
-#: Slack of a moment [-]: rotation of a body, as displacement over the edge of a cell, for each missing moment, as force
-#: with this edge as lever arm, in units of the compliance of one cell under a force on itself.
-TILT = 4.0
 #: Gap of a cell without body.
 _AWAY = float("inf")
 #: Newton steps for the motion of a body on the elastic foundation: for its depth, and for its depth and tilts [-].

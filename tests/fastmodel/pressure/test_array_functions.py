@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 
 import fastmodel
-from fastmodel import ContactFunctions, FastModelError
-from fastmodel.pressure.gap import GapSamples
-from fastmodel.pressure.solvers import CoverSolver, FoundationSolver, Load
+from fastmodel import ContactFunctions, FastModelError, Placement
 from meshes import Box, Sphere, TexelArray
 from tests.support import cover_data
 from tests.support.array_modules import MODULES, open_module
@@ -46,21 +44,6 @@ def random_gaps(count, seed=0):
     return np.array(gaps), rng.uniform(0.2, 10, count)
 
 
-def samples(gap):
-    row, column = np.isfinite(gap).nonzero()
-    place = np.column_stack([each[row, column] for each in places()])
-    normal = np.tile([0.0, 0.0, 1.0], (len(row), 1))
-    body = np.zeros(len(row), dtype=np.int64)
-    return GapSamples(body, row, column, np.ones(len(row)), *place.T.copy(), gap[row, column], place, normal)
-
-
-def solve(solver, gap, force):
-    """Forces of the solver of a contact method on the cells of one gap image."""
-    under, found = samples(gap), np.zeros(SHAPE)
-    found[under.row, under.column] = solver.solve(under, [Load(force=force, moment=np.zeros(2), tilts=False)]).forces
-    return found
-
-
 def misplaced(found, expected, load):
     apart = np.abs(np.asarray(found, dtype=np.float64) - expected)
     return 0.5 * apart.reshape(len(load), -1).sum(axis=1) / load
@@ -71,43 +54,41 @@ def to_base(forces):
     return np.array([base.from_window(each, (0, 0)) for each in forces])
 
 
-def test_forces_are_those_of_the_contact_method_cover():
-    gap, load = random_gaps(24)
-    solver = CoverSolver(PARAMETERS.surface, GRID, tolerance=1e-9, steps=1000)
-    expected = np.array([solve(solver, *case) for case in zip(gap, load, strict=True)])
-    found = FUNCTIONS.forces(gap, load, iterations=10)
-    assert misplaced(found.cell_forces, expected, load).max() < 1e-3
-    np.testing.assert_allclose(found.texel_forces, to_base(found.cell_forces), atol=1e-12)
-    np.testing.assert_allclose(found.cell_forces.sum(axis=(1, 2)), load, rtol=1e-12)
-    many = FUNCTIONS.forces(gap, load, iterations=80)  # a world that has converged stays as it is
-    assert misplaced(many.cell_forces, found.cell_forces, load).max() < 1e-3
-
-
 def test_without_iterations_forces_are_those_of_the_elastic_foundation():
+    """Springs under the cells carry the load at one depth, and a world that tilts turns by the missing moments."""
     gap, load = random_gaps(12, seed=1)
-    solver = FoundationSolver(GRID, PARAMETERS.surface.foundation_modulus())
-    expected = np.array([solve(solver, *case) for case in zip(gap, load, strict=True)])
+    spring = PARAMETERS.surface.foundation_modulus() * GRID.edge[0] * GRID.edge[1]
     found = FUNCTIONS.forces(gap, load, iterations=0)
+    depth = np.array(
+        [
+            (forces[forces > 0] / spring + each[forces > 0]).mean()
+            for forces, each in zip(found.cell_forces, gap, strict=True)
+        ]
+    )
+    expected = spring * np.maximum(depth[:, None, None] - gap, 0)
     assert misplaced(found.cell_forces, expected, load).max() < 1e-8
+    np.testing.assert_allclose(found.cell_forces.sum(axis=(1, 2)), load, rtol=1e-12)
     np.testing.assert_allclose(found.texel_forces, to_base(expected), atol=1e-7)
 
 
-@pytest.mark.parametrize(("shape", "yaw"), [(Box(size=(7e-3, 5e-3, 5e-3)), 0.6), (Sphere(radius=8e-3), 0.0)])
-def test_points_within_cells_give_what_a_simulated_press_gives(shape, yaw):
+@pytest.mark.parametrize("shape", ["face", "free face", "ball"])
+def test_points_within_cells_give_what_a_simulated_press_gives(shape):
     """With 4 x 4 points a cell, the shares of partly covered cells are those of the method `cover`."""
-    pressed = fastmodel.indent(PARAMETERS, shape, load=4.0, at=(0.4e-3, -0.7e-3), yaw=yaw, contact="cover")
-    x, y = places(4)
-    a, b = x - 0.4e-3, y + 0.7e-3
+    place, yaw, load, free = np.array([0.4e-3, -0.7e-3]), 0.6 * (shape == "face"), 4.0, shape == "free face"
+    body = Sphere(radius=8e-3) if shape == "ball" else Box(size=(7e-3, 5e-3, 5e-3))
+    placement = Placement(indenter=body, load=load, at=place, yaw=yaw, guided=not free, centre=(1e-3 * free, 0.0))
+    pressed = fastmodel.indent_together(PARAMETERS, [placement], contact="cover")
+    a, b = (each - at for each, at in zip(places(4), place, strict=True))
     u, v = np.abs(a * np.cos(yaw) + b * np.sin(yaw)), np.abs(b * np.cos(yaw) - a * np.sin(yaw))
-    if isinstance(shape, Sphere):
-        gap = np.where(a**2 + b**2 < 60e-6, -np.sqrt(np.maximum(64e-6 - a**2 - b**2, 0)), INF)
-    else:
-        rim = 0.125 * np.sqrt(GRID.edge[0] * GRID.edge[1])
-        gap = np.where((u < 3.5e-3 + rim) & (v < 2.5e-3 + rim), 0.0, INF)
-    found = FUNCTIONS.forces(gap, 4.0, iterations=10)
-    assert misplaced(found.texel_forces[None], pressed.texel_forces, np.array([4.0])) < 1e-3
-    whole = FUNCTIONS.forces(gap[2::4, 2::4], 4.0)
-    assert misplaced(whole.texel_forces[None], pressed.texel_forces, np.array([4.0])) < 0.1
+    rim = 0.125 * GRID.mean_edge
+    gap = np.where((u < 3.5e-3 + rim) & (v < 2.5e-3 + rim), 0.0, INF)
+    if shape == "ball":
+        gap = np.where(u**2 + v**2 < 60e-6, -np.sqrt(np.maximum(64e-6 - u**2 - v**2, 0)), INF)
+    moments = load * np.add(place, (1e-3, 0.0)) if free else None
+    found = FUNCTIONS.forces(gap, load, moments, iterations=10)
+    assert misplaced(found.texel_forces[None], pressed.texel_forces, np.array([load])) < 1e-3
+    whole = FUNCTIONS.forces(gap[2::4, 2::4], load, moments)
+    assert misplaced(whole.texel_forces[None], pressed.texel_forces, np.array([load])) < 0.1
 
 
 def stack_columns(tilts):
@@ -125,18 +106,20 @@ def build_compliance():
     return table[abs(row[:, None] - row), abs(column[:, None] - column)]
 
 
-def test_a_tilting_body_obeys_the_conditions_of_the_minimum():
-    """Surfaces meet where pressure acts and overlap nowhere; the body turns by the slack of the missing moments."""
+@pytest.mark.parametrize("tilts", [False, True])
+def test_forces_obey_the_conditions_of_the_minimum(tilts):
+    """Surfaces meet where pressure acts and overlap nowhere; a free body turns by the slack of the missing moments."""
     gap, load = random_gaps(16, seed=2)
-    found = FUNCTIONS.forces(gap, load, iterations=40).cell_forces.reshape(16, -1)
+    found = FUNCTIONS.forces(gap, load, iterations=40)
+    np.testing.assert_allclose(found.texel_forces, to_base(found.cell_forces), atol=1e-12)
     columns, compliance = stack_columns(tilts=True), build_compliance()
-    centre = found @ columns[:, 1:] / load[:, None]
+    centre = found.cell_forces.reshape(16, -1) @ columns[:, 1:] / load[:, None]
     shift = np.random.default_rng(3).uniform(-0.5, 0.5, (16, 2)) + 30 * (np.arange(16) == 15)[:, None]
     edge = np.sqrt(GRID.edge[0] * GRID.edge[1])
     moments = (centre + shift) * load[:, None] * edge
     for steps, limit in ((10, 2e-3), (40, 1e-9)):
-        forces = FUNCTIONS.forces(gap, load, moments, iterations=steps).cell_forces.reshape(16, -1)
-        missing = moments / edge - forces @ columns[:, 1:]
+        forces = FUNCTIONS.forces(gap, load, moments if tilts else None, steps).cell_forces.reshape(16, -1)
+        missing = moments / edge - forces @ columns[:, 1:] if tilts else np.zeros((16, 2))
         for force, given, missed in zip(forces, gap.reshape(16, -1), missing, strict=True):
             under, pressed = np.isfinite(given), force > 0
             overlap = compliance @ force - columns[:, 1:] @ (4 * OWN * missed)
@@ -146,9 +129,9 @@ def test_a_tilting_body_obeys_the_conditions_of_the_minimum():
             assert overlap[under].min() > depth - limit * OWN * force.sum()
             assert not force[~under].any()
         np.testing.assert_allclose(forces.sum(axis=1), load, rtol=1e-9)
-    reached = np.abs(missing[:12] / load[:12, None])
-    assert np.median(reached) < 0.01  # cells
-    assert np.abs(missing[15]).max() > load[15]  # a centre of pressure 30 cells away cannot be reached
+    if tilts:
+        assert np.median(np.abs(missing[:12] / load[:12, None])) < 0.01  # cells
+        assert np.abs(missing[15]).max() > load[15]  # a centre of pressure 30 cells away cannot be reached
 
 
 @pytest.mark.parametrize("tilts", [False, True])
