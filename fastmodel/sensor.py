@@ -281,14 +281,16 @@ class Sensor:
             tangential_source=self._reading.tangential_source,
         )
 
-    def step(self, data: mujoco.MjData) -> bool:
+    def step(self, data: mujoco.MjData, *, skip: bool = False) -> bool:
         """Update the sensor after one physics step; call this after every `mj_step`.
 
         Args:
             data: The state of the simulation after the step.
+            skip: Whether a frame that is due now is left out, without reading contacts, because a later one is wanted
+                alone.  It has no effect if filter, hysteresis or `every` need all samples.
 
         Returns:
-            Whether the sensor made a new frame.
+            Whether a new frame was due, and made unless it was left out.
 
         Raises:
             FastModelError: If the argument has a wrong type.
@@ -307,6 +309,9 @@ class Sensor:
             self._check_clock(now)
         self._time = now
         is_due = self._count_due(now) > self._frames
+        if skip and is_due and self._waits and not self.parameters.electronics.hysteresis_share:
+            self._steps, self._frames = self._steps + 1, self._count_due(now)
+            return True
         if is_due if self._waits else self._steps % self._interval == 0:
             reading = self._read(data)
             if not math.isfinite(reading.carried):

@@ -121,7 +121,8 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
             function once.  By default a `MujocoEnv` or `MujocoRobotEnv` is modified to call back, and any other
             environment must make one physics step per environment step.
         frames: Number m of frames of a step for which `info["frames"]` has room [-].  By default the largest number
-            possible with the environment's physics steps; 1 with `listen`.
+            possible with the environment's physics steps; 1 with `listen`.  Frames of a sensor without filter that find
+            no room are not computed if a `MujocoEnv` or `MujocoRobotEnv` shows how many physics steps follow.
         observe: The quantities to observe, one of `QUANTITIES` or several.
         history: Number of past frames to observe with the latest one [-].  Each entry then has a first axis of length
             history + 1, oldest first; after a reset, frames that were not made yet are those of the unloaded array.
@@ -238,13 +239,18 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
                 sensor.bind(model)
             self._model = model
 
-    def _step_sensors(self, data: mujoco.MjData) -> None:
-        """Update the sensors after one physics step of an environment step, and store new frames."""
+    def _step_sensors(self, data: mujoco.MjData, left: int = 0) -> None:
+        """Update the sensors after a physics step of an environment step with `left` more, and store new frames.
+
+        Frames that have no place in observation and info, because enough later ones come, are not computed.
+        """
         if not self._stepping:
             return
         self._time = data.time
         for name, sensor in self.sensors.items():
-            if sensor.step(data):
+            wanted = max(self._room[name], self._seen[name].maxlen or 1)
+            later = int(left * data.model.opt.timestep * sensor.parameters.electronics.rate_hz * (1 - _TOLERANCE))
+            if sensor.step(data, skip=later >= wanted):
                 self._made[name].append(sensor.frame())
 
     def _count_frames(self, rate_hz: float) -> int:
@@ -392,7 +398,7 @@ def _find_simulation(env: gymnasium.Env[Any, Any]) -> tuple[mujoco.MjModel, mujo
 
 
 @contextlib.contextmanager
-def _step_singly(inner: Any, stepper: str | None, callback: Callable[[mujoco.MjData], None]) -> Iterator[None]:  # noqa: ANN401
+def _step_singly(inner: Any, stepper: str | None, callback: Callable[[mujoco.MjData, int], None]) -> Iterator[None]:  # noqa: ANN401
     """Make an environment call back after every physics step, in the body of the `with` statement.
 
     The environment holds no reference to the callback before and after, so that copies of it are independent.
@@ -400,7 +406,7 @@ def _step_singly(inner: Any, stepper: str | None, callback: Callable[[mujoco.MjD
     Args:
         inner: The innermost environment.
         stepper: Name of its method that makes all physics steps, see `_STEPPERS`; None to do nothing.
-        callback: Function of the state after a physics step.
+        callback: Function of the state after a physics step, and of the number of steps that follow.
     """
     if stepper is None:
         yield
@@ -408,17 +414,17 @@ def _step_singly(inner: Any, stepper: str | None, callback: Callable[[mujoco.MjD
     before, step_several, count = vars(inner).get(stepper), getattr(inner, stepper), _STEPPERS[stepper]
 
     def step_mujoco_env(control: Any, frames: int) -> None:  # noqa: ANN401 -- an array
-        for _ in range(frames):
+        for left in reversed(range(frames)):
             step_several(control, 1)
-            callback(inner.data)
+            callback(inner.data, left)
 
     def step_robot_env(action: Any) -> None:  # noqa: ANN401 -- an array
         frames = getattr(inner, count)
         setattr(inner, count, 1)
         try:
-            for _ in range(frames):
+            for left in reversed(range(frames)):
                 step_several(action)
-                callback(inner.data)
+                callback(inner.data, left)
         finally:
             setattr(inner, count, frames)
 

@@ -4,9 +4,11 @@ import copy
 import pickle
 import sys
 
+import mujoco
 import numpy as np
 import pytest
 
+from fastmodel.contact.plate import CellReader
 from fastmodel.errors import LifeCycleError
 from tests.support.ball_environment import (
     BallEnv,
@@ -15,6 +17,7 @@ from tests.support.ball_environment import (
     simulate_by_hand,
     wrap_ball,
 )
+from tests.support.cover_data import parameters as cover_parameters
 
 gymnasium = pytest.importorskip("gymnasium")
 
@@ -186,3 +189,45 @@ def test_a_copy_that_starts_anew_needs_a_reset(ball_file):
         twin.step(np.array([-0.5]))
     twin.reset(seed=3)
     assert np.array_equal(run(twin, 20), mine)
+
+
+class StepperEnv(BallEnv):
+    """An environment with the method of physics steps of gymnasium-robotics' base class."""
+
+    n_substeps = 20
+
+    def _mujoco_step(self, action):
+        self.data.ctrl[:] = action
+        for _ in range(self.n_substeps):
+            mujoco.mj_step(self.model, self.data)
+
+    def step(self, action):
+        self._mujoco_step(action)
+        return self.observe(), 0.0, False, False, {}
+
+
+@pytest.mark.parametrize("filtered", [False, True])
+def test_frames_without_room_are_not_read_unless_a_filter_needs_them(filtered, monkeypatch):
+    """Of 5 or 6 frames in 20 ms one has room; forces of `cover` with and without the others differ by its accuracy."""
+    wanted = cover_parameters() if filtered else cover_parameters(filter=None)
+    spec, sensor = build_pushed_ball(wanted)
+    model, read, counts = spec.compile(), CellReader.read, []
+    monkeypatch.setattr(CellReader, "read", lambda *arguments: (counts.append(1), read(*arguments))[1])
+    seen = []
+    for settings in ({}, {"frames": 1}):
+        env = TactileObservation(StepperEnv(model), sensor, observe="texel_forces", **settings)
+        env.reset(seed=3)
+        counts.clear()
+        for _ in range(15):
+            observation, *_, info = env.step(np.array([-0.5]))
+        new = info["frames"]["tactile"]
+        seen.append((observation["tactile"], new["times"][new["made"] - 1], new["made"] + new["dropped"], len(counts)))
+    (all_forces, last, made, readings), (forces, time, count, few) = seen
+    assert (time, count) == (last, made)
+    np.testing.assert_allclose(forces, all_forces, atol=2e-3 * all_forces.sum())
+    assert all_forces.sum() > 1
+    if filtered:
+        assert few == readings
+    else:
+        assert 15 <= few <= 30
+        assert readings >= 75
