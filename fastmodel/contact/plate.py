@@ -310,7 +310,7 @@ class CellReader(PressureReader):
             if force <= 0:  # A force that is nan passes this test and is refused below.
                 continue
             tilts = self._joints.let_tilt(data, body, frame[:3, 2])
-            loads.append(Load(force=force + 0 * (x + y), moment=np.array([x, y]), tilts=tilts))
+            loads.append(Load.on_plate(force + 0 * (x + y), np.array([x, y]), tilts=tilts))
             found.append(body)
             poses.append(self._find_pose(data, body, frame, depth))
         points = touches[:0]
@@ -498,7 +498,7 @@ class PanelReader(CellReader):
                 # only panels within reach of the bounding sphere of a solid of the body
                 away = np.linalg.norm(pose.centres - part.panel.origin, axis=1) - part.radius
                 near = (away <= np.linalg.norm(pose.shape.halves, axis=1) + reach[body]).any()
-                if near and part.panel.axes[:, 2] @ load.outward > STEEP:
+                if near and part.panel.axes[:, 2] @ load.directions[0] > STEEP:
                     tables.append(self._sample_panel(part, pose, reach[body]))
             lowest = min((table[5].min(initial=np.inf) for table in tables), default=np.inf)
             for table in tables:

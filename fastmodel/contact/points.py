@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 from fastmodel.contact.bodies import add_geoms
 from fastmodel.errors import FastModelError, MissedArrayError
 from fastmodel.pressure.gap import BodyShape, PosedBody, describe_solid
-from fastmodel.pressure.solvers import Load, Wrench, join_constraints
+from fastmodel.pressure.solvers import Load, join_constraints
 from fastmodel.surface import CoverPoints
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
@@ -63,7 +63,7 @@ def solve_pressure(
         cover: The cover.
         bodies: Shapes and poses of the bodies in the array's frame, in contact or not.  A body that no normal of the
             points reaches has no points in the result, and does not change the forces of the others.
-        loads: Force of each body on the cover with reversed sign, as in `Wrench`.
+        loads: Force of each body on the cover with reversed sign, see `Load`.
         start: Forces of a similar contact, from which the search starts, shape (m,) [N].
     """
     travel = np.zeros(len(bodies))
@@ -71,7 +71,7 @@ def solve_pressure(
     for _ in range(12):
         gaps = np.array(
             [
-                _measure(cover, body, load.outward, moved)
+                _measure(cover, body, load.directions[0], moved)
                 for body, load, moved in zip(bodies, loads, travel, strict=True)
             ]
         )
@@ -242,7 +242,7 @@ def press_points(
         raise FastModelError(f"load must be positive, not {load} N")
     towards = pose.towards if direction is None else np.array(direction, dtype=float)
     outward = -towards / np.linalg.norm(towards)
-    wrench = Wrench.along_free_directions(load * outward, np.zeros(3), outward[None], rotates=False)
+    wrench = Load.along_free_directions(load * outward, np.zeros(3), outward[None], rotates=False)
     body = _move_to_touch(cover, pose_indenter(indenter, pose), outward)
     found = solve_pressure(cover, [body], [wrench])
     if not found.points.any():

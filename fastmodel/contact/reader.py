@@ -30,7 +30,8 @@ from fastmodel.contact.forces import NetForceReader, Sums
 from fastmodel.contact.interface import Reading
 from fastmodel.errors import FastModelError
 from fastmodel.pressure.gap import BodyShape, PosedBody
-from fastmodel.pressure.solvers import Load, Wrench
+from fastmodel.pressure.pressure_kernels import find_modes
+from fastmodel.pressure.solvers import Load
 from fastmodel.state import State, pack, take_array, unpack
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
@@ -143,12 +144,12 @@ class Solved(NamedTuple):
             return self.reading, math.inf
         bodies = zip(contact.loads, last.loads, contact.poses, last.poses, self.centres, strict=True)
         for load, old, pose, before, centre in bodies:
-            slide, turn, tilt = pose.measure_motion(before, centre, old.outward)
+            slide, turn, tilt = pose.measure_motion(before, centre, old.directions[0])
             moved = max(moved, slide / self.size + turn)
-            if not load.rotates:
+            if not len(load.turns):
                 moved = max(moved, tilt * self.size / self.depth)
             changes.append(load.find_change(old, centre, edge))
-            missed += load.find_missed_torque(old.torque)
+            missed += load.find_missed_torque(-old.moment)
         weights = self.weights @ np.concatenate(changes) if changes else np.zeros(0)
         # The modes allow for changes of the loads, with an error of second order, but not for motions.
         most = max(10 * moved, float(np.abs(weights) @ self.largest))
@@ -223,7 +224,7 @@ class PressureReader:
         self._bodies = Bodies(model, self._geoms, name, edge)
         self._bodies.find_shapes()
         self._joints = Joints(model, int(model.geom_bodyid[self._geom]))
-        self._transform_poses = compile_kernel(transform_poses)
+        self._transform_poses, self._find_modes = compile_kernel(transform_poses), compile_kernel(find_modes)
         self._solved: Solved | None = None
         self._change = 0.0
 
@@ -279,7 +280,7 @@ class PressureReader:
     def set_state(self, state: State) -> None:
         """Restore what `get_state` returned; see `ContactReader.set_state`."""
         self._change = float(take_array(state, "change"))
-        self._solved = unpack(state, "solved", (Solved, ArrayContact, Load, Wrench, PosedBody, BodyShape, Reading))
+        self._solved = unpack(state, "solved", (Solved, ArrayContact, Load, PosedBody, BodyShape, Reading))
 
     def _rest(self, contact_forces: FloatArray, texel_forces: FloatArray | None) -> Reading:
         """Discard the last solution, and make the reading of given contact forces.
@@ -314,27 +315,23 @@ class PressureReader:
             depth: Largest overlap of the undeformed surfaces [m].
             add_up: Function from forces on the cells to those on texels, before spread and at the base, if computed.
         """
-        pressed = forces.nonzero()[0]
-        (owner, place, normal), own = (each[pressed] for each in cells), forces[pressed]
-        arms, torques, values, weights, largest, centres = np.cross(place, normal), np.zeros(6), [], [], [], []
+        owner, place, normal = cells
+        torques, values, weights, largest, centres = np.zeros(6), [], [], [], []
         for body, load in enumerate(contact.loads):
-            mine = (owner == body).nonzero()[0]
-            part, torque = own[mine], -(own[mine] @ arms[mine])
-            torques += np.concatenate([torque, load.find_missed_torque(torque)])
-            centres.append(part @ place[mine] / part.sum())
-            columns = load.find_modes(place[mine] - centres[-1], normal[mine], self._length)
-            for change in (columns * part[:, None]).T:
-                whole = np.zeros(len(forces))
-                whole[pressed[mine]] = change
-                torque = -(change @ arms[mine])
-                lacking = load.find_missed_torque(load.torque + torque)
-                values.append(np.concatenate([*add_up(whole), torque, lacking, [change.sum()]]))
-            gram = columns.T @ (columns * part[:, None])
+            part = np.where(owner == body, forces, 0.0) if len(contact.loads) > 1 else forces
+            along = load.directions[:1], load.turns
+            centre, modes, moments, gram, most = self._find_modes(place, normal, part, along, self._length)
+            torques[:3] -= moments[0]
+            torques[3:] += load.find_missed_torque(-moments[0])
+            for mode, moment in zip(modes[1:], moments[1:], strict=True):
+                lacking = load.turns.T.dot(load.turns.dot(moment))
+                values.append(np.concatenate([*add_up(mode), -moment, lacking, [mode.sum()]]))
             # A row of cells cannot shift its force across, which the second term allows for.
-            loose = np.where(np.arange(len(gram)) > 0, _LOOSE * part.sum(), 1e-12 * gram[0, 0])
+            loose = np.where(np.arange(len(gram)) > 0, _LOOSE, 1e-12) * gram[0, 0]
             weights.append(np.linalg.inv(gram + np.diag(loose)))
-            largest.append(np.maximum(np.abs(columns).max(axis=0), _LOOSE))
-        size = np.ptp(place, axis=0) if len(own) else np.zeros(3)
+            largest.append(np.maximum(most, _LOOSE))
+            centres.append(centre)
+        size = np.ptp(place[forces > 0], axis=0) if values else np.zeros(3)
         return Solved(
             contact=contact,
             reading=reading._replace(torques=torques),
@@ -343,7 +340,7 @@ class PressureReader:
             centres=np.array(centres).reshape(-1, 3),
             largest=np.concatenate([*largest, np.zeros(0)]),
             depth=depth,
-            size=0.5 * (float(np.sqrt(size @ size)) + self._length),
+            size=0.5 * (math.sqrt(size @ size) + self._length),
         )
 
     def _find_frame(self, data: mujoco.MjData) -> FloatArray:
@@ -402,14 +399,14 @@ class PressureReader:
             front: Whether each contact is with the front of the array, shape (k,).
             points: Whether each contact acts as a point force, because its body has no known shape, shape (k,).
         """
-        loads: dict[int, Wrench] = {}
+        loads: dict[int, Load] = {}
         for body in np.unique(touches.body[front & (touches.body >= 0)]).tolist():
             mine = front & (touches.body == body)
             vector, moment = forces[mine].sum(axis=0), np.cross(touches.place[mine], forces[mine]).sum(axis=0)
             if (normals @ vector).max() > 0:
                 slides = self._joints.find_slides(data, body) @ frame[:3]
                 rotates = self._joints.let_tilt(data, body, upright)
-                loads[body] = Wrench.along_free_directions(vector, moment, slides, rotates=rotates)
+                loads[body] = Load.along_free_directions(vector, moment, slides, rotates=rotates)
         known = front & np.isin(touches.body, list(loads))
         return ArrayContact(
             bodies=tuple(loads),

@@ -482,3 +482,117 @@ def spread_on_window(corner: IntArray, weight: FloatArray, forces: FloatArray, s
     window = np.zeros(shape)
     _spread_on_window(corner, weight, forces, window)
     return window
+
+
+@called_by_kernels
+def _fill_columns(
+    place: FloatArray, normal: FloatArray, centre: FloatArray, along: tuple[FloatArray, FloatArray], edge: float
+) -> FloatArray:
+    """Compute the force along k directions and the moment about j turns of unit forces on m cells, shape (m, k + j).
+
+    Args:
+        place: Positions of the cells, shape (m, 3) [m].
+        normal: Normals of the cells, against which the forces act, shape (m, 3) [-].
+        centre: Point about which moments are taken, shape (3,) [m].
+        along: Directions, shape (k, 3), and turns, shape (j, 3) [-].
+        edge: Length by which the moments are divided [m].
+    """
+    directions, turns = along
+    k, columns = len(directions), np.zeros((len(place), len(directions) + len(turns)))
+    for i in range(len(place)):
+        for a in range(k):
+            for n in range(3):
+                columns[i, a] += normal[i, n] * directions[a, n]
+        for n in range(3 * (len(turns) > 0)):
+            p, q = (n + 1) % 3, (n + 2) % 3
+            moment = (place[i, p] - centre[p]) * normal[i, q] - (place[i, q] - centre[q]) * normal[i, p]
+            for b in range(len(turns)):
+                columns[i, k + b] += moment / edge * turns[b, n]
+    return columns
+
+
+def constrain_forces(
+    place: FloatArray, normal: FloatArray, load: tuple[FloatArray, FloatArray, FloatArray, FloatArray], edge: float
+) -> tuple[FloatArray, FloatArray]:
+    """Kernel: build columns and target of the constraints of one body, see `Load.build_constraints`.
+
+    Args:
+        place: Positions of m cells, shape (m, 3) [m].
+        normal: Normals of the cells, shape (m, 3) [-].
+        load: Force, shape (3,) [N], and a point on its line of action, shape (3,) [m]; directions, shape (k, 3), and
+            turns, shape (j, 3) [-].
+        edge: Edge of a cell [m].
+
+    Returns:
+        Columns, shape (m, k + j), and target, shape (k + j,) [N].
+    """
+    vector, point, directions, turns = load
+    low, high, middle = place[0].copy(), place[0].copy(), np.zeros(3)
+    for i in range(len(place)):
+        for n in range(3):
+            low[n], high[n] = min(low[n], place[i, n]), max(high[n], place[i, n])
+            middle[n] += place[i, n] / len(place)
+    along, size, centre, apart = 0.0, 0.0, np.zeros(3), np.zeros(3)
+    for n in range(3):
+        along += vector[n] * (middle[n] - point[n])
+        size += vector[n] ** 2
+    for n in range(3):
+        wanted = point[n] + along / size * vector[n]
+        centre[n] = min(max(wanted, low[n]), high[n])
+        apart[n] = wanted - centre[n]
+    target = np.zeros(len(directions) + len(turns))
+    for n in range(3):
+        for a in range(len(directions)):
+            target[a] += vector[n] * directions[a, n]
+        moment = apart[(n + 1) % 3] * vector[(n + 2) % 3] - apart[(n + 2) % 3] * vector[(n + 1) % 3]
+        for b in range(len(turns)):
+            target[len(directions) + b] += moment / edge * turns[b, n]
+    return _fill_columns(place, normal, centre, (directions, turns), edge), target
+
+
+def find_modes(
+    place: FloatArray,
+    normal: FloatArray,
+    forces: FloatArray,
+    along: tuple[FloatArray, FloatArray],
+    edge: float,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Kernel: find how the forces of one body on m cells change with its load, see `Solved`.
+
+    Args:
+        place: Positions of the cells, shape (m, 3) [m].
+        normal: Normals of the cells, shape (m, 3) [-].
+        forces: Force of the body on each cell, shape (m,) [N].
+        along: First direction of the load, shape (1, 3), and its j turns, shape (j, 3) [-].
+        edge: Length by which moments are divided [m].
+
+    Returns:
+        Centre of the forces, shape (3,) [m].  The forces, and their change by each mode, shape (2 + j, m) [N].  Moments
+        of each of them about the origin, shape (2 + j, 3) [N m].  Changes of force and moments by each mode, shape
+        (1 + j, 1 + j) [N].  Largest relative change of a force by each mode, shape (1 + j,) [-].
+    """
+    centre, total = np.zeros(3), 0.0
+    for i in range(len(forces)):
+        total += forces[i]
+        for n in range(3):
+            centre[n] += forces[i] * place[i, n]
+    centre /= total
+    columns = _fill_columns(place, normal, centre, along, edge)
+    k = columns.shape[1]
+    gram, largest = np.zeros((k, k)), np.zeros(k)
+    modes, moments = np.zeros((1 + k, len(forces))), np.zeros((1 + k, 3))
+    for i in range(len(forces)):
+        if forces[i] == 0.0:
+            continue
+        modes[0, i] = forces[i]
+        for a in range(k):
+            modes[1 + a, i] = forces[i] * columns[i, a]
+            largest[a] = max(largest[a], abs(columns[i, a]))
+            for b in range(k):
+                gram[a, b] += forces[i] * columns[i, a] * columns[i, b]
+        for n in range(3):
+            p, q = (n + 1) % 3, (n + 2) % 3
+            arm = place[i, p] * normal[i, q] - place[i, q] * normal[i, p]
+            for a in range(1 + k):
+                moments[a, n] += modes[a, i] * arm
+    return centre, modes, moments, gram, largest

@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from fastmodel.compiled import compile_kernel
 from fastmodel.pressure.cell_grid import BaseForces, CellGrid
 from fastmodel.pressure.gap import GapSamples
 from fastmodel.pressure.pressure_kernels import (
+    constrain_forces,
     find_start,
     match_springs,
     minimise_energy,
@@ -52,132 +54,52 @@ SHIFT = 400.0
 STEEP = 0.2
 
 
+#: The normal of a plate, the only direction in which a body presses on the plate; and the turns of a body that is free
+#: to tilt, about -y and x: the moments about them are the sums of force times x and of force times y.
+_UPWARDS, _TILTS = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Load:
-    """The force and moments with which one body presses on a plate.
+    """The force and moment with which one body presses on an array, in the array's frame.
 
     Attributes:
-        force: Force of the body against the array's normal [N].
-        moment: Sums over the contact points of force times x and of force times y, in the array's frame, shape (2,)
-            [N m].
-        tilts: Whether the body is free to tilt.  If so, the moments determine the position of its pressure.  Otherwise
-            a guide of the body takes up moments, and they are not prescribed.
-    """
-
-    force: float
-    moment: FloatArray
-    tilts: bool
-
-    @property
-    def outward(self) -> FloatArray:
-        """Direction against which the body presses, in the array's frame, shape (3,) [-]."""
-        return np.array([0.0, 0.0, 1.0])
-
-    @property
-    def pressing(self) -> FloatArray:
-        """Force of the body with its sign reversed, in the array's frame, shape (3,) [N]."""
-        return self.force * self.outward
-
-    @property
-    def rotates(self) -> bool:
-        """Whether the moments determine the tilt of the body."""
-        return self.tilts
-
-    @property
-    def centre(self) -> FloatArray:
-        """Centre of pressure, or a point on the line of action of the force, in the array's frame, shape (3,) [m]."""
-        return np.array([*(self.moment / self.force), 0.0])
-
-    @property
-    def torque(self) -> FloatArray:
-        """Torque of the body on the array about the array's origin, from pressure alone, shape (3,) [N m]."""
-        return np.array([-self.moment[1], self.moment[0], 0.0])
-
-    def find_missed_torque(self, torque: FloatArray) -> FloatArray:
-        """Return what the torque of a computed pressure lacks of the body's own, in directions that it may tilt.
-
-        Args:
-            torque: Torque of the pressure under the body about the array's origin, shape (3,) [N m].
-        """
-        lacking = self.torque - torque
-        return lacking - (lacking @ self.outward) * self.outward if self.rotates else np.zeros(3)
-
-    def find_change(self, last: Load, centre: FloatArray, edge: float) -> FloatArray:
-        """Find the change since another load, of the force and, for a body that may tilt, of the moments, shape (k,).
-
-        Args:
-            last: The other load.
-            centre: Point about which moments are taken, shape (3,) [m].
-            edge: Length by which they are divided [m].
-        """
-        force = self.force - last.force
-        if not self.rotates:
-            return np.array([force])
-        return np.array([force, *((self.moment - last.moment - force * centre[:2]) / edge)])
-
-    def find_modes(self, arms: FloatArray, normal: FloatArray, edge: float) -> FloatArray:
-        """Find the force and moments of unit forces on m cells, in the terms of `find_change`, shape (m, k).
-
-        Args:
-            arms: Positions of the cells, from the point about which moments are taken, shape (m, 3) [m].
-            normal: Normals of the cells, shape (m, 3) [-].
-            edge: Length by which moments are divided [m].
-        """
-        columns = (normal @ self.outward)[:, None]
-        return np.hstack([columns, arms[:, :2] / edge]) if self.rotates else columns
-
-    def build_constraints(
-        self,
-        place: FloatArray,
-        normal: FloatArray,  # noqa: ARG002
-        edge: float,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Build the k linear constraints columns.T @ forces + slacks = target on the forces on m cells under the body.
-
-        The first constraint prescribes the force of the body, so its Lagrange multiplier is the approach of the body.
-        The moments are taken about the centre of pressure, or the point next to it on the rectangle around the cells.
-
-        Args:
-            place: Positions of the cells in the array's frame, shape (m, 3) [m].
-            normal: Outward normals of the cells, shape (m, 3) [-].
-            edge: Edge of a cell, by which lever arms are divided [m].
-
-        Returns:
-            Columns, shape (m, k), target, shape (k,) [N], and slack of each constraint, shape (k,); see `TILT` [-].
-        """
-        if not self.tilts:
-            return np.ones((len(place), 1)), np.array([self.force]), np.zeros(1)
-        wanted, columns = self.moment / self.force, np.ones((len(place), 3))
-        centre = np.minimum(np.maximum(wanted, place[:, :2].min(axis=0)), place[:, :2].max(axis=0))
-        columns[:, 1:] = (place[:, :2] - centre) / edge
-        aims = self.force * (wanted - centre) / edge
-        return columns, np.array([self.force, *aims]), np.array([0.0, TILT, TILT])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Wrench(Load):
-    """The force vector and moment with which one body presses on several panels or on a curved surface.
-
-    Attributes:
-        force: Component of the body's force along the first of `directions` [N].
-        moment: Moment of the body's contact forces about the array's origin, shape (3,) [N m].
-        tilts: Whether the body is free to move in any way other than along the first direction.
         vector: Force of the body, with its sign such that a pressing force has a positive component along the surface's
             normal, shape (3,) [N].
+        moment: Moment of this force about the array's origin, shape (3,) [N m].
         directions: k unit vectors along which the body is free to move, the first along the component of the force in
             these directions, shape (k, 3) [-].
-        rotates: Whether the body is also free to rotate.
+        turns: j unit vectors about which the body is free to rotate, and the moments are prescribed, shape (j, 3) [-].
+            Otherwise a guide of the body takes up the moments.
     """
 
     vector: FloatArray
+    moment: FloatArray
     directions: FloatArray
-    rotates: bool = False
+    turns: FloatArray
+
+    @classmethod
+    def on_plate(cls, force: float, moment: FloatArray, *, tilts: bool) -> Load:
+        """Make the load of a body on one plate, from the force against the plate's normal.
+
+        Args:
+            force: Force of the body against the array's normal [N].
+            moment: Sums over the contact points of force times x and of force times y, shape (2,) [N m].
+            tilts: Whether the body is free to tilt.
+        """
+        x, y = moment
+        return cls(
+            vector=np.array([0.0, 0.0, force]),
+            moment=np.array([y, -x, 0.0]),
+            directions=_UPWARDS,
+            turns=_TILTS if tilts else _TILTS[:0],
+        )
 
     @classmethod
     def along_free_directions(
         cls, vector: FloatArray, moment: FloatArray, slides: FloatArray, *, rotates: bool
-    ) -> Wrench:
-        """Make a wrench from force and moment, and find the directions in which the body is free to move.
+    ) -> Load:
+        """Make the load of a body on several panels or on a curved surface.
 
         Args:
             vector: Force of the body, shape (3,) [N].
@@ -198,71 +120,75 @@ class Wrench(Load):
         rest = span - np.outer(first, first @ span)
         left, sizes, _ = np.linalg.svd(rest, full_matrices=False)
         # The singular value of a direction is 0 if it is parallel to the first direction, and 1 if perpendicular.
-        others = left[:, sizes > 0.5].T  # noqa: PLR2004
-        return cls(
-            force=float(vector @ first),
-            moment=moment,
-            tilts=rotates or len(others) > 0,
-            vector=vector,
-            directions=np.vstack([first, others]),
-            rotates=rotates,
-        )
+        others = np.ascontiguousarray(left[:, sizes > 0.5].T)  # noqa: PLR2004
+        # The moment about the first direction is not that of pressure.
+        turns = others if rotates else np.zeros((0, 3))
+        return cls(vector=vector, moment=moment, directions=np.vstack([first, others]), turns=turns)
 
-    @property
-    def outward(self) -> FloatArray:
-        """Direction against which the body presses, in the array's frame, shape (3,) [-]."""
-        return np.asarray(self.directions[0])
+    @cached_property
+    def force(self) -> float:
+        """Component of the body's force along the first direction [N]."""
+        return float(self.vector.dot(self.directions[0]))
 
-    @property
-    def pressing(self) -> FloatArray:
-        """Force of the body with its sign reversed, in the array's frame, shape (3,) [N]."""
-        return self.vector
-
-    @property
+    @cached_property
     def centre(self) -> FloatArray:
-        """A point on the line of action of the force, in the array's frame, shape (3,) [m]."""
-        return np.asarray(np.cross(self.vector, self.moment) / (self.vector @ self.vector))
+        """A point on the line of action of the force, on a plate the centre of pressure, shape (3,) [m]."""
+        return np.asarray(_cross(self.vector, self.moment) / self.vector.dot(self.vector))
 
-    @property
-    def torque(self) -> FloatArray:
-        """Torque of the body on the array about the array's origin, shape (3,) [N m]."""
-        return -self.moment
+    def find_missed_torque(self, torque: FloatArray) -> FloatArray:
+        """Return what the torque of a computed pressure on the array lacks of the body's own, shape (3,) [N m].
+
+        Only torques about axes about which the body may turn count.
+
+        Args:
+            torque: Torque of the pressure under the body about the array's origin, shape (3,) [N m].
+        """
+        return np.asarray(-self.turns.T.dot(self.turns.dot(self.moment + torque)))
 
     def find_change(self, last: Load, centre: FloatArray, edge: float) -> FloatArray:
-        """Find the change since another wrench, shape (k,); see `Load.find_change`."""
-        force = self.vector @ last.outward - last.force
-        if not isinstance(last, Wrench) or not self.rotates:
-            return np.array([force])
-        moment = self.moment - last.moment - np.cross(centre, self.vector - last.vector)
-        return np.array([force, *(last.directions[1:] @ moment / edge)])
+        """Find the change since another load, of the force and of the moments about the turns, shape (1 + j,) [N].
 
-    def find_modes(self, arms: FloatArray, normal: FloatArray, edge: float) -> FloatArray:
-        """Find the force and moments of unit forces on m cells, shape (m, k); see `Load.find_modes`."""
-        columns = (normal @ self.outward)[:, None]
-        if not self.rotates:
-            return columns
-        return np.hstack([columns, np.cross(arms, normal) @ self.directions[1:].T / edge])
+        Args:
+            last: The other load.
+            centre: Point about which moments are taken, shape (3,) [m].
+            edge: Length by which they are divided [m].
+        """
+        change, found = self.vector - last.vector, np.empty(1 + len(last.turns))
+        found[0] = change.dot(last.directions[0])
+        if len(last.turns):
+            found[1:] = last.turns.dot(self.moment - last.moment - _cross(centre, change)) / edge
+        return found
 
     def build_constraints(
         self, place: FloatArray, normal: FloatArray, edge: float
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Build the constraints on the force along each direction and, if the body rotates, on two moments.
+        """Build the k + j linear constraints columns.T @ forces + slacks = target on the forces on m cells.
 
-        The moments are those about the axes perpendicular to the first direction.  All constraints but the first have
-        a slack.  Arguments and return values are those of `Load.build_constraints`.
+        The first constraint prescribes the force of the body, so its Lagrange multiplier is the approach of the body.
+        The others have a slack.  The moments are taken about the point on the line of action of the force next to the
+        cells, or the point next to it in the box around the cells.
+
+        Args:
+            place: Positions of the cells in the array's frame, shape (m, 3) [m].
+            normal: Outward normals of the cells, shape (m, 3) [-].
+            edge: Edge of a cell, by which lever arms are divided [m].
+
+        Returns:
+            Columns, shape (m, k + j), target, shape (k + j,) [N], and slack of each constraint, shape (k + j,); see
+            `TILT` [-].
         """
-        columns, aims = normal @ self.directions.T, self.directions @ self.vector
-        slack = np.where(np.arange(len(aims)) > 0, SHIFT, 0.0)
-        if self.rotates:
-            # the point on the line of action next to the middle of the cells
-            along = self.vector @ (place.mean(axis=0) - self.centre) / (self.vector @ self.vector)
-            wanted = self.centre + along * self.vector
-            centre = np.minimum(np.maximum(wanted, place.min(axis=0)), place.max(axis=0))
-            axes = self.directions[1:].T / edge
-            columns = np.hstack([columns, np.cross(place - centre, normal) @ axes])
-            aims = np.concatenate([aims, np.cross(wanted - centre, self.vector) @ axes])
-            slack = np.concatenate([slack, np.full(len(self.directions) - 1, TILT)])
-        return columns, aims, slack
+        columns, target = compile_kernel(constrain_forces)(
+            place, normal, (self.vector, self.centre, self.directions, self.turns), edge
+        )
+        slack = np.zeros(len(target))
+        slack[1 : len(self.directions)], slack[len(self.directions) :] = SHIFT, TILT
+        return columns, target, slack
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the vector product of two vectors, shape (3,); numpy's function takes ten times as long."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -103,7 +103,7 @@ def carries_the_load(reader):
     if reader._solved is None:
         return True
     loads = reader._solved[0].loads
-    along = [load.outward @ (reader._forces @ reader._cover.normals) for load in loads]
+    along = [load.directions[0] @ (reader._forces @ reader._cover.normals) for load in loads]
     return along == pytest.approx([load.force for load in loads], rel=0.01)
 
 

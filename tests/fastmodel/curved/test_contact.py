@@ -13,7 +13,7 @@ import meshes
 from fastmodel.contact.mesh import MeshContact
 from fastmodel.contact.points import pose_indenter, press_points, solve_pressure
 from fastmodel.errors import FastModelError
-from fastmodel.pressure.solvers import Wrench
+from fastmodel.pressure.solvers import Load
 from meshes import Sphere
 from meshes.pose import Pose
 from tests.support.contact_forces import sum_pushes
@@ -183,7 +183,7 @@ def test_a_cover_with_a_flat_top_is_a_plate_of_its_thickness(parameters):
 
 def test_a_body_between_the_points_leaves_the_forces_of_another_one():
     def load(vector):
-        return Wrench.along_free_directions(vector, np.zeros(3), np.zeros((0, 3)), rotates=False)
+        return Load.along_free_directions(vector, np.zeros(3), np.zeros((0, 3)), rotates=False)
 
     side = np.array([3.375e-3, 0.375e-3, 0.0])  # the middle of four points that are 0.75 mm apart
     side[2] = np.sqrt(1e-4 - side @ side)

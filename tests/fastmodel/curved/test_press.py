@@ -10,7 +10,7 @@ import pytest
 import meshes
 from fastmodel.contact.points import find_first_contact, pose_indenter, press_points, solve_pressure
 from fastmodel.errors import FastModelError, MissedArrayError
-from fastmodel.pressure.solvers import Wrench
+from fastmodel.pressure.solvers import Load
 from fastmodel.surface import CoverPoints
 from meshes import Box, Sphere
 from meshes.pose import Pose
@@ -34,7 +34,7 @@ def dome(side=25):
 
 def press_down(force):
     up = np.array([0.0, 0, 1])
-    return Wrench.along_free_directions(force * up, np.zeros(3), up[None], rotates=False)
+    return Load.along_free_directions(force * up, np.zeros(3), up[None], rotates=False)
 
 
 def test_flat_face_on_separate_springs_follows_from_the_travel():

@@ -14,7 +14,7 @@ SHAPES += [Sphere(radius=5e-3), Cylinder(radius=0.3e-3)]
 
 
 def press_guided(force):
-    return Load(force=force, moment=np.zeros(2), tilts=False)
+    return Load.on_plate(force=force, moment=np.zeros(2), tilts=False)
 
 
 def build_matrix(samples, solver):
@@ -40,7 +40,7 @@ def test_solution_meets_the_conditions_of_the_minimum(shape, tilts):
     samples = sample_gap(GRID, [pose_body(shape, yaw=0.3)], [2e-3])
     moment = 3.0 * np.array([0.7e-3, -1.1e-3]) + (3.0 * 0.3e-3 if samples.count > 9 else 0.0)
     solver = CoverSolver(CELLS, GRID, tolerance=1e-10, steps=2000)
-    found = solver.solve(samples, [Load(force=3.0, moment=moment, tilts=tilts)])
+    found = solver.solve(samples, [Load.on_plate(force=3.0, moment=moment, tilts=tilts)])
     assert found.converged
     assert found.forces.min() >= 0
     assert found.forces.sum() == pytest.approx(3.0, rel=1e-8)
@@ -89,7 +89,7 @@ def test_two_bodies_sink_by_their_own_weights_and_by_that_of_the_other():
 
 def test_loads_stay_balanced_when_the_iteration_is_cut_off_or_diverges_or_no_pressure_has_the_moments():
     samples = sample_gap(GRID, [pose_body(SHAPES[0])], [2e-3])
-    found = CoverSolver(CELLS, GRID).solve(samples, [Load(force=1.0, moment=np.array([0.1, 0]), tilts=True)])
+    found = CoverSolver(CELLS, GRID).solve(samples, [Load.on_plate(force=1.0, moment=np.array([0.1, 0]), tilts=True)])
     assert found.converged
     assert found.forces.sum() == pytest.approx(1.0)
     samples = sample_gap(GRID, [pose_body(SHAPES[3], at=(-0.00795, 0.01658))], [2e-3])
