@@ -117,7 +117,7 @@ class Solved(NamedTuple):
         centres: Centre of the pressure of each body, about which moments are taken, shape (bodies, 3) [m].
         largest: Largest relative change of the pressure on a cell by each mode, shape (k,) [-].
         depth: Largest overlap of the undeformed surfaces [m].
-        size: Half extent of the contact, and of a cell [m].
+        sizes: Largest distance of a cell under each body from the centre of its pressure, and half a cell [m].
     """
 
     contact: ArrayContact
@@ -127,7 +127,7 @@ class Solved(NamedTuple):
     centres: FloatArray
     largest: FloatArray
     depth: float
-    size: float
+    sizes: tuple[float, ...]
 
     def adapt(self, contact: ArrayContact, edge: float) -> tuple[Reading, float]:
         """Adapt the reading to a contact that has changed slightly.
@@ -142,12 +142,12 @@ class Solved(NamedTuple):
         last, changes, missed, moved = self.contact, [], np.zeros(3), 0.0
         if contact.bodies != last.bodies or not contact.has_points_of(last, edge):
             return self.reading, math.inf
-        bodies = zip(contact.loads, last.loads, contact.poses, last.poses, self.centres, strict=True)
-        for load, old, pose, before, centre in bodies:
+        bodies = zip(contact.loads, last.loads, contact.poses, last.poses, self.centres, self.sizes, strict=True)
+        for load, old, pose, before, centre, size in bodies:
             slide, turn, tilt = pose.measure_motion(before, centre, old.directions[0])
-            moved = max(moved, slide / self.size + turn)
+            moved = max(moved, slide / size + turn)
             if not len(load.turns):
-                moved = max(moved, tilt * self.size / self.depth)
+                moved = max(moved, tilt * size / self.depth)
             changes.append(load.find_change(old, centre, edge))
             missed += load.find_missed_torque(-old.moment)
         weights = self.weights @ np.concatenate(changes) if changes else np.zeros(0)
@@ -316,11 +316,11 @@ class PressureReader:
             add_up: Function from forces on the cells to those on texels, before spread and at the base, if computed.
         """
         owner, place, normal = cells
-        torques, values, weights, largest, centres = np.zeros(6), [], [], [], []
+        torques, values, weights, largest, centres, sizes = np.zeros(6), [], [], [], [], []
         for body, load in enumerate(contact.loads):
             part = np.where(owner == body, forces, 0.0) if len(contact.loads) > 1 else forces
             along = load.directions[:1], load.turns
-            centre, modes, moments, gram, most = self._find_modes(place, normal, part, along, self._length)
+            centre, size, modes, moments, gram, most = self._find_modes(place, normal, part, along, self._length)
             torques[:3] -= moments[0]
             torques[3:] += load.find_missed_torque(-moments[0])
             for mode, moment in zip(modes[1:], moments[1:], strict=True):
@@ -331,16 +331,16 @@ class PressureReader:
             weights.append(np.linalg.inv(gram + np.diag(loose)))
             largest.append(np.maximum(most, _LOOSE))
             centres.append(centre)
-        size = np.ptp(place[forces > 0], axis=0) if values else np.zeros(3)
+            sizes.append(size + 0.5 * self._length)
         return Solved(
             contact=contact,
             reading=reading._replace(torques=torques),
             modes=np.array(values) if values else np.zeros((0, 0)),
-            weights=block_diag(*weights) if weights else np.zeros((0, 0)),
+            weights=np.asarray(weights[0] if len(weights) == 1 else block_diag(*weights, np.zeros((0, 0)))),
             centres=np.array(centres).reshape(-1, 3),
             largest=np.concatenate([*largest, np.zeros(0)]),
             depth=depth,
-            size=0.5 * (math.sqrt(size @ size) + self._length),
+            sizes=tuple(sizes),
         )
 
     def _find_frame(self, data: mujoco.MjData) -> FloatArray:

@@ -556,7 +556,7 @@ def find_modes(
     forces: FloatArray,
     along: tuple[FloatArray, FloatArray],
     edge: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, float, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Kernel: find how the forces of one body on m cells change with its load, see `Solved`.
 
     Args:
@@ -567,9 +567,10 @@ def find_modes(
         edge: Length by which moments are divided [m].
 
     Returns:
-        Centre of the forces, shape (3,) [m].  The forces, and their change by each mode, shape (2 + j, m) [N].  Moments
-        of each of them about the origin, shape (2 + j, 3) [N m].  Changes of force and moments by each mode, shape
-        (1 + j, 1 + j) [N].  Largest relative change of a force by each mode, shape (1 + j,) [-].
+        Centre of the forces, shape (3,) [m], and largest distance of a force from it [m].  The forces, and their change
+        by each mode, shape (2 + j, m) [N].  Moments of each of them about the origin, shape (2 + j, 3) [N m].  Changes
+        of force and moments by each mode, shape (1 + j, 1 + j) [N].  Largest relative change of a force by each mode,
+        shape (1 + j,) [-].
     """
     centre, total = np.zeros(3), 0.0
     for i in range(len(forces)):
@@ -578,13 +579,15 @@ def find_modes(
             centre[n] += forces[i] * place[i, n]
     centre /= total
     columns = _fill_columns(place, normal, centre, along, edge)
-    k = columns.shape[1]
+    k, farthest = columns.shape[1], 0.0
     gram, largest = np.zeros((k, k)), np.zeros(k)
     modes, moments = np.zeros((1 + k, len(forces))), np.zeros((1 + k, 3))
     for i in range(len(forces)):
         if forces[i] == 0.0:
             continue
         modes[0, i] = forces[i]
+        apart = place[i] - centre
+        farthest = max(farthest, apart[0] ** 2 + apart[1] ** 2 + apart[2] ** 2)
         for a in range(k):
             modes[1 + a, i] = forces[i] * columns[i, a]
             largest[a] = max(largest[a], abs(columns[i, a]))
@@ -595,4 +598,4 @@ def find_modes(
             arm = place[i, p] * normal[i, q] - place[i, q] * normal[i, p]
             for a in range(1 + k):
                 moments[a, n] += modes[a, i] * arm
-    return centre, modes, moments, gram, largest
+    return centre, math.sqrt(farthest), modes, moments, gram, largest

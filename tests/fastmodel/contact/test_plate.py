@@ -87,7 +87,7 @@ def test_a_reading_follows_slight_changes_of_the_contact():
     assert reader._solved is solved
     np.testing.assert_allclose(found.contact_forces, 1.01 * first.contact_forces, atol=1e-6)
     assert found.carried == pytest.approx(1.01 * first.carried, rel=1e-12)
-    data.geom_xpos[1, 0] += 0.1 * solved.size
+    data.geom_xpos[1, 0] += 0.1 * max(solved.sizes)
     reader.read(data)
     assert reader._solved is not solved
 
