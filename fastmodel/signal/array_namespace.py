@@ -85,19 +85,14 @@ def check_floats(
     """
     # The general way below gives the same results in more time.
     if type(values) is np.ndarray and shape in {None, values.shape}:
-        if values.dtype == (_DOUBLE if like is None else like.dtype):
+        if values.dtype is (_DOUBLE if like is None else like.dtype):
             return values
     elif isinstance(values, float) and type(like) is np.ndarray and shape == ():
         return np.asarray(values, dtype=like.dtype)
-    own = find_namespace(values, None)
-    if like is None:
-        xp = own or otherwise
-        values = values if own else xp.asarray(values)
-    else:
-        xp = find_namespace(like)
-        if own is None or (own is np and xp is not np):
-            values, own = convert(np.asarray(values, dtype=np.float64), like), xp
-    if own is not None and own is not xp:
+    own, xp = find_namespace(values, None), find_namespace(values if like is None else like, otherwise)
+    if own is None or (own is np and xp is not np):
+        values, own = _read(name, values, xp, like), xp
+    if own is not xp:
         given, wanted = (each.__name__.removeprefix("array_api_compat.") for each in (own, xp))
         raise FastModelError(f"{name} is an array of {given}; convert it to one of {wanted}")
     if not _is_float(xp, values) or (like is not None and values.dtype != like.dtype):
@@ -108,6 +103,18 @@ def check_floats(
     if shape is not None and tuple(values.shape) != shape:
         raise FastModelError(f"{name} has shape {tuple(values.shape)}; give shape {shape}")
     return values
+
+
+def _read(name: str, values: Any, xp: Any, like: Array | None) -> Array:  # noqa: ANN401 -- what a module converts
+    """Convert numbers, sequences or an array of numpy to an array of a module, of the type of `like` if given.
+
+    Raises:
+        FastModelError: If they are no numbers.
+    """
+    try:
+        return xp.asarray(values) if like is None else convert(np.asarray(values, dtype=np.float64), like)
+    except (TypeError, ValueError) as error:
+        raise FastModelError(f"{name} is no array of numbers; give one of {xp.__name__}") from error
 
 
 def as_floats(xp: Any, values: Any) -> Array:  # noqa: ANN401 -- modules have no common type
@@ -134,7 +141,7 @@ def cast(xp: Any, array: Array, dtype: Any) -> Array:  # noqa: ANN401 -- modules
 
 def _is_float(xp: Any, array: Array) -> bool:  # noqa: ANN401 -- modules have no common type
     """Return whether an array has 64-bit or 32-bit floating-point numbers, faster than the function `isdtype`."""
-    return bool(array.dtype == xp.float64 or array.dtype == xp.float32)  # noqa: PLR1714 -- types without a hash
+    return array.dtype is _DOUBLE or bool(array.dtype == xp.float64 or array.dtype == xp.float32)  # noqa: PLR1714 -- types without a hash
 
 
 def round_half_to_even(xp: Any, values: Array) -> Array:  # noqa: ANN401 -- modules have no common type

@@ -238,6 +238,8 @@ BAD = {
     "load has shape (3,); give shape (2,)": lambda: FUNCTIONS.forces(GAP, np.ones(3)),
     "load has elements of type float32; convert them to float64": lambda: FUNCTIONS.forces(GAP, np.ones(2, np.float32)),
     "load[1] is -1.0; give a finite force from 0 on": lambda: FUNCTIONS.forces(GAP, np.array([1.0, -1.0])),
+    "load is no array of numbers; give one of numpy": lambda: FUNCTIONS.forces(GAP, [1.0, "x"]),
+    "gap is no array of numbers; give one of numpy": lambda: FUNCTIONS.forces([[1.0], [1.0, 2.0]], 1.0),
     "load is nan; give a finite force": lambda: FUNCTIONS.forces(GAP[0], np.nan),
     "moments has shape (2, 3); give shape (2, 2)": lambda: FUNCTIONS.forces(GAP, np.ones(2), np.ones((2, 3))),
     "iterations must be a whole number from 0 on": lambda: FUNCTIONS.forces(GAP, np.ones(2), iterations=-1),
