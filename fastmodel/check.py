@@ -355,15 +355,15 @@ def _check_overhang(
     if (find_excess(texels) > _OVERHANG * pitch).any():
         turned = (find_excess(texels[::-1]) <= _OVERHANG * pitch).all()
         advice = "rows and columns look exchanged" if turned else "mend its position, or its rows and columns"
-        excess = 1e3 * find_excess(texels).max()
-        yield f"texels of {named} stick out {excess:.1f} mm beyond the geoms of its body; {hint or advice}"
+        excess = f"{1e3 * find_excess(texels).max():.1f} mm beyond the geoms of its body"
+        yield f"texels of {named} stick out {excess}; {hint or advice}"
     elif (find_excess(plate) > _OVERHANG * pitch).any():
         x, y = np.maximum(plate - texels - np.maximum(find_excess(plate), 0.0), 0.0).tolist()
-        yield (
-            f"the plate of {named} reaches {1e3 * find_excess(plate).max():.1f} mm beyond the geoms of its body, and "
-            f"collides there; state how far the cover extends beyond the texels, such as TexelArray.grid(..., "
-            f"margin=({x:.2g}, {y:.2g})) [m]"
+        excess = f"{1e3 * find_excess(plate).max():.1f} mm beyond the geoms of its body, and collides there"
+        advice = (
+            f"state the width of the cover beyond the texels, such as margin=({x:.2g}, {y:.2g}) [m] of TexelArray.grid"
         )
+        yield f"the plate of {named} reaches {excess}; {advice}"
 
 
 def _check_hulls(model: mujoco.MjModel, chosen: BoolArray) -> Iterator[str]:

@@ -363,10 +363,8 @@ class Sensor:
         if not self._steps and not self._reading.carried:
             self._asked += 1
             if self._asked == 2:  # noqa: PLR2004 -- the frame before the simulation may be wanted once
-                sentence = (
-                    "the frame is that of the unloaded array, because step(data) was not called since bind or reset"
-                )
-                warn_user(f"sensor {self._label!r}: {sentence}; call it after every mj_step", OptionWarning)
+                advice = "step(data) was not called since bind or reset; call it after every mj_step"
+                warn_user(f"sensor {self._label!r}: the frame is that of the unloaded array: {advice}", OptionWarning)
         return self._frame
 
     def texel_forces(self) -> FloatArray:

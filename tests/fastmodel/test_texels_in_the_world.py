@@ -114,9 +114,7 @@ def test_a_frame_without_a_step_is_told_at_the_second_call():
         warnings.simplefilter("error")
         assert not sensor.frame().image.any()
         sensor.texel_forces()
-    with pytest.warns(
-        OptionWarning, match=r"'sensor': the frame is that of the unloaded array, because step\(data\) was"
-    ):
+    with pytest.warns(OptionWarning, match=r"'sensor': the frame is that of the unloaded array: step\(data\) was"):
         sensor.frame()
     sensor.reset(0.1)
     with warnings.catch_warnings():
