@@ -52,11 +52,26 @@ def _displace(
     window, half, beside = room
     rows, cols = window.shape
     _spread_on_window(corner, weight, forces, window)
-    np.dot(first, window, half)
-    for t in range(half.shape[0]):
-        for j in range(cols):
-            beside[t % rows, t // rows * cols + j] = half[t, j]
-    np.dot(beside, second, window)
+    # Only the part of the window with forces enters the products, if it is small.
+    low, high, left, right = rows, 0, cols, 0
+    for i in range(len(forces)):
+        if forces[i] != 0.0:
+            low, high = min(low, corner[0, i]), max(high, corner[0, i] + 2)
+            left, right = min(left, corner[1, i]), max(right, corner[1, i] + 2)
+    if 2 * (high - low) * (right - left) > rows * cols:
+        np.dot(first, window, half)
+        for t in range(half.shape[0]):
+            for j in range(cols):
+                beside[t % rows, t // rows * cols + j] = half[t, j]
+        np.dot(beside, second, window)
+    elif high > low:
+        wide, terms = right - left, len(second) // cols
+        part = np.dot(first[:, low:high].copy(), window[low:high, left:right].copy())
+        narrow, across = np.empty((rows, terms * wide)), np.empty((terms * wide, cols))
+        for r in range(terms):
+            across[r * wide : (r + 1) * wide] = second[r * cols + left : r * cols + right]
+            narrow[:, r * wide : (r + 1) * wide] = part[r * rows : (r + 1) * rows]
+        np.dot(narrow, across, window)
     for i in range(len(forces)):
         row, col = corner[0, i], corner[1, i]
         moved[i] = own[i] * forces[i] + weight[0, i] * window[row, col] + weight[1, i] * window[row, col + 1]
