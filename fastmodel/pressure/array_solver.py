@@ -130,7 +130,8 @@ class Problem(NamedTuple):
                 # Cells that gained or lost contact changed the moments; factors linear in x and y restore them.
                 forces = forces * _divide(load, _sum(forces))
                 planned = xp.concat([forces, moved[:, cells:]], axis=1)
-                weights = xp.concat([_divide(forces, load), 0 * target + 100 * small], axis=1)
+                # the small weight of the slacks exceeds rounding errors of lever arms squared
+                weights = xp.concat([_divide(forces, load), 0 * target + 100 * small * cells], axis=1)
                 tilt = self.solve(weights, _divide(target - _multiply(planned, self.basis), load))
                 forces = forces * (0.2 + _positive(0.8 + self.move(tilt)[:, :cells]))
             values = self.complete(forces, target)

@@ -173,6 +173,23 @@ def test_the_grid_ends_with_the_cover():
     assert (grid.rows, grid.columns) == (4 * array.rows, 4 * array.columns + 4)
 
 
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_forces_balance_the_load_under_any_body_and_moment(dtype):
+    rng = np.random.default_rng(9)
+    gap, load = random_gaps(96, seed=9)
+    gap[::2] = np.where(rng.uniform(size=gap[::2].shape) < 0.01, gap[::2], INF)  # a few cells, some beside each other
+    gap[::3] = rng.uniform(0, 1e-3, gap[::3].shape)
+    load *= 10 ** rng.uniform(-6, 2, 96)
+    moments = rng.uniform(-0.03, 0.03, (96, 2)) * load[:, None]
+    for steps in (0, 10, 30):
+        found = FUNCTIONS.forces(gap.astype(dtype), load.astype(dtype), moments.astype(dtype), steps)
+        forces = found.cell_forces.astype(np.float64)
+        carried = load * np.isfinite(gap).any(axis=(1, 2))
+        np.testing.assert_allclose(forces.sum(axis=(1, 2)), carried, rtol=1e-12 if dtype is np.float64 else 1e-5)
+        assert forces.min() >= 0
+        assert np.isfinite(found.texel_forces).all()
+
+
 @pytest.mark.parametrize("changes", [{"table": True}, {"mask": True}])
 def test_covers_with_free_sides_and_masked_texels(changes):
     surface, array = PARAMETERS.surface, ARRAY
