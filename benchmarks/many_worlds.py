@@ -114,9 +114,9 @@ def compare_contact(parameters: Parameters, worlds: int = 10_000) -> None:
         row, column = np.isfinite(gap).nonzero()
         place = grid.low + (np.column_stack([column, row]) + 0.5) * grid.edge
         cells = (np.zeros(len(row), dtype=np.int64), row, column, np.ones(len(row)), *place.T.copy(), gap[row, column])
-        samples = GapSamples(*cells, place, np.tile([0.0, 0.0, 1.0], (len(row), 1)))
+        samples = GapSamples(*cells, np.column_stack([place, 0 * row]), np.tile([0.0, 0.0, 1.0], (len(row), 1)))
         solver.reset()
-        found = solver.solve(samples, [Load(force=force, moment=np.zeros(2), tilts=False)])
+        found = solver.solve(samples, [Load.on_plate(force, np.zeros(2), tilts=False)])
         expected.append(base.from_window(found.window, found.origin))
     for steps in (0, 3, 4, 5, 8, 10):
         found = functions.forces(gaps, loads, iterations=steps).texel_forces
