@@ -13,12 +13,15 @@ other methods press the body in this pose on an array of their own, guided and f
 from __future__ import annotations
 
 import argparse
+import contextlib
 import copy
+import itertools
 import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -33,11 +36,12 @@ from fastmodel import Parameters, Placement
 from fem_reference.small_strain_contact.several_indenters import Body, press_together
 from meshes import Indenter
 from meshes.indenters.shapes import Primitive
+from meshes.tilt import MOST_TILT
 from tests.support.rubber import make_cover
 
 COVER = make_cover(model="linear-elastic")
 #: Least force of a state [N]; draws from each run [-]; share of its time that a gripper runs [-].
-LEAST, DRAWS, SHARE = 0.5, 8, 0.4
+LEAST, DRAWS, SHARE = 0.5, 6, 0.4
 #: Height above its lowest point up to which a body is pressed; spacing of the points by which this part is found;
 #: distance behind the front from which rays look for the body [m].
 REACH, SPACING, BEHIND = 2e-3, 0.25e-3, 40e-3
@@ -72,21 +76,28 @@ class FrozenBody(Indenter):
                 sign = 1.0 if contact.geom[1] == plate else -1.0
                 force = -sign * self._axes[:, 2] @ contact.frame.reshape(3, 3).T @ found[:3]
                 front += force * np.append((contact.pos - self._origin) @ self._axes[:, :2], 1.0)
-                sides |= abs(self._axes[:, 2] @ contact.frame[:3]) < 0.7  # noqa: PLR2004 -- as in `grippers`
+                sides |= abs(self._axes[:, 2] @ contact.frame[:3]) < 0.7
         self.load, centre, array = float(front[2]), front[:2] / max(front[2], LEAST), settings.array
         off = (np.abs(centre) > np.array(array.pitch) * (array.columns, array.rows) / 2).any()
-        self.reason = "light" if self.load < LEAST else "side of the plate" if sides else "off the texels" if off else ""
+        tests = {"light": self.load < LEAST, "at a side of the plate": sides, "centre off the texels": off}
+        self.reason = next((reason for reason, applies in tests.items() if applies), "")
         if self.reason:
             return
-        thing, self._half = model.body("thing"), half[:2]
-        self._geoms, self.at, self._lowest = range(thing.geomadr[0], thing.geomadr[0] + thing.geomnum[0]), 0.0, 0.0
-        grid = np.meshgrid(*(np.arange(-each, each, SPACING) for each in half[:2]))
-        self.at = np.zeros(2)
+        thing, self._half, self._lowest, self.at = model.body("thing"), half[:2], 0.0, np.zeros(2)
+        self._geoms = range(thing.geomadr[0], thing.geomadr[0] + thing.geomnum[0])
+        grid = np.array(np.meshgrid(*(np.arange(-each, each, SPACING) for each in self._half)))
         heights = self.gap(*grid)
-        self._lowest, low = heights.min(), heights <= heights.min() + REACH
-        ends = [(max(each[low].min() - SPACING, -h), min(each[low].max() + SPACING, h)) for each, h in zip(grid, half)]
-        self.at, self.footprint = np.mean(ends, axis=1), tuple((np.ptp(ends, axis=1) / 2).tolist())
+        self._lowest = heights.min()
+        low = grid[:, heights <= self._lowest + REACH]
+        ends = np.clip([low.min(axis=1) - SPACING, low.max(axis=1) + SPACING], -self._half, self._half)
+        self.at, self.footprint = ends.mean(axis=0), tuple((np.ptp(ends, axis=0) / 2).tolist())
         self.centre = centre - self.at
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What `Body` and `Placement` have in common."""
+        at, centre = tuple(self.at.tolist()), tuple(self.centre.tolist())
+        return {"indenter": self, "load": self.load, "at": at, "centre": centre}
 
     def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Height over the lowest point, by MuJoCo's rays; inf beside the body or the plate [m]."""
@@ -94,11 +105,9 @@ class FrozenBody(Indenter):
         starts = self._origin + np.column_stack([places, np.full(x.size, -BEHIND)]) @ self._axes.T
         over, heights = (np.abs(places) <= self._half).all(axis=1), np.full(x.size, np.inf)
         for geom in self._geoms:
-            place, turn, size = (
-                getattr(*each)[geom]
-                for each in ((self._data, "geom_xpos"), (self._data, "geom_xmat"), (self._model, "geom_size"))
-            )
-            kind, away = self._model.geom_type[geom], np.linalg.norm(np.cross(starts - place, up), axis=1)
+            place, turn = self._data.geom_xpos[geom], self._data.geom_xmat[geom]
+            size, kind = self._model.geom_size[geom], self._model.geom_type[geom]
+            away = np.linalg.norm(np.cross(starts - place, up), axis=1)
             for k in (over & (away <= self._model.geom_rbound[geom])).nonzero()[0]:
                 if kind == mujoco.mjtGeom.mjGEOM_MESH:
                     distance = mujoco.mj_rayMesh(self._model, self._data, geom, starts[k], up)
@@ -149,63 +158,61 @@ def run_scenes(random: np.random.Generator) -> Iterator[tuple[str, FreeScene | S
                         yield f"{place} {thing}", scene
 
 
-def score(frozen: FrozenBody, reference, found) -> dict:  # noqa: ANN001 -- any two results with texel forces
-    """Misplaced force [%] and smallest contact force [N] of one result."""
-    return {"misplaced": misplaced(reference, found, frozen.load), "least": float(found.contact_forces.min())}
+def press_others(frozen: FrozenBody, settings: Parameters, method: str) -> list[Any]:
+    """Press the body by a method that does not read MuJoCo's plate, guided and free to tilt."""
+    results = []
+    for guided in (True, False):
+        placement = Placement(guided=guided, **frozen.settings)
+        with contextlib.suppress(fastmodel.FastModelError):  # it does not come to rest
+            results.append(fastmodel.indent_together(settings, [placement], contact=METHODS[method]))
+    return results
 
 
-def press_others(frozen: FrozenBody, reference, settings: Parameters) -> Iterator[tuple[str, dict]]:  # noqa: ANN001
-    """Press the body with the methods that do not read MuJoCo's plate."""
-    place = {"load": frozen.load, "at": tuple(frozen.at.tolist()), "centre": tuple(frozen.centre.tolist())}
-    for method, contact in list(METHODS.items())[2:]:
-        results = []
-        for guided in (True, False):
-            try:
-                placement = Placement(indenter=frozen, guided=guided, **place)
-                found = fastmodel.indent_together(settings, [placement], contact=contact)
-            except fastmodel.FastModelError:
-                continue
-            results.append(score(frozen, reference, found))
-        if results:
-            yield method, min(results, key=lambda each: each["misplaced"])
+def read_step(scene: FreeScene | Scene, sensor: fastmodel.Sensor) -> dict[str, Any]:
+    """What the methods that read MuJoCo's plate read at this step."""
+    frame, settings = sensor.frame(), sensor.parameters
+    foundation = fastmodel.METHODS["foundation"]
+    reader = foundation.bind(scene.model, settings.array, sensor.name, surface=settings.surface)
+    reading = reader.read(scene.data)
+    return {
+        "cover": SimpleNamespace(
+            texel_forces=frame.texel_forces, outside=frame.outside, contact_forces=sensor.contact_forces()
+        ),
+        "foundation": SimpleNamespace(
+            texel_forces=reading.texel_forces,
+            outside=reading.carried - reading.texel_forces.sum(),
+            contact_forces=reading.contact_forces,
+        ),
+    }
 
 
-def freeze(count: int, seed: int, *, others: bool = True) -> tuple[list[dict], Counter[str]]:
-    """Score states until there are enough; return their rows, and how often a draw was left out for which reason."""
-    random, rows, reasons, states = np.random.default_rng(seed), [], Counter(), 0
+def score_states(random: np.random.Generator, methods: Sequence[str], reasons: Counter[str]) -> Iterator[list[dict]]:
+    """Score one state after the other without end, a row per method; count the draws that are left out."""
     for title, scene in run_scenes(random):
         for sensor in scene.sensors:
-            model, settings = scene.model, sensor.parameters
-            frozen = FrozenBody(model, copy.copy(scene.data), sensor.name, settings)
+            frozen = FrozenBody(scene.model, copy.copy(scene.data), sensor.name, sensor.parameters)
             if frozen.reason:
                 reasons[frozen.reason] += 1
                 continue
-            body = {"load": frozen.load, "at": tuple(frozen.at.tolist()), "centre": tuple(frozen.centre.tolist())}
-            try:
-                reference = press_together(COVER, settings.array, [Body(indenter=frozen, guided=False, **body)])
-            except (fastmodel.FastModelError, RuntimeError) as error:
-                reasons[type(error).__name__] += 1
-                continue
-            frame, plain = sensor.frame(), fastmodel.METHODS["foundation"]
-            reader = plain.bind(model, settings.array, sensor.name, surface=settings.surface)
-            read = reader.read(scene.data)
-            cover = SimpleNamespace(
-                texel_forces=frame.texel_forces, outside=frame.outside, contact_forces=sensor.contact_forces()
-            )
-            simple = SimpleNamespace(**read._asdict(), outside=read.carried - read.texel_forces.sum())
-            found = [("cover", score(frozen, reference, cover)), ("foundation", score(frozen, reference, simple))]
+            reference = press_together(COVER, sensor.parameters.array, [Body(guided=False, **frozen.settings)])
             state = {
-                "state": title, "time": scene.data.time, "array": sensor.name, "load": frozen.load,
+                "state": title,
+                "time": scene.data.time,
+                "load": frozen.load,
                 "slope": float(np.abs(reference.slopes).max()),
                 "error": 100 * reference.error_estimate["misplaced"],
-                "missed": 1e3 * float(np.linalg.norm(frame.missed_torque)) / frozen.load,
             }
-            print({**state, **dict(found)}, flush=True)
-            rows += [{**state, "method": m, **f} for m, f in [*found, *(press_others(frozen, reference, settings) if others else [])]]
-            states += 1
-            if states == count:
-                return rows, reasons
-    return rows, reasons
+            if state["slope"] > np.tan(MOST_TILT):
+                reasons["tilts by more than 10 degrees in the reference"] += 1
+                continue
+            found, rows = read_step(scene, sensor), []
+            for method in methods:
+                results = [found[method]] if method in found else press_others(frozen, sensor.parameters, method)
+                scores = [(misplaced(reference, each, frozen.load), each.contact_forces.min()) for each in results]
+                if scores:
+                    share, least = map(float, min(scores))
+                    rows.append({**state, "method": method, "misplaced": share, "least": least})
+            yield rows
 
 
 def main() -> None:
@@ -214,19 +221,30 @@ def main() -> None:
     parser.add_argument("--states", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--own", action="store_true", help="score the methods `cover` and `foundation` alone")
     options = parser.parse_args()
     use_distance_fields()
-    rows, reasons = freeze(options.states, options.seed)
-    for method in METHODS:
-        mine = [row for row in rows if row["method"] == method]
-        values = np.array([row["misplaced"] for row in mine])
+    methods, reasons, rows = list(METHODS)[: 2 if options.own else None], Counter[str](), []
+    states = score_states(np.random.default_rng(options.seed), methods, reasons)
+    for found in itertools.islice(states, options.states):
+        rows += found
+        first = found[0]
         print(
-            f"{method:<20} states {len(mine):4d}   misplaced {np.median(values):6.2f} % in the median, at most "
-            f"{values.max():6.2f} %   smallest contact force {min(row['least'] for row in mine):.1e} N"
+            f"{first['state']:<18} {first['time']:.3f} s {first['load']:5.2f} N   tilts by {first['slope']:.3f}   "
+            f"error of the reference {first['error']:.2f} %   "
+            + "   ".join(f"{row['method']} {row['misplaced']:.2f} %" for row in found),
+            flush=True,
+        )
+        if options.json:
+            options.json.write_text(json.dumps(rows, indent=1))
+    for method in methods:
+        mine = [row for row in rows if row["method"] == method]
+        shares = [row["misplaced"] for row in mine]
+        print(
+            f"{method:<18} {len(mine):4d} states   misplaced {np.median(shares):6.2f} % in the median, at most "
+            f"{max(shares):6.2f} %   smallest contact force {min(row['least'] for row in mine):.1e} N"
         )
     print("left out:", ", ".join(f"{count} {reason}" for reason, count in reasons.items()))
-    if options.json:
-        options.json.write_text(json.dumps(rows, indent=1))
 
 
 if __name__ == "__main__":
