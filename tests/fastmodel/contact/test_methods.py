@@ -5,6 +5,7 @@ import dataclasses
 import mujoco
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 import fastmodel
 from fastmodel import BoxTexels, Butterworth, FastModelError, Placement, Plate, indent, indent_together
@@ -66,6 +67,21 @@ def test_a_flat_face_is_shared_by_area_not_by_contact_points(method):
     }
     # the cover itself presses harder along edges, so even shares are not its aim
     assert apart[method] < (0.8 if method == "cover" else 0.25) * apart["boxes"]
+
+
+def test_a_flat_face_on_a_foundation_is_felt_as_uniform_pressure_through_the_cover():
+    """Force on a texel: pressure times the Gaussian way to the base (sigma of half the thickness), off the grid."""
+    half, at, load = np.array([4.9e-3, 3.1e-3]), np.array([1.1e-3, -0.6e-3]), 2.0
+    found = indent(PARAMETERS, Box(size=(*(2 * half), 5e-3)), load=load, at=tuple(at), method="foundation")
+    shares = []
+    for axis in range(2):
+        place = np.linspace(at[axis] - half[axis], at[axis] + half[axis], 2001) - WTS.centres[:, axis, None]
+        edge = WTS.texel_size[axis] / 2
+        way = ndtr((edge - place) / 1e-3) - ndtr((-edge - place) / 1e-3)
+        shares.append(np.trapezoid(way, axis=1) / 2000)
+    assert np.abs(found.texel_forces - load * np.prod(shares, axis=0)).sum() / 2 < 0.025 * load
+    spread = PARAMETERS.spread.operator(WTS) @ found.contact_forces
+    assert np.abs(found.texel_forces - spread).sum() / 2 > 0.1 * load
 
 
 @pytest.mark.parametrize("method", ["foundation", "cover"])
