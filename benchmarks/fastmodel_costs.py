@@ -12,7 +12,7 @@ import argparse
 import json
 import tracemalloc
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -92,10 +92,10 @@ def measure(runs: dict[str, Callable[[], object]]) -> dict[str, float]:
     return {name: min(values) / STEPS for name, values in time_in_turn(runs, ROUNDS).items()}
 
 
-def methods(settings: Parameters) -> list[dict[str, Any]]:
-    """Every method on every shape, resting and sliding."""
+def methods(settings: Parameters, names: Sequence[str] = tuple(SHAPES)) -> list[dict[str, Any]]:
+    """Every method on shapes, resting and sliding."""
     rows = []
-    for name, shape in SHAPES.items():
+    for name, shape in ((name, SHAPES[name]) for name in names):
         scenes = {key: Scene(settings, shape, method) for key, method in {"bare": None, **METHODS}.items()}
         for sliding in (False, True):
             seconds = measure({key: partial(each.run, STEPS, sliding=sliding) for key, each in scenes.items()})

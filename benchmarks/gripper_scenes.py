@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 import fastmodel
 from fastmodel import Parameters
+from fastmodel.contact.interface import TexelContact
 from fem_reference import point_spread
 from meshes import TexelArray
 from tests.support.rubber import make_cover
@@ -163,14 +164,16 @@ def parameters(pitch: float) -> Parameters:
 class Scene:
     """A gripper above a table with an object, and its two sensors."""
 
-    def __init__(self, gripper: Gripper, thing: str, turn: Rotation | None = None) -> None:
-        """Build and bind the scene; the object may be turned."""
+    def __init__(
+        self, gripper: Gripper, thing: str, turn: Rotation | None = None, method: str | TexelContact | None = None
+    ) -> None:
+        """Build and bind the scene; the object may be turned; see `mount` about the method."""
         self.gripper, self._fingers = gripper, gripper.list_fingers()
         alone = mujoco.MjSpec()
         mount(alone, gripper)
         middle = self._find_middle(mujoco.MjData(alone.compile()))
         spec = start_spec(thing, middle)
-        self.sensors = mount(spec, gripper)
+        self.sensors = mount(spec, gripper, method)
         add_object(spec, thing, middle, turn)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
@@ -178,6 +181,12 @@ class Scene:
             warnings.simplefilter("always")
             for sensor in self.sensors:
                 sensor.bind(self.model)
+        self.covers = self.sensors[::2] if method else []
+        if method:  # The plates of the covers, which their readers know already, touch nothing from here on.
+            self.sensors = self.sensors[1::2]
+            for cover in self.covers:
+                plate = self.model.geom(f"{cover.name}/plate")
+                plate.contype = plate.conaffinity = 0
         self.warned = sorted({str(each.message) for each in caught})
         self._joints = [self.data.joint(finger.joint) for finger in self._fingers]
         self._actuators = [self.model.actuator(finger.actuator) for finger in self._fingers]
@@ -255,8 +264,11 @@ def start_spec(thing: str, middle: FloatArray) -> mujoco.MjSpec:
     return spec
 
 
-def mount(spec: mujoco.MjSpec, gripper: Gripper) -> list[fastmodel.Sensor]:
-    """Hang a gripper, fingers down, on a carriage that moves up and down, with an array on each finger."""
+def mount(spec: mujoco.MjSpec, gripper: Gripper, method: str | TexelContact | None = None) -> list[fastmodel.Sensor]:
+    """Hang a gripper, fingers down, on a carriage that moves up and down, with an array on each finger.
+
+    With a contact method, each finger has a second sensor with this method.
+    """
     first = len(spec.bodies)
     carriage = spec.worldbody.add_body(name="carriage", pos=[0, 0, HEIGHT])
     carriage.add_joint(name="lift", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], armature=5.0)
@@ -276,6 +288,9 @@ def mount(spec: mujoco.MjSpec, gripper: Gripper) -> list[fastmodel.Sensor]:
         mujoco.mju_mat2Quat(quaternion, finger.axes.ravel())
         place = {"position": finger.position, "quaternion": quaternion, "replaces": finger.replaces}
         sensors.append(fastmodel.attach(spec, finger.body, settings, name=finger.joint, contact="cover", **place))
+        if method:
+            name = f"{finger.joint}_compared"
+            sensors.append(fastmodel.attach(spec, finger.body, settings, name=name, contact=method, every=1, **place))
     return sensors
 
 

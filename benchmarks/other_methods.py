@@ -117,15 +117,15 @@ class _Reader:
         self.at_rest, self.get_state, self.set_state = inner.at_rest, inner.get_state, inner.set_state
 
     def read(self, data: mujoco.MjData) -> Reading:
-        """Read the sensor, in newtons or scaled to the sum of the contact forces."""
-        values = np.abs(data.sensordata[self._start : self._start + self._array.count])
+        """Read the sensor; values that pull are set to zero, and the others scaled to the sum of the contact forces."""
+        values = data.sensordata[self._start : self._start + self._array.count]
+        if isinstance(self._method, TouchGrid):
+            values = values.reshape(self._array.rows, -1)[::-1].ravel()  # its rows count downwards
+        values = np.maximum(values, 0.0)
         contacts = read_contacts(self._model, data)
         found = compile_kernel(sum_contacts)(contacts, data.geom_xmat, data.geom_xpos, self._parts)
         load = float(-found[1][:, 2].sum())
-        if isinstance(self._method, TouchGrid):
-            forces = values.reshape(self._array.rows, -1)[::-1].ravel()  # its rows count downwards
-        else:
-            forces = values * (load / max(values.sum(), 1e-12))
+        forces = values * (load / max(values.sum(), 1e-12))
         return Reading(forces, forces if self._method.computes_spread else None, load)
 
 
