@@ -129,7 +129,7 @@ def grasps(contact: str | TexelContact, *, turned: bool, every: int = 20) -> Ite
                 for cover, sensor in zip(scene.covers, scene.sensors, strict=True):
                     load = sensor.carried()
                     if step % every == 0 and load > LEAST and (pressed := find_contact(scene, cover, sensor)):
-                        truth, found = cover._reader._solve(pressed), sensor.frame().texel_forces  # noqa: SLF001
+                        truth, found = cover._reader._solve(pressed).reading, sensor.frame().texel_forces  # noqa: SLF001
                         load = truth.carried
                         outside = load - truth.texel_forces.sum()
                         apart = np.abs(truth.texel_forces - found).sum() + abs(outside - (load - found.sum()))

@@ -72,7 +72,7 @@ def test_a_flat_face_is_shared_by_area_not_by_contact_points(method):
 def test_a_flat_face_on_a_foundation_is_felt_as_uniform_pressure_through_the_cover():
     """Force on a texel: pressure times the Gaussian way to the base (sigma of half the thickness), off the grid."""
     half, at, load = np.array([4.9e-3, 3.1e-3]), np.array([1.1e-3, -0.6e-3]), 2.0
-    found = indent(PARAMETERS, Box(size=(*(2 * half), 5e-3)), load=load, at=tuple(at), method="foundation")
+    found = indent(PARAMETERS, Box(size=(*(2 * half), 5e-3)), load=load, at=tuple(at), contact="foundation")
     shares = []
     for axis in range(2):
         place = np.linspace(at[axis] - half[axis], at[axis] + half[axis], 2001) - WTS.centres[:, axis, None]
