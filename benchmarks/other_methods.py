@@ -114,7 +114,13 @@ class _Reader:
     ) -> None:
         self._method, self._array, self._start = method, array, start
         self._model, self._parts = inner._model, inner._net_force.parts  # noqa: SLF001
-        self.at_rest, self.get_state, self.set_state = inner.at_rest, inner.get_state, inner.set_state
+        self.get_state, self.set_state = inner.get_state, inner.set_state
+
+    def at_rest(self, contact_forces: FloatArray) -> Reading:
+        """Make the reading for given contact forces, as if the sensor measured them."""
+        return Reading(
+            contact_forces, contact_forces if self._method.computes_spread else None, float(contact_forces.sum())
+        )
 
     def read(self, data: mujoco.MjData) -> Reading:
         """Read the sensor; values that pull are set to zero, and the others scaled to the sum of the contact forces."""
@@ -126,7 +132,7 @@ class _Reader:
         found = compile_kernel(sum_contacts)(contacts, data.geom_xmat, data.geom_xpos, self._parts)
         load = float(-found[1][:, 2].sum())
         forces = values * (load / max(values.sum(), 1e-12))
-        return Reading(forces, forces if self._method.computes_spread else None, load)
+        return self.at_rest(forces)._replace(carried=load)
 
 
 @dataclass(frozen=True, kw_only=True)
