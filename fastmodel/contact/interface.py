@@ -49,19 +49,20 @@ class Reading(NamedTuple):
     tangential: FloatArray | None = None
     tangential_source: str = ""
 
-    def change(self, values: FloatArray) -> Reading:
+    def change(self, values: FloatArray, torques: FloatArray) -> Reading:
         """Return the reading with changed values.
 
         Args:
-            values: Changes of `contact_forces`, of `texel_forces` if there are any, of `torques`, and of `carried`,
-                shape (n + 7,) or (2 n + 7,) [N, N m].
+            values: Changes of `contact_forces`, of `texel_forces` if there are any, and of `carried`, shape (n + 1,) or
+                (2 n + 1,) [N].
+            torques: Changes of `torques`, shape (6,) [N m].
         """
         count, texel_forces = len(self.contact_forces), self.texel_forces
         return self._replace(
             contact_forces=self.contact_forces + values[:count],
             texel_forces=None if texel_forces is None else texel_forces + values[count : 2 * count],
             carried=self.carried + float(values[-1]),
-            torques=None if self.torques is None else self.torques + values[-7:-1],
+            torques=None if self.torques is None else self.torques + torques,
         )
 
 

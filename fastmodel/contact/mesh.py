@@ -12,10 +12,11 @@ position of this force is uncertain by about half a facet.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial import ConvexHull, cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -235,16 +236,16 @@ class MeshReader(PressureReader):
             np.add.at(forces, nearest, np.maximum((pressure * normals[nearest]).sum(axis=1), 0.0))
             carried += float(np.linalg.norm(pressure, axis=1).sum())
         self._forces = forces
-        contact_forces = np.bincount(self._texel, forces, self._array.count).astype(np.float64)
-        reading = Reading(contact_forces, self._cover.influence @ forces, carried, fewest_cells=fewest)
-
-        def add_up(forces: FloatArray) -> list[FloatArray]:
-            sums = np.bincount(self._texel, forces, self._array.count).astype(np.float64)
-            return [sums, self._cover.influence @ forces]
-
+        contact_forces, texel_forces = self._sum_forces((), forces)
+        reading = Reading(contact_forces, texel_forces, carried, fewest_cells=fewest)
         if not len(owner):
             owner = np.zeros(len(points), dtype=np.int64)
-        return self._conclude(contact, reading, (owner, points, normals), pressing, depth=depth, add_up=add_up)
+        return self._conclude(contact, reading, (owner, points, normals), pressing, depth=depth, layout=())
+
+    def _sum_forces(self, layout: tuple[npt.NDArray[Any], ...], forces: FloatArray) -> list[FloatArray]:  # noqa: ARG002
+        """Sum forces on the points over texels, see `PressureReader._sum_forces`; the layout is not used."""
+        sums = np.bincount(self._texel, forces, self._array.count).astype(np.float64)
+        return [sums, np.asarray(self._cover.influence @ forces)]
 
 
 def _find_mesh_frame(model: mujoco.MjModel, geom: int) -> tuple[FloatArray, FloatArray]:

@@ -23,6 +23,7 @@ from typing import Any, ClassVar, Self
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from fastmodel.compiled import compile_kernel
@@ -375,7 +376,7 @@ class CellReader(PressureReader):
             reach = needed
         nothing = np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3))
         return self._conclude(
-            contact, self._add_points(contact, self._nothing), nothing, np.zeros(0), depth=0.0, add_up=lambda _: []
+            contact, self._add_points(contact, self._nothing), nothing, np.zeros(0), depth=0.0, layout=()
         )
 
     def _find_heights(self, contact: ArrayContact, samples: GapSamples, solution: PressureSolution) -> list[float]:
@@ -399,16 +400,9 @@ class CellReader(PressureReader):
         """Sum the forces on cells over texels, at the top and, if the method computes them, at the base."""
         pressed = np.bincount(samples.body, solution.forces > 0, len(contact.loads))
         window, origin = solution.window, solution.origin
-
-        def add_up(forces: FloatArray) -> list[FloatArray]:
-            sums = [self._grid.sum_on_texels(samples.row, samples.column, forces)]
-            if window is not None and solution.shares is not None:
-                spread = self._spread(*solution.shares, forces, window.shape)
-                sums.append(np.asarray(self._solver.find_base_forces(spread, origin)))
-            return sums
-
-        texel_forces = None
-        if window is not None:
+        texel_forces, layout = None, list[npt.NDArray[Any]]([samples.row, samples.column])
+        if window is not None and solution.shares is not None:
+            layout += [*solution.shares, np.array([*window.shape, *origin])]
             placed, first = window, origin
             if len(pressed) == 1 and pressed[0] < FEWEST_CELLS and not self._grid.panels:
                 placed, first = self._grid.shift_window(window, origin, contact.loads[0].centre[:2])
@@ -424,8 +418,23 @@ class CellReader(PressureReader):
         cells = samples.body, samples.place, samples.normal
         depth = float((solution.surface - samples.gap).max())
         return self._conclude(
-            contact, self._add_points(contact, reading), cells, solution.forces, depth=depth, add_up=add_up
+            contact, self._add_points(contact, reading), cells, solution.forces, depth=depth, layout=tuple(layout)
         )
+
+    def _sum_forces(self, layout: tuple[npt.NDArray[Any], ...], forces: FloatArray) -> list[FloatArray]:
+        """Sum forces on cells over texels, see `PressureReader._sum_forces`.
+
+        The layout holds row and column of each cell and, if the method computes forces at the base, the shares of the
+        cells in the window, and shape and origin of the window.
+        """
+        row, column, *window = layout
+        sums = [self._grid.sum_on_texels(row, column, forces)]
+        if window:
+            corner, weight, place = window
+            rows, columns, first, left = place.tolist()
+            spread = self._spread(corner, weight, forces, (rows, columns))
+            sums.append(np.asarray(self._solver.find_base_forces(spread, (first, left))))
+        return sums
 
     def _add_points(self, contact: ArrayContact, reading: Reading) -> Reading:
         """Add the point forces of a contact to a reading."""

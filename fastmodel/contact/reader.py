@@ -16,12 +16,13 @@ These two files implement stages 1 and 3.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from scipy.linalg import block_diag
 
 from fastmodel.compiled import compile_kernel
@@ -112,7 +113,9 @@ class Solved(NamedTuple):
     Attributes:
         contact: The contact.
         reading: The reading, without net force and tangential forces.
-        modes: Change of the values of the reading by each mode, see `Reading.change`, shape (k, values).
+        modes: Change of the force on each of m cells or points by each mode, shape (k, m) [N].
+        torques: Change of the reading's `torques` by each mode, shape (k, 6) [N m].
+        layout: Arrays by which the reader sums forces on the cells over texels.
         weights: Weights of the modes for unit changes of the loads, shape (k, k) [1/N].
         centres: Centre of the pressure of each body, about which moments are taken, shape (bodies, 3) [m].
         largest: Largest relative change of the pressure on a cell by each mode, shape (k,) [-].
@@ -123,25 +126,29 @@ class Solved(NamedTuple):
     contact: ArrayContact
     reading: Reading
     modes: FloatArray
+    torques: FloatArray
+    layout: tuple[npt.NDArray[Any], ...]
     weights: FloatArray
     centres: FloatArray
     largest: FloatArray
     depth: float
     sizes: tuple[float, ...]
 
-    def adapt(self, contact: ArrayContact, edge: float) -> tuple[Reading, float]:
-        """Adapt the reading to a contact that has changed slightly.
+    def compare(self, contact: ArrayContact, edge: float) -> tuple[FloatArray, FloatArray, float]:
+        """Compare a contact with that of the solution.
 
         Args:
             contact: The contact.
             edge: Edge of a cell [m].
 
         Returns:
-            The reading, and the change of the contact, see `KEPT` [-]; infinite if the reading could not be adapted.
+            Weights of the modes that adapt the solution to the contact, shape (k,) [-]; change of the torques of
+            bodies that are free to tilt, shape (3,) [N m]; and the change of the contact, see `KEPT` [-], infinite if
+            other bodies or point forces press.
         """
         last, changes, missed, moved = self.contact, [], np.zeros(3), 0.0
         if contact.bodies != last.bodies or not contact.has_points_of(last, edge):
-            return self.reading, math.inf
+            return np.zeros(0), missed, math.inf
         bodies = zip(contact.loads, last.loads, contact.poses, last.poses, self.centres, self.sizes, strict=True)
         for load, old, pose, before, centre, size in bodies:
             slide, turn, tilt = pose.measure_motion(before, centre, old.directions[0])
@@ -152,12 +159,7 @@ class Solved(NamedTuple):
             missed += load.find_missed_torque(-old.moment)
         weights = self.weights @ np.concatenate(changes) if changes else np.zeros(0)
         # The modes allow for changes of the loads, with an error of second order, but not for motions.
-        most = max(10 * moved, float(np.abs(weights) @ self.largest))
-        if not most <= KEPT or not weights.any():
-            return self.reading, most
-        values = weights @ self.modes
-        values[-4:-1] += missed
-        return self.reading.change(values), most
+        return weights, missed, max(10 * moved, float(np.abs(weights) @ self.largest))
 
 
 class Touches(NamedTuple):
@@ -227,6 +229,8 @@ class PressureReader:
         self._transform_poses, self._find_modes = compile_kernel(transform_poses), compile_kernel(find_modes)
         self._solved: Solved | None = None
         self._change = 0.0
+        #: Change of the values of the reading by each mode, see `Reading.change`; None until it is needed.
+        self._modes: FloatArray | None = None
 
     def read(self, data: mujoco.MjData) -> Reading:
         """Compute the contact forces of a simulation step, or return the last ones if no load or pose has changed.
@@ -242,17 +246,44 @@ class PressureReader:
         if found is None:
             return self._nothing
         contact, sums = found
-        last, before = self._solved, self._change
-        reading, change = (self._nothing, math.inf) if last is None else last.adapt(contact, self._length)
-        # A contact that has come to rest is solved exactly.
-        at_rest = abs(change - before) <= _UNCHANGED < 0.1 * change
-        if last is None or change > KEPT or at_rest:
-            self._solved, change = self._solve(contact)._replace(contact=contact), 0.0
-            reading = self._solved.reading
-        self._change = change
+        reading = self._find_pressure(contact)
         if contact.beside:
             reading = reading._replace(carried=reading.carried + contact.beside)
         return reading if self._net_force is None else self._net_force.add(reading, sums)
+
+    def _find_pressure(self, contact: ArrayContact) -> Reading:
+        """Adapt the last solution to a contact that has changed slightly, or solve the contact."""
+        last = self._solved
+        if last is not None:
+            weights, torque, change = last.compare(contact, self._length)
+            # A contact that has come to rest is solved exactly.
+            at_rest = abs(change - self._change) <= _UNCHANGED < 0.1 * change
+            self._change = change
+            if change <= KEPT and not at_rest:
+                if not weights.any():
+                    return last.reading
+                if self._modes is None:
+                    self._modes = np.array(
+                        [np.concatenate([*self._sum_forces(last.layout, mode), [mode.sum()]]) for mode in last.modes]
+                    )
+                torques = weights @ last.torques
+                torques[3:] += torque
+                return last.reading.change(weights @ self._modes, torques)
+        self._solved, self._change, self._modes = self._solve(contact)._replace(contact=contact), 0.0, None
+        return self._solved.reading
+
+    def _sum_forces(self, layout: tuple[npt.NDArray[Any], ...], forces: FloatArray) -> Sequence[FloatArray]:
+        """Sum forces on cells or points over texels.
+
+        Args:
+            layout: Arrays that describe the cells, see `Solved`.
+            forces: Force on each of m cells, shape (m,) [N].
+
+        Returns:
+            Contact force on each of n texels, shape (n,), and force at the base, shape (n,), if the method computes
+            it [N].
+        """
+        raise NotImplementedError
 
     def find_contact(self, data: mujoco.MjData) -> tuple[ArrayContact, Sums | None] | None:
         """Find the bodies that press on the array in a simulation state, and sum all contact forces on the array.
@@ -279,7 +310,7 @@ class PressureReader:
 
     def set_state(self, state: State) -> None:
         """Restore what `get_state` returned; see `ContactReader.set_state`."""
-        self._change = float(take_array(state, "change"))
+        self._change, self._modes = float(take_array(state, "change")), None
         self._solved = unpack(state, "solved", (Solved, ArrayContact, Load, PosedBody, BodyShape, Reading))
 
     def _rest(self, contact_forces: FloatArray, texel_forces: FloatArray | None) -> Reading:
@@ -289,7 +320,7 @@ class PressureReader:
             contact_forces: Force that presses on each of n texels, before spread, shape (n,) [N].
             texel_forces: Force on each texel after spread, shape (n,) [N]; None if the method computes none.
         """
-        self._solved, self._change = None, 0.0
+        self._solved, self._change, self._modes = None, 0.0, None
         self._bodies.follow_meshes()
         torque = -np.cross(self._array.centres, self._array.normals).T @ contact_forces
         torques = np.concatenate([torque, np.zeros(3)])
@@ -303,7 +334,7 @@ class PressureReader:
         forces: FloatArray,
         *,
         depth: float,
-        add_up: Callable[[FloatArray], Sequence[FloatArray]],
+        layout: tuple[npt.NDArray[Any], ...],
     ) -> Solved:
         """Add torques and modes to the reading of a solution.
 
@@ -313,19 +344,19 @@ class PressureReader:
             cells: Body, position, shape (m, 3) [m], and normal, shape (m, 3) [-], of the m cells or points.
             forces: Force on each of them, without point forces, shape (m,) [N].
             depth: Largest overlap of the undeformed surfaces [m].
-            add_up: Function from forces on the cells to those on texels, before spread and at the base, if computed.
+            layout: Arrays by which `_sum_forces` sums forces on the cells.
         """
         owner, place, normal = cells
-        torques, values, weights, largest, centres, sizes = np.zeros(6), [], [], [], [], []
+        torques, found, changes = np.zeros(6), [np.zeros((0, len(forces)))], [np.zeros((0, 6))]
+        weights, largest, centres, sizes = [], [], [], []
         for body, load in enumerate(contact.loads):
             part = np.where(owner == body, forces, 0.0) if len(contact.loads) > 1 else forces
             along = load.directions[:1], load.turns
             centre, size, modes, moments, gram, most = self._find_modes(place, normal, part, along, self._length)
             torques[:3] -= moments[0]
             torques[3:] += load.find_missed_torque(-moments[0])
-            for mode, moment in zip(modes[1:], moments[1:], strict=True):
-                lacking = load.turns.T.dot(load.turns.dot(moment))
-                values.append(np.concatenate([*add_up(mode), -moment, lacking, [mode.sum()]]))
+            found.append(modes[1:])
+            changes.append(np.hstack([-moments[1:], moments[1:] @ load.turns.T @ load.turns]))
             # A row of cells cannot shift its force across, which the second term allows for.
             loose = np.where(np.arange(len(gram)) > 0, _LOOSE, 1e-12) * gram[0, 0]
             weights.append(np.linalg.inv(gram + np.diag(loose)))
@@ -335,7 +366,9 @@ class PressureReader:
         return Solved(
             contact=contact,
             reading=reading._replace(torques=torques),
-            modes=np.array(values) if values else np.zeros((0, 0)),
+            modes=np.concatenate(found),
+            torques=np.concatenate(changes),
+            layout=layout,
             weights=np.asarray(weights[0] if len(weights) == 1 else block_diag(*weights, np.zeros((0, 0)))),
             centres=np.array(centres).reshape(-1, 3),
             largest=np.concatenate([*largest, np.zeros(0)]),

@@ -601,8 +601,10 @@ def find_modes(
         if forces[i] == 0.0:
             continue
         modes[0, i] = forces[i]
-        apart = place[i] - centre
-        farthest = max(farthest, apart[0] ** 2 + apart[1] ** 2 + apart[2] ** 2)
+        square = 0.0
+        for n in range(3):
+            square += (place[i, n] - centre[n]) ** 2
+        farthest = max(farthest, square)
         for a in range(k):
             modes[1 + a, i] = forces[i] * columns[i, a]
             largest[a] = max(largest[a], abs(columns[i, a]))
