@@ -155,7 +155,7 @@ def find_contact(scene: gripper_scenes.Scene, cover: fastmodel.Sensor, sensor: f
     tilts = {body: reader._joints.let_tilt(data, body, frame[:3, 2]) for body in sums}  # noqa: SLF001
     return ArrayContact(
         bodies=tuple(sums),
-        loads=tuple(Load(force=each[0], moment=each[1:], tilts=tilts[body]) for body, each in sums.items()),
+        loads=tuple(Load.on_plate(each[0], each[1:], tilts=tilts[body]) for body, each in sums.items()),
         poses=tuple(reader._find_pose(data, body, frame, 1e-3) for body in sums),  # noqa: SLF001
         owner=np.arange(len(sums)),
         touches=np.array([[each[1] / each[0], each[2] / each[0], each[0]] for each in sums.values()]),
