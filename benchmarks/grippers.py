@@ -14,6 +14,7 @@ for each gripper and object:
 - jumps: steps in which the image changes by more than 5 % and MuJoCo's own force and torque by less;
 - off: share of the steps in which the centre of pressure lies more than a cell from that of MuJoCo's contact points,
   and the largest distance;
+- cells: number of pressed cells under a body, in the median;
 - speed: simulated over processor time of physics and sensors in the grasp, while it is lifted and held.
 
     python -m pip install --no-deps --target /tmp/robosuite robosuite
@@ -65,6 +66,7 @@ class Record:
         images: Texel forces, shape (rows, columns) each [N].
         centres: Centre of pressure, shape (2,) each [m].
         wanted: Centre of MuJoCo's contact forces on the front, shape (2,) each [m].
+        cells: Number of cells under pressure [-].
     """
 
     carried: list[float] = field(default_factory=list)
@@ -72,6 +74,7 @@ class Record:
     images: list[FloatArray] = field(default_factory=list)
     centres: list[FloatArray] = field(default_factory=list)
     wanted: list[FloatArray] = field(default_factory=list)
+    cells: list[int] = field(default_factory=list)
 
     def radius(self, step: int) -> float:
         """Root mean square distance of the force from its centre, in an image [m]."""
@@ -127,6 +130,7 @@ def note(scene: Scene | FreeScene, records: list[Record]) -> None:
         record.images.append(sensor.parameters.array.image(frame.texel_forces))
         record.centres.append(np.array([y, -x]) / max(sensor.carried(), 1e-9))
         record.wanted.append(wanted)
+        record.cells.append(sensor._reading.fewest_cells or 0)  # noqa: SLF001
 
 
 def run_free(scene: FreeScene, seconds: float) -> tuple[list[Record], float]:
@@ -208,6 +212,7 @@ def measure(records: list[Record], speed: float) -> dict[str, Any]:
         "off": float((apart > CELL).mean()),
         "farthest": float(apart.max()),
         "touched": len(apart),
+        "cells": float(np.median([n for each in records for n in each.cells if n] or [0])),
         "jumps": int(((change > 0.05) & (forced < change)).sum()),
         "change_999": float(np.percentile(change, 99.9)),
         "grip": float(expected.max()),
@@ -252,7 +257,7 @@ def describe(figures: dict[str, Any]) -> str:
         f"{figures['gripper']:7} {figures['object']:9} grip {figures['grip']:5.1f} N   net {figures['net']:.1e}   "
         f"change at most {100 * figures['change']:6.2f} %, 99th percentile {100 * figures['change_99']:6.2f} %, jumps "
         f"{figures['jumps']:3d} of {figures['steps']:4d}   off {100 * figures['off']:6.2f} %, at most "
-        f"{1e3 * figures['farthest']:5.2f} mm   {figures['speed']:.1f} times real time"
+        f"{1e3 * figures['farthest']:5.2f} mm   {figures['cells']:4.0f} cells, {figures['speed']:.1f} times real time"
     )
 
 
