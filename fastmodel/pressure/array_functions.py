@@ -24,6 +24,7 @@ with NaN then returns NaN, without effect on other worlds, and a negative load c
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -197,21 +198,12 @@ class ContactFunctions:
         load = xp.maximum(sums[:, 0], 0 * sums[:, 0])
         if gap is not None:
             return self.forces(gap, load, sums[:, 1:] if tilts else None, iterations)
-        # the force of each contact is divided bilinearly among the four nearest cells
-        last = convert(np.array([self.grid.columns, self.grid.rows]) - 1.0, points)
-        place = (sides - convert(self.grid.low, points)) / convert(self._edge, points) - 0.5
-        place = xp.minimum(xp.maximum(place, 0 * place), last + 0 * place)
-        first = xp.minimum(xp.floor(place), last - 1 + 0 * place)
-        share, number = place - first, cast(xp, first, world.dtype)
-        index, parts, (rows, columns) = [], [], (self.grid.rows, self.grid.columns)
-        for i, j in np.ndindex(2, 2):
-            cell = (world * rows + number[:, 1] + i) * columns + number[:, 0] + j
-            index.append(xp.where(world < 0, world, cell))
-            parts.append(
-                xp.maximum(pressing, 0 * pressing) * xp.abs(share[:, 1:] - (1 - i)) * xp.abs(share[:, :1] - (1 - j))
-            )
-        cells = _add_at(xp.concat(index), xp.concat(parts), worlds * rows * columns)
-        cells = xp.reshape(cells, (worlds, rows, columns))
+        row, column, parts = self.grid.divide_points(xp.concat([sides, pressing], axis=1))
+        shape = (worlds, self.grid.rows, self.grid.columns)
+        index = xp.concat([world] * 4)
+        cell = (index * shape[1] + row) * shape[2] + column
+        cells = _add_at(xp.where(index < 0, index, cell), parts[:, None], worlds * shape[1] * shape[2])
+        cells = xp.reshape(cells, shape)
         return ContactForces(cells, self.base_forces(cells), load)
 
     def from_depths(self, depths: Array, load: Array | None = None, iterations: int = 8) -> ContactForces:
@@ -265,9 +257,7 @@ class ContactFunctions:
         if fine > 1:
             gap, *partly = self._average(gap, fine)
 
-        def build(target: Array, *partly: Array) -> Problem:
-            return self._build(target, steps, *partly)
-
+        build = functools.partial(self._build, steps)
         forces = differentiate(xp, build, steps)(xp.reshape(gap, (-1, len(self._basis) - 3)), target, *partly)
         return build(target, *partly).place(forces)
 
@@ -292,7 +282,7 @@ class ContactFunctions:
         away = xp.minimum(xp.maximum(away / most[:, None, ...], low), high)
         return xp.where(hits > 0, mean, float("inf")), xp.where(hits > 0, hits / fine**2, 0 * hits + 1), away
 
-    def _build(self, target: Array, steps: int, share: Array | None = None, away: Array | None = None) -> Problem:
+    def _build(self, steps: int, target: Array, share: Array | None = None, away: Array | None = None) -> Problem:
         """Build the contact problem; `share` and `away` describe partly covered cells, see `_average`."""
         xp, count, cells = find_namespace(target), target.shape[1], len(self._basis) - 3
         basis = convert(self._basis[: cells + count, :count], target)
@@ -343,11 +333,8 @@ def _check_values(name: str, values: Array, accepted: Array, wanted: str) -> Non
 
 def _add_at(index: Array, values: Array, size: int) -> Array:
     """Add rows of values (k, m) at indices (k,) of an array of zeros, shape (size, m); those at -1 are left out."""
-    xp, index, whole = (
-        find_namespace(values),
-        index % (size + 1),
-        convert(np.zeros((size + 1, values.shape[1])), values),
-    )
+    xp, index = find_namespace(values), index % (size + 1)
+    whole = convert(np.zeros((size + 1, values.shape[1])), values)
     if xp is np:
         np.add.at(whole, index, values)
     elif hasattr(whole, "at"):  # JAX
@@ -365,16 +352,12 @@ def _interpolate(texels: int, cells: int, margin: int) -> FloatArray:
     Args:
         texels: Number of texels in a row.
         cells: Number of cells along a texel.
-        margin: Number of cells beyond the texels on each side.
+        margin: Number of cells beyond the texels on each side, where values are extrapolated.
     """
+    from scipy.interpolate import make_interp_spline
+
     place = (np.arange(-margin, texels * cells + margin) + 0.5) / cells - 0.5
-    if texels == 1:
-        return np.ones((len(place), 1))
-    first = np.clip(np.floor(place), 0, texels - 2).astype(int)
-    weights = np.zeros((len(place), texels))
-    weights[np.arange(len(place)), first] = 1 - (place - first)
-    weights[np.arange(len(place)), first + 1] = place - first
-    return weights
+    return np.asarray(make_interp_spline(np.arange(texels), np.eye(texels), k=min(1, texels - 1))(place))
 
 
 def _transform(kernel: FloatArray, shape: tuple[int, int]) -> tuple[FloatArray, tuple[int, int]]:

@@ -24,6 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
+from fastmodel.signal.array_namespace import Array, cast, convert, find_namespace
 from fastmodel.signal.point_spread import find_tangents
 from fastmodel.surface import CoverCells
 from meshes import TexelArray
@@ -108,26 +109,27 @@ class CellGrid:
         slot = self._slots.take(row * self.columns + column)
         return np.bincount(slot, forces, self.texels + 1)[1:].astype(np.float64, copy=False)
 
-    def divide_points(self, points: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+    def divide_points(self, points: Array) -> tuple[Array, Array, Array]:
         """Divide point forces bilinearly among the four nearest cells; forces that pull count as zero.
 
         Args:
-            points: Positions x, y in the frame of the grid [m] and pressing forces [N], shape (k, 3).
+            points: Positions x, y in the frame of the grid [m] and pressing forces [N], shape (k, 3), an array of any
+                library.
 
         Returns:
             Row and column of 4 k cells, and the force on each of them [N], each of shape (4 k,).
         """
-        last = np.array([self.columns, self.rows]) - 1
-        place = np.clip((points[:, :2] - self.low) / self.edge - 0.5, 0, last)
-        first = np.minimum(place.astype(np.int64), np.maximum(last - 1, 0))
-        share = place - first
-        pressed = np.maximum(points[:, 2], 0.0)
+        xp, (cells, low, edge) = find_namespace(points), (convert(each, points) for each in self.arrays)
+        place = xp.clip((points[:, :2] - low) / edge - 0.5, 0 * cells, cells - 1)
+        first = xp.minimum(xp.floor(place), xp.maximum(cells - 2, 0 * cells))
+        share, pressed = place - first, xp.maximum(points[:, 2], 0 * points[:, 2])
         row, column, forces = [], [], []
         for j, i in np.ndindex(2, 2):
-            column.append(np.minimum(first[:, 0] + i, last[0]))
-            row.append(np.minimum(first[:, 1] + j, last[1]))
-            forces.append(pressed * np.abs(1 - i - share[:, 0]) * np.abs(1 - j - share[:, 1]))
-        return np.concatenate(row), np.concatenate(column), np.concatenate(forces)
+            column.append(xp.minimum(first[:, 0] + i, cells[0] - 1))
+            row.append(xp.minimum(first[:, 1] + j, cells[1] - 1))
+            forces.append(pressed * xp.abs(1 - i - share[:, 0]) * xp.abs(1 - j - share[:, 1]))
+        row, column = (cast(xp, xp.concat(each), xp.asarray(0).dtype) for each in (row, column))
+        return row, column, xp.concat(forces)
 
     def shift_window(
         self, forces: FloatArray, origin: tuple[int, int], centre: FloatArray
