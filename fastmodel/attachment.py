@@ -23,12 +23,7 @@ from meshes import TexelArray
 
 #: Contact methods with their default settings, by name.
 METHODS: Mapping[str, TexelContact] = MappingProxyType(
-    {
-        "boxes": BoxTexels(),
-        "foundation": Foundation(),
-        "cover": CoverContact(),
-        "curved": MeshContact(),
-    }
+    {"boxes": BoxTexels(), "foundation": Foundation(), "cover": CoverContact(), "curved": MeshContact()}
 )
 #: Name of the default method: the method of the parameters' surface (`cover` or `curved`), or `boxes` without a
 #: surface.

@@ -56,9 +56,7 @@ _OVERHANG = 0.5
 #: Share of points on an array with its own body ahead, and nothing of it behind, above which the array faces it [-].
 _MOST_AHEAD = 0.5
 #: Kinds of geoms that are no part of a finger: a ground, or a shape of which MuJoCo knows no hull.
-_NO_FINGER = [
-    int(kind) for kind in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
-]
+_NO_FINGER = {mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF}
 #: Volume of a mesh's convex hull over that of the mesh above which the mesh counts as concave [-].
 _CONCAVE = 1.1
 #: Tolerance of comparisons with `_CLEARANCE`, over `_CLEARANCE`, for rounding [-].
@@ -301,11 +299,10 @@ def _check_placement(
         top: Points on the top of the array [m], and the normals at these points [-], in the world, shape (k, 3) each.
     """
     body, weld = int(model.geom_bodyid[geoms[0]]), model.body_weldid[model.geom_bodyid]
-    own = [
-        geom
-        for geom in ((weld == weld[geoms[0]]) if weld[geoms[0]] else (model.geom_bodyid == body)).nonzero()[0].tolist()
-        if model.geom_type[geom] not in _NO_FINGER and geom not in geoms and not _find_sensor(model, geom)
-    ]
+    same = (weld == weld[geoms[0]]) if weld[geoms[0]] else (model.geom_bodyid == body)
+    same[geoms] = False
+    found = [geom for geom in same.nonzero()[0].tolist() if not _find_sensor(model, geom)]
+    own = [geom for geom in found if int(model.geom_type[geom]) not in _NO_FINGER]
     if not own or not body:
         return
     (points, normals), name, carrier = top, _find_sensor(model, int(geoms[0])), f"body {model.body(body).name!r}"
@@ -360,10 +357,8 @@ def _check_overhang(
     elif (find_excess(plate) > _OVERHANG * pitch).any():
         x, y = np.maximum(plate - texels - np.maximum(find_excess(plate), 0.0), 0.0).tolist()
         excess = f"{1e3 * find_excess(plate).max():.1f} mm beyond the geoms of its body, and collides there"
-        advice = (
-            f"state the width of the cover beyond the texels, such as margin=({x:.2g}, {y:.2g}) [m] of TexelArray.grid"
-        )
-        yield f"the plate of {named} reaches {excess}; {advice}"
+        margin = f"margin=({x:.2g}, {y:.2g}) [m] of TexelArray.grid"
+        yield f"the plate of {named} reaches {excess}; state the width of the cover beyond the texels, such as {margin}"
 
 
 def _check_hulls(model: mujoco.MjModel, chosen: BoolArray) -> Iterator[str]:

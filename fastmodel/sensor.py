@@ -177,7 +177,7 @@ class Sensor:
         #: Distance of centres of pressure above which a warning is given, half a pitch [m]; None after the warning.
         self._farthest: float | None = 0.5 * min(parameters.array.pitch)
         self._noise = make_generator(parameters.electronics.seed, self._label)
-        self._settle(np.zeros(()))
+        self._settle(0.0)
 
     @property
     def _computes_spread(self) -> bool:
@@ -241,23 +241,23 @@ class Sensor:
             raise LifeCycleError(f"sensor {self.name!r} is not bound; call bind(model) after compiling")
         return self._model
 
-    def _settle(self, contact_forces: FloatArray) -> None:
+    def _settle(self, contact_forces: npt.ArrayLike) -> None:
         """Restart clocks, filter and hysteresis in the steady state under constant contact forces.
 
         Args:
             contact_forces: Force on each of n texels, shape (n,), or one number for all texels, shape () [N].
+
+        Raises:
+            FastModelError: If there is not one force for each texel, or a force is negative or not finite.
         """
         count = self.parameters.array.count
-        if contact_forces.shape not in {(), (count,)}:
-            raise FastModelError(
-                f"sensor {self._label!r}: contact_forces to start from must be a number or one force for each of "
-                f"{count} texels, not of shape {contact_forces.shape}"
-            )
-        settled = np.broadcast_to(contact_forces, (count,))
+        accepted = f"sensor {self._label!r}: contact_forces must be a number or one force for each of {count} texels"
+        try:
+            settled = np.broadcast_to(np.array(contact_forces, dtype=np.float64), (count,))
+        except (TypeError, ValueError) as error:
+            raise FastModelError(f"{accepted} [N]") from error
         if not (np.isfinite(settled) & (settled >= 0)).all():
-            raise FastModelError(
-                f"sensor {self._label!r}: contact forces to start from must be finite and not negative"
-            )
+            raise FastModelError(f"{accepted}, finite and not negative [N]")
         self._reading = self._reader.at_rest(settled)
         self._state = self._functions.settle(*_list_signals(self._reading))
         self._steps = self._frames = self._asked = 0
@@ -478,13 +478,7 @@ class Sensor:
             noise = self._noise
             self.bind(model)
             self._noise = noise
-        try:
-            forces = np.array(contact_forces, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise FastModelError(
-                f"sensor {self.name!r}: contact_forces must be numbers, not {contact_forces!r}"
-            ) from error
-        self._settle(forces)
+        self._settle(contact_forces)
         if seed is not None:
             self._noise = make_generator(seed, self._label)
 
@@ -594,13 +588,10 @@ def _are_equal(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
 
     `copy.deepcopy` and `pickle` give every copied `MjData` a copy of its own of the model.
     """
-    size = mujoco.mj_sizeModel(one)
-    if size != mujoco.mj_sizeModel(other):
-        return False
-    first, second = np.empty(size, dtype=np.uint8), np.empty(size, dtype=np.uint8)
-    mujoco.mj_saveModel(one, None, first)
-    mujoco.mj_saveModel(other, None, second)
-    return bool((first == second).all())
+    stored = [np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8) for model in (one, other)]
+    for model, buffer in zip((one, other), stored, strict=True):
+        mujoco.mj_saveModel(model, None, buffer)
+    return np.array_equal(stored[0], stored[1])
 
 
 def _list_signals(reading: Reading) -> tuple[FloatArray, np.float64, FloatArray | None]:
@@ -618,13 +609,9 @@ def _list_signals(reading: Reading) -> tuple[FloatArray, np.float64, FloatArray 
 
 def _name_vectors(reading: Reading, vectors: FloatArray) -> dict[str, FloatArray]:
     """Divide the filtered vectors of `_list_signals`, shape (m,), among the fields of a `Frame`."""
-    pairs: list[tuple[str, FloatArray]] = []
-    if reading.wrench is not None:
-        pairs += [("net_force", vectors[:3]), ("net_torque", vectors[3:6])]
-        vectors = vectors[6:]
-    if reading.torques is not None:
-        pairs += [("pressure_torque", vectors[:3]), ("missed_torque", vectors[3:6])]
-        vectors = vectors[6:]
+    names = ["net_force", "net_torque"] if reading.wrench is not None else []
+    names += ["pressure_torque", "missed_torque"] if reading.torques is not None else []
+    named = {name: vectors[3 * k : 3 * k + 3].copy() for k, name in enumerate(names)}
     if reading.tangential is not None:
-        pairs += [("tangential", vectors.reshape(-1, 2))]
-    return {name: each.copy() for name, each in pairs}
+        named["tangential"] = vectors[3 * len(names) :].reshape(-1, 2).copy()
+    return named

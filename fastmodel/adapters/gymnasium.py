@@ -57,6 +57,8 @@ Listen = Callable[[Any, Callable[[mujoco.MjData], None]], None]
 _STEPPERS = {"_step_mujoco_simulation": "frame_skip", "_mujoco_step": "n_substeps"}
 #: Quantities that can be observed.
 QUANTITIES = ("image", "texel_forces", "pressures", "tangential", "wrench")
+#: Fields of a `Frame` whose name in `info` differs, by this name.
+_FIELDS = {"times": "time", "images": "image", "net_forces": "net_force", "net_torques": "net_torque"}
 #: Relative tolerance on the number of frames in a time; it allows for rounding [-].
 _TOLERANCE = 1e-6
 
@@ -348,12 +350,10 @@ def _stack_frames(frames: Sequence[Frame], array: TexelArray, room: int) -> dict
         "net_forces": np.zeros((room, 3)),
         "net_torques": np.zeros((room, 3)),
     }
-    for index, frame in enumerate(kept):
-        arrays["times"][index], arrays["counts"][index], arrays["images"][index] = frame.time, frame.counts, frame.image
-        forces = {"texel_forces": frame.texel_forces, "tangential": frame.tangential}
-        for name, values in {**forces, "net_forces": frame.net_force, "net_torques": frame.net_torque}.items():
-            if values is not None:
-                arrays[name][index] = values
+    for name, values in arrays.items():
+        each = [getattr(frame, _FIELDS.get(name, name)) for frame in kept]
+        if kept and each[0] is not None:
+            values[: len(kept)] = each
     return {"made": len(kept), "dropped": len(frames) - len(kept), **arrays}
 
 
@@ -413,22 +413,17 @@ def _step_singly(inner: Any, stepper: str | None, callback: Callable[[mujoco.MjD
         return
     before, step_several, count = vars(inner).get(stepper), getattr(inner, stepper), _STEPPERS[stepper]
 
-    def step_mujoco_env(control: Any, frames: int) -> None:  # noqa: ANN401 -- an array
-        for left in reversed(range(frames)):
-            step_several(control, 1)
-            callback(inner.data, left)
-
-    def step_robot_env(action: Any) -> None:  # noqa: ANN401 -- an array
-        frames = getattr(inner, count)
+    def step_each(control: Any, *frames: int) -> None:  # noqa: ANN401 -- an array
+        usual = getattr(inner, count)
         setattr(inner, count, 1)
         try:
-            for left in reversed(range(frames)):
-                step_several(action)
+            for left in reversed(range(*(frames or (usual,)))):
+                step_several(control, *(1 for _ in frames))  # `MujocoEnv` gives the number of steps, others do not
                 callback(inner.data, left)
         finally:
-            setattr(inner, count, frames)
+            setattr(inner, count, usual)
 
-    setattr(inner, stepper, step_mujoco_env if stepper == "_step_mujoco_simulation" else step_robot_env)
+    setattr(inner, stepper, step_each)
     try:
         yield
     finally:

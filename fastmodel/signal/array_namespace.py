@@ -53,9 +53,8 @@ def convert(constant: Any, like: Array) -> Array:  # noqa: ANN401 -- an array of
     if isinstance(like, np.ndarray):
         return constant if constant.dtype == like.dtype else constant.astype(like.dtype)
     dense = constant if isinstance(constant, np.ndarray) else constant.toarray()
-    if _is_tensor(like):
-        return find_namespace(like).asarray(dense, dtype=like.dtype, device=like.device)
-    return find_namespace(like).asarray(dense, dtype=like.dtype)
+    place = {"device": like.device} if _is_tensor(like) else {}
+    return find_namespace(like).asarray(dense, dtype=like.dtype, **place)
 
 
 def is_known(values: Array) -> bool:
