@@ -41,7 +41,7 @@ from tests.support.rubber import make_cover
 
 COVER = make_cover(model="linear-elastic")
 #: Least force of a state [N]; draws from each run [-]; share of its time that a gripper runs [-].
-LEAST, DRAWS, SHARE = 0.5, 6, 0.4
+LEAST, DRAWS, SHARE = 0.5, 3, 0.4
 #: Height above its lowest point up to which a body is pressed; spacing of the points by which this part is found;
 #: distance behind the front from which rays look for the body [m].
 REACH, SPACING, BEHIND = 2e-3, 0.25e-3, 40e-3
