@@ -273,13 +273,10 @@ def _check_own_links(model: mujoco.MjModel, data: mujoco.MjData, geoms: IntArray
     others = np.where(own[:, 0], pairs[:, 1], pairs[:, 0])[touching]
     chosen = np.isin(np.arange(model.ngeom), others) & (tree == tree[geoms[0]]) & (tree >= 0)
     if chosen.any():
-        bodies = [model.body(body).name for body in np.unique(model.geom_bodyid[chosen])]
-        exclude = (
-            f"spec.add_exclude(bodyname1={model.body(model.geom_bodyid[geoms[0]]).name!r}, bodyname2={bodies[0]!r})"
-        )
+        carrier, link = (model.body(model.geom_bodyid[geom]).name for geom in (geoms[0], chosen.argmax()))
         yield (
             f"{_list_geoms(model, chosen)} presses on array {name!r} in the initial pose of the model; move the array, "
-            f"or exclude the contact: {exclude}"
+            f"or exclude the contact: spec.add_exclude(bodyname1={carrier!r}, bodyname2={link!r})"
         )
 
 

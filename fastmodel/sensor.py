@@ -95,11 +95,8 @@ class Sensor:
         suffix: str = "",
     ) -> None:
         """Store the settings, which `attach` and `bind` describe, in an unbound sensor."""
-        self.name = name
-        self.parameters = parameters
-        self._contact = contact
-        self._every = every
-        self._prefix, self._suffix = prefix, suffix
+        self.name, self.parameters = name, parameters
+        self._contact, self._every, self._prefix, self._suffix = contact, every, prefix, suffix
         self._data: mujoco.MjData | None = None
 
     def twin(self, *, prefix: str | None = None, suffix: str | None = None) -> Sensor:
@@ -229,10 +226,8 @@ class Sensor:
         part = re.compile(rf"(.*){re.escape(self.name)}/(?:plate|texel)\d*(.*)")
         matches = (part.fullmatch(model.geom(geom).name) for geom in range(model.ngeom))
         others = sorted({match.groups() for match in matches if match} - {(prefix, suffix)})
-        calls = [
-            f"bind(model, prefix={before!r})" if not after else f"bind(model, prefix={before!r}, suffix={after!r})"
-            for before, after in others
-        ]
+        names = [f"prefix={before!r}" + (f", suffix={after!r}" if after else "") for before, after in others]
+        calls = [f"bind(model, {each})" for each in names]
         return f".  Arrays of this name are in the model: {', '.join(calls)}" if calls else ""
 
     def _require_model(self) -> mujoco.MjModel:
@@ -417,13 +412,11 @@ class Sensor:
             LifeCycleError: As from `texel_poses`.
         """
         (positions, normals, frames), array = self.texel_poses(data), self.parameters.array
-        half = np.array([0.45 * array.texel_size[0], 0.45 * array.texel_size[1], 1e-4])
+        box, half = mujoco.mjtGeom.mjGEOM_BOX, np.array([*(0.45 * np.array(array.texel_size)), 1e-4])
         shades = np.clip(self.texel_forces() / white, 0.0, 1.0)
         for k in array.active.nonzero()[0][: scene.maxgeom - scene.ngeom].tolist():
             place, colour = positions[k] + 2e-4 * normals[k], np.array([*[shades[k]] * 3, 1.0], dtype=np.float32)
-            mujoco.mjv_initGeom(
-                scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_BOX, half, place, frames[k].ravel(), colour
-            )
+            mujoco.mjv_initGeom(scene.geoms[scene.ngeom], box, half, place, frames[k].ravel(), colour)
             scene.ngeom += 1
 
     def contact_forces(self) -> FloatArray:

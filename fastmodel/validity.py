@@ -78,11 +78,8 @@ class Validity:
     def describe_excess(self, reading: Reading) -> str:
         """Describe in one sentence a contact that lies beyond the range."""
         depth = "" if reading.approach is None else f", {1e3 * reading.approach.max(initial=0.0):.3g} mm deep"
-        known = (
-            "more than 5 % of the force is misplaced"
-            if self.load_5_percent < self.largest_load
-            else "the error is unknown"
-        )
+        is_known = self.load_5_percent < self.largest_load
+        known = "more than 5 % of the force is misplaced" if is_known else "the error is unknown"
         return (
             f"a contact ({reading.carried:.3g} N{depth}) lies beyond the range of the fast model: "
             f"under a ball of {1e3 * self.ball_radius:.3g} mm radius {known} above {self.load_5_percent:.3g} N, "

@@ -221,11 +221,9 @@ class ContactFunctions:
             FastModelError: If an array has a wrong number of texels, shape, type or device, or holds NaN.
         """
         depths, array = check_floats("depths", depths, otherwise=self._namespace), self._array
-        if depths.shape[-1:] != (array.count,):
-            raise FastModelError(
-                f"depths has shape {tuple(depths.shape)}; its last dimension must be {array.count} texels"
-            )
-        xp, worlds = find_namespace(depths), tuple(depths.shape[:-1])
+        xp, shape = find_namespace(depths), tuple(depths.shape)
+        if shape[-1:] != (array.count,):
+            raise FastModelError(f"depths has shape {shape}; its last dimension must be {array.count} texels")
         if load is None:
             whole = array.pitch[0] * array.pitch[1] * self._modulus
             load = whole * xp.sum(xp.maximum(depths, 0 * depths), axis=-1)
@@ -233,7 +231,7 @@ class ContactFunctions:
             _interpolate(n, self.grid.per_texel, margin)
             for n, margin in zip((array.rows, array.columns), self.grid.margin, strict=True)
         )
-        image = xp.reshape(depths, (*worlds, array.rows, array.columns))
+        image = xp.reshape(depths, (*shape[:-1], array.rows, array.columns))
         image = convert(rows, depths) @ image @ convert(columns.T.copy(), depths)
         return self.forces(xp.where(image == 0, float("inf"), -image), load, None, iterations)
 
@@ -371,7 +369,6 @@ def _transform(kernel: FloatArray, shape: tuple[int, int]) -> tuple[FloatArray, 
 
     kernel = kernel[: shape[0], : shape[1]]
     rows, columns = (next_fast_len(n + reach - 1, real=True) for n, reach in zip(shape, kernel.shape, strict=True))
-    whole = np.zeros((rows, columns))
-    i, j = (np.arange(1 - reach, reach) for reach in kernel.shape)
-    whole[np.ix_(i, j)] = kernel[np.ix_(np.abs(i), np.abs(j))]
+    i, j = (np.minimum(np.arange(n), n - np.arange(n)) for n in (rows, columns))
+    whole = np.pad(kernel, ((0, rows), (0, columns)))[np.ix_(i, j)]
     return np.fft.rfft2(whole).real.copy(), (rows, columns)

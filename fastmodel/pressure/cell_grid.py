@@ -456,10 +456,7 @@ def _is_bent_sheet(array: TexelArray, axes: FloatArray) -> bool:
     """
     turns = axes.reshape(array.rows, array.columns, 3, 3)
     places = array.centres.reshape(array.rows, array.columns, 3)
-    for along, (here, there) in (
-        (0, (np.s_[:, :-1], np.s_[:, 1:])),
-        (1, (np.s_[:-1], np.s_[1:])),
-    ):
+    for along, (here, there) in ((0, (np.s_[:, :-1], np.s_[:, 1:])), (1, (np.s_[:-1], np.s_[1:]))):
         mean = turns[here] + turns[there]
         length = np.linalg.norm(mean, axis=-2)
         if (length < 1).any():

@@ -171,15 +171,13 @@ class ChainFunctions:
     def _join(self, forces: Array, carried: Array | None, others: Array | None) -> Array:
         """Join the forces on n texels, the total force, and m other signals, shape (..., n + 1 + m) [N]."""
         forces = check_floats("forces", forces, otherwise=self._namespace)
-        xp, worlds = find_namespace(forces), tuple(forces.shape[:-1])
-        if forces.shape[-1:] != (self._count,):
-            raise FastModelError(
-                f"forces has shape {tuple(forces.shape)}; its last dimension must be the {self._count} texels"
-            )
-        total = xp.sum(forces, axis=-1) if carried is None else check_floats("carried", carried, forces, worlds)
+        xp, shape = find_namespace(forces), tuple(forces.shape)
+        if shape[-1:] != (self._count,):
+            raise FastModelError(f"forces has shape {shape}; its last dimension must be the {self._count} texels")
+        total = xp.sum(forces, axis=-1) if carried is None else check_floats("carried", carried, forces, shape[:-1])
         signals = [forces, total[..., None]]
         if others is not None:
-            signals.append(check_floats("others", others, forces, (*worlds, *others.shape[-1:])))
+            signals.append(check_floats("others", others, forces, (*shape[:-1], *others.shape[-1:])))
         return xp.concat(signals, axis=-1)
 
 
