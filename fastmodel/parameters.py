@@ -183,9 +183,7 @@ def load(sensor: str | Path) -> Parameters:
     with document.section("spread"):
         spread = _build_spread(dict(document.take("spread")), tables.pop(_OPERATOR, np.zeros(0)), array)
     if "calibrated" not in document.take("electronics"):
-        _LOG.warning(
-            "%s: [electronics] has no `calibrated`, so counts follow the texel force; derive anew", document.path
-        )
+        _LOG.warning("%s: [electronics] has no `calibrated`: counts follow the texel force; derive anew", document.path)
     parts: dict[str, Any] = {}
     for name, kind in _CLASSES.items():
         if name in document.values and document.values[name] != _NOT_STATED:
@@ -267,10 +265,9 @@ def _describe(parameters: Parameters, sha256: str) -> dict[str, Any]:
     if parameters.filter is not None:
         document["filter"] = vars(parameters.filter)
     if surface is not None:
-        named = [each.name for each in dataclasses.fields(surface)]
-        document[surface.section] = {
-            name: getattr(surface, name) for name in named if name not in _name_tables(type(surface))
-        }
+        tables = _name_tables(type(surface))
+        named = (each.name for each in dataclasses.fields(surface) if each.name not in tables)
+        document[surface.section] = {name: getattr(surface, name) for name in named}
     document["validity"] = _NOT_STATED if parameters.validity is None else vars(parameters.validity)
     if parameters.provenance:
         document["provenance"] = parameters.provenance

@@ -70,9 +70,7 @@ def unpack(state: Mapping[str, npt.NDArray[Any]], name: str, types: Iterable[typ
     if f"{name}/{_TYPE}" in state:
         kind = known.get(str(state[f"{name}/{_TYPE}"]))
         if kind is None:
-            raise FastModelError(
-                f"state: {name!r} is of the type {state[f'{name}/{_TYPE}']}, not one of {sorted(known)}"
-            )
+            raise FastModelError(f"state: {name!r} is of type {state[f'{name}/{_TYPE}']}, not one of {sorted(known)}")
         fields = kind._fields if hasattr(kind, "_fields") else [each.name for each in dataclasses.fields(kind)]
         try:
             return kind(**{field: unpack(state, f"{name}/{field}", types) for field in fields})

@@ -186,15 +186,11 @@ class CoverCells:
         count = len(self.loads)
         wanted = [(count, *self.compliance.shape), (count, *self.influence.shape)]
         if [self.loaded_compliance.shape, self.loaded_influence.shape] != wanted or self.table is not None:
-            raise FastModelError(
-                f"{count} loads need tables under load of shapes {wanted}, and no table by cell and texel"
-            )
+            raise FastModelError(f"{count} loads need tables under load of shapes {wanted}, no table by cell and texel")
         if not count or not (np.diff(self.loads, prepend=0.0) > 0).all():
             raise ValueError("loads must be positive and ascend")
         if self.load_depths is not None and self.load_depths.shape != self.loads.shape:
-            raise FastModelError(
-                f"load_depths has shape {self.load_depths.shape}; {count} loads need {self.loads.shape}"
-            )
+            raise FastModelError(f"load_depths has shape {self.load_depths.shape}; the loads need {self.loads.shape}")
 
     @cached_property
     def under_loads(self) -> tuple[CoverCells, ...]:

@@ -350,9 +350,7 @@ def sample_boxes(
         if len(geoms) * counts[0] * counts[1] > 2000:  # noqa: PLR2004
             counts = [1, 1] if len(geoms) > 1 else counts
         x, y = (side * ((2 * np.arange(count) + 1) / count - 1) for side, count in zip(half, counts, strict=True))
-        local = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), model.geom_size[geom, 2])], axis=-1).reshape(
-            -1, 3
-        )
+        local = np.stack(np.meshgrid(x, y, model.geom_size[geom, 2]), axis=-1).reshape(-1, 3)
         axes = data.geom_xmat[geom].reshape(3, 3)
         points.append(data.geom_xpos[geom] + local @ axes.T)
         normals.append(np.tile(axes[:, 2], (len(local), 1)))

@@ -55,9 +55,7 @@ class Butterworth:
         from scipy.signal import butter
 
         if not self.cutoff_hz < rate_hz / 2:
-            raise FastModelError(
-                f"cutoff_hz {self.cutoff_hz:g} must lie below half the sampling rate of {rate_hz:g} Hz"
-            )
+            raise FastModelError(f"cutoff_hz {self.cutoff_hz:g} must be below half the sampling rate of {rate_hz:g} Hz")
         sections = np.asarray(butter(self.order, self.cutoff_hz, fs=rate_hz, output="sos"))
         # Each section gets a gain of 1 at frequency zero: the whole gain in one section would be 0 in 32 bit.
         sections[:, :3] *= (sections[:, 3:].sum(axis=1) / sections[:, :3].sum(axis=1))[:, None]

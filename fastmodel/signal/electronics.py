@@ -194,9 +194,7 @@ class Electronics:
                 signal = coefficient + signal * applied
         if self.gains is not None:
             if measured.shape[-1:] != (len(self.gains),):
-                raise FastModelError(
-                    f"there are gains for {len(self.gains)} texels, but forces of shape {measured.shape}"
-                )
+                raise FastModelError(f"gains for {len(self.gains)} texels do not fit forces of shape {measured.shape}")
             signal = signal * xp.asarray(self.gains, dtype=signal.dtype)
         if self.threshold:
             signal = signal - self.threshold
