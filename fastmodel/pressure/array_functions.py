@@ -305,9 +305,8 @@ class ContactFunctions:
         return Problem(
             basis=basis,
             products=xp.reshape(basis[..., :, None] * basis[..., None, :], (*basis.shape[:-1], count**2)),
-            soft=convert(np.array([0.0, 1.0, 1.0])[:count], target),
             stiffness=stiffness,
-            always=convert(np.repeat([0.0, 1.0], [cells, count]), target),
+            always=convert(np.append(np.zeros(cells), [0.0, 1.0, 1.0][:count]), target),
             tiny=convert(1e-30 * np.eye(count), target),
             shape=(self.grid.rows, self.grid.columns),
             padded=self._padded,

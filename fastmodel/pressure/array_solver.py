@@ -31,9 +31,9 @@ class Problem(NamedTuple):
         basis: Columns B of the conditions B' unknowns = target, which are also the rigid motions of a body, shape
             (N + k, k), or (worlds, N + k, k) if they differ between worlds [-].
         products: Products of all pairs of columns of the basis, shape (..., N + k, k * k) [-].
-        soft: 1 for a condition with a slack, 0 for the first, on the force, shape (k,) [-].
         stiffness: Stiffness of the foundation under each cell, and of the slacks, shape (..., N + k) [-].
-        always: 0 for cells, 1 for slacks, which take part in every step, shape (N + k,) [-].
+        always: 1 for slacks, which take part in every step, 0 for cells and for the slack of the first condition, on
+            the force, which is not missed, shape (N + k,) [-].
         tiny: Small diagonal matrix, which keeps a system of equations regular in a world without contact, (k, k) [-].
         shape: Rows and columns of the contact grid.
         padded: Rows and columns of the grid padded for the Fourier transform.
@@ -45,7 +45,6 @@ class Problem(NamedTuple):
 
     basis: Array
     products: Array
-    soft: Array
     stiffness: Array
     always: Array
     tiny: Array
@@ -95,7 +94,7 @@ class Problem(NamedTuple):
         xp = find_namespace(forces)
         forces = forces * _divide(target[:, :1], _sum(forces))
         missing = target - _multiply(forces, self.basis[..., : forces.shape[1], :])
-        return xp.concat([forces, self.soft * missing], axis=1)
+        return xp.concat([forces, self.always[forces.shape[1] :] * missing], axis=1)
 
     def press(self, gap: Array, target: Array, steps: int) -> Array:
         """Compute the forces on cells, shape (worlds, N).
@@ -147,7 +146,7 @@ class Problem(NamedTuple):
             target: Wanted values of the conditions, shape (worlds, k).
         """
         springs = self.stiffness * under
-        motion = target * (1 - self.soft) / _sum(springs)
+        motion = target * (1 - self.always[-target.shape[1] :]) / _sum(springs)
         for _ in range(_NEWTON[target.shape[1]]):
             height = self.move(motion) - gap
             weights = springs * find_namespace(gap).maximum(_number(height > 0, gap), self.always)
@@ -165,7 +164,7 @@ class Problem(NamedTuple):
         Returns:
             Gradients with respect to gap, shape (worlds, N), and to target, shape (worlds, k).
         """
-        xp, nothing = find_namespace(forces), forces[:, :1] * 0 * self.soft
+        xp, nothing = find_namespace(forces), forces[:, :1] * 0 * self.always[forces.shape[1] :]
         active = xp.maximum(_number(xp.concat([forces, nothing], axis=1) > 0, forces), self.always)
         slope = xp.concat([slope, nothing], axis=1)
         found, residual = xp.zeros_like(slope), active * self.remove(active, slope)[0]

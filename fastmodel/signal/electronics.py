@@ -96,24 +96,20 @@ class Electronics:
         if not isinstance(self.bits, int) or not 1 <= self.bits <= _MOST_BITS:
             raise ValueError(f"bits must be a whole number 1..{_MOST_BITS}, not {self.bits!r}")
         largest, c, share, inf = 2**self.bits - 1, self.characteristic, self.tip_share, np.inf
-        is_texel_force = self.calibrated == TEXEL_FORCE
+        is_texel_force, most = self.calibrated == TEXEL_FORCE, self.output_max
         accepted = f"{TEXEL_FORCE!r} or 'through the cover, tip 1 mm' (radius in mm)"
         rules = {
             f"rate_hz must be positive, not {self.rate_hz}": 0 < self.rate_hz < inf,
             f"sensitivity must be positive, not {self.sensitivity}": 0 < self.sensitivity < inf,
             f"offset must be finite, not {self.offset}": np.isfinite(self.offset),
-            f"output_max must lie in 1..{largest} ({self.bits} bits), not {self.output_max}": (
-                1 <= self.output_max <= largest
-            ),
+            f"output_max must lie in 1..{largest} ({self.bits} bits), not {most}": 1 <= most <= largest,
             f"hysteresis_share must lie in 0..1, not {self.hysteresis_share}": 0 <= self.hysteresis_share <= 1,
             "temperature_coefficient times temperature_excess must exceed -1; the gain is "
             f"{self.temperature_gain}": self.temperature_gain > 0,
             f"noise must not be negative, not {self.noise}": 0 <= self.noise < inf,
             f"hysteresis_width must not be negative, not {self.hysteresis_width}": 0 <= self.hysteresis_width < inf,
             f"threshold must not be negative, not {self.threshold}": 0 <= self.threshold < inf,
-            f"saturation_band must lie in 0..output_max, not {self.saturation_band}": (
-                0 <= self.saturation_band < self.output_max
-            ),
+            f"saturation_band must lie in 0..output_max, not {self.saturation_band}": 0 <= self.saturation_band < most,
             f"characteristic takes {_COEFFICIENTS} finite coefficients c0..c5, not {c}": (
                 c is None or (len(c) == _COEFFICIENTS and np.isfinite(c).all())
             ),
