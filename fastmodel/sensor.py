@@ -328,16 +328,16 @@ class Sensor:
         return True
 
     def _read(self, data: mujoco.MjData) -> Reading:
-        """Read the contact forces, or return the last ones while everything that pressed on the array sleeps.
+        """Read the contact forces, or return the last ones while all that pressed on the array sleeps.
 
         Bodies that sleep have no contacts in MuJoCo.
         """
         model = self._require_model()
         if not model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP:
             return self._reader.read(data)
-        if len(self._pressing) and (data.tree_asleep[self._pressing] >= 0).all():
-            return self._reading
         pairs = data.contact.geom[np.isin(data.contact.geom, self._geoms).any(axis=1)]
+        if not len(pairs) and len(self._pressing) and (data.tree_asleep[self._pressing] >= 0).all():
+            return self._reading
         trees = np.unique(model.body_treeid[model.geom_bodyid[pairs[pairs >= 0]]])
         self._pressing = trees[trees >= 0].astype(np.int64)
         return self._reader.read(data)

@@ -217,7 +217,7 @@ class MeshReader(PressureReader):
 
         If the search does not converge, the forces of its last iteration are used.
         """
-        points, normals = self._cover.points, self._cover.normals
+        points, normals, kept = self._cover.points, self._cover.normals, list[int]()
         pressing, carried, fewest, depth, owner = np.zeros(len(points)), 0.0, None, 0.0, np.zeros(0, dtype=np.int64)
         if contact.loads:
             found = solve_pressure(self._cover, contact.poses, contact.loads, self._forces)
@@ -226,7 +226,8 @@ class MeshReader(PressureReader):
             touched = pressing > 0
             depth = float((self._cover.compliance[np.ix_(touched, touched)] @ pressing[touched]).max(initial=0.0))
             # A body so small that it fits between the points acts through its contact points.
-            contact = contact.select(found.points.nonzero()[0].tolist())
+            kept = found.points.nonzero()[0].tolist()
+            contact = contact.select(kept)
             carried = sum(load.force for load in contact.loads)
         forces = pressing
         if len(contact.points):
@@ -240,7 +241,7 @@ class MeshReader(PressureReader):
         reading = Reading(contact_forces, texel_forces, carried, fewest_cells=fewest)
         if not len(owner):
             owner = np.zeros(len(points), dtype=np.int64)
-        return self._conclude(contact, reading, (owner, points, normals), pressing, depth=depth, layout=())
+        return self._conclude(contact, kept, reading, (owner, points, normals), pressing, depth=depth, layout=())
 
     def _sum_forces(self, layout: tuple[npt.NDArray[Any], ...], forces: FloatArray) -> list[FloatArray]:  # noqa: ARG002
         """Sum forces on the points over texels, see `PressureReader._sum_forces`; the layout is not used."""

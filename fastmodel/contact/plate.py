@@ -351,6 +351,7 @@ class CellReader(PressureReader):
         The reach of a body is the height above its smallest gap up to which cells are sampled.  It is increased until
         all cells under pressure lie within it.
         """
+        kept = list(range(len(contact.bodies)))
         reach = [self._reach.get(body, self._first) for body in contact.bodies]
         # The parts of a body may touch far from one another, where MuJoCo's contacts are.
         reach = [
@@ -361,7 +362,7 @@ class CellReader(PressureReader):
             found = samples.bodies_found
             if len(found) < len(reach):
                 # No cell is below the shape of these bodies; their contact points represent them.
-                contact, reach = contact.select(found), [reach[k] for k in found]
+                contact, reach, kept = contact.select(found), [reach[k] for k in found], [kept[k] for k in found]
                 continue
             solution = self._solver.solve(samples, contact.loads)
             heights = self._find_heights(contact, samples, solution)
@@ -370,13 +371,13 @@ class CellReader(PressureReader):
                 for body, top in zip(contact.bodies, heights, strict=True):
                     # a margin, so that the reach suffices while the load rises
                     self._reach[body] = max(1.2 * top, 0.25 * self._first)
-                return self._sum(contact, samples, solution)
+                return self._sum(contact, kept, samples, solution)
             # A solution on fewer cells is a poor start value: the iteration would stop at once and add no cells.
             self._solver.reset()
             reach = needed
         nothing = np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3))
         return self._conclude(
-            contact, self._add_points(contact, self._nothing), nothing, np.zeros(0), depth=0.0, layout=()
+            contact, (), self._add_points(contact, self._nothing), nothing, np.zeros(0), depth=0.0, layout=()
         )
 
     def _find_heights(self, contact: ArrayContact, samples: GapSamples, solution: PressureSolution) -> list[float]:
@@ -396,7 +397,9 @@ class CellReader(PressureReader):
             heights.append((top if exact else 1.5 * top) if math.isfinite(top) else self._first)
         return heights
 
-    def _sum(self, contact: ArrayContact, samples: GapSamples, solution: PressureSolution) -> Solved:
+    def _sum(
+        self, contact: ArrayContact, kept: Sequence[int], samples: GapSamples, solution: PressureSolution
+    ) -> Solved:
         """Sum the forces on cells over texels, at the top and, if the method computes them, at the base."""
         pressed = np.bincount(samples.body, solution.forces > 0, len(contact.loads))
         window, origin = solution.window, solution.origin
@@ -418,7 +421,7 @@ class CellReader(PressureReader):
         cells = samples.body, samples.place, samples.normal
         depth = float((solution.surface - samples.gap).max())
         return self._conclude(
-            contact, self._add_points(contact, reading), cells, solution.forces, depth=depth, layout=tuple(layout)
+            contact, kept, self._add_points(contact, reading), cells, solution.forces, depth=depth, layout=tuple(layout)
         )
 
     def _sum_forces(self, layout: tuple[npt.NDArray[Any], ...], forces: FloatArray) -> list[FloatArray]:

@@ -38,8 +38,8 @@ from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Largest relative change of the pressure on any cell for which the last solution is adapted to new loads [-].  A tenth
-#: of it is the largest motion: along the cover over the size of the contact, and, for a body on a guide, change of the
-#: gap over the depth of the contact.
+#: of it is the largest motion: along the cover over the size of the contact, rotation about the normal, and change of
+#: the gap by a tilt over the depth of the contact, a quarter of it for a body that is free to tilt.
 KEPT = 0.04
 #: Mean square distance of the pressure from its centre, over the edge of a cell, below which a change of the moments is
 #: met in part only [-].
@@ -111,7 +111,8 @@ class Solved(NamedTuple):
     is a sum of k modes, one for the force and, for a body that is free to tilt, one for each moment.
 
     Attributes:
-        contact: The contact.
+        contact: The contact that was solved; bodies that lie over no cell are point forces in it.
+        kept: Index in the bodies of MuJoCo's contact of each body that was solved.
         reading: The reading, without net force and tangential forces.
         modes: Change of the force on each of m cells or points by each mode, shape (k, m) [N].
         torques: Change of the reading's `torques` by each mode, shape (k, 6) [N m].
@@ -124,6 +125,7 @@ class Solved(NamedTuple):
     """
 
     contact: ArrayContact
+    kept: tuple[int, ...]
     reading: Reading
     modes: FloatArray
     torques: FloatArray
@@ -147,14 +149,15 @@ class Solved(NamedTuple):
             other bodies or point forces press.
         """
         last, changes, missed, moved = self.contact, [], np.zeros(3), 0.0
+        if len(self.kept) < len(contact.bodies) and max(self.kept, default=0) < len(contact.bodies):
+            contact = contact.select(self.kept)
         if contact.bodies != last.bodies or not contact.has_points_of(last, edge):
             return np.zeros(0), missed, math.inf
         bodies = zip(contact.loads, last.loads, contact.poses, last.poses, self.centres, self.sizes, strict=True)
         for load, old, pose, before, centre, size in bodies:
             slide, turn, tilt = pose.measure_motion(before, centre, old.directions[0])
-            moved = max(moved, slide / size + turn)
-            if not len(load.turns):
-                moved = max(moved, tilt * size / self.depth)
+            # The moments determine the tilt of a body that is free to turn; its pose matters where they cannot be met.
+            moved = max(moved, slide / size + turn, (0.25 if len(load.turns) else 1.0) * tilt * size / self.depth)
             changes.append(load.find_change(old, centre, edge))
             missed += load.find_missed_torque(-old.moment)
         weights = self.weights @ np.concatenate(changes) if changes else np.zeros(0)
@@ -269,7 +272,7 @@ class PressureReader:
                 torques = weights @ last.torques
                 torques[3:] += torque
                 return last.reading.change(weights @ self._modes, torques)
-        self._solved, self._change, self._modes = self._solve(contact)._replace(contact=contact), 0.0, None
+        self._solved, self._change, self._modes = self._solve(contact), 0.0, None
         return self._solved.reading
 
     def _sum_forces(self, layout: tuple[npt.NDArray[Any], ...], forces: FloatArray) -> Sequence[FloatArray]:
@@ -329,6 +332,7 @@ class PressureReader:
     def _conclude(
         self,
         contact: ArrayContact,
+        kept: Sequence[int],
         reading: Reading,
         cells: tuple[IntArray, FloatArray, FloatArray],
         forces: FloatArray,
@@ -339,7 +343,8 @@ class PressureReader:
         """Add torques and modes to the reading of a solution.
 
         Args:
-            contact: The contact.
+            contact: The contact that was solved.
+            kept: Index in the bodies of MuJoCo's contact of each of its bodies.
             reading: The reading of all forces.
             cells: Body, position, shape (m, 3) [m], and normal, shape (m, 3) [-], of the m cells or points.
             forces: Force on each of them, without point forces, shape (m,) [N].
@@ -365,6 +370,7 @@ class PressureReader:
             sizes.append(size + 0.5 * self._length)
         return Solved(
             contact=contact,
+            kept=tuple(kept),
             reading=reading._replace(torques=torques),
             modes=np.concatenate(found),
             torques=np.concatenate(changes),

@@ -1,4 +1,4 @@
-# ruff: noqa: PLR0917, PLR2004, C901 -- kernels take plain numbers by position, and their tolerances stand where they act
+# ruff: noqa: PLR0917, PLR2004, PLR0912, C901 -- kernels take plain numbers by position, and their tolerances stand where they act
 """Compiled kernels that measure the gap between bodies and the undeformed cover; `fastmodel.pressure.gap` calls them.
 
 `sample_body` averages the gap along an array's normal over cells; `cross_lines` finds where any lines meet solids.
@@ -44,6 +44,10 @@ Vector = tuple[float, float, float]
 
 #: Number of points along each edge of a cell at which the gap is evaluated [-].
 POINTS = 4
+#: Height of a sampled point above the lowest one in its cell, over the edge of the cell, above which the point lies on
+#: a wall of a tilted body and does not count [-].  A wall that leans outwards by 1 degree would raise the mean gap of
+#: the cells along an edge by millimetres, so that they would lose the contact.
+WALL = 0.5
 #: Value below which a component of a unit vector counts as zero [-].  A face of a solid then counts as parallel to the
 #: array's normal, and the axis of a cylinder as parallel to the array's normal or plane.
 _PARALLEL = 1e-9
@@ -424,11 +428,14 @@ def _average_over_cells(
     found, lowest = np.full((4, rows + 2, columns + 2), np.inf), np.inf
     for r in range(rows):
         for c in range(columns):
-            hits, sum_x, sum_y, total = 0, 0.0, 0.0, 0.0
+            hits, sum_x, sum_y, total, lowest_here = 0, 0.0, 0.0, 0.0, np.inf
+            for i in range(POINTS):
+                for j in range(POINTS):
+                    lowest_here = min(lowest_here, heights[r * POINTS + i, c * POINTS + j])
             for i in range(POINTS):
                 for j in range(POINTS):
                     height = heights[r * POINTS + i, c * POINTS + j]
-                    if height < np.inf:
+                    if height < np.inf and height <= lowest_here + WALL * cell[0]:
                         hits += 1
                         sum_x += (j + 0.5) / POINTS - 0.5
                         sum_y += (i + 0.5) / POINTS - 0.5

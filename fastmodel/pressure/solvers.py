@@ -1,11 +1,12 @@
 """Pressure between rigid bodies and cells of the cover, by the compliance of the cover or by an elastic foundation.
 
-`CoverSolver` minimises f A f / 2 + g f over the cell forces f >= 0, where A is the compliance of the cover between
-cells and g the gap of the undeformed surfaces, by conjugate gradients (Polonsky and Keer, Wear 231, 1999).  The force
-of every body is prescribed; for a body that is free to tilt, two moments are prescribed too.  In the solution, pressure
-acts only where the surfaces touch, and the surfaces overlap nowhere.  The Lagrange multipliers of the prescribed forces
-and moments are the approach and the two tilts of each body.  The residual and the search direction are projected on the
-subspace that satisfies these constraints.
+`CoverSolver` minimises f A f / 2 + g f + y s^2 / 2 over the cell forces f >= 0 and slacks s, where A is the compliance
+of the cover between cells and g the gap of the undeformed surfaces, under linear constraints C' f + s = t, by conjugate
+gradients (Polonsky and Keer, Wear 231, 1999).  The force of every body is prescribed without slack.  For a body that is
+free to tilt, two moments are prescribed, each with a slack of compliance y, because no pressure on the cells may have
+exactly the moments of MuJoCo's contact points.  In the solution, pressure acts only where the surfaces touch, and the
+surfaces overlap nowhere.  The Lagrange multipliers of the constraints are the approach and the two tilts of each body.
+The residual and the search direction are projected on the subspace that satisfies the constraints.
 
 A acts as a convolution on a window (rectangle of cells of the contact grid) around the contact.  The force on a partly
 covered cell acts at the centroid of the covered part: the force is divided bilinearly among the four nearest whole
@@ -14,9 +15,9 @@ also displaces that area more; this additional self compliance is added to the d
 
 In `FoundationSolver`, an elastic (Winkler) foundation, pressure displaces its own cell only.  The force on a cell is
 k max(0, d + s x + t y - g), with stiffness k, gap g and, for each body, an approach d and, where the body is free to
-tilt, two slopes s and t.  The values of d, s and t are those at which the sums of the cell forces equal the prescribed
-force and moments of the body.  They minimise a convex, piecewise quadratic function of d, s and t, by Newton's method
-with step halving.
+tilt, two slopes s and t.  The values of d, s and t are those at which the sums of the cell forces and slacks equal the
+prescribed force and moments of the body.  They minimise a convex, piecewise quadratic function of d, s and t, which is
+done by Newton's method with step halving.
 """
 
 from __future__ import annotations
@@ -299,6 +300,8 @@ class CoverSolver(PressureSolver):
         self._place, self._start = compile_kernel(place_cells), compile_kernel(find_start)
         self._minimise = compile_kernel(minimise_energy)
         self._scratch = np.zeros((grid.rows, grid.columns))
+        #: Stiffness of a cell of an elastic foundation, from whose pressure the iteration starts [N/m].
+        self._stiffness = cells.foundation_modulus() * grid.edge[0] * grid.edge[1]
         self.reset()
 
     def reset(self) -> None:
@@ -357,6 +360,7 @@ class CoverSolver(PressureSolver):
         origin, shape, corner, weight, own = self._place(cells, self.grid.arrays, self._near[nearest], self._square)
         cover = (corner, weight, own, *self._cells.under_loads[nearest].convolution.matrices(*shape))
         wanted = np.array([load.force for load in loads])
+        known = len(self._last[0]) > 0
         start = self._start(
             self._last, (samples.row, samples.column, samples.coverage, samples.body), wanted, self._scratch
         )
@@ -367,7 +371,12 @@ class CoverSolver(PressureSolver):
         limits = (tolerance, 0.25 * tolerance / self._stiffest[nearest], self._steps)
         edge, compliance = self.grid.mean_edge, float(self._near[nearest][0, 0])
         constraints, first = join_constraints(loads, samples.body, samples.place, samples.normal, edge, compliance)
+        if not known:
+            start, _ = press_springs(samples, loads, self._stiffness, edge)
         forces, window, motion, steps, converged = self._minimise(cover, samples.gap, constraints, start, limits)
+        if known and not converged:  # The last pressures may be far from the solution.
+            start, _ = press_springs(samples, loads, self._stiffness, edge)
+            forces, window, motion, steps, converged = self._minimise(cover, samples.gap, constraints, start, limits)
         self._last = (samples.row, samples.column, forces / samples.coverage)
         return PressureSolution(
             forces=forces,
@@ -438,6 +447,30 @@ def join_constraints(  # noqa: PLR0917 -- one call per reading
     return (np.concatenate(parts, axis=1), np.concatenate(targets), np.concatenate(slacks)), first
 
 
+def press_springs(
+    samples: GapSamples, loads: Sequence[Load], stiffness: float, edge: float
+) -> tuple[FloatArray, FloatArray]:
+    """Compute the forces of springs under the cells that carry the loads of all bodies.
+
+    Args:
+        samples: The m cells under the bodies, with their gaps.
+        loads: Load of each body.
+        stiffness: Stiffness of the spring of a whole cell [N/m].
+        edge: Edge of a cell [m].
+
+    Returns:
+        Force on each cell, shape (m,) [N], and gap up to which each cell is in contact, shape (m,) [m].
+    """
+    forces, surface = np.zeros(samples.count), np.zeros(samples.count)
+    for body, load in enumerate(loads):
+        own = (samples.body == body).nonzero()[0]
+        if len(own):
+            columns, target, slack = load.build_constraints(samples.place[own], samples.normal[own], edge)
+            springs = samples.gap[own], stiffness * samples.coverage[own]
+            forces[own], surface[own] = compile_kernel(match_springs)(*springs, (columns, target, slack / stiffness))
+    return forces, surface
+
+
 class FoundationSolver(PressureSolver):
     """Solver for the pressure on an elastic foundation; no solution depends on previous ones."""
 
@@ -451,24 +484,14 @@ class FoundationSolver(PressureSolver):
         """
         super().__init__(grid, bases)
         self._stiffness = modulus * grid.edge[0] * grid.edge[1]
-        self._match, self._spread = compile_kernel(match_springs), compile_kernel(spread_on_window)
+        self._spread = compile_kernel(spread_on_window)
 
     def solve(self, samples: GapSamples, loads: Sequence[Load]) -> PressureSolution:
         """Compute the forces on the cells under all bodies; see `PressureSolver.solve`.
 
         In the window, the force on a partly covered cell is that on the whole cell.
         """
-        forces, surface = np.zeros(samples.count), np.zeros(samples.count)
-        for body, load in enumerate(loads):
-            own = (samples.body == body).nonzero()[0]
-            if not len(own):
-                continue
-            stiffness = self._stiffness * samples.coverage[own]
-            columns, target, slack = load.build_constraints(
-                samples.place[own], samples.normal[own], self.grid.mean_edge
-            )
-            constraints = columns, target, slack / self._stiffness
-            forces[own], surface[own] = self._match(samples.gap[own], stiffness, constraints)
+        forces, surface = press_springs(samples, loads, self._stiffness, self.grid.mean_edge)
         if not self.bases:
             return PressureSolution(forces=forces, surface=surface)
         origin = int(samples.row.min()), int(samples.column.min())

@@ -29,7 +29,7 @@ def derived(derivation, tmp_path_factory):
         (("export", "DERIVED", "--format", "gazebo", "--out", "x"), "the array must be flat|spread must be a Gaussian"),
         (("press", "DERIVED", "--indenter", "ball:radius=4mm", "--load=1N"), "name the sensor file"),
         (
-            ("press", "DERIVED", "--indenter", "ball:radius=4mm", "--load=1N", "--model=fast", "--method=area"),
+            ("press", "DERIVED", "--indenter", "ball:radius=4mm", "--load=1N", "--model=fast", "--method=foundation"),
             "does not suit",
         ),
         (

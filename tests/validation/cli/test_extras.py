@@ -106,7 +106,7 @@ def test_one_line_names_all_extras_before_any_work(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"a.mcap", "data.toml"}
 
 
-@pytest.mark.parametrize("change", ["", "--at=1mm,1mm --yaw=10deg --tilt=2deg,0deg", "--method area"])
+@pytest.mark.parametrize("change", ["", "--at=1mm,1mm --yaw=10deg --tilt=2deg,0deg", "--method foundation"])
 def test_press_names_the_fast_model_where_it_does_without_finite_elements(softcover, without_extras, change):
     words = split_command(f"press WTS BALL {change}")
     assert softcover(*words)[2].rstrip().endswith(FAST)
