@@ -120,3 +120,22 @@ def test_a_centre_of_pressure_that_no_pressure_has_is_told():
     mujoco.mj_step(model, data)
     with pytest.warns(fastmodel.RangeWarning, match="centre of pressure lies .* mm from"):
         sensor.step(data)
+
+
+@pytest.mark.parametrize("method", ["cover", "foundation"])
+def test_a_body_between_the_sampled_points_is_read_again_and_again(method):
+    """A ball of 0.05 mm lies over no sampled point of a cell; its force acts at its contact points."""
+    spec = make_spec(timestep=STEP)
+    sensor = fastmodel.attach(spec, spec.worldbody, parameters(filter=None, electronics=FAST), contact=method, every=1)
+    for name, radius, x in (("small", 5e-5, 5e-3), ("large", 4e-3, -5e-3)):
+        body = spec.worldbody.add_body(name=name, pos=[x + 0.2125e-3, 0.1e-3, 0.99 * radius])
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], damping=20)
+        body.add_geom(type=KINDS.mjGEOM_SPHERE, size=[radius, 0, 0], mass=0.05)
+    model = spec.compile()
+    sensor.bind(model)
+    data = mujoco.MjData(model)
+    for k in range(100):
+        data.xfrc_applied[1:, 2] = -1e-3 * k
+        mujoco.mj_step(model, data)
+        sensor.step(data)
+    assert sensor.carried() == pytest.approx(2 * (0.05 * 9.81 + 0.099), rel=1e-2)

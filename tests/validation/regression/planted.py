@@ -154,8 +154,10 @@ def cover_depth(monkeypatch, parameters):
 
     def total(self, *args):
         solved = healthy(self, *args)
-        deeper = solved.reading._replace(approach=1.05 * solved.reading.approach)
-        return solved._replace(reading=deeper)
+        approach = solved.reading.approach
+        return (
+            solved if approach is None else solved._replace(reading=solved.reading._replace(approach=1.05 * approach))
+        )
 
     monkeypatch.setattr(CellReader, "_sum", total)
     return parameters
