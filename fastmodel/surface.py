@@ -235,9 +235,9 @@ class CoverCells:
 
     @property
     def margin(self) -> int | None:
-        """Number of pitches by which a plate in MuJoCo extends beyond the texels, if the cover determines it [-].
+        """Width by which a plate in MuJoCo extends beyond the texels, if the cover determines it [m].
 
-        A cover with free side edges ends at the texels, so that the number is 0.  It is None for other covers.
+        A cover with free side edges ends at the texels, so that the width is 0.  It is None for other covers.
         """
         return None if self.table is None else 0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,14 +31,19 @@ def check_texel_count(rows: object, columns: object) -> None:
         raise ValueError(f"{rows} rows of {columns} texels are too many; at most {MOST_TEXELS} texels are supported")
 
 
-def check_margin(margin: tuple[float, ...]) -> None:
-    """Check the width of a cover beyond the texels, along x and y [m].
+def check_margin(margin: Any) -> tuple[float, float]:  # noqa: ANN401 -- anything is checked
+    """Return the width of a cover beyond the texels along x and y, given as one number or two [m].
 
     Raises:
-        ValueError: If a width is negative or not finite.
+        ValueError: If it is neither, or a width is negative or not finite.
     """
-    if not all(0 <= width < np.inf for width in margin):
+    try:
+        x, y = np.broadcast_to(np.asarray(margin, dtype=np.float64), 2).tolist()
+    except (TypeError, ValueError):
+        x = y = np.nan
+    if not (0 <= x < np.inf and 0 <= y < np.inf):
         raise ValueError(f"margin must be the width of the cover beyond the texels, 0 m or more, not {margin} m")
+    return x, y
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,7 +145,7 @@ class TexelArray:
             columns=columns,
             active=mask,
             name=name,
-            margin=None if margin is None else _as_pair(margin),
+            margin=None if margin is None else check_margin(margin),
         )
 
     @property

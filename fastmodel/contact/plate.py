@@ -86,13 +86,13 @@ class Plate:
         """
         check_box(self.height, self.contype, self.conaffinity)
         if self.margin is not None:
-            check_margin(self.margin if isinstance(self.margin, tuple) else (self.margin,))
+            check_margin(self.margin)
         if (self.solref is None) != (self.solimp is None):
             raise ValueError("solref and solimp belong together; give both or neither")
 
     def count_pitches(self, array: TexelArray) -> tuple[float, float]:
         """Return the margin along x and y, in pitches of the array [-]."""
-        margin = array.margin if self.margin is None else self.margin
+        margin = array.margin if self.margin is None else check_margin(self.margin)
         x, y = np.divide(array.pitch if margin is None else margin, array.pitch).tolist()
         return (x, y)
 
@@ -165,6 +165,15 @@ class Foundation(_PlateMethod):
     """
 
     modulus: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the modulus.
+
+        Raises:
+            ValueError: If it is not positive.
+        """
+        if self.modulus is not None and not 0 < self.modulus < math.inf:
+            raise ValueError(f"modulus of a foundation must be positive, not {self.modulus} Pa/m")
 
     def bind(
         self, model: mujoco.MjModel, array: TexelArray, name: str, *, surface: Surface | None = None

@@ -159,10 +159,12 @@ class Solved(NamedTuple):
             # The moments determine the tilt of a body that is free to turn; its pose matters where they cannot be met.
             moved = max(moved, slide / size + turn, (0.25 if len(load.turns) else 1.0) * tilt * size / self.depth)
             changes.append(load.find_change(old, centre, edge))
-            missed += load.find_missed_torque(-old.moment)
-        weights = self.weights @ np.concatenate(changes) if changes else np.zeros(0)
+            if len(load.turns):
+                missed += load.find_missed_torque(-old.moment)
+        change = changes[0] if len(changes) == 1 else np.concatenate([np.zeros(0), *changes])
+        weights = self.weights.dot(change)
         # The modes allow for changes of the loads, with an error of second order, but not for motions.
-        return weights, missed, max(10 * moved, float(np.abs(weights) @ self.largest))
+        return weights, missed, max(10 * moved, float(np.abs(weights).dot(self.largest)))
 
 
 class Touches(NamedTuple):

@@ -88,7 +88,8 @@ class ContactFunctions:
             )
         cells.check(array)
         cells = cells.under_loads[round(cells.position_among_loads(nominal_load))]
-        margin = array.margin if cells.margin is None else (cells.margin, cells.margin)
+        ends_at_texels = cells.margin is not None and array.margin is None
+        margin = (0.0, 0.0) if ends_at_texels else array.margin
         beyond = (1.0, 1.0) if margin is None else (margin[0] / array.pitch[0], margin[1] / array.pitch[1])
         grid = self.grid = CellGrid.over(array, cells.per_texel, beyond)
         self._namespace, self._array, self._modulus = namespace, array, cells.foundation_modulus()
@@ -200,7 +201,7 @@ class ContactFunctions:
             return self.forces(gap, load, sums[:, 1:] if tilts else None, iterations)
         row, column, parts = self.grid.divide_points(xp.concat([sides, pressing], axis=1))
         shape = (worlds, self.grid.rows, self.grid.columns)
-        index = xp.concat([world] * 4)
+        index = xp.concat([xp.astype(world, row.dtype)] * 4)
         cell = (index * shape[1] + row) * shape[2] + column
         cells = _add_at(xp.where(index < 0, index, cell), parts[:, None], worlds * shape[1] * shape[2])
         cells = xp.reshape(cells, shape)

@@ -277,16 +277,12 @@ class GapSamples:
     @cached_property
     def lowest(self) -> FloatArray:
         """Smallest gap over the cells under each body, shape (bodies,) [m]."""
-        return -self.find_largest(-self.gap)
-
-    def find_largest(self, values: FloatArray) -> FloatArray:
-        """Find the largest of m values, one for each cell, among the cells under each body, shape (bodies,)."""
         bodies = int(self.body[-1]) + 1
         if bodies == 1:
-            return np.array([values.max()])
-        largest = np.full(bodies, -np.inf)
-        np.maximum.at(largest, self.body, values)
-        return largest
+            return np.array([self.gap.min()])
+        lowest = np.full(bodies, np.inf)
+        np.minimum.at(lowest, self.body, self.gap)
+        return lowest
 
 
 def sample_gap(grid: CellGrid, bodies: Sequence[PosedBody], reach: Sequence[float]) -> GapSamples:
