@@ -39,7 +39,7 @@ from meshes.array_types import BoolArray, FloatArray, IntArray
 
 #: Largest relative change of the pressure on any cell for which the last solution is adapted to new loads [-].  A tenth
 #: of it is the largest motion: along the cover over the size of the contact, rotation about the normal, and change of
-#: the gap by a tilt over the depth of the contact, a quarter of it for a body that is free to tilt.
+#: the gap by a tilt over the depth of the contact, a twentieth of it for a body that is free to tilt.
 KEPT = 0.04
 #: Mean square distance of the pressure from its centre, over the edge of a cell, below which a change of the moments is
 #: met in part only [-].
@@ -157,7 +157,7 @@ class Solved(NamedTuple):
         for load, old, pose, before, centre, size in bodies:
             slide, turn, tilt = pose.measure_motion(before, centre, old.directions[0])
             # The moments determine the tilt of a body that is free to turn; its pose matters where they cannot be met.
-            moved = max(moved, slide / size + turn, (0.25 if len(load.turns) else 1.0) * tilt * size / self.depth)
+            moved = max(moved, slide / size + turn, (0.05 if len(load.turns) else 1.0) * tilt * size / self.depth)
             changes.append(load.find_change(old, centre, edge))
             if len(load.turns):
                 missed += load.find_missed_torque(-old.moment)
