@@ -66,8 +66,9 @@ class Validity:
     def is_exceeded(self, reading: Reading) -> bool:
         """Return whether a contact lies beyond the range in which at most 5 % of the force is on wrong texels.
 
-        The contact is compared by its depth, or by its force if its depth is unknown.  Only readings with forces at the
-        base of the cover are examined, which the contact method `cover` computes.
+        The contact is compared by its depth, or by its force if its depth is unknown, as with the contact method
+        `foundation`, to which the range of `cover` applies approximately.  Only readings with forces at the base of the
+        cover are examined.
         """
         if reading.texel_forces is None:
             return False

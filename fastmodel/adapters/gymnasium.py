@@ -69,7 +69,8 @@ class Variation:
 
     Attributes:
         gain: Standard deviation of the gain of each texel about 1 [-].
-        offset: Standard deviation of a constant force that is added on each texel [N].
+        offset: Standard deviation of a constant force that is added on each texel [N].  With a gain, offset or dead
+            texel, images are made anew from the changed forces, without hysteresis.
         dead: Probability that a texel measures nothing [-].
         latency: Largest number of frames by which observations are late; each number from 0 on is equally likely [-].
     """
@@ -284,8 +285,9 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
 
     def _fill(self, name: str, seed: np.random.SeedSequence | None = None) -> None:
         """Draw the variation of a sensor, and fill its observed frames with its latest frame."""
-        vary, draw, count = self._variation, np.random.default_rng(seed), self.sensors[name].parameters.array.count
-        alive = draw.random(count) >= vary.dead
+        vary, draw, array = self._variation, np.random.default_rng(seed), self.sensors[name].parameters.array
+        count = array.count
+        alive = array.active & (draw.random(count) >= vary.dead)
         gain, offset = 1 + vary.gain * draw.standard_normal(count), vary.offset * draw.standard_normal(count)
         self._drawn[name] = (alive * gain, alive * offset, draw)
         self._made[name].clear()
@@ -299,7 +301,7 @@ class TactileObservation(gymnasium.Wrapper[dict[str, Any], Any, Any, Any], gymna
         forces = gain * np.asarray(frame.texel_forces) + offset
         found = {"image": frame.image, "texel_forces": array.image(forces)}
         found["pressures"] = array.image(forces / (frame.texel_area or 1.0))
-        if self._variation != Variation():
+        if self._variation != Variation(latency=self._variation.latency):
             counts = np.where(array.active, electronics.counts(forces, draw), 0)
             found["image"] = array.image(electronics.image(counts))
         if frame.net_force is not None and frame.net_torque is not None and frame.tangential is not None:

@@ -243,6 +243,10 @@ class MeshReader(PressureReader):
             owner = np.zeros(len(points), dtype=np.int64)
         return self._conclude(contact, kept, reading, (owner, points, normals), pressing, depth=depth, layout=())
 
+    def _find_point_torque(self, points: FloatArray) -> FloatArray:
+        """Return the torque of point forces, shape (3,) [N m]; see `PressureReader._find_point_torque`."""
+        return np.asarray(-np.cross(points[:, :3], points[:, 3:]).sum(axis=0))
+
     def _sum_forces(self, layout: tuple[npt.NDArray[Any], ...], forces: FloatArray) -> list[FloatArray]:  # noqa: ARG002
         """Sum forces on the points over texels, see `PressureReader._sum_forces`; the layout is not used."""
         sums = np.bincount(self._texel, forces, self._array.count).astype(np.float64)

@@ -433,6 +433,11 @@ class CellReader(PressureReader):
             contact, kept, self._add_points(contact, reading), cells, solution.forces, depth=depth, layout=tuple(layout)
         )
 
+    def _find_point_torque(self, points: FloatArray) -> FloatArray:
+        """Return the torque of point forces, shape (3,) [N m]; on panels their places in space are not known."""
+        x, y = points[:, 2] @ points[:, :2] if len(points) and not self._grid.panels else (0.0, 0.0)
+        return np.array([-y, x, 0.0])
+
     def _sum_forces(self, layout: tuple[npt.NDArray[Any], ...], forces: FloatArray) -> list[FloatArray]:
         """Sum forces on cells over texels, see `PressureReader._sum_forces`.
 

@@ -277,6 +277,10 @@ class PressureReader:
         self._solved, self._change, self._modes = self._solve(contact), 0.0, None
         return self._solved.reading
 
+    def _find_point_torque(self, points: FloatArray) -> FloatArray:
+        """Return the torque of point forces on the array, see `ArrayContact`, about the array's origin (3,) [N m]."""
+        raise NotImplementedError
+
     def _sum_forces(self, layout: tuple[npt.NDArray[Any], ...], forces: FloatArray) -> Sequence[FloatArray]:
         """Sum forces on cells or points over texels.
 
@@ -355,6 +359,7 @@ class PressureReader:
         """
         owner, place, normal = cells
         torques, found, changes = np.zeros(6), [np.zeros((0, len(forces)))], [np.zeros((0, 6))]
+        torques[:3] = self._find_point_torque(contact.points)
         weights, largest, centres, sizes = [], [], [], []
         for body, load in enumerate(contact.loads):
             part = np.where(owner == body, forces, 0.0) if len(contact.loads) > 1 else forces

@@ -28,7 +28,7 @@ class Frame:
         net_torque: Torque of all contacts about the origin of the array's frame, filtered, shape (3,) [N m]; None for a
             real sensor.
         pressure_torque: Torque of the computed pressure about the origin of the array's frame, filtered, shape (3,)
-            [N m].  It is that of all bodies of known shape; other bodies act as point forces.
+            [N m].  On bent arrays it leaves out point forces of bodies without a known shape.
             None for contact methods that compute no pressure, and for a real sensor.
         missed_torque: What `pressure_torque` lacks of the torque with which bodies that are free to tilt press in
             MuJoCo, filtered, shape (3,) [N m].  Where MuJoCo's contact points lie at the rim of a body, no pressure on

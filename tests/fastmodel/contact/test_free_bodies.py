@@ -139,3 +139,4 @@ def test_a_body_between_the_sampled_points_is_read_again_and_again(method):
         mujoco.mj_step(model, data)
         sensor.step(data)
     assert sensor.carried() == pytest.approx(2 * (0.05 * 9.81 + 0.099), rel=1e-2)
+    np.testing.assert_allclose(sensor.frame().pressure_torque[:2], sensor.frame().net_torque[:2], atol=5e-5)
