@@ -238,7 +238,7 @@ class PressureReader:
         self._modes: FloatArray | None = None
 
     def read(self, data: mujoco.MjData) -> Reading:
-        """Compute the contact forces of a simulation step, or return the last ones if no load or pose has changed.
+        """Compute the contact forces of a simulation step, or adapt the last ones to slight changes of loads and poses.
 
         Raises:
             LifeCycleError: If the size of the array's geoms has changed.
