@@ -201,6 +201,16 @@ class CoverCells:
         pairs = zip(self.loaded_compliance, self.loaded_influence, strict=True)
         return (plain, *(dataclasses.replace(plain, compliance=c, influence=i) for c, i in pairs))
 
+    @property
+    def near(self) -> FloatArray:
+        """Compliance between cells that lie 0 or 1 rows and columns apart, shape (2, 2) [m/N]."""
+        return np.pad(self.compliance / (self.cell[0] * self.cell[1]), ((0, 1), (0, 1)))[:2, :2].copy()
+
+    @property
+    def square_compliance(self) -> float:
+        """Displacement at the centre of a cell on an elastic half space under uniform pressure of unit force [m/N]."""
+        return 4 * float(np.arcsinh(1.0)) * self.top_compliance / float(np.sqrt(self.cell[0] * self.cell[1]))
+
     def position_among_loads(self, load: float) -> float:
         """Return the interpolated index of a load in the list of zero load and the tabulated `loads` [-].
 

@@ -44,10 +44,10 @@ from fastmodel.state import State, take_array
 from fastmodel.surface import CoverCells
 from meshes.array_types import FloatArray, IntArray
 
-#: Slack of a moment [-]: rotation of a body, as displacement over the edge of a cell, for each missing moment, as force
-#: with this edge as lever arm, in units of the compliance of one cell under a force on itself.
+#: Compliance of the slack of a moment, over the compliance of one cell under a force on itself [-].  Per missed moment
+#: of one newton times the edge of a cell, the body tilts by this many such compliances over the edge.
 TILT = 4.0
-#: Slack of a force across the body's main force [-]: motion of the body for each missing force, in the same unit.
+#: Compliance of the slack of a force across the body's main force, over the same compliance [-].
 SHIFT = 400.0
 #: Cosine of the angle between a body's force and a panel's normal, up to which the body exerts no pressure on the panel
 #: [-].  It is also the smallest share of a body's force along the directions in which its joints leave the body free;
@@ -291,11 +291,8 @@ class CoverSolver(PressureSolver):
         """
         super().__init__(grid, bases)
         self._tolerance, self._steps, self._cells = tolerance, steps, cells
-        # displacement at the centre of a square on an elastic half space under uniform pressure of unit force
-        self._square = 4 * float(np.arcsinh(1.0)) * cells.top_compliance / float(np.sqrt(cells.cell[0] * cells.cell[1]))
+        self._square, self._near = cells.square_compliance, [each.near for each in cells.under_loads]
         kernels = [each.compliance / (cells.cell[0] * cells.cell[1]) for each in cells.under_loads]
-        #: Compliance between cells that lie 0 or 1 rows and columns apart, shape (2, 2) [m/N].
-        self._near = [np.pad(each, ((0, 1), (0, 1)))[:2, :2].copy() for each in kernels]
         self._stiffest = [_find_largest_stiffness(each) for each in kernels]
         self._place, self._start = compile_kernel(place_cells), compile_kernel(find_start)
         self._minimise = compile_kernel(minimise_energy)
