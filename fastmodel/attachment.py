@@ -311,6 +311,5 @@ def choose_method(method: str | TexelContact, parameters: Parameters) -> tuple[s
     if parameters.surface is not None and method not in parameters.surface.methods:
         accepted = ", ".join(parameters.surface.methods)
         raise FastModelError(f"the contact method {method} does not suit this cover; accepted: {accepted}")
-    chosen, surface = METHODS[method], parameters.surface
-    ends_at_texels = surface is not None and surface.margin is not None and parameters.array.margin is None
-    return method, chosen.adapt(surface) if ends_at_texels or method == "curved" else chosen
+    adapts = parameters.ends_at_texels or method == "curved"
+    return method, METHODS[method].adapt(parameters.surface) if adapts else METHODS[method]

@@ -97,6 +97,11 @@ class Parameters:
     surface: Surface | None = None
     validity: Validity | None = None
 
+    @property
+    def ends_at_texels(self) -> bool:
+        """Whether plate and contact grid end at the texels: the cover does, and the array states no margin."""
+        return self.surface is not None and self.surface.margin is not None and self.array.margin is None
+
     def __post_init__(self) -> None:
         """Check the types of the parts, and that spread operator, gains and surface fit the array.
 

@@ -154,6 +154,12 @@ class TexelArray:
         return len(self.centres)
 
     @property
+    def margin_pitches(self) -> tuple[float, float]:
+        """Width of the cover beyond the texels along x and y in pitches, one if the array states none [-]."""
+        x, y = np.divide(self.pitch if self.margin is None else self.margin, self.pitch).tolist()
+        return x, y
+
+    @property
     def planar(self) -> bool:
         """Whether all texels lie in the plane z = 0 and their normals point along +z."""
         return bool(np.allclose(self.centres[:, 2], 0) and np.allclose(self.normals, [0, 0, 1]))

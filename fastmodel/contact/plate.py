@@ -92,9 +92,8 @@ class Plate:
 
     def count_pitches(self, array: TexelArray) -> tuple[float, float]:
         """Return the margin along x and y, in pitches of the array [-]."""
-        margin = array.margin if self.margin is None else check_margin(self.margin)
-        x, y = np.divide(array.pitch if margin is None else margin, array.pitch).tolist()
-        return (x, y)
+        stated = array if self.margin is None else replace(array, margin=check_margin(self.margin))
+        return stated.margin_pitches
 
     def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
         """Add the plate to a spec: one box geom for each flat panel of the array; see `TexelContact.attach`."""

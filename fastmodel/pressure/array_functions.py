@@ -88,18 +88,14 @@ class ContactFunctions:
             )
         cells.check(array)
         cells = cells.under_loads[round(cells.position_among_loads(nominal_load))]
-        ends_at_texels = cells.margin is not None and array.margin is None
-        margin = (0.0, 0.0) if ends_at_texels else array.margin
-        beyond = (1.0, 1.0) if margin is None else (margin[0] / array.pitch[0], margin[1] / array.pitch[1])
+        beyond = (0.0, 0.0) if parameters.ends_at_texels else array.margin_pitches
         grid = self.grid = CellGrid.over(array, cells.per_texel, beyond)
         self._namespace, self._array, self._modulus = namespace, array, cells.foundation_modulus()
         self._edge, self._lever = np.array(grid.edge), grid.mean_edge
         ratios = cells.compliance / cells.compliance[0, 0]
         #: Compliance of a cell under a force on itself [m/N], and that of cells up to one row and column apart over it.
         self._own = float(cells.compliance[0, 0]) / grid.mean_edge**2
-        self._near = np.pad(ratios, ((0, 1), (0, 1)))[:2, :2].copy()
-        # displacement at the centre of a square on an elastic half space under uniform pressure of unit force
-        self._square = 4 * float(np.arcsinh(1.0)) * cells.top_compliance / self._lever / self._own
+        self._near, self._square = cells.near / self._own, cells.square_compliance / self._own
         self._spectrum, self._padded = _transform(ratios, (grid.rows, grid.columns))
         #: Middle of the grid in the array's frame, shape (2,) [m].
         self._middle = grid.low + self._edge * (grid.columns, grid.rows) / 2
