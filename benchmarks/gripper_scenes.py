@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.util
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -128,19 +128,14 @@ FETCH = Gripper(
     axes=((0, 1, 0), (0, 0, -1), (-1, 0, 0)),
     points=0,
 )
-RETHINK = Gripper(
-    package="robosuite",
+RETHINK = replace(
+    PANDA,
     file="models/assets/grippers/rethink_gripper.xml",
     body="gripper_base",
-    turn=(0.0, 1.0, 0.0, 0.0),
     pitch=1.5e-3,
-    slipping=-0.5,
     sides=("l", "r"),
     names=("{}_finger_tip", "{}_finger_joint", "gripper_{}_finger_joint", "{}_fingerpad_g0"),
-    opens=(1.0, -1.0),
     position=(0.0, -10.5e-3, -17e-3),
-    axes=((1, 0, 0), (0, 0, -1), (0, 1, 0)),
-    points=2,
 )
 GRIPPERS = {"panda": PANDA, "fetch": FETCH, "rethink": RETHINK}
 OBJECTS = ("box", "sphere", "cylinder", "capsule", "mug", "flex")
