@@ -310,10 +310,11 @@ def agree(stored: Any, found: Any, tolerance: float, scale: float) -> bool:
     a, b = str(stored), str(found)
     if a == b:
         return True
-    if NUMBER.sub("#", a) != NUMBER.sub("#", b):
+    numbers, others = NUMBER.findall(a), NUMBER.findall(b)
+    if NUMBER.sub("#", a) != NUMBER.sub("#", b) or len(numbers) != len(others):
         return False
-    pairs = zip(NUMBER.findall(a), NUMBER.findall(b), strict=True)
     share = max(tolerance, 1e-3)
+    pairs = zip(numbers, others, strict=True)
     return all(abs(float(x) - float(y)) <= share * abs(float(x)) + 1e-12 for x, y in pairs)
 
 
