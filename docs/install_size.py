@@ -35,7 +35,7 @@ PURPOSE = {
     "docs": "this site: `sphinx-build docs site`",
     "device": "the real sensor and its files",
     "gym": "Gymnasium wrapper",
-    "torch": "signal chain on arrays of PyTorch (PyTorch itself not included)",
+    "torch": "contact and signal chain on arrays of PyTorch (PyTorch itself not included)",
     "view": "`press --out`: `fields.vtu`",
     "all": "all of these but `docs` and `test`",
     "test": "tests, linters, types",

@@ -218,7 +218,8 @@ class MeshReader(PressureReader):
         If the search does not converge, the forces of its last iteration are used.
         """
         points, normals, kept = self._cover.points, self._cover.normals, list[int]()
-        pressing, carried, fewest, depth, owner = np.zeros(len(points)), 0.0, None, 0.0, np.zeros(0, dtype=np.int64)
+        pressing, owner = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
+        carried, fewest, depth = 0.0, None, 0.0
         if contact.loads:
             found = solve_pressure(self._cover, contact.poses, contact.loads, self._forces)
             pressing, fewest = found.forces, int(found.points.min())
@@ -239,8 +240,6 @@ class MeshReader(PressureReader):
         self._forces = forces
         contact_forces, texel_forces = self._sum_forces((), forces)
         reading = Reading(contact_forces, texel_forces, carried, fewest_cells=fewest)
-        if not len(owner):
-            owner = np.zeros(len(points), dtype=np.int64)
         return self._conclude(contact, kept, reading, (owner, points, normals), pressing, depth=depth, layout=())
 
     def _find_point_torque(self, points: FloatArray) -> FloatArray:

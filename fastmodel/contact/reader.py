@@ -37,9 +37,10 @@ from fastmodel.state import State, pack, take_array, unpack
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-#: Largest relative change of the pressure on any cell for which the last solution is adapted to new loads [-].  A tenth
-#: of it is the largest motion: along the cover over the size of the contact, rotation about the normal, and change of
-#: the gap by a tilt over the depth of the contact, a twentieth of it for a body that is free to tilt.
+#: Largest change of a contact for which the last solution is adapted [-].  The change is the largest relative change of
+#: the pressure on a cell, or ten times the motion of a body, if that is more.  The motion is the larger of two: the
+#: path along the cover over the size of the contact, added to the angle about the normal; and the change of the gap by
+#: a tilt over the depth of the contact, of which a twentieth counts for a body whose moments determine its tilt.
 KEPT = 0.04
 #: Mean square distance of the pressure from its centre, over the edge of a cell, below which a change of the moments is
 #: met in part only [-].

@@ -17,7 +17,7 @@ _PARTS = {
     "report": "demo, validate",
     "device": "the real sensor and its files",
     "gym": "reinforcement-learning wrapper",
-    "torch": "signal chain on arrays of PyTorch",
+    "torch": "contact and signal chain on arrays of PyTorch",
     "view": "pictures in three dimensions with --out, fields.vtu",
     "curved": "tetrahedra in curved covers from CAD",
 }
