@@ -40,7 +40,7 @@ INCREMENTS, COARSE_STEP = (16, 32), 0.2
 #: Rings of a contact with friction, of a curved indenter and of a flat punch, and relative error of the area that two
 #: curved contacts share: the last ring is only partly in contact [-].
 RINGS, PUNCH_RINGS, RING_EDGE = (64, 96), (16, 24), 1e-3
-#: Error of a contact in closed form, as a share of its values: tables and quadrature [-].
+#: Error of texel forces by quadrature of a known pressure on the base, as a share of its values [-].
 ROUNDING = 3e-6
 #: Shift of points into a tilted face, over its size, so that they lie on it after the tilt [-].
 INSIDE = 1e-4
@@ -232,7 +232,8 @@ def _refine_round(pair: tuple[LayerContact, LayerContact], array: TexelArray, po
     if source == "no slip":
         # Both have one contact radius: an error of the depth is one of the area too.
         force, area = force + 2 * depth, 2 * depth
-    errors = ROUNDING + np.array([force, depth, abs(forces[0][peak] / forces[1][peak] - 1), area])
+    # A closed form states its own error.
+    errors = max(ROUNDING, fine.error) + np.array([force, depth, abs(forces[0][peak] / forces[1][peak] - 1), area])
     return _make_truth(source, [fine.force, fine.depth, np.pi * fine.contact_radius**2], forces[1], errors)
 
 

@@ -80,7 +80,7 @@ def disk_table() -> None:
         radius, height = 4e-3 * factor, 2e-3
         found = compress_disk(rubber, radius=radius, height=height, strains=[1e-4, 0.05, 0.1, 0.15])
         apparent = found.force / (np.pi * radius**2 * found.strain * rubber.youngs_modulus)
-        series = closed_form.bonded_disk(factor)
+        series = closed_form.bonded_disk(factor).value
         numbers = [series, gent_lindley(factor), *apparent]
         errors = [abs(apparent[0] / series - 1), found.error_estimate[0], found.error_estimate[-1]]
         row(" | ".join([str(factor), *(f"{number:.4g}" for number in numbers)]), errors)

@@ -22,6 +22,7 @@ from validation.json_values import json_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from fastmodel import FastIndentation
     from fem_reference.fields.cover_fields import CoverFields
     from fem_reference.indentation.result import Indentation
     from meshes.array_types import FloatArray
@@ -34,6 +35,18 @@ _LOG = logging.getLogger(__name__)
 _IN_PLANE = 1e-6
 #: Half the width of the drawn depth profile of the cover, over the radius of the contact area [-].
 _EXTENT = 4.0
+
+
+def describe_force(found: Indentation | FastIndentation) -> str:
+    """Describe the force of a press [N]: its parts on a flat base, which add up to it, or its component on a solid."""
+    total, outside = found.total_force, found.outside
+    if getattr(found, "mesh", found.force) is not None:
+        return f"{total:.4f} N along the motion"
+    texels = float(found.texel_forces.sum())
+    # Adding 0.0 removes the minus sign of a value that is rounded to negative zero.
+    outside, rest = (round(each, 4) + 0.0 for each in (outside, total - texels - outside))
+    text = f"{total:.4f} N: {texels:.4f} N on the texels, {outside:.4f} N outside the array"
+    return f"{text}, {rest:+.4f} N not balanced" if rest else text
 
 
 def write_press(comparison: Comparison, folder: Path) -> tuple[str, ...]:
@@ -77,7 +90,7 @@ def write_press(comparison: Comparison, folder: Path) -> tuple[str, ...]:
             files.append("fields.vtu")
         except ImportError:
             _LOG.warning("no fields.vtu: %s", MissingExtraError("pyvista"))
-    title = f"{case.shape} on {array.name}, {found.total_force:.4g} N"
+    title = f"{case.shape} on {array.name}, {found.total_force:.4f} N"
     scene = show_indentation(found, array, direction=case.pose.towards, title=title)
     return (*files, *write_picture(comparison, folder), *write_scene(scene, folder))
 
@@ -142,8 +155,9 @@ def write_picture(comparison: Comparison, folder: Path) -> tuple[str, ...]:
         _draw_image(panel, comparison.sensor.array, title, forces, peak=peak)
     if fields is not None:
         _draw_profile(axes[-1], comparison, fields)
-    case = comparison.case
-    figure.suptitle(f"{case.shape} on {comparison.sensor.array.name}, {case.load:.4g} N")
+    case, found = comparison.case, comparison.fem or comparison.fast
+    title = f"{case.shape} on {comparison.sensor.array.name}"
+    figure.suptitle(f"{title}\n{describe_force(found)}" if found else title, fontsize="medium")
     figure.savefig(folder / "press.png", dpi=150)
     return ("press.png",)
 

@@ -21,6 +21,7 @@ from validation.text.indenter import read_depth, read_indenter, read_load, read_
 
 if TYPE_CHECKING:
     from fastmodel import Parameters
+    from fem_reference.indentation.result import Indentation
     from validation.press_files import LoadCurve
 
 #: Kinds of strain of the finite elements that a user can name.
@@ -72,6 +73,11 @@ class PressRequest:
         stored = self.sensor is BUILT_IN.get(self.sensor.array.name)
         unused = self.depth is None and self.accuracy is None and not self.friction
         return "compute the fast model alone: --model fast" if stored and unused and "fast" in self.models else ""
+
+    def is_met_by(self, found: Indentation | None) -> bool:
+        """Return whether all estimated errors of a result are at most the wanted accuracy; a NaN is not."""
+        wanted = self.accuracy
+        return wanted is None or found is None or all(each <= wanted for each in found.error_estimate.values())
 
     def find_case(self, progress: Progress | None = None) -> Case:
         """Return the requested indentation as a case; a solid cover is meshed to locate the place of first touch.

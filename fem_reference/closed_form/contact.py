@@ -17,16 +17,22 @@ the punch the condition phi(a) = 0 determines the depth.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
 from scipy.fft import fht, fhtoffset
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 from scipy.optimize import brentq
 from scipy.special import j0
 
-from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes, transfer, transfer_to_base
+from fem_reference.closed_form.layer import (
+    half_space_compliance,
+    hankel_nodes,
+    place_gauss_points,
+    transfer,
+    transfer_to_base,
+)
 from meshes import Cone, Cover, Cylinder, Indenter, Layer, RoundedTip, Sphere, TexelArray
 from meshes.array_types import FloatArray
 
@@ -38,11 +44,17 @@ class ContactSettings:
     #: Smallest number of Gauss points of the integral equation [-].
     nodes: int = 96
     #: Gauss points of the integral equation per thickness of the top layer [-].
-    nodes_per_layer: int = 12
+    nodes_per_layer: int = 8
     #: Largest number of Gauss points of the integral equation [-].
-    most_nodes: int = 1600
-    #: Largest contact radius over the thickness of the top layer [-].  Up to this radius `most_nodes` gives a relative
-    #: error below 3e-6.  At twice this radius the force is in error by 4 %; at larger radii its sign can be wrong.
+    most_nodes: int = 2400
+    #: Number of Gauss points of a second solution over that of the first; their difference is the stated error [-].
+    coarser: float = 0.75
+    #: Relative error of the kernel m(s) [-].  The equation of a wide contact on an incompressible layer has it enlarged
+    #: about (radius / thickness)^3 times.
+    kernel: float = 3e-15
+    #: Largest relative error of a solution that is returned [-].
+    worst: float = 1e-3
+    #: Largest contact radius over the thickness of the top layer [-].
     most_thicknesses: float = 400.0
     #: Largest contact radius over the radius of the indenter [-].  The value keeps the contact away from the vertical
     #: wall of a sphere.
@@ -50,6 +62,10 @@ class ContactSettings:
     #: Product of wave number and thickness of the top layer at which the integral for m(s) ends: exp(-2 x 25) = 2e-22
     #: [-].
     deep: float = 25.0
+    #: Distance over the thickness of the top layer below which m(s) is integrated directly, and the number of panels of
+    #: that integral [-].
+    near: float = 1e-2
+    near_panels: int = 64
     #: Number of concentric rings of the contact on which the force is checked to be compressive [-].
     rings: int = 48
     #: Largest tensile force on a ring of the contact, over the total force, that counts as rounding error [-].
@@ -66,6 +82,8 @@ _SETTINGS = ContactSettings()
 LOGARITHMIC_POINTS = 8192
 #: Natural logarithm of the largest wave number of a logarithmic grid over its middle wave number [-].
 LOGARITHMIC_HALF_WIDTH = 20.0
+#: Exponent of the wave number that weights the Hankel transform of the kernel towards small wave numbers [-].
+_BIAS = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +94,7 @@ class LayerContact:
         force: Normal force on the indenter [N].
         depth: Approach of the indenter from first touch [m].
         contact_radius: Radius of the contact area [m].
+        error: Estimated relative error of force and depth at this contact radius [-].
         cover: The cover that was pressed; None for a half space.
         phi: Points t, weights and values phi(t) of the solution, shape (3, n) [m, m, N/m].
         psi: Values psi(t) at the same points, where int psi(t) sin(k t) dt is the Hankel transform of order 1 of the
@@ -85,6 +104,7 @@ class LayerContact:
     force: float
     depth: float
     contact_radius: float
+    error: float = 0.0
     cover: Cover | None = None
     phi: FloatArray = field(default_factory=lambda: np.zeros((3, 0)), repr=False, compare=False)
     psi: FloatArray | None = field(default=None, repr=False, compare=False)
@@ -164,8 +184,11 @@ def punch(cover: Cover, radius: float, depth: float, *, nodes: int | None = None
         radius: Radius of the cylinder [m].
         depth: Approach of the cylinder from first touch [m].
         nodes: Number of Gauss points of the integral equation; None to choose it from the thickness [-].
+
+    Raises:
+        ValueError: If the contact is wider than 400 thicknesses of the top layer, or not resolved within 0.1 %.
     """
-    return _Equation(cover, radius, nodes).solve(radius, np.zeros_like, depth)
+    return _solve(cover, radius, np.zeros_like, depth, nodes=nodes)
 
 
 def sphere(
@@ -181,7 +204,7 @@ def sphere(
         nodes: Number of Gauss points of the integral equation; None to choose it from the thickness [-].
 
     Raises:
-        ValueError: If the contact is not smaller than the sphere.
+        ValueError: If the contact is not smaller than the sphere, or as for `punch`.
     """
     if not 0 < contact_radius < radius:
         raise ValueError(f"the contact radius must lie in 0..{radius} m, not {contact_radius}")
@@ -189,7 +212,7 @@ def sphere(
     def profile(t: FloatArray) -> FloatArray:
         return t**2 / radius if paraboloid else t * np.arctanh(t / radius)
 
-    return _Equation(cover, contact_radius, nodes).solve(contact_radius, profile)
+    return _solve(cover, contact_radius, profile, nodes=nodes)
 
 
 def indent(
@@ -212,7 +235,8 @@ def indent(
     Raises:
         TypeError: If the indenter has another shape.
         ValueError: If not exactly one of load and depth is given, the contact reaches the rim of the indenter or is
-            wider than 400 thicknesses of the top layer, or the contact pressure would be negative somewhere.
+            wider than 400 thicknesses of the top layer, it is not resolved within 0.1 %, or the contact pressure would
+            be negative somewhere.
     """
     if (load is None) == (depth is None):
         raise ValueError("give either a load or a depth")
@@ -247,7 +271,7 @@ def indent(
         reason = f"the contact reaches the rim of the {type(shape).__name__}"
         raise ValueError(reason if widest == rim else _describe_unresolved(cover))
     a = float(np.exp(brentq(miss, *bracket, rtol=1e-14)))
-    return _require_push(_Equation(cover, a, nodes).solve(a, profile))
+    return _require_push(_solve(cover, a, profile, nodes=nodes))
 
 
 def _bracket_root(function: Callable[[float], float], start: float, largest: float) -> tuple[float, float] | None:
@@ -297,6 +321,28 @@ def hertz(layer: Layer, radius: float, force: float) -> LayerContact:
     return LayerContact(force=force, depth=contact**2 / radius, contact_radius=contact)
 
 
+def _solve(
+    cover: Cover,
+    radius: float,
+    profile: Callable[[FloatArray], FloatArray],
+    depth: float | None = None,
+    *,
+    nodes: int | None,
+) -> LayerContact:
+    """Solve the integral equation, and once more with fewer Gauss points for the error; see `_Equation.solve`.
+
+    Raises:
+        ValueError: If the contact is not resolved.
+    """
+    fine = _Equation(cover, radius, nodes).solve(radius, profile, depth)
+    coarse = _Equation(cover, radius, round(_SETTINGS.coarser * fine.phi.shape[1])).solve(radius, profile, depth)
+    error = max(abs(coarse.force / fine.force - 1), abs(coarse.depth / fine.depth - 1)) + fine.error
+    if not error < _SETTINGS.worst:
+        count = fine.phi.shape[1]
+        raise ValueError(f"{count} nodes do not resolve a contact of {radius:.3g} m radius: the error is {error:.2g}")
+    return replace(fine, error=error)
+
+
 class _Equation:
     """Fredholm equation of a contact of radius a, discretised by Gauss points.
 
@@ -320,6 +366,7 @@ class _Equation:
         self._cover = cover
         self._x, self._weight = radius * (points + 1) / 2, radius * weights / 2
         self._kernel = _tabulate_kernel(cover)
+        self._kernel_error = _SETTINGS.kernel * float(np.abs(self._kernel[0].c).max())
         self._matrix = np.eye(nodes) + 2 / np.pi * self._evaluate(self._x) * self._weight
         self._scale = 2 / np.pi * material.shear_modulus / (1 - material.poisson_ratio)
 
@@ -345,15 +392,21 @@ class _Equation:
             force=float(2 * np.pi * weight @ phi),
             depth=depth,
             contact_radius=radius,
+            error=float(2 / np.pi * self._kernel_error * abs(weight @ flat)),
             cover=self._cover,
             phi=np.stack([x, weight, phi]),
         )
 
     def _evaluate(self, x: FloatArray) -> FloatArray:
         """Evaluate the kernel M(x, t) at the Gauss points t, shape (len(x), nodes) [1/m]."""
-        smallest, largest = np.exp(self._kernel.x[[0, -1]])
-        near, far = np.abs(x[:, None] - self._x), x[:, None] + self._x
-        return np.asarray(sum(self._kernel(np.log(np.clip(s, smallest, largest))) for s in (near, far)) / 2)
+        spline, k, density = self._kernel
+        smallest, largest = np.exp(spline.t[[0, -1]])
+        out = np.zeros((len(x), len(self._x)))
+        for s in (np.abs(x[:, None] - self._x), x[:, None] + self._x):
+            value, near = spline(np.log(np.clip(s, smallest, largest))), s < smallest
+            value[near] = np.cos(np.outer(s[near], k)) @ density
+            out += value / 2
+        return out
 
 
 def _describe_unresolved(cover: Cover) -> str:
@@ -366,13 +419,18 @@ def _describe_unresolved(cover: Cover) -> str:
 
 
 @lru_cache(maxsize=8)
-def _tabulate_kernel(cover: Cover) -> CubicSpline:
+def _tabulate_kernel(cover: Cover) -> tuple[BSpline, FloatArray, FloatArray]:
     """Tabulate the kernel m(s) = int_0^inf (L(k) - 1) cos(k s) dk of the contact equation over log(s) [1/m].
+
+    At small s the table loses digits; there the integral is a sum over wave numbers, which are returned with their
+    weights times L(k) - 1.
 
     L(k) is the compliance of the cover at the wave number k over that of a half space of the top layer's material.
 
     The cosine transform is a Hankel transform of order -1/2.  The integrand is -1 at k = 0.  The transform -b / (b^2 +
-    s^2) of -exp(-b k) is separated, so that the remaining integrand vanishes at k = 0.
+    s^2) of -exp(-b k) is separated, so that the remaining integrand vanishes at k = 0.  Without the bias a constant
+    error of 2e-9 / b would be left, which the nearly singular equation of a wide contact on an incompressible layer
+    multiplies by more than 1e6.
     """
     top, b = cover.layers[-1], cover.thickness
     step = 2 * LOGARITHMIC_HALF_WIDTH / LOGARITHMIC_POINTS
@@ -380,9 +438,12 @@ def _tabulate_kernel(cover: Cover) -> CubicSpline:
     deep = k * top.thickness > _SETTINGS.deep
     safe = np.where(deep, _SETTINGS.deep / top.thickness, k)
     relative = np.where(deep, 0.0, transfer(cover, safe).compliance / half_space_compliance(top, safe) - 1)
-    offset = fhtoffset(step, -0.5)
+    offset = fhtoffset(step, -0.5, bias=_BIAS)
     s = np.exp(offset) / k[::-1]
-    transform = fht((relative + np.exp(-k * b)) * np.sqrt(k), step, -0.5, offset=offset)
+    transform = fht((relative + np.exp(-k * b)) * np.sqrt(k), step, -0.5, offset=offset, bias=_BIAS)
     value = np.sqrt(np.pi / (2 * s)) * transform - b / (b**2 + s**2)
-    inside = (s > 1e-4 * top.thickness) & (s < 1e4 * b)
-    return CubicSpline(np.log(s[inside]), value[inside])
+    inside = (s > _SETTINGS.near * top.thickness) & (s < 1e4 * b)
+    edges = np.append(0.0, np.geomspace(1e-2 / b, _SETTINGS.deep / top.thickness, _SETTINGS.near_panels))
+    near, weight = place_gauss_points(edges, _SETTINGS.points)
+    density = weight * (transfer(cover, near).compliance / half_space_compliance(top, near) - 1)
+    return make_interp_spline(np.log(s[inside]), value[inside], k=5), near, density

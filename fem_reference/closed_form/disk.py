@@ -28,7 +28,15 @@ ComplexArray = npt.NDArray[np.complex128]
 _NEWTON_STEPS = 30
 
 
-def bonded_disk(shape_factor: float, *, terms: int = 40) -> float:
+@dataclass(frozen=True, kw_only=True)
+class DiskModulus:
+    """Apparent modulus of a bonded disk over its Young's modulus [-], and its estimated relative error [-]."""
+
+    value: float
+    error: float
+
+
+def bonded_disk(shape_factor: float, *, terms: int = 40) -> DiskModulus:
     """Compute the apparent modulus of an incompressible disk bonded to two rigid plates, over its Young's modulus.
 
     Args:
@@ -36,16 +44,17 @@ def bonded_disk(shape_factor: float, *, terms: int = 40) -> float:
         terms: Number of pairs of series terms; the limit is extrapolated from this number and half of it [-].
 
     Returns:
-        Apparent modulus over Young's modulus, with an error of about 1e-4 [-].
+        Apparent modulus, with the change from half as many terms as its error.
 
     Raises:
         ValueError: If the shape factor is not positive.
     """
     if not shape_factor > 0:
         raise ValueError(f"the shape factor must be positive, not {shape_factor}")
-    half, whole = (_bound_modulus(4 * shape_factor, n) for n in (terms // 2, terms))
+    bounds = np.array([_bound_modulus(4 * shape_factor, n) for n in (terms // 4, terms // 2, terms)])
     singularity = brentq(lambda s: np.cos(np.pi * s / 2) - s, 0.1, 0.9)
-    return float(whole + (whole - half) / (2 ** (2 * singularity) - 1))
+    coarse, fine = bounds[1:] + np.diff(bounds) / (2 ** (2 * singularity) - 1)
+    return DiskModulus(value=float(fine), error=abs(float(coarse / fine - 1)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

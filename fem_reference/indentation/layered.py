@@ -79,7 +79,8 @@ def press_layers(cover: Cover, problem: PressProblem) -> list[Indentation]:
 
     Raises:
         ValueError: If the axis of the indenter is beside the cover.
-        UnsupportedError: If the motion is not along -z, or a strain other than that of the materials is requested.
+        UnsupportedError: If the motion is not along -z, a strain other than that of the materials is requested, or an
+            accuracy that no grid reaches.
         PiercedError: If the indenter would pierce the cover.
         IncompletePathError: If the solver stops before the last target; the error has the results that were reached.
     """
@@ -115,6 +116,8 @@ def press_layers(cover: Cover, problem: PressProblem) -> list[Indentation]:
         friction=problem.friction,
         fields=problem.fields,
     )
+    if problem.accuracy is not None and problem.accuracy < (least := find_least_error(path)):
+        raise UnsupportedError(f"no grid reaches it: the smallest error that is stated here is {least:.2%}", "accuracy")
     place = Place(array=problem.array, pose=replace(pose, tilt=(0.0, 0.0)))
     press = LayerPress(place=place, progress=problem.progress)
     return press.solve_as_far(path) if problem.accuracy is None else press.refine(path, problem.accuracy)
@@ -239,6 +242,19 @@ class LayerPress:
         if not replace(path, cover=cover).is_in_plane:
             return 0  # Finer grids are not feasible in three dimensions.
         return len(friction_rings.GRIDS if small else finite_strain.GRIDS) - 3
+
+
+def find_least_error(path: LoadingPath) -> float:
+    """Return a lower bound of the largest relative error that any grids of a path state, known beforehand [-].
+
+    Every solution contains one at small strain without friction, and its error.
+    """
+    least = small_strain.least_error(path.cover)
+    if _is_linear(path) or not path.cover.small_strain_only or not path.is_in_plane:
+        return least
+    from fem_reference.small_strain_contact import friction_rings
+
+    return max(least, friction_rings.least_area_error(path.indenter, len(friction_rings.GRIDS) - 3))
 
 
 def study_nonlinear(path: LoadingPath, place: Place, progress: Progress, refinement: int = 0) -> GridStudy:
@@ -436,7 +452,9 @@ def _warn(path: LoadingPath, balance: float, depth: float) -> list[str]:
     """
     out = []
     if abs(balance) > _LARGE_IMBALANCE:
-        out.append(f"the forces on the base differ from the load by {balance:+.2%}")
+        out.append(
+            f"the forces on the base differ from the load by {balance:+.2%}, which is part of the peak texel's estimate"
+        )
     if path.cover.small_strain_only:
         return out
     remaining = 1 - depth / path.cover.thickness

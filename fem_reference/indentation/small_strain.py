@@ -20,7 +20,7 @@ from fem_reference.linear_response.axisymmetric import point_spread
 from fem_reference.linear_response.point_spread import TexelInfluence, superpose
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length, surface_compliance
 from fem_reference.small_strain_contact.frictionless import ContactPatch, bound_contact, solve_contact
-from meshes import Indenter, TexelArray
+from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 from meshes.pose import Place, Pose
 
@@ -77,8 +77,13 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
         solutions=solutions,
         most_order=1.0,
         extrapolate=flat,
-        least_error=_LEAST_ERROR if path.cover.size is None else _LEAST_ERROR_LIMITED,
+        least_error=least_error(path.cover),
     )
+
+
+def least_error(cover: Cover) -> float:
+    """Return the smallest estimated relative error on a cover [-]."""
+    return _LEAST_ERROR if cover.size is None else _LEAST_ERROR_LIMITED
 
 
 def solve_coarse(path: LoadingPath, progress: Progress) -> list[GridSolution]:

@@ -121,7 +121,9 @@ class RingContact:
         self._units = Units.of(cover)
         unit = self._units.length
         self._cover, self._indenter, self._count = cover, indenter, count
-        self._radius = contact_radius / unit
+        # The area of cells may give a radius slightly above that of the indenter.
+        self._rim = indenter.footprint[0] / unit
+        self._radius = min(contact_radius / unit, self._rim)
         self._reach = choose_friction_reach(cover, contact_radius) / unit
         self._edges, radii = self._grade()
         self._radial = RadialCover.mesh(cover, count, radii, surface_size=float(np.diff(self._edges).min()))
@@ -132,13 +134,15 @@ class RingContact:
         """Return the edges of the rings and those of all elements along the radius [thicknesses]."""
         growth = 1 + _SETTINGS.growth / self._count
         coarse = min(1.0, self._radius) / self._count
-        rim = self._indenter.footprint[0] / self._units.length
         if self._indenter.is_flat:
+            rim = self._rim
             radii = grade_around_edge(_SETTINGS.edge * rim / self._count**2, coarse, rim, self._reach, growth)
             return radii[: int(np.argmin(np.abs(radii - rim))) + 1], radii
         width = self._radius / (_SETTINGS.rings * self._count)
-        rings = int(np.ceil(min(_SETTINGS.margin * self._radius, rim) / width - ON_BOUNDARY))
-        edges = width * np.arange(rings + 1)
+        outer = min(width * np.ceil(_SETTINGS.margin * self._radius / width - ON_BOUNDARY), self._rim)
+        # The rings end at the rim of the indenter: beyond it there is no gap.
+        edges = np.linspace(0.0, outer, int(np.ceil(outer / width - ON_BOUNDARY)) + 1)
+        width = float(edges[1])
         beyond = growing_steps(
             width, self._reach - edges[-1], lambda step: step * (growth**2 if step < coarse else growth)
         )
@@ -242,7 +246,9 @@ class RingContact:
         n = len(self._area)
         wanted = ((depth - self._height(self._points)) * self._area_weights).sum(axis=1)
         target = np.concatenate([wanted, self._predict_touch(before, depth)])
-        scale = np.maximum(np.abs(target).max(), _TINY)
+        scale = max(float(np.abs(target).max()), _TINY)
+        if not scale < np.inf:  # An infinite scale would hide every violation.
+            raise ConvergenceError("the gap between indenter and cover is not finite under every ring")
         condition = before.condition.copy()
         condition[(condition == _OPEN) & (wanted > 0)] = _STICKS if friction else _INWARD
         if not before.condition.any():
@@ -380,6 +386,11 @@ def _exchange(condition: IntArray, pressure: FloatArray, shear: FloatArray, fric
     return np.where(pulls, _OPEN, after)
 
 
+def least_area_error(indenter: Indenter, refinement: int) -> float:
+    """Return the smallest estimated relative error of a contact area, whose radius is known to half a ring [-]."""
+    return 0.0 if indenter.is_flat else 1 / (_SETTINGS.rings * GRIDS[refinement + 2])
+
+
 def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> GridStudy:
     """Solve a loading path with friction on three grids.
 
@@ -420,7 +431,6 @@ def study_path(path: LoadingPath, progress: Progress, refinement: int = 0) -> Gr
     return GridStudy(
         solutions=correct_path(path, accurate.solutions, solve),
         least_error=_SETTINGS.least_error,
-        # The radius of the contact is located within half the width of a ring.
-        least_area_error=0.0 if path.indenter.is_flat else 1 / (_SETTINGS.rings * grids[-1]),
+        least_area_error=least_area_error(path.indenter, refinement),
         accurate=accurate,
     )

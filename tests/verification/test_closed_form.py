@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_bvp
+from scipy.integrate import quad, solve_bvp
 
 from fem_reference import closed_form
 from meshes import Cover, Layer
@@ -143,3 +143,37 @@ def test_published_punch_factors(bonded, nu, published):
         radius = ratio * cover.thickness
         force = closed_form.punch(cover, radius, 1e-6).force
         assert force * (1 - nu) / (4 * shear * radius * 1e-6) == pytest.approx(kappa, rel=3.5e-3)
+
+
+@pytest.mark.parametrize("ratio", [100, pytest.param(400, marks=pytest.mark.slow)])
+def test_a_wide_punch_on_an_incompressible_layer_follows_lubrication(bonded, ratio):
+    """p = 3 mu depth (b^2 - r^2) / (4 h^3), where b exceeds the radius by the layer's end correction.
+
+    The equation of a half plane with the symbol L(k) gives the correction by the method of Wiener and Hopf:
+    -(h / pi) int_0^inf log(3 L(k) / 2 (k h)^3) / (k h)^2 d(k h).  The force lacks terms of order (h / radius)^3.
+    """
+    cover = bonded(0.5)
+    h, mu = cover.thickness, cover.layers[0].material.shear_modulus
+
+    def integrand(k):
+        ratio = 3 / (2 * k**3) * (np.sinh(2 * k) - 2 * k) / (1 + 2 * k**2 + np.cosh(2 * k))
+        return -np.log(ratio) / k**2
+
+    # Below 0.01 the integrand is constant to 1e-4 of itself, beyond 20 the fraction of exponentials is 1.
+    beyond = -(np.log(1.5) - 3 * (np.log(20.0) + 1)) / 20.0
+    extra = (0.01 * integrand(0.01) + quad(integrand, 0.01, 20.0, limit=200)[0] + beyond) / np.pi
+    found = closed_form.punch(cover, ratio * h, 1e-3 * h)
+    exact = 3 * np.pi / 8 * mu * (1e-3 * h) * (ratio + extra) ** 4 * h
+    assert found.error < 2e-5
+    assert found.force == pytest.approx(exact, rel=found.error + 6.5 / ratio**3)
+
+
+@pytest.mark.parametrize(("nu", "ratio"), [(0.5, 60), (0.5, 0.5), (0.49, 60), (0.3, 30)])
+def test_the_stated_error_of_a_contact_covers_that_of_few_points(bonded, nu, ratio):
+    h = bonded(nu).thickness
+    exact = closed_form.punch(bonded(nu), ratio * h, 1e-4 * h)
+    for per_layer in (4.5, 5.0, 5.5):
+        coarse = closed_form.punch(bonded(nu), ratio * h, 1e-4 * h, nodes=max(4, int(per_layer * ratio)))
+        assert abs(coarse.force / exact.force - 1) <= coarse.error + exact.error
+    with pytest.raises(ValueError, match="do not resolve a contact"):
+        closed_form.punch(bonded(0.5), 60 * h, 1e-4 * h, nodes=60)

@@ -14,6 +14,7 @@ from fem_reference.finite_strain.block_path import lay_out_block, press_paired
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.linear_response.surface_compliance import decay_length
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
+from tests.exact.no_slip import stuck_shape
 
 #: Share of the heights that counts as small strain.
 REST = 1e-3
@@ -117,3 +118,22 @@ def test_distant_sides_do_not_change_a_contact_with_friction():
     assert second.texel_forces == pytest.approx(first.texel_forces)
     assert "sides" in second.assumptions
     assert "sides" not in first.assumptions
+
+
+def test_a_ball_pressed_almost_to_its_rim_without_slip(bonded):
+    ball, array = Sphere(radius=1e-3), TexelArray.grid(3, 3, 3.4e-3)
+    exact = stuck_shape(bonded(0.49), lambda r: ball.gap(r, np.zeros_like(r)), 0.9e-3, steps=32)
+    found = press(bonded(0.49), array, ball, depth=exact.depth, friction=np.inf)
+    assert found.total_force == pytest.approx(exact.force, rel=found.error_estimate["total_force"])
+    assert found.texel_forces[4] == pytest.approx(exact.texel_forces(array)[4], rel=found.error_estimate["peak_texel"])
+    assert found.contact_area == pytest.approx(np.pi * 0.9e-3**2, rel=found.error_estimate["contact_area"])
+
+
+@pytest.mark.parametrize("friction", [0.5, pytest.param(np.inf, marks=pytest.mark.slow)])
+def test_rings_end_at_the_rim_of_a_ball(bonded, friction):
+    ball, array = Sphere(radius=0.5e-3), TexelArray.grid(3, 3, 3.4e-3)
+    found = press(bonded(0.49), array, ball, depth=1.8e-3, friction=friction)
+    assert 0.98 < found.contact_area / (np.pi * 0.5e-3**2) < 1.001
+    assert np.isfinite([*found.contact_forces.ravel(), *found.error_estimate.values()]).all()
+    slides = np.hypot(*found.contact_forces[:, :2].T) <= -friction * found.contact_forces[:, 2] * (1 + 1e-6)
+    assert slides.all()

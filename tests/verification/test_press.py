@@ -160,8 +160,10 @@ def test_grids_are_added_until_the_wanted_accuracy_is_reached(bonded, wts, face)
     assert max(better.error_estimate.values()) <= (error if isinstance(face, Nut) else 0.7 * error)
     assert any("a finer grid is added" in line for line in lines)
     assert bool(better.warnings) == (max(better.error_estimate.values()) > 0.7 * error)
-    missed = press(bonded(0.49), wts, face, depth=0.1e-3, accuracy=1e-7)
+    missed = press(bonded(0.49), wts, face, depth=0.1e-3, accuracy=1.01e-4)
     assert "the feasible grids reach" in missed.warnings[-1]
+    with pytest.raises(ValueError, match=r"no grid reaches it: the smallest error that is stated here is 0\.01%"):
+        press(bonded(0.49), wts, face, depth=0.1e-3, accuracy=0.9e-4)
     with pytest.raises(ValueError, match="relative error between 0 and 1"):
         press(bonded(0.49), wts, face, depth=0.1e-3, accuracy=1.0)
 

@@ -23,7 +23,8 @@ from validation.extras import EXTRAS, MissingExtraError
 
 #: Exit status after success; `docs/json.md` explains all statuses.
 DONE = 0
-#: Exit status if a check failed, or if the acceptance criterion of a campaign is missed or undecided.
+#: Exit status if a check failed, a wanted accuracy is not reached, or the acceptance criterion of a campaign is missed
+#: or undecided.
 CHECK_FAILED = 1
 #: Exit status if an input is wrong.
 BAD_INPUT = 2

@@ -220,7 +220,7 @@ def _draw_texels(plotter: Any, scene: CoverScene) -> None:
             scalar_bar_args=_bar("force on the texel [mN]"), edge_color="#808080", line_width=1,
             ambient=_STYLE.ambient, diffuse=1 - _STYLE.ambient,
         )  # fmt: skip
-        text = f"\n{int(scene.texels.active.sum())} texels, sum {scene.texel_forces.sum():.4g} N"  # type: ignore[union-attr]
+        text = f"\n{int(scene.texels.active.sum())} texels, {scene.texel_forces.sum():.4f} N on them"  # type: ignore[union-attr]
     if _is_round(scene):
         base = make_grid(scene, 0.999 * _MILLIMETRES).extract_surface(algorithm="dataset_surface")
         plotter.add_mesh(base, color=_STYLE.plain, opacity=0.12)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from validation.cli import options, output
-from validation.cli.entry import DONE, NOT_CONVERGED, OUTSIDE_FAILED
+from validation.cli.entry import CHECK_FAILED, DONE, NOT_CONVERGED, OUTSIDE_FAILED
 from validation.errors import InputError
 from validation.render import escape
 
@@ -78,7 +78,8 @@ def press(
             the sensor file if left out.
         strain: On curved covers: small (seconds), or finite (minutes; large depths, the material as it is). Flat covers
             follow their materials.
-        accuracy: Wanted relative error of the finite elements, e.g. 1%; finer grids are added to reach it.
+        accuracy: Wanted relative error of the finite elements, e.g. 1%; finer grids are added to reach it, and the exit
+            status is 1 if they do not.
         model: Which models: fem, fast, or fem,fast.
         curve: Compute this many points of the curve of load over depth, by finite elements; needs --out.
         out: Folder for pictures, contact forces, displacement and stress in the cover, or for the curve.
@@ -133,6 +134,8 @@ def _compare(request: PressRequest, out: Path | None, *, json: bool) -> int:
     if comparison.stopped:
         output.say(f"softcover: {comparison.stopped}")
         return NOT_CONVERGED
+    if not request.is_met_by(comparison.fem):
+        return CHECK_FAILED
     return OUTSIDE_FAILED if lacks_picture(files) else DONE
 
 
@@ -156,7 +159,8 @@ def _trace(request: PressRequest, points: int, out: Path, *, json: bool) -> int:
     output.say(f"wrote {', '.join(files)} to {out}")
     if curve.stopped:
         output.say(f"{len(curve.indentations)} of {curve.wanted} points: {curve.stopped}")
-    return NOT_CONVERGED if curve.stopped else DONE
+        return NOT_CONVERGED
+    return DONE if all(request.is_met_by(each) for each in curve.indentations) else CHECK_FAILED
 
 
 def _list_points(curve: LoadCurve) -> Iterator[tuple[str, ...]]:
@@ -187,13 +191,15 @@ def _print_comparison(comparison: Comparison) -> None:
 def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
     """Yield the printed results of a press as pairs (name, text): each model, and the scores if both are computed."""
     from validation.metrics import TABULATED
+    from validation.press_files import describe_force
 
     fem, fast = comparison.fem, comparison.fast
     if fem is not None and "fem" in comparison.models:
-        errors = output.describe_errors(fem.error_estimate)
+        # The prescribed one of load and depth has no error.
+        errors = output.describe_errors({name: value for name, value in fem.error_estimate.items() if value != 0})
         assumptions = ", ".join(f"{name}: {value}" for name, value in fem.assumptions.items())
         on_mesh = fem.mesh is not None
-        yield "finite elements", _describe_force(fem.total_force, fem.outside, along=on_mesh)
+        yield "finite elements", describe_force(fem)
         yield "", f"depth {1e3 * fem.depth:.4f} mm, contact area {1e6 * fem.contact_area:.3f} mm²"
         if fem.energy is not None:
             yield "", f"elastic energy {1e3 * fem.energy:.4g} mJ"
@@ -207,20 +213,13 @@ def _list_results(comparison: Comparison) -> Iterator[tuple[str, str]]:
             kind = "hexahedra" if fem.mesh.is_hexahedral else "tetrahedra"
             yield "", f"finest mesh: {len(fem.mesh.cells)} {kind}, hash {fem.mesh.digest[:12]}"
     if fast is not None:
-        yield "fast model", _describe_force(fast.total_force, fast.outside, along=fast.force is not None)
+        yield "fast model", describe_force(fast)
         yield "", f"{fast.seconds:.3f} s"
     if comparison.score is not None:
         values = comparison.score.as_json()
         for index, (name, metric) in enumerate(TABULATED.items()):
             text = f"{metric.heading}: {metric.text(values[name])} {metric.unit}".rstrip()
             yield "" if index else "fast against finite", text
-
-
-def _describe_force(total: float, outside: float, *, along: bool) -> str:
-    """Describe the force of a press [N]: its component along the motion, or its sum and the part outside the array."""
-    # Adding 0.0 removes the minus sign of a value that is rounded to negative zero.
-    part = " along the motion" if along else f", {round(outside, 4) + 0.0:.4f} N of it outside the array"
-    return f"{total:.4f} N{part}"
 
 
 def _format_vector(values: FloatArray) -> str:

@@ -1,10 +1,13 @@
 import json
+import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import fastmodel
 from fem_reference.finite_strain.contact_problem import PathSettings
+from validation.press_files import describe_force
 
 
 def test_both_models_carry_the_load_and_are_scored(softcover):
@@ -51,3 +54,46 @@ def test_a_loading_path_that_stops_is_status_4_in_one_line(softcover, monkeypatc
     last = err.splitlines()[-1]
     assert last.startswith("softcover: reached no load of the 1 N asked for: no convergence even at a depth of")
     assert last.endswith("press less, or with a wider or rounder indenter")
+
+
+PUNCH = ("press", "wts-0614-34", "--indenter", "cylinder:radius=4mm", "--load", "2N", "--model", "fem")
+
+
+def test_an_accuracy_is_reached_or_missed_with_status_1_or_refused(softcover):
+    status, _, err = softcover(*PUNCH, "--accuracy", "1%")
+    assert (status, "wanted" in err) == (0, False)
+    status, out, err = softcover(*PUNCH, "--accuracy", "0.0101%", "--out", "pressed")
+    assert status == 1
+    assert "softcover: warning: 0.0101 % wanted, but the feasible grids reach" in err
+    assert "finite elements" in out
+    assert "wrote press.json" in err
+    status, _, err = softcover(*PUNCH, "--accuracy", "0.001%")
+    assert status == 2
+    assert err == "softcover: --accuracy: no grid reaches it: the smallest error that is stated here is 0.01%\n"
+
+
+def test_an_accuracy_that_no_rings_reach_is_refused_before_a_solution(softcover, monkeypatch):
+    monkeypatch.setattr("fem_reference.indentation.layered.LayerPress.solve", None)
+    ball = ("--indenter", "sphere:radius=4mm", "--load", "2N", "--friction", "0.5", "--accuracy", "0.5%")
+    status, _, err = softcover("press", "wts-0614-34", *ball, "--model", "fem")
+    assert (status, "no grid reaches it: the smallest error that is stated here is 0.60%" in err) == (2, True)
+
+
+def test_one_force_is_printed_once_with_its_parts_and_its_error(softcover):
+    status, out, _ = softcover(*PUNCH, "--at=9mm,0mm")
+    text = " ".join(out.replace("│", " ").split())
+    assert status == 0
+    force, texels, outside = map(float, re.search(r"(\S+) N: (\S+) N on the texels, (\S+) N outside", text).groups())
+    assert force == 2.0
+    assert outside > 0.1
+    assert texels + outside == pytest.approx(force, abs=1.1e-4)
+    assert "total force" not in text  # the load is given
+    _, out, _ = softcover(*PUNCH[:4], "--depth", "0.1mm", "--model", "fem")
+    assert "error estimate total force" in " ".join(out.replace("│", " ").split())
+
+
+def test_an_imbalance_is_a_part_of_the_printed_force():
+    found = SimpleNamespace(total_force=2.0, texel_forces=np.array([1.5, 0.3864]), outside=0.1, mesh=None, force=None)
+    assert describe_force(found) == (
+        "2.0000 N: 1.8864 N on the texels, 0.1000 N outside the array, +0.0136 N not balanced"
+    )
