@@ -228,7 +228,7 @@ def _begin(
     """
     top, indenter, pose = find_top(mesh), problem.indenter, problem.pose
     touch = find_touch(top, indenter, pose)
-    if not np.isfinite(touch):
+    if not -np.ptp(top.nodes @ pose.towards) <= touch < np.inf:  # missed, or passed by the whole cover
         raise ValueError(explain_miss(top, pose))
     deepest = _SETTINGS.largest_depth * measure_thickness(mesh)
     sampler = points(top, indenter, pose, touch + deepest, deepest)

@@ -67,6 +67,10 @@ class MeanGaps:
     softness: FloatArray | float = 0.0
 
 
+#: Smallest cosine between the motion and the inward normal of a facet that can come into contact [-].
+_FACING = 0.03
+
+
 class GapSampler:
     """Points of the part of a top that can come into contact with an indenter on its path.
 
@@ -90,7 +94,10 @@ class GapSampler:
         every, count = np.arange(len(top.facets)), top.facets.shape[1]
         self._set_points(every, *_middles(count, _SEARCH_PARTS))
         reach = np.ptp(top.nodes[top.facets], axis=1).max(axis=1)
-        near = (self._measure(farthest) < reach[:, None]).any(axis=1)
+        # Facets that are almost parallel to the motion bear no force along it, such as the sides of a flat pad.
+        facing = -area_vectors(top.nodes, top.facets, np.full((1, 2), 0.0 if count == QUADRILATERAL else 1 / 3))[:, 0]
+        along = facing @ pose.towards > _FACING * np.linalg.norm(facing, axis=1)
+        near = along & (self._measure(farthest) < reach[:, None]).any(axis=1)
         self._set_points(every[near], *self._choose_points(count))
 
     def _choose_points(self, nodes: int) -> tuple[FloatArray, FloatArray]:

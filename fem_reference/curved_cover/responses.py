@@ -315,10 +315,7 @@ def build_solid(mesh: SolidMesh, material: Material) -> CoverSolid:
 @lru_cache(maxsize=3)
 def find_top(mesh: SolidMesh) -> FacetSurface:
     """Return the top surface of a mesh with its displacement nodes; the last three surfaces stay in memory."""
-    if mesh.is_hexahedral:  # The displacement nodes are the nodes of the mesh; the elements are not needed.
-        return FacetSurface.part_of(mesh.nodes, mesh.top)
-    layout = lay_out(mesh)
-    return FacetSurface.part_of(layout.elements.nodes, layout.top)
+    return FacetSurface.part_of(mesh.nodes, mesh.top)
 
 
 @lru_cache(maxsize=3)

@@ -1,9 +1,9 @@
 """Linear elastic solid of a curved cover, with one factorisation for many loads and prescribed motions of the base.
 
-Displacements are quadratic and the mean stress is linear and continuous (Taylor-Hood), on hexahedra with quadratic
-geometry or on tetrahedra.  Poisson ratios up to 0.5 are therefore possible.  The matrix is assembled with lengths
-divided by the thickness and stresses divided by the shear modulus.  With SI units the pivots of the mean stress would
-be lost in rounding.
+Displacements are quadratic and the mean stress is linear and continuous (Taylor-Hood), on hexahedra or tetrahedra with
+quadratic geometry.  Poisson ratios up to 0.5 are therefore possible.  The matrix is assembled with lengths divided by
+the thickness and stresses divided by the shear modulus.  With SI units the pivots of the mean stress would be lost in
+rounding.
 """
 
 from __future__ import annotations
@@ -40,12 +40,8 @@ class DisplacementNodes:
 
     @classmethod
     def on(cls, mesh: SolidMesh) -> DisplacementNodes:
-        """Place the displacement nodes: nodes of the mesh on hexahedra; corners and edge midpoints on tetrahedra."""
-        if mesh.is_hexahedral:
-            return cls(elements=_prepare_hexahedra(mesh), base=mesh.base, top=mesh.top)
-        elements = prepare_elements(skfem.MeshTet1(mesh.nodes.T.copy(), mesh.cells.T.copy()))
-        base, top = (_add_middles(elements, facets) for facets in (mesh.base, mesh.top))
-        return cls(elements=elements, base=base, top=top)
+        """Place the displacement nodes, which are the nodes of the mesh."""
+        return cls(elements=_prepare_elements(mesh), base=mesh.base, top=mesh.top)
 
 
 class CoverSolid:
@@ -129,37 +125,24 @@ class CoverSolid:
         return load
 
 
-def _prepare_hexahedra(mesh: SolidMesh) -> MixedElements:
+def _prepare_elements(mesh: SolidMesh) -> MixedElements:
     """Prepare elements with quadratic geometry whose displacement nodes are the nodes of the mesh."""
-    corners = np.round(2 * skfem.ElementHex1().doflocs) @ [1, 3, 9]
-    order = (np.round(2 * skfem.ElementHex2().doflocs) @ [1, 3, 9]).astype(np.int64)
-    used, vertices = np.unique(mesh.cells[:, corners.astype(np.int64)], return_inverse=True)
-    straight = skfem.MeshHex1(
-        np.ascontiguousarray(mesh.nodes[used].T), vertices.reshape(len(mesh.cells), 8).T.copy(), validate=False
+    if mesh.is_hexahedral:
+        linear, quadratic = skfem.MeshHex1, skfem.MeshHex2
+        corners, order = (
+            (np.round(2 * each().doflocs) @ [1, 3, 9]).astype(np.int64)
+            for each in (skfem.ElementHex1, skfem.ElementHex2)
+        )
+    else:  # scikit-fem has the same order
+        linear, quadratic = skfem.MeshTet1, skfem.MeshTet2
+        corners, order = np.arange(4), np.arange(10)
+    used, vertices = np.unique(mesh.cells[:, corners], return_inverse=True)
+    straight = linear(
+        np.ascontiguousarray(mesh.nodes[used].T), vertices.reshape(len(mesh.cells), -1).T.copy(), validate=False
     )
-    curved = skfem.MeshHex2.from_mesh(straight)
+    curved = quadratic.from_mesh(straight)
     cells = mesh.cells[:, order]
     places = np.empty_like(curved.doflocs)
     places[:, curved.dofs.element_dofs.ravel()] = mesh.nodes[cells.T.ravel()].T
     elements = prepare_elements(replace(curved, doflocs=places))
     return replace(elements, nodes=mesh.nodes, cells=cells)
-
-
-def _add_middles(elements: MixedElements, facets: IntArray) -> IntArray:
-    """Extend triangles of 3 corners by the displacement nodes at the midpoints of their sides.
-
-    Args:
-        elements: Tetrahedra with quadratic displacements.
-        facets: Indices of the corners of f triangles, shape (f, 3).
-
-    Returns:
-        Indices of corners and midpoints, shape (f, 6).
-    """
-    pairs = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))  # order of scikit-fem's edge functions
-    count = len(elements.nodes)
-    ends = np.sort(np.stack([elements.cells[:, list(pair)] for pair in pairs], axis=1), axis=2)
-    keys, first = np.unique((ends[..., 0] * count + ends[..., 1]).ravel(), return_index=True)
-    middle = elements.cells[:, 4:].ravel()[first]
-    sides = np.sort(np.stack([facets[:, list(pair)] for pair in ((0, 1), (1, 2), (2, 0))], axis=1), axis=2)
-    found = np.searchsorted(keys, sides[..., 0] * count + sides[..., 1])
-    return np.concatenate([facets, middle[found]], axis=1)

@@ -27,6 +27,7 @@ _ELEMENTS = {
     skfem.MeshTri1: (skfem.ElementTriP2, skfem.ElementTriP1),
     skfem.MeshQuad1: (skfem.ElementQuad2, skfem.ElementQuad1),
     skfem.MeshTet1: (skfem.ElementTetP2, skfem.ElementTetP1),
+    skfem.MeshTet2: (skfem.ElementTetP2, skfem.ElementTetP1),
     skfem.MeshHex1: (skfem.ElementHex2, skfem.ElementHex1),
     skfem.MeshHex2: (skfem.ElementHex2, skfem.ElementHex1),
 }
@@ -190,7 +191,7 @@ def prepare_elements(
     """Prepare Taylor-Hood elements on a mesh.
 
     Args:
-        mesh: Linear triangles, quadrilaterals, tetrahedra or hexahedra, or quadratic hexahedra [m].
+        mesh: Linear triangles, quadrilaterals, tetrahedra or hexahedra, or quadratic tetrahedra or hexahedra [m].
         region: Index of the material of each of the e elements, shape (e,); None for one material.
         axisymmetric: Whether the mesh lies in the r-z plane of an axisymmetric body.
         order: Largest polynomial order that the quadrature integrates exactly [-].

@@ -14,16 +14,18 @@ from meshes.material import Material
 from meshes.solids.shell import Shell
 from meshes.solids.solid_mesh import ARRAYS, LIMITS, SolidMesh, check_quality, measure_thickness
 from meshes.solids.swept import SweptCover
-from meshes.surfaces.triangles import enclosed_volume
+from meshes.solids.tetrahedra import count_elements, fill_with_tetrahedra, refine
 
-#: Volume of a regular tetrahedron over the cube of its edge [-].
-_REGULAR = 1 / (6 * np.sqrt(2))
-#: Largest expected number of tetrahedra of a mesh [-].  More are refused before the mesher starts.
-_MOST_TETRAHEDRA = 150_000
+#: Element size of the coarse mesh of tetrahedra over the thickness, unless the sensor file states one [-].
+_SIZE = 0.7
+#: Expected number of tetrahedra of the coarse mesh up to which it is made of elements of `_SIZE`, and above which an
+#: element size of the sensor file is refused before the mesher starts [-].  The fine mesh has eight times as many; with
+#: more than 60 000 tetrahedra a factorisation takes minutes.
+_MOST_TETRAHEDRA = (4500, 12_000)
 #: Factor by which the element size is reduced if a mesh has too few elements through the thickness [-].
 _SMALLER = 0.85
 #: Largest number of reductions of the element size if a mesh has too few elements through the thickness [-].
-_TRIES = 3
+_TRIES = 4
 #: Element size of the mesh of `SolidCover.refine`, over the thickness [-].  This mesh is finer than the meshes of all
 #: results and verifies them.
 _FINER = 0.3
@@ -58,23 +60,38 @@ def make_swept_cover(swept: SweptCover, material: Material, source: str, *, assu
     return SolidCover(layers=(layer,), source=source, make=make, refine=refine, assumed=assumed)
 
 
-def make_shell_cover(shell: Shell, material: Material, source: str, sizes: tuple[float, ...], keep: Keep) -> SolidCover:
-    """Make a cover of tetrahedra in a closed surface.
+def make_shell_cover(
+    shell: Shell, material: Material, source: str, keep: Keep, *, element_size: float | None = None
+) -> SolidCover:
+    """Make a cover of tetrahedra in a closed surface: a coarse mesh and its regular refinement.
 
     Args:
         shell: The closed surface.
         material: Material of the cover.
         source: Origin of the cover, in words.
-        sizes: Element size of each mesh [m].
-        keep: Function that stores the meshes for later runs, because the mesher gives a different mesh at every call.
+        keep: Function that stores the coarse mesh for later runs, because the mesher gives a different mesh at every
+            call.
+        element_size: Element size of the finer mesh [m]; chosen by the thickness and the volume if None.
     """
 
     def make(_: float, progress: Progress) -> tuple[SolidMesh, ...]:
-        meshes = [_fill_finely(shell, source, size, keep, progress) for size in sizes]
-        # On strongly curved surfaces the mesher's envelope limits the element size; the numbers of elements are then
-        # not in order.
-        by_count = {len(mesh.cells): mesh for mesh in meshes}
-        return tuple(by_count[count] for count in sorted(by_count))
+        if element_size is None:
+            size = _SIZE * shell.thickness
+            size *= max(1.0, (count_elements(shell, size) / _MOST_TETRAHEDRA[0]) ** (1 / 3))
+        else:
+            size = 2 * element_size
+            expected = count_elements(shell, size)
+            if expected > _MOST_TETRAHEDRA[1]:
+                raise ValueError(
+                    f"cover.element_size: {1e3 * element_size:.3g} mm would make {8 * expected:.0f} tetrahedra, more "
+                    f"than {8 * _MOST_TETRAHEDRA[1]}; take larger elements"
+                )
+        for _ in range(_TRIES):
+            coarse = _fill(shell, source, size, keep, progress)
+            if check_quality(coarse).through >= LIMITS.through / 2:
+                break
+            size *= _SMALLER
+        return coarse, refine(coarse)
 
     return SolidCover(
         layers=(Layer(thickness=shell.thickness, material=material),),
@@ -104,39 +121,20 @@ def take_meshes(
     )
 
 
-def _fill_finely(shell: Shell, source: str, size: float, keep: Keep, progress: Progress) -> SolidMesh:
-    """Fill a shell with tetrahedra of a size [m], or of a smaller size if too few elements fit in the thickness."""
-    mesh = _fill(shell, source, size, keep, progress)
-    for _ in range(_TRIES):
-        if check_quality(mesh).through >= LIMITS.through:
-            break
-        size *= _SMALLER
-        mesh = _fill(shell, source, size, keep, progress)
-    return mesh
-
-
 def _fill(shell: Shell, source: str, size: float, keep: Keep, progress: Progress) -> SolidMesh:
     """Fill a shell with tetrahedra of one size [m], or take the mesh of an earlier call.
 
     Raises:
-        ValueError: If the mesher fails, or the mesh would have too many elements.
+        ValueError: If the mesher fails.
         ModuleNotFoundError: If pytetwild is not installed.
     """
-    from meshes.solids.tetrahedra import fill_with_tetrahedra
-
-    expected = enclosed_volume(shell.surface) / (_REGULAR * size**3)
-    if expected > _MOST_TETRAHEDRA:
-        raise ValueError(
-            f"cover.element_size: {1e3 * size:.3g} mm would make {expected:.0f} tetrahedra, more than "
-            f"{_MOST_TETRAHEDRA}; take larger elements"
-        )
 
     def compute() -> dict[str, object]:
-        progress(f"tetrahedra of {1e3 * size:.3g} mm")
-        mesh = fill_with_tetrahedra(shell.surface, shell.base, size, name=source, crossings=not shell.is_folded)
+        progress(f"tetrahedra of {1e3 * size:.3g} mm, to be divided in eight")
+        mesh = fill_with_tetrahedra(shell, size, name=source)
         return {**mesh.arrays, "settings": np.array(json.dumps(dict(mesh.settings)))}
 
-    found = keep({"surface": shell.surface, "base": shell.base, "size": size}, compute)
+    found = keep({"surface": shell.surface, "label": shell.label, "size": size}, compute)
     return SolidMesh(
         nodes=found["nodes"].astype(float),
         **{name: found[name].astype(np.int64) for name in ARRAYS[1:]},

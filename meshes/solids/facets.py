@@ -15,6 +15,8 @@ from meshes.array_types import FloatArray, IntArray
 QUADRILATERAL = 9
 #: Number of nodes of a linear triangle [-].
 TRIANGLE = 3
+#: Cosine of the angle between two facets below which the edge between them is sharp [-]; 40 degrees.
+_SHARP = 0.77
 #: Number of nodes of a quadratic triangle [-].
 QUADRATIC_TRIANGLE = 6
 
@@ -99,6 +101,21 @@ def split_facet(nodes: int, parts: int) -> tuple[FloatArray, FloatArray]:
     return middle, middle[:, None] + sign[:, None, None] * around
 
 
+def split_triangles(facets: IntArray) -> IntArray:
+    """Split facets into flat triangles between their nodes, 8 for a quadrilateral and 4 for a quadratic triangle.
+
+    Args:
+        facets: Indices of the nodes of f facets, shape (f, 9) or (f, 6).
+
+    Returns:
+        Indices of the corners of the triangles, those of a facet in a row, shape (n, 3).
+    """
+    parts = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+    if facets.shape[1] == QUADRILATERAL:
+        parts = np.array([[k, *pair] for k in (0, 1, 3, 4) for pair in ((k + 1, k + 4), (k + 4, k + 3))])
+    return np.asarray(facets[:, parts].reshape(-1, 3))
+
+
 def area_vectors(nodes: FloatArray, facets: IntArray, place: FloatArray) -> FloatArray:
     """Compute the normal vectors of facets; their length is the area per unit of reference area.
 
@@ -117,6 +134,8 @@ def area_vectors(nodes: FloatArray, facets: IntArray, place: FloatArray) -> Floa
 def node_normals(nodes: FloatArray, facets: IntArray) -> tuple[IntArray, FloatArray]:
     """Compute unit normals at the nodes of facets, as area-weighted means over the facets of each node.
 
+    At a sharp edge the mean is taken on one side of it, that of the largest facet.
+
     Args:
         nodes: Positions of the nodes, shape (n, 3) [m].
         facets: Indices of the a nodes of each of f facets, shape (f, a).
@@ -124,7 +143,14 @@ def node_normals(nodes: FloatArray, facets: IntArray) -> tuple[IntArray, FloatAr
     Returns:
         Indices of the m nodes, ascending, shape (m,), and their unit normals, shape (m, 3) [-].
     """
-    vectors = area_vectors(nodes, facets, node_places(facets.shape[1]))
+    vectors = area_vectors(nodes, facets, node_places(facets.shape[1])).reshape(-1, 3)
     used, place = np.unique(facets, return_inverse=True)
-    total = np.stack([np.bincount(place.ravel(), vectors[..., k].ravel(), len(used)) for k in range(3)], axis=1)
+    place = place.ravel()
+    sizes = np.linalg.norm(vectors, axis=1)
+    largest = np.empty(len(used), dtype=np.int64)
+    order = np.argsort(sizes, kind="stable")
+    largest[place[order]] = order
+    cosine = np.einsum("kc,kc->k", vectors, vectors[largest[place]])
+    vectors = vectors * (cosine >= _SHARP * sizes * sizes[largest[place]])[:, None]
+    total = np.stack([np.bincount(place, vectors[:, k], len(used)) for k in range(3)], axis=1)
     return used, total / np.linalg.norm(total, axis=1, keepdims=True)

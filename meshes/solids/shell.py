@@ -1,8 +1,8 @@
-"""Closed surface of a cover from its outer surface and its base or thickness, and the part of it that is bonded."""
+"""Closed surface of a cover from its outer surface and its base or thickness; its bonded, touchable, left-out parts."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -54,8 +54,9 @@ class _SideNumbers:
 
     #: Largest distance from the base of a triangle that belongs to the base, over the size of the surface [-].
     on_base: float = 0.01
-    #: Smallest cosine of the angle between the normals of a triangle of the base and of the nearest base triangle [-].
-    aligned: float = 0.5
+    #: Volume of a closed surface over half its area, over the thickness of the cover below it, up to which the surface
+    #: counts as that of the cover itself [-].
+    cover: float = 1.25
     #: Solid angle of a closed surface seen from a point, over that of a whole sphere, above which the point counts as
     #: inside the surface [-].
     inside: float = 0.5
@@ -67,6 +68,8 @@ class _SideNumbers:
     outwards: float = 0.02
 
 
+#: Labels of the triangles of a cover's surface: an indenter can touch it, it is bonded, or it is neither.
+TOUCHABLE, BONDED, LEFT_OUT = 0, 1, 2
 _OFFSET = _OffsetNumbers()
 _SIDES = _SideNumbers()
 #: Index of the strip between the borders of outer surface and base among the groups of triangles of a body.
@@ -88,17 +91,24 @@ class Shell:
 
     Attributes:
         surface: Triangles of the whole surface, counterclockwise as seen from outside, shape (n, 3, 3) [m].
-        base: Triangles of the bonded part, facing into the cover, shape (b, 3, 3) [m].
+        label: `TOUCHABLE`, `BONDED` or `LEFT_OUT` for each triangle, shape (n,).
         notes: Sentences on changes of the shape and assumptions about it.
         nominal: Requested distance between a surface and its offset [m]; None if the shell was not made by an offset.
         is_folded: Whether the surface crosses itself at small folds of an offset.
+        geometry_error: Estimated distance of the surface from the body that it stands for [m].
     """
 
     surface: FloatArray
-    base: FloatArray
+    label: IntArray
     notes: tuple[str, ...] = ()
     nominal: float | None = None
     is_folded: bool = False
+    geometry_error: float = 0.0
+
+    @property
+    def base(self) -> FloatArray:
+        """Triangles of the bonded part, facing into the cover, shape (b, 3, 3) [m]."""
+        return np.asarray(self.surface[self.label == BONDED][:, ::-1])
 
     @property
     def thickness(self) -> float:
@@ -128,6 +138,8 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
     border = list_border(faces, name)
     refuse_seams(points, border, name)
     refuse_parts(points, faces, name)
+    if inward and not len(border):
+        _refuse_cover(points[faces], thickness, name)
     assumed = _check_outward(points, faces, name) + describe_borders(points, border[:, :2], name)
     points, faces = collapse_short_edges(points, faces, _OFFSET.short * thickness)
     border = list_border(faces, name)[:, :2]
@@ -164,9 +176,12 @@ def thicken(triangles: FloatArray, thickness: float, name: str, *, inward: bool)
         notes += (f"{text} thinner, at least {1e3 * distance:.3g} mm",)
     if least:
         notes += (f"the offset surface folds at {100 * least:.2g} % of its area, where the mesher smooths it",)
+    surface = _close(outer, inner, faces, border)
+    label = np.zeros(len(surface), dtype=np.int64)
+    label[len(faces) : 2 * len(faces)] = BONDED
     return Shell(
-        surface=_close(outer, inner, faces, border),
-        base=inner[faces],
+        surface=surface,
+        label=label,
         notes=notes,
         nominal=thickness,
         is_folded=bool(least),
@@ -192,13 +207,13 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
     if not len(border):
         chosen = select_base(outer, base, distance=distance, is_closed=not len(edge))
         if chosen.any():
-            return Shell(surface=outer, base=outer[chosen][:, ::-1], notes=())
+            return Shell(surface=outer, label=np.where(chosen, BONDED, TOUCHABLE))
         if not len(edge):
             _refuse_crossings((outer, base), (_CORE, _CORE))
         if not len(edge) and _are_inside(base_points, outer):
             faces = base_faces if enclosed_volume(base) > 0 else base_faces[:, ::-1]
             into = base_points[faces]
-            return Shell(surface=np.concatenate([outer, into[:, ::-1]]), base=into)
+            return _label(outer, into)
         raise ValueError("the base neither lies on the closed outer surface nor inside it; check frame and unit")
     if not len(edge):
         raise ValueError("the outer surface is open and the base is closed; close the outer surface, or cut the base")
@@ -211,10 +226,22 @@ def join(outer: FloatArray, base: FloatArray, *, distance: float | None = None) 
     into = base_points[base_faces]
     strip = _zip(outer_points, border, base_points, list_border(base_faces[:, ::-1], "the base")[:, :2])
     _refuse_crossings((outer_points[outer_faces], into, strip), (_SHEETS, _OUTLINES))
-    surface = np.concatenate([outer_points[outer_faces], into[:, ::-1], strip])
-    if enclosed_volume(surface) < 0:  # The given triangles of the outer surface faced the base; turn all around.
-        surface, into = surface[:, ::-1], into[:, ::-1]
-    return Shell(surface=surface, base=into)
+    shell = _label(outer_points[outer_faces], into, strip)
+    if enclosed_volume(shell.surface) < 0:  # The given triangles of the outer surface faced the base; turn all around.
+        return replace(shell, surface=shell.surface[:, ::-1])
+    return shell
+
+
+def _label(outer: FloatArray, into: FloatArray, strip: FloatArray | None = None) -> Shell:
+    """Make a shell of an outer surface, a base that faces into the cover, and a strip between their borders."""
+    groups = [outer, into[:, ::-1], *([] if strip is None else [strip])]
+    label = np.repeat([TOUCHABLE, BONDED, TOUCHABLE][: len(groups)], [len(each) for each in groups])
+    return Shell(surface=np.concatenate(groups), label=label)
+
+
+def leave_out(shell: Shell, chosen: BoolArray) -> Shell:
+    """Leave out the chosen triangles of a shell that are not bonded, so that no indenter touches them, shape (n,)."""
+    return replace(shell, label=np.where(chosen & (shell.label == TOUCHABLE), LEFT_OUT, shell.label))
 
 
 def _refuse_crossings(groups: tuple[FloatArray, ...], words: tuple[str, str]) -> None:
@@ -248,14 +275,18 @@ def select_base(
         is_closed: Whether the base is the closed surface of a core; bonded triangles then face the core.
 
     Returns:
-        Whether each triangle belongs to the base, shape (n,).
+        Whether each triangle belongs to the base: its corners and its middle lie on it, shape (n,).
     """
     limit = _SIDES.on_base * float(np.ptp(surface, axis=(0, 1)).max()) if distance is None else distance
+    points, faces = merge_corners(surface)
     middle = surface.mean(axis=1)
-    near, owner = nearest_points(middle, base)
-    cosine = np.einsum("fc,fc->f", unit_vectors(normal_vectors(surface)), unit_vectors(normal_vectors(base))[owner])
-    cosine = -np.sign(enclosed_volume(base)) * cosine if is_closed else np.abs(cosine)
-    return np.asarray((np.linalg.norm(near - middle, axis=1) <= limit) & (cosine > _SIDES.aligned))
+    near = np.linalg.norm(nearest_points(points, base)[0] - points, axis=1) <= limit
+    at, owner = nearest_points(middle, base)
+    chosen = near[faces].all(axis=1) & (np.linalg.norm(at - middle, axis=1) <= limit)
+    if is_closed:
+        facing = np.einsum("fc,fc->f", normal_vectors(surface), normal_vectors(base)[owner]) * enclosed_volume(base)
+        chosen &= facing < 0
+    return np.asarray(chosen)
 
 
 def point_normals(points: FloatArray, faces: IntArray) -> FloatArray:
@@ -268,6 +299,17 @@ def point_normals(points: FloatArray, faces: IntArray) -> FloatArray:
         angle = np.arccos(np.clip(np.einsum("fc,fc->f", one, other), -1, 1))
         np.add.at(out, faces[:, k], angle[:, None] * normal)
     return unit_vectors(out)
+
+
+def _refuse_cover(closed: FloatArray, thickness: float, name: str) -> None:
+    """Refuse a closed surface that is no thicker than the cover that is wanted below it."""
+    area = float(np.linalg.norm(normal_vectors(closed), axis=1).sum()) / 2
+    across = 2 * enclosed_volume(closed) / area
+    if 0 < across < _SIDES.cover * thickness:
+        raise ValueError(
+            f"{name} encloses a body that is only {1e3 * across:.2g} mm thick on average: this looks like the cover "
+            "itself; give the surface to which it is bonded as base, and leave thickness out"
+        )
 
 
 def _check_outward(points: FloatArray, faces: IntArray, name: str) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Solid mesh of a cover: its base, touchable top and free sides, its file, its quality and the limits on it."""
+"""Solid mesh of a cover: its bonded base, touchable top and left-out faces, its file, its quality and limits on it."""
 
 from __future__ import annotations
 
@@ -13,22 +13,34 @@ from types import MappingProxyType
 import numpy as np
 
 from meshes.array import TexelArray
-from meshes.array_types import FloatArray, IntArray
+from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.atomic_file import replace
 from meshes.bounded_file import FileLimitError, pack_npz, parse_json, read_bytes, unpack_npz
-from meshes.solids.facets import QUADRILATERAL, TRIANGLE, area_vectors, facet_shape, line_shape, line_slope
-from meshes.surfaces.triangles import label_parts
+from meshes.solids.facets import (
+    QUADRATIC_TRIANGLE,
+    QUADRILATERAL,
+    area_vectors,
+    line_shape,
+    line_slope,
+    split_facet,
+    split_triangles,
+)
+from meshes.surfaces.triangles import label_parts, nearest_points, normal_vectors, unit_vectors
 
 #: Number of nodes of a hexahedron [-].
 HEXAHEDRON = 27
 #: Number of nodes of a tetrahedron [-].
-TETRAHEDRON = 4
+TETRAHEDRON = 10
 #: Number of nodes of a facet of an element, by the number of nodes of the element [-].
-_FACET_NODES = {HEXAHEDRON: QUADRILATERAL, TETRAHEDRON: TRIANGLE}
+_FACET_NODES = {HEXAHEDRON: QUADRILATERAL, TETRAHEDRON: QUADRATIC_TRIANGLE}
 #: Names of the arrays of a mesh.
-ARRAYS = ("nodes", "cells", "base", "top", "sides")
+ARRAYS = ("nodes", "cells", "base", "top", "left_out")
+#: Corners of a tetrahedron at the ends of its six edges, in the order of their middle nodes 4 to 9.
+EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
+#: Barycentric coordinates of the nodes of a tetrahedron, shape (10, 4).
+_CORNERS_AND_MIDDLES = np.concatenate([np.eye(4), np.eye(4)[EDGES].mean(axis=1)])
 #: Version of the file format.
-_FORMAT = "softcover-mesh 1"
+_FORMAT = "softcover-mesh 2"
 #: Type of the value of a setting from which a mesh was made, for example the element size.
 Setting = str | float | int | bool
 
@@ -45,18 +57,17 @@ class MeshLimits:
     #: Smallest accepted scaled Jacobian of a tetrahedron [-].  Below it an element is a sliver, by the error of test
     #: meshes.
     tetrahedron_jacobian: float = 0.01
-    #: Smallest number of quadratic elements through the thickness [-]; with fewer the error estimates do not hold.
+    #: Smallest number of quadratic elements through the thickness [-]; with fewer the error estimates do not hold.  Of
+    #: a mesh that stands beside its refinement, half as many.
     through: float = 1.5
     #: Smallest and largest accepted length of a cover's largest edge [m].  Other lengths indicate a wrong unit.
     sizes: tuple[float, float] = (1e-3, 0.3)
-    #: Largest distance of a texel's centre from the nearest point of the base, along the normal and across it, over the
-    #: mean thickness [-]; chosen by judgement.
+    #: Largest distance of a texel's centre from the base, over the mean thickness [-]; chosen by judgement.
     off_base: float = 0.1
     #: Smallest cosine of the angle between a texel's normal and that of the base [-]; 30 degrees, chosen by judgement.
     cosine: float = float(np.cos(np.radians(30)))
-    #: Sample points along each side of a facet in the search for the nearest point of the base [-]; chosen by
-    #: judgement.
-    samples: int = 6
+    #: Largest number of texels that a message names [-].
+    named: int = 20
     #: Number of elements whose Jacobians are computed at once [-]; limits the memory to some 100 MB.
     block: int = 5000
     #: Product of edge lengths in place of zero, so that a collapsed element has the scaled Jacobian 0 [m3].
@@ -70,17 +81,18 @@ LIMITS = MeshLimits()
 class SolidMesh:
     """Solid mesh of a cover.
 
-    Elements are hexahedra of 27 nodes with quadratic geometry, or tetrahedra of 4 nodes.  The nodes of a hexahedron are
-    in lexicographic order: node i + 3 j + 9 k at (i, j, k) of 3 x 3 x 3, with k from base to top in swept meshes.
-    Facets are quadrilaterals of 9 nodes or triangles of 3.  The normals of top and sides point out of the cover.  Those
-    of the base point into it, as the normals of the texels do.
+    Elements have quadratic geometry: hexahedra of 27 nodes or tetrahedra of 10.  The nodes of a hexahedron are in
+    lexicographic order: node i + 3 j + 9 k at (i, j, k) of 3 x 3 x 3, with k from base to top in swept meshes.  Nodes 4
+    to 9 of a tetrahedron are the middles of its `EDGES`.  Facets are quadrilaterals of 9 nodes or triangles of 6.
+    Every facet of the surface belongs to base, top or left_out.  The normals of top and left_out point out of the
+    cover.  Those of the base point into it, as the normals of the texels do.
 
     Attributes:
         nodes: Positions of the n nodes, shape (n, 3) [m].
-        cells: Indices of the nodes of each of e elements, shape (e, 27) or (e, 4).
-        base: Facets that are bonded to the rigid base, shape (b, 9) or (b, 3).
-        top: Facets that an indenter can touch, shape (t, 9) or (t, 3).
-        sides: All other facets of the surface, shape (s, 9) or (s, 3).
+        cells: Indices of the nodes of each of e elements, shape (e, 27) or (e, 10).
+        base: Facets that are bonded to the rigid base, shape (b, 9) or (b, 6).
+        top: Facets that an indenter can touch: all that are not bonded or left out, shape (t, 9) or (t, 6).
+        left_out: Free facets that no indenter touches, for example a mounting face, shape (s, 9) or (s, 6).
         source: Origin of the mesh, in words.
         settings: Settings of the mesh.
     """
@@ -89,7 +101,7 @@ class SolidMesh:
     cells: IntArray
     base: IntArray
     top: IntArray
-    sides: IntArray
+    left_out: IntArray
     source: str
     settings: Mapping[str, Setting] = field(default_factory=dict)
 
@@ -102,12 +114,12 @@ class SolidMesh:
         if self.nodes.ndim != 2 or self.nodes.shape[1] != 3 or not np.isfinite(self.nodes).all():  # noqa: PLR2004
             raise ValueError("the nodes of a mesh must be finite and have the shape (n, 3)")
         if self.cells.ndim != 2 or self.cells.shape[1] not in _FACET_NODES or not len(self.cells):  # noqa: PLR2004
-            raise ValueError("a mesh needs hexahedra of 27 nodes or tetrahedra of 4 nodes")
-        for name in ("base", "top", "sides"):
+            raise ValueError("a mesh needs hexahedra of 27 nodes or tetrahedra of 10 nodes")
+        for name in ARRAYS[2:]:
             facets = getattr(self, name)
             if facets.ndim != 2 or facets.shape[1] != _FACET_NODES[self.cells.shape[1]]:  # noqa: PLR2004
                 raise ValueError(f"the facets of the {name} do not fit the elements")
-            if name != "sides" and not len(facets):
+            if name != "left_out" and not len(facets):
                 raise ValueError(f"the mesh has no {name}")
         every = np.concatenate([getattr(self, name).ravel() for name in ARRAYS[1:]])
         if every.min() < 0 or every.max() >= len(self.nodes):
@@ -123,7 +135,7 @@ class SolidMesh:
 
     @property
     def arrays(self) -> dict[str, FloatArray | IntArray]:
-        """The arrays of the mesh by their names: nodes, cells, base, top and sides."""
+        """The arrays of the mesh by their names: nodes, cells, base, top and left_out."""
         return {name: getattr(self, name) for name in ARRAYS}
 
     @cached_property
@@ -134,6 +146,11 @@ class SolidMesh:
             hasher.update(str((values.shape, values.dtype.str)).encode())
             hasher.update(np.ascontiguousarray(values).tobytes())
         return hasher.hexdigest()
+
+    @property
+    def geometry_error(self) -> float:
+        """Largest distance of the surface from the body that it stands for, as stated by the maker of the mesh [m]."""
+        return float(self.settings.get("geometry_error", 0.0))
 
     @property
     def size(self) -> float:
@@ -160,11 +177,13 @@ def read_mesh(path: Path) -> SolidMesh:
     try:
         arrays = unpack_npz(read_bytes(path, most=LIMITS.file_bytes), most=LIMITS.file_bytes)
         about = parse_json(str(arrays["about"]))
+        if about["format"] != _FORMAT:
+            raise ValueError(
+                f"{path.name} is a mesh of another version: {str(about['format'])[:40]!r}; mesh the cover again"
+            )
         for name in ARRAYS:
             if arrays[name].dtype.kind not in ("f" if name == "nodes" else "iu"):
                 raise FileLimitError(f"has {name} of type {arrays[name].dtype}")  # noqa: TRY301 -- reported below
-        if about["format"] != _FORMAT:
-            raise ValueError(f"{path.name} is a mesh of another version: {str(about['format'])[:40]!r}")
         mesh = SolidMesh(
             nodes=arrays["nodes"].astype(np.float64),
             **{name: arrays[name].astype(np.int64) for name in ARRAYS[1:]},
@@ -244,7 +263,9 @@ def check_quality(mesh: SolidMesh) -> Quality:
     if mesh.is_hexahedral:
         through = len(mesh.cells) / len(mesh.base)
     else:  # a regular tetrahedron of edge a has the volume a^3 / (6 sqrt 2)
-        through = thickness / float(np.mean(np.cbrt(6 * np.sqrt(2) * np.abs(_tetrahedron_volumes(mesh)))))
+        corner = mesh.nodes[mesh.cells[:, :4]]
+        each = np.abs(np.linalg.det(corner[:, 1:] - corner[:, :1]))
+        through = thickness / float(np.mean(np.cbrt(np.sqrt(2) * each)))
     faults, (low, high) = [], LIMITS.sizes
     if not low <= mesh.size <= high:
         faults.append(
@@ -265,9 +286,10 @@ def check_quality(mesh: SolidMesh) -> Quality:
             f"{loose} of {len(mesh.cells)} elements are not connected with the base; remove loose bodies from the "
             "surface, or give a base below each"
         )
-    if not through >= LIMITS.through:
+    needed = LIMITS.through / (2 if mesh.settings.get("refined") == 0 else 1)
+    if not through >= needed:
         faults.append(
-            f"only {np.floor(100 * through) / 100:.3g} elements through the thickness, at least {LIMITS.through:g} "
+            f"only {np.floor(100 * through) / 100:.3g} elements through the thickness, at least {needed:g} "
             "needed; take a smaller element size"
         )
     return Quality(
@@ -285,52 +307,59 @@ def check_quality(mesh: SolidMesh) -> Quality:
 
 
 def check_texels(mesh: SolidMesh, texels: TexelArray) -> None:
-    """Check that every texel lies on the base of a mesh and faces out of the base.
+    """Check that every texel lies on the base of a mesh and faces out of the base; see `check_on_base`."""
+    check_on_base(mesh.nodes[split_triangles(mesh.base)], measure_thickness(mesh), texels)
+
+
+def check_on_base(base: FloatArray, thickness: float, texels: TexelArray) -> None:
+    """Check that every texel lies on a base and faces out of the base.
+
+    Args:
+        base: Triangles of the base, facing into the cover, shape (b, 3, 3) [m].
+        thickness: Mean thickness of the cover [m].
+        texels: The texels.
 
     Raises:
-        ValueError: With one line per fault: texels beside or off the base, or normals that point elsewhere.
+        ValueError: With one line per fault: texels off the base, or normals that point elsewhere.
     """
-    thickness = measure_thickness(mesh)
-    along = (np.arange(LIMITS.samples) + 0.5) / LIMITS.samples
-    u, v = np.meshgrid(along, along)
-    place = np.column_stack([u.ravel(), v.ravel()])
-    place = 2 * place - 1 if mesh.is_hexahedral else place[place.sum(axis=1) <= 1]
-    vectors = area_vectors(mesh.nodes, mesh.base, place).reshape(-1, 3)
-    points = np.einsum("qa,fac->fqc", facet_shape(mesh.base.shape[1], place), mesh.nodes[mesh.base]).reshape(-1, 3)
-    area = np.linalg.norm(vectors, axis=1)
-    spacing = 2 * np.sqrt(area.max()) / LIMITS.samples
-    nearest = np.array([((points - centre) ** 2).sum(axis=1).argmin() for centre in texels.centres])
-    units, away = vectors[nearest] / area[nearest, None], texels.centres - points[nearest]
-    height = np.einsum("nc,nc->n", away, units)
-    beside = np.linalg.norm(away - height[:, None] * units, axis=1)
-    allowed = LIMITS.off_base * thickness
-    off = (np.abs(height) > allowed) | (beside > allowed + spacing)
+    nearest, owner = nearest_points(texels.centres, base)
+    distance = np.linalg.norm(nearest - texels.centres, axis=1)
+    off = distance > LIMITS.off_base * thickness
+    units = unit_vectors(normal_vectors(base))[owner]
     turned = ~off & (np.einsum("nc,nc->n", units, texels.normals) < LIMITS.cosine)
     faults = []
     if off.any():
-        distance = np.where(off, np.maximum(np.abs(height), beside), 0.0)
         worst = int(distance.argmax())
         faults.append(
-            f"{off.sum()} of {texels.count} texels are off the base: texel {worst} by {1e3 * distance[worst]:.3g} mm; "
-            "check their positions, their unit and the frame, or project them onto the base"
+            f"{off.sum()} of {texels.count} texels are off the base: {_list_texels(off)}, texel {worst} by "
+            f"{1e3 * distance[worst]:.3g} mm; leave them out, check their positions, their unit and the frame, or "
+            "project them onto the base (project = true)"
         )
     if turned.any():
         faults.append(
-            f"the normals of {turned.sum()} of {texels.count} texels do not point out of the base there: texel "
-            f"{turned.argmax()}; reverse or recompute them"
+            f"the normals of {turned.sum()} of {texels.count} texels do not point out of the base there: "
+            f"{_list_texels(turned)}; leave them out, move them away from the edge of the base, or reverse the normals"
         )
     if faults:
         raise ValueError("\n".join(faults))
 
 
+def _list_texels(chosen: BoolArray) -> str:
+    """List the numbers of chosen texels in words, at most twenty of them."""
+    numbers = np.flatnonzero(chosen)
+    more = f" and {len(numbers) - LIMITS.named} more" if len(numbers) > LIMITS.named else ""
+    return f"{', '.join(map(str, numbers[: LIMITS.named]))}{more}"
+
+
 def compute_volume(mesh: SolidMesh) -> float:
     """Compute the volume of a mesh, negative if its elements are inverted [m3]."""
-    if not mesh.is_hexahedral:
-        return float(_tetrahedron_volumes(mesh).sum())
     points, weights = np.polynomial.legendre.leggauss(3)
     weight = np.einsum("i,j,k->ijk", weights, weights, weights).ravel()
+    if not mesh.is_hexahedral:  # exact for cubic functions (Keast 1986)
+        points = np.concatenate([np.full((1, 4), 1 / 4), np.full((4, 4), 1 / 6) + np.eye(4) / 3])
+        weight = np.array([-4 / 5, *[9 / 20] * 4]) / 6
     blocks = np.array_split(mesh.cells, max(1, len(mesh.cells) // LIMITS.block))
-    return float(sum((np.linalg.det(_hexahedron_edges(mesh.nodes[block], points)) @ weight).sum() for block in blocks))
+    return float(sum((np.linalg.det(_edge_vectors(mesh.nodes[block], points)) @ weight).sum() for block in blocks))
 
 
 def measure_thickness(mesh: SolidMesh) -> float:
@@ -339,10 +368,11 @@ def measure_thickness(mesh: SolidMesh) -> float:
 
 
 def measure_area(mesh: SolidMesh, name: str) -> float:
-    """Compute the area of `base`, `top` or `sides` of a mesh [m2]."""
+    """Compute the area of `base`, `top` or `left_out` of a mesh [m2]."""
     facets = getattr(mesh, name)
     if not mesh.is_hexahedral:
-        return float(np.linalg.norm(area_vectors(mesh.nodes, facets, np.zeros((1, 2))), axis=2).sum() / 2)
+        place = split_facet(QUADRATIC_TRIANGLE, 2)[1].reshape(-1, 2)
+        return float(np.linalg.norm(area_vectors(mesh.nodes, facets, place), axis=2).mean(axis=1).sum() / 2)
     points, weights = np.polynomial.legendre.leggauss(3)
     u, v = np.meshgrid(points, points)
     lengths = np.linalg.norm(area_vectors(mesh.nodes, facets, np.column_stack([u.ravel(), v.ravel()])), axis=2)
@@ -353,19 +383,20 @@ def scaled_jacobians(mesh: SolidMesh) -> FloatArray:
     """Compute the smallest scaled Jacobian of each element, over its nodes, shape (e,) [-].
 
     For hexahedra: the determinant over the product of the lengths of the edge vectors (Knupp 2000).  For tetrahedra:
-    sqrt(2) times the determinant over the largest product of the three edges at a corner.
+    sqrt(2) times the determinant over the largest product of the three straight edges at a corner.
     """
-    if mesh.is_hexahedral:
-        out = []
-        for block in np.array_split(mesh.cells, max(1, len(mesh.cells) // LIMITS.block)):
-            edges = _hexahedron_edges(mesh.nodes[block], np.array([-1.0, 0.0, 1.0]))
-            lengths = np.maximum(np.linalg.norm(edges, axis=-1).prod(axis=-1), LIMITS.tiny)
-            out.append((np.linalg.det(edges) / lengths).min(axis=1))
-        return np.concatenate(out)
-    corner = mesh.nodes[mesh.cells]
-    length = np.linalg.norm(corner[:, :, None] - corner[:, None], axis=-1)
-    products = np.stack([np.delete(length[:, i], i, axis=1).prod(axis=1) for i in range(4)])
-    return np.asarray(6 * np.sqrt(2) * _tetrahedron_volumes(mesh) / np.maximum(products.max(axis=0), LIMITS.tiny))
+    out = []
+    for block in np.array_split(mesh.cells, max(1, len(mesh.cells) // LIMITS.block)):
+        if mesh.is_hexahedral:
+            edges = _edge_vectors(mesh.nodes[block], np.array([-1.0, 0.0, 1.0]))
+            lengths = np.linalg.norm(edges, axis=-1).prod(axis=-1)
+        else:
+            edges = np.sqrt(2) ** (1 / 3) * _edge_vectors(mesh.nodes[block], _CORNERS_AND_MIDDLES)
+            corner = mesh.nodes[block[:, :4]]
+            length = np.linalg.norm(corner[:, :, None] - corner[:, None], axis=-1) + np.eye(4)
+            lengths = length.prod(axis=-1).max(axis=1, keepdims=True)
+        out.append((np.linalg.det(edges) / np.maximum(lengths, LIMITS.tiny)).min(axis=1))
+    return np.concatenate(out)
 
 
 def _count_loose(mesh: SolidMesh) -> int:
@@ -374,20 +405,20 @@ def _count_loose(mesh: SolidMesh) -> int:
     return int((~np.isin(label[mesh.cells[:, 0]], label[mesh.base])).sum())
 
 
-def _tetrahedron_volumes(mesh: SolidMesh) -> FloatArray:
-    """Compute the signed volume of each tetrahedron, shape (e,) [m3]."""
-    corner = mesh.nodes[mesh.cells]
-    edges = corner[:, 1:] - corner[:, :1]
-    return np.asarray(np.linalg.det(edges) / 6)
-
-
-def _hexahedron_edges(nodes: FloatArray, points: FloatArray) -> FloatArray:
-    """Compute the derivatives of the position along the reference coordinates at p^3 points, shape (e, p^3, 3, 3) [m].
+def _edge_vectors(nodes: FloatArray, points: FloatArray) -> FloatArray:
+    """Compute the derivatives of the position along the reference coordinates at p points, shape (e, p, 3, 3) [m].
 
     Args:
-        nodes: Nodes of e hexahedra, shape (e, 27, 3) [m].
-        points: p points along each reference coordinate, shape (p,).
+        nodes: Nodes of e hexahedra, shape (e, 27, 3), or tetrahedra, shape (e, 10, 3) [m].
+        points: Hexahedra: points along each reference coordinate, p^(1/3) of them.  Tetrahedra: barycentric
+            coordinates, shape (p, 4).
     """
+    if nodes.shape[1] == TETRAHEDRON:
+        slope = np.zeros((len(points), 4, TETRAHEDRON))  # along the barycentric coordinates
+        slope[:, np.arange(4), np.arange(4)] = 4 * points - 1
+        for number, (one, other) in enumerate(EDGES, start=4):
+            slope[:, one, number], slope[:, other, number] = 4 * points[:, other], 4 * points[:, one]
+        return np.asarray(np.einsum("pra,eac->eprc", slope[:, 1:] - slope[:, :1], nodes, optimize=True))
     shape, slope = line_shape(points), line_slope(points)
     grid = nodes.reshape(len(nodes), 3, 3, 3, 3)  # indices: element, node along each of k, j and i, component
     out = [

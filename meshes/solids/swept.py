@@ -252,8 +252,8 @@ def sweep(surface: BaseSurface, thickness: npt.ArrayLike, *, layers: int = LAYER
         nodes=nodes.reshape(-1, 3),
         cells=cells.reshape(-1, 27),
         base=quads.copy(),
-        top=quads + 2 * layers * count,
-        sides=sides.reshape(-1, 9),
+        top=np.concatenate([quads + 2 * layers * count, sides.reshape(-1, 9)]),
+        left_out=np.zeros((0, 9), dtype=np.int64),
         source=surface.source,
         settings=settings,
     )

@@ -235,11 +235,15 @@ def nearest_points(points: FloatArray, triangles: FloatArray) -> tuple[FloatArra
     middle = triangles.mean(axis=1)
     radius = np.linalg.norm(triangles - middle[:, None], axis=2).max(axis=1)
     block = max(1, _SURFACE.pairs // (2 * len(triangles)))
+    centre = middle.mean(axis=0)
+    others = ((middle - centre) ** 2).sum(axis=1)
     for start in range(0, len(points), block):
         part = points[start : start + block]
         # The distance of a point from the nearest triangle's middle is an upper bound of its distance from the surface.
-        # Triangles beyond this distance are left out.
-        away = np.linalg.norm(part[:, None] - middle, axis=2)
+        # Triangles beyond this distance are left out.  The distances are those of a matrix product, with its rounding.
+        there = part - centre
+        own = (there**2).sum(axis=1)[:, None]
+        away = np.sqrt(np.maximum(own + others - 2 * there @ (middle - centre).T, 0.0) + _SURFACE.same * (own + others))
         point, triangle = np.nonzero(away - radius <= away.min(axis=1)[:, None])
         candidate = _nearest_of_each(part[point], triangles[triangle])
         square = ((candidate - part[point]) ** 2).sum(axis=1)

@@ -119,14 +119,14 @@ def test_without_a_place_the_indenter_stands_above_a_texel_with_a_surface_above_
         touch(small_pad, at="0mm,0mm,9mm")
     # Without a surface along its normal the middle texel is left for its neighbours.
     alone = np.where(np.arange(texels.count) == middle, 1, 0)[:, None]
-    away = np.where(alone, [1.0, 0.0, 0.0], texels.normals)
+    away = np.where(alone, [0.0, 0.0, -1.0], texels.normals)
     beside = texels.centres + alone * np.array([3e-3, 0.0, 0.0])
     sensor = dataclasses.replace(small_pad, array=dataclasses.replace(texels, normals=away, centres=beside))
     places = SolidPlaces(sensor=sensor)
     places.__dict__["mesh"] = mesh
     found = places.find(places.parse({}, "--"))
     assert np.abs(found.point[:2] - texels.centres[middle, :2]).max() == pytest.approx(texels.pitch[0])
-    away = np.tile([1.0, 0.0, 0.0], (texels.count, 1))
+    away = np.tile([0.0, 0.0, -1.0], (texels.count, 1))
     far = dataclasses.replace(texels, normals=away, centres=texels.centres + np.array([3e-3, 0, 0]))
     high = dataclasses.replace(texels, centres=texels.centres - np.array([0, 0, 5e-3]))  # the top of another side
     for array in (far, high):

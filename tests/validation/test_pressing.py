@@ -8,7 +8,8 @@ import pytest
 
 import validation
 from meshes import Pose, Sphere
-from meshes.solids import SolidMesh, flat_pad
+from meshes.solids import flat_pad
+from meshes.solids.tetrahedra import label_mesh
 from validation.campaign.case import Case
 from validation.campaign.reference_press import press_reference
 from validation.cover_meshes import make_meshes
@@ -150,8 +151,7 @@ def test_the_mesh_of_the_fast_model_is_the_second_or_a_smaller_one():
 def test_nodes_between_the_corners_of_tetrahedra_count(monkeypatch):
     """They carry displacements too, and are three times as many as corners."""
     nodes = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) * 1e-3
-    base, top = np.array([[0, 2, 1]]), np.array([[0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    mesh = SolidMesh(nodes=nodes, cells=np.array([[0, 1, 2, 3]]), base=base, top=top, sides=base[:0], source="one")
+    mesh = label_mesh(nodes, np.array([[0, 1, 2, 3]]), np.array([1, 0, 0, 0]), source="one", settings={})
     for most, found in ((10, mesh), (9, None)):
         monkeypatch.setattr(cover_points, "MOST_NODES", most)
         assert choose_mesh((mesh,)) is found

@@ -48,7 +48,8 @@ def derive_points(mesh: SolidMesh, texels: TexelArray, material: Material) -> Co
     """
     responses = texel_responses([mesh], texels, material)
     top = responses.finest.top
-    hats = spread_hats(top)
+    kept = np.flatnonzero(~np.isin(top.index, mesh.base))  # bonded nodes at the edge of the top do not yield
+    hats = spread_hats(top)[:, kept]
 
     def compute() -> dict[str, FloatArray]:
         compliance = TopCompliance(build_solid(mesh, material))
@@ -58,8 +59,8 @@ def derive_points(mesh: SolidMesh, texels: TexelArray, material: Material) -> Co
     inputs = {"mesh": mesh.digest, "material": material, "code": result_store.hash_file(__file__)}
     found = result_store.fetch("curved-hat-compliance", inputs, compute)
     return CoverPoints(
-        points=top.nodes,
-        normals=top.normals,
+        points=top.nodes[kept],
+        normals=top.normals[kept],
         influence=(responses.finest.normal_influence @ hats) * texels.active[:, None],
         compliance=found["compliance"],
         thickness=compute_volume(mesh) / measure_area(mesh, "base"),

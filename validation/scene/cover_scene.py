@@ -187,9 +187,9 @@ def show_mesh(mesh: SolidMesh, texels: TexelArray | None = None, *, title: str =
 def split_cells(mesh: SolidMesh) -> IntArray:
     """Return the elements of a mesh for VTK.
 
-    A hexahedron of 27 nodes is split into 8 hexahedra of 8 nodes; tetrahedra are unchanged.
+    A hexahedron of 27 nodes is split into 8 hexahedra of 8 nodes; a tetrahedron is drawn by its corners.
     """
-    return np.asarray(mesh.cells[:, _PARTS].reshape(-1, 8)) if mesh.is_hexahedral else mesh.cells
+    return np.asarray(mesh.cells[:, _PARTS].reshape(-1, 8)) if mesh.is_hexahedral else mesh.cells[:, :4]
 
 
 def average_pressure(facets: IntArray, forces: FloatArray, areas: FloatArray) -> FloatArray:

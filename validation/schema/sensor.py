@@ -11,6 +11,7 @@ from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, mode
 from fastmodel.signal.electronics import TEXEL_FORCE
 from meshes import Cover, Layer
 from meshes.surfaces.files import SURFACES, TETRAHEDRA
+from meshes.surfaces.smooth import CREASE
 from validation.errors import InputError, shorten
 from validation.schema import Table, types
 from validation.text.quantity import read_quantity
@@ -68,6 +69,26 @@ def _read_calibration(value: object) -> str:
     if not 0 < radius <= _WIDEST_TIP:
         raise ValueError(f"the radius of the tip must lie in 0..{1e3 * _WIDEST_TIP:g} mm, not {tip[1]!r}; {accepted}")
     return f"through the cover, tip {1e3 * radius:.9g} mm"
+
+
+#: Axis 0..2, sign and value of a half-space: sign times the coordinate is less than sign times the value [m].
+HalfSpace = tuple[int, float, float]
+
+
+def _read_half_space(value: object) -> HalfSpace:
+    """Read a half-space such as "z < 1 mm".
+
+    Raises:
+        ValueError: If the text is none.
+    """
+    found = re.fullmatch(r"\s*([xyz])\s*([<>])\s*(.+)", value) if isinstance(value, str) else None
+    if found is None:
+        raise ValueError(f'{shorten(value)} is no half-space; write for example "z < 1 mm"')
+    sign = 1.0 if found[2] == "<" else -1.0
+    try:
+        return "xyz".index(found[1]), sign, read_quantity(found[3], "length")
+    except InputError as error:
+        raise ValueError("; ".join(error.faults)) from None
 
 
 _OddCount = Annotated[types.TexelCount, AfterValidator(_refuse_even)]
@@ -161,6 +182,8 @@ class CurvedCoverTable(Table):
         unit: Unit of the files.
         element_size: Size of the elements of the finer mesh.
         base_distance: Distance up to which a surface counts as bonded.
+        left_out: Half-spaces such as "z < 1 mm"; faces in them are not touched, and have no cover below them.
+        crease_angle: Angle in degrees from which an edge of a surface stays sharp; 0 keeps all facets.
     """
 
     material: types.AnyMaterial = Field(examples=["dragon-skin-30"])
@@ -171,6 +194,8 @@ class CurvedCoverTable(Table):
     unit: types.LengthUnit | None = None
     element_size: types.Length | None = None
     base_distance: types.Length | None = None
+    left_out: list[Annotated[HalfSpace, types.Read(_read_half_space)]] | None = None
+    crease_angle: Annotated[float, types.number(0, 180)] = CREASE
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
         """Yield faults of missing keys and of keys that exclude each other."""

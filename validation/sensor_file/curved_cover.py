@@ -9,32 +9,49 @@ from pathlib import Path
 import numpy as np
 
 from meshes import SolidCover, TexelArray
-from meshes.array_types import FloatArray
+from meshes.array_types import BoolArray, FloatArray
 from meshes.solids import check_quality, read_mesh
 from meshes.solids.covers import make_shell_cover, take_meshes
-from meshes.solids.shell import Shell, join, point_normals, select_base, thicken
-from meshes.solids.solid_mesh import LIMITS
-from meshes.solids.tetrahedra import classify_boundary, list_boundary, orient_tetrahedra
+from meshes.solids.shell import (
+    BONDED,
+    LEFT_OUT,
+    TOUCHABLE,
+    Shell,
+    join,
+    leave_out,
+    point_normals,
+    select_base,
+    thicken,
+)
+from meshes.solids.solid_mesh import LIMITS, Setting
+from meshes.solids.tetrahedra import label_mesh, list_boundary, orient_tetrahedra
 from meshes.surfaces.files import read_tetrahedra, read_triangles
+from meshes.surfaces.smooth import measure_flat, smooth_surface
 from meshes.surfaces.triangles import (
     check_closed,
     close_cracks,
+    describe,
     enclosed_volume,
     list_border,
     merge_corners,
     nearest_points,
+    normal_vectors,
+    unit_vectors,
 )
 from validation.errors import InputError, at
 from validation.extras import require
 from validation.schema.sensor import CurvedCoverTable
 
-#: Element sizes of the coarse and the fine mesh of tetrahedra if the sensor file states none, over the thickness [-].
-_SIZES = (0.6, 0.45)
-#: Element size of the coarse mesh of tetrahedra, over that of the fine mesh, which a sensor file may state [-].
-_COARSER = 1.33
+#: Sag of the triangles of a surface above which they are divided at points of the smooth surface, over its size [-].
+_SAG = 1 / 1000
+#: Area of a flat face of a closed surface, over the whole area, from which a note asks whether it is a mounting face
+#: [-].
+_MOUNTING = 0.06
+#: Largest distance of the plane of a flat face from an axis of the frame for which the note names a half-space [-].
+_UPRIGHT = 0.02
 #: Largest distance over which a texel is moved onto the base of a cover, over the cover's mean thickness [-].
 _FARTHEST = 2.5
-#: Tolerance for facets of tetrahedra on the bonded base and for their total volume, over the size or volume [-].
+#: Tolerance of the total volume of tetrahedra, over the volume [-].
 _SAME = 1e-6
 
 
@@ -53,15 +70,18 @@ def build_solid(table: CurvedCoverTable, folder: Path) -> SolidCover:
         if table.mesh is not None:
             return _take_mesh(table, folder)
         require("trimesh", useful=("skfem", "pytetwild"))
-        shell, source = _build_shell(table, folder)
-        check_closed(shell.surface, f"the body of {source}", crossings=not shell.is_folded)
-    if table.element_size is None:
-        sizes = tuple(factor * shell.thickness for factor in _SIZES)
-    else:
-        sizes = (_COARSER * table.element_size, table.element_size)
+        try:
+            shell, source = _build_shell(table, folder, table.crease_angle)
+        except ValueError:
+            if not table.crease_angle:
+                raise
+            shell, source = _build_shell(table, folder, 0.0)
+            note = "the facets of the surfaces were kept, because smooth ones fold or cross"
+            shell = dataclasses.replace(shell, notes=(*shell.notes, note))
     from fem_reference import result_store
 
-    return make_shell_cover(shell, table.material, source, sizes, partial(result_store.fetch, "cover-mesh"))
+    keep = partial(result_store.fetch, "cover-mesh")
+    return make_shell_cover(shell, table.material, source, keep, element_size=table.element_size)
 
 
 def project_texels(texels: TexelArray, cover: SolidCover) -> TexelArray:
@@ -91,6 +111,9 @@ def project_texels(texels: TexelArray, cover: SolidCover) -> TexelArray:
     share = np.linalg.pinv(system.swapaxes(1, 2)) @ np.hstack([near, size])[:, :, None]
     normals = np.sum(np.maximum(share, 0.0) * point_normals(points, faces)[faces[owner]], axis=1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    # Near a sharp edge of the base the mean normal of its corners is not that of the triangle.
+    flat = unit_vectors(normal_vectors(corners))[owner]
+    normals = np.where(np.einsum("nc,nc->n", flat, normals)[:, None] < LIMITS.cosine, flat, normals)
     return dataclasses.replace(texels, centres=near, normals=normals)
 
 
@@ -104,19 +127,78 @@ def _check_size(triangles: FloatArray, name: str) -> None:
         )
 
 
-def _build_shell(table: CurvedCoverTable, folder: Path) -> tuple[Shell, str]:
-    """Make the closed surface of a solid cover, and describe in words from which files it is made."""
+def _build_shell(table: CurvedCoverTable, folder: Path, crease: float) -> tuple[Shell, str]:
+    """Make the closed surface of a solid cover, and describe in words from which files it is made.
+
+    Args:
+        table: The table `[cover]`.
+        folder: Folder of the sensor file.
+        crease: Angle from which an edge of a surface stays sharp; 0 keeps all facets [deg].
+
+    Raises:
+        ValueError: If a file cannot be read, or its surfaces enclose no body.
+    """
     unit = table.unit or 1.0  # The schema requires it.
+    notes, errors, surfaces = [], [], []
+    for name in filter(None, (table.surface, table.base)):
+        given = close_cracks(read_triangles(folder / name, unit))
+        _check_size(given, name)
+        list_border(merge_corners(given)[1], name)
+        if table.thickness is not None and name == table.surface:
+            notes += _note_mounting(given, table, name)
+            given = given[~_lie_in(given, table)]
+            if not len(given):
+                raise ValueError(f"left_out: all of {name} lies in it; make it smaller")
+        triangles, sag, error = smooth_surface(given, _SAG * float(np.ptp(given, axis=(0, 1)).max()), crease=crease)
+        errors.append(error)
+        surfaces.append(triangles)
+        how = f"smoothed where they meet at less than {crease:g} degrees" if crease else "kept"
+        if sag > _SAG * np.ptp(given, axis=(0, 1)).max():
+            notes.append(
+                f"the facets of {name} lie up to {1e3 * sag:.2g} mm off a smooth surface and were {how}: the error "
+                f"of the shape is about {1e3 * error:.2g} mm"
+            )
     if table.thickness is not None:
-        name, inward = (table.surface, True) if table.surface is not None else (table.base, False)
-        triangles = close_cracks(read_triangles(folder / str(name), unit))
-        _check_size(triangles, str(name))
+        inward = table.surface is not None
         words = f"{name} and {1e3 * table.thickness:g} mm {'below' if inward else 'above'} it"
-        return thicken(triangles, table.thickness, str(name), inward=inward), words
-    outer, base = (close_cracks(read_triangles(folder / str(name), unit)) for name in (table.surface, table.base))
-    _check_size(outer, str(table.surface))
-    _check_size(base, str(table.base))
-    return join(outer, base, distance=table.base_distance), f"{table.surface} over {table.base}"
+        shell = thicken(surfaces[0], table.thickness, name, inward=inward)
+    else:
+        words = f"{table.surface} over {table.base}"
+        shell = join(surfaces[0], surfaces[1], distance=table.base_distance)
+    check_closed(shell.surface, f"the body of {words}", crossings=not shell.is_folded)
+    shell = leave_out(shell, _lie_in(shell.surface, table))
+    if not (shell.label == TOUCHABLE).any():
+        raise ValueError("left_out: leaves no face that can be touched; make it smaller")
+    return dataclasses.replace(shell, notes=(*notes, *shell.notes), geometry_error=max(errors)), words
+
+
+def _lie_in(triangles: FloatArray, table: CurvedCoverTable) -> BoolArray:
+    """Return which triangles lie in a half-space that the table leaves out, shape (n,)."""
+    out = np.zeros(len(triangles), dtype=bool)
+    for axis, sign, value in table.left_out or ():
+        out |= (sign * triangles[..., axis] < sign * value).all(axis=1)
+    return out
+
+
+def _note_mounting(triangles: FloatArray, table: CurvedCoverTable, name: str) -> list[str]:
+    """Ask in a note whether the largest flat face of a closed surface is where the cover is mounted."""
+    points, faces = merge_corners(triangles)
+    flat = measure_flat(points, faces)
+    vectors = unit_vectors(normal_vectors(triangles))
+    chosen = flat >= (1 - _SAG) * flat.max()
+    normal, middle = vectors[chosen].mean(axis=0), triangles[chosen].mean(axis=(0, 1))
+    area = np.linalg.norm(normal_vectors(triangles), axis=1).sum() / 2
+    if table.left_out or len(list_border(faces, name)) or flat.max() < _MOUNTING * area:
+        return []
+    axis = int(np.abs(normal).argmax())
+    place = 1e3 * (middle[axis] - np.sign(normal[axis]) * _SAG * np.ptp(triangles[..., axis]))
+    half = f'"{"xyz"[axis]} {"<" if normal[axis] < 0 else ">"} {place:.4g} mm"'
+    remedy = f"left_out = [{half}]" if abs(normal[axis]) > 1 - _UPRIGHT else "left_out, or cut it off"
+    note = (
+        f"{name} is closed, and there is cover below its flat face of {1e6 * flat.max():.3g} mm2 around "
+        f"({describe(middle)}) mm too; if it is the mounting face, write {remedy}"
+    )
+    return [note]
 
 
 def _take_mesh(table: CurvedCoverTable, folder: Path) -> SolidCover:
@@ -145,14 +227,10 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> SolidCover:
             raise ValueError(
                 f"no part of {path.name} lies on {table.base}; check frame and unit, or give base_distance"
             )
-        mesh = classify_boundary(
-            nodes,
-            oriented,
-            boundary[chosen],
-            tolerance=_SAME * float(np.ptp(nodes, axis=0).max()),
-            settings={"file": path.name},
-            source=f"tetrahedra of {path.name}",
-        )
+        label = np.where(chosen, BONDED, np.where(_lie_in(boundary, table), LEFT_OUT, TOUCHABLE))
+        sag = smooth_surface(boundary[~chosen], 0.0, crease=0.0)[1]
+        settings: dict[str, Setting] = {"file": path.name, "geometry_error": sag}
+        mesh = label_mesh(nodes, oriented, label, settings=settings, source=f"tetrahedra of {path.name}")
     quality = check_quality(mesh)
     if (quality.slivers or quality.inverted) and path.suffix.lower() != ".npz":
         raise ValueError(

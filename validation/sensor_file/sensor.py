@@ -253,10 +253,15 @@ def _build_cover(tables: SensorTables, array: TexelArray, folder: Path) -> tuple
     """
     table = tables.cover
     if isinstance(table, CurvedCoverTable):
+        from meshes.solids.solid_mesh import check_on_base
         from validation.sensor_file.curved_cover import build_solid, project_texels
 
         solid = build_solid(table, folder)
-        return project_texels(array, solid) if tables.array.project else array, solid
+        placed = project_texels(array, solid) if tables.array.project else array
+        if solid.base_triangles is not None:
+            with at("array: "):
+                check_on_base(solid.base_triangles, solid.thickness, placed)
+        return placed, solid
     if tables.array.project:
         raise InputError("array.project: is for curved covers; leave it out")
     cover = table.make()

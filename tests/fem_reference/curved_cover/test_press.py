@@ -89,7 +89,7 @@ def test_the_pressure_ends_at_the_edge_of_a_box():
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, -0.7])
 def test_a_gap_closes_at_the_cosine_of_the_motion_and_the_normal(tilt):
-    top = find_top(flat_pad(size=(8e-3, 8e-3), rows=2).mesh(2e-3, layers=2))
+    top = find_top(flat_pad(size=(16e-3, 16e-3), rows=2).mesh(2e-3, layers=2))
     direction = np.array([np.sin(tilt), 0, -np.cos(tilt)])
     pose = Pose.facing(-12e-3 * direction + [0, 0, 2e-3], direction)
     travel = find_touch(top, BALL, pose) + 0.1e-3

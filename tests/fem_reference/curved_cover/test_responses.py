@@ -9,7 +9,9 @@ from fem_reference.curved_cover.responses import estimate_error, project_texels
 from fem_reference.curved_cover.solid import CoverSolid
 from fem_reference.linear_response.finite_cover import solid_influence
 from meshes import Cover, Layer, Material, TexelArray
-from meshes.solids import SolidMesh, fingertip, flat_pad, phalanx
+from meshes.solids import fingertip, flat_pad, phalanx
+from meshes.solids.shell import BONDED, LEFT_OUT, TOUCHABLE
+from meshes.solids.tetrahedra import label_mesh, list_boundary
 
 
 def rubber(poisson_ratio, modulus=1e6):
@@ -30,16 +32,11 @@ def split_box(counts, size):
     corner = mesh.p.T[cells]
     turned = np.linalg.det(corner[:, 1:] - corner[:, :1]) < 0
     cells[turned] = cells[turned][:, [0, 2, 1, 3]]
-    facets = mesh.facets.T[mesh.boundary_facets()].astype(np.int64)
-    height = mesh.p[2][facets]
-    middle = mesh.p.T[facets].mean(axis=1)
-    normal = np.cross(*(mesh.p.T[facets[:, k]] - mesh.p.T[facets[:, 0]] for k in (1, 2)))
-    base, top = (height == 0).all(axis=1), (height == size[2]).all(axis=1)
-    out = middle * ~(base | top)[:, None] + np.array([0, 0, 1.0]) * (base | top)[:, None]
-    inverted = np.einsum("fc,fc->f", normal, out * [1, 1, 1]) < 0
-    facets[inverted] = facets[inverted][:, [0, 2, 1]]
-    sides = facets[~base & ~top]
-    return SolidMesh(nodes=mesh.p.T, cells=cells, base=facets[base], top=facets[top], sides=sides, source="box")
+    nodes = mesh.p.T.copy()
+    facets = nodes[list_boundary(cells)]
+    low, high = ((facets[..., 2] == height).all(axis=1) for height in (0, size[2]))
+    label = np.where(low, BONDED, np.where(high, TOUCHABLE, LEFT_OUT))
+    return label_mesh(nodes, cells, label, source="box", settings={})
 
 
 COARSE = phalanx(length=6e-3, rows=2, columns=2).mesh(2.5e-3, layers=2)

@@ -8,7 +8,7 @@ import pytest
 from fastmodel.contact.points import press_points as press_fast
 from fem_reference import press, result_store
 from fem_reference.curved_cover import texel_responses
-from fem_reference.curved_cover.pressure_shapes import evaluate_hats
+from fem_reference.curved_cover.pressure_shapes import evaluate_hats, spread_hats
 from meshes import Box, Material, Sphere
 from meshes.pose import Pose
 from meshes.solids import phalanx
@@ -47,12 +47,15 @@ def test_a_uniform_pressure_presses_on_the_texels_as_in_the_reference(cover, mes
     fast = derive_points(mesh, cover.texels, RUBBER)
     known = texel_responses([mesh], cover.texels, RUBBER).finest
     top = known.top
-    np.testing.assert_array_equal(fast.points, top.nodes)
+    # Points on the edge of the base do not yield; all others are points of the fast model.
+    free = ~np.isin(top.index, mesh.base)
+    np.testing.assert_array_equal(fast.points, top.nodes[free])
     _, parts, _ = top.split(8)
     hats = np.linalg.norm(parts, axis=2) @ evaluate_hats(9, split_facet(9, 8)[0])
     forces = np.bincount(top.facets.ravel(), hats.ravel(), len(top.nodes))
     expected = known.normal_influence @ top.areas
-    np.testing.assert_allclose(fast.influence @ forces, expected, atol=1e-3 * expected.max())
+    bonded = known.normal_influence[:, ~free] @ (spread_hats(top) @ np.where(free, 0, forces))[~free]
+    np.testing.assert_allclose(fast.influence @ forces[free] + bonded, expected, atol=1e-2 * expected.max())
     assert np.linalg.eigvalsh(fast.compliance).min() > 0
 
 

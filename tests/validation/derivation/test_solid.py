@@ -43,9 +43,9 @@ def test_derived_files_can_be_loaded(derivation, tmp_path, monkeypatch):
     [((), ""), ((4,), "4"), ((0, 3, 7), "0, 3, 7"), (range(9), "6, 7 and 1 more")],
 )
 def test_texels_without_a_surface_above_them_are_named(derivation, turned, named):
-    """Their normals lie in the base; texels that are switched off do not count."""
+    """Their normals point away from the cover; texels that are switched off do not count."""
     normals = derivation.sensor.array.normals.copy()
-    normals[list(turned)] = [1.0, 0.0, 0.0]
+    normals[list(turned)] = [0.0, 0.0, -1.0]
 
     def find(active):
         array = dataclasses.replace(derivation.sensor.array, normals=normals, active=active)

@@ -11,7 +11,9 @@ from meshes.solids import fingertip, write_mesh
 from validation.errors import InputError
 from validation.sensor_file import load
 
-COVER = 'surface = "outer.stl"\nthickness = "2 mm"\nunit = "mm"\nmaterial = "dragon-skin-30"\n'
+#: The facets are kept, which is faster; `SMOOTH` is the default.
+SMOOTH = 'surface = "outer.stl"\nthickness = "2 mm"\nunit = "mm"\nmaterial = "dragon-skin-30"\n'
+COVER = f"{SMOOTH}crease_angle = 0\n"
 
 
 def write_sensor(folder, cover=COVER, array='positions = "texels.csv"\nunit = "mm"\nproject = true\n', texel="0,0,10"):
@@ -43,6 +45,16 @@ def test_texels_are_projected_onto_the_base(tmp_path):
     np.testing.assert_allclose(sensor.array.normals[0], [0, 0, 1], atol=0.05)
     assert sensor.cover.thickness == pytest.approx(2e-3)
     assert sensor.cover.source == "outer.stl and 2 mm below it"
+
+
+def test_facets_are_smoothed_and_what_remains_is_said(tmp_path):
+    write_ball(tmp_path)
+    smooth, kept = (load(write_sensor(tmp_path, each)) for each in (SMOOTH, COVER))
+    for sensor, least in ((smooth, 0.998), (kept, 0.98)):
+        radius = np.linalg.norm(sensor.cover.base_triangles.mean(axis=1), axis=1)
+        assert radius.min() > least * 8e-3
+    assert "lie up to 0.13 mm off a smooth surface and were smoothed" in smooth.cover.notes[0]
+    assert "were kept: the error of the shape is about 0.13 mm" in kept.cover.notes[0]
 
 
 def test_a_surface_over_a_base(tmp_path):
@@ -196,7 +208,7 @@ def test_turned_tetrahedra_are_repaired(tmp_path):
     assert "tetrahedra of cube.tet were turned" in body.notes[0]
     mesh = body.meshes()[0]
     assert len(mesh.base) * 6 == 48
-    corner = mesh.nodes[mesh.cells]
+    corner = mesh.nodes[mesh.cells[:, :4]]
     assert np.linalg.det(corner[:, 1:] - corner[:, :1]).sum() / 6 == pytest.approx(1e-6)
 
 
@@ -211,3 +223,61 @@ def test_tetrahedra_that_fill_no_body_are_refused(tmp_path, change, said):
     write_base(tmp_path)
     write_tetrahedra(tmp_path / "cube.tet", change)
     assert said in refuse(write_sensor(tmp_path, TET, texel="0,0,-5"))
+
+
+def write_revolved(folder, *radii):
+    """A hemisphere on a flat face at z = 0; with two radii, the hollow one of a skin."""
+    turn = np.linspace(0, np.pi / 2, 12)
+    arcs = [radius * np.column_stack([np.cos(turn), np.sin(turn)]) for radius in radii]
+    profile = [[0.0, 0.0], *arcs[0]] if len(arcs) == 1 else [*arcs[0], *arcs[1][::-1], arcs[0][0]]
+    trimesh.creation.revolve(np.array(profile), sections=48).export(folder / "outer.stl")
+
+
+def test_a_mounting_face_is_asked_about_and_left_out(tmp_path):
+    write_revolved(tmp_path, 8.0)
+    closed = load(write_sensor(tmp_path, SMOOTH, texel="0,0,8")).cover
+    (note,) = [each for each in closed.notes if "flat face" in each]
+    assert 'around (0, 0, 0) mm too; if it is the mounting face, write left_out = ["z < 0.008 mm"]' in note
+    given = load(write_sensor(tmp_path, SMOOTH + 'left_out = ["z < 0.008 mm"]\n', texel="0,0,8")).cover
+    assert not any("flat face" in each for each in given.notes)
+    # The base ends at the mounting face; with the closed surface it goes on above it.
+    areas = [np.linalg.norm(np.cross(b[:, 1] - b[:, 0], b[:, 2] - b[:, 0]), axis=1).sum() / 2 for b in (
+        closed.base_triangles, given.base_triangles,
+    )]  # fmt: skip
+    assert areas[1] == pytest.approx(2 * np.pi * 6e-3**2, rel=0.02)
+    assert areas[0] > 1.3 * areas[1]
+    line = refuse(write_sensor(tmp_path, COVER + 'left_out = ["z above 3"]\n'))
+    assert "cover.left_out[0]: 'z above 3' is no half-space; write for example \"z < 1 mm\"" in line
+    assert "is not a unit of length" in refuse(write_sensor(tmp_path, COVER + 'left_out = ["z < 1 kg"]\n'))
+    assert "left_out: all of outer.stl lies in it" in refuse(write_sensor(tmp_path, COVER + 'left_out = ["z < 90 mm"]\n'))
+
+
+def test_the_surface_of_the_cover_itself_is_recognised(tmp_path):
+    write_revolved(tmp_path, 10.0, 8.0)
+    said = refuse(write_sensor(tmp_path))
+    assert (
+        "mm thick on average: this looks like the cover itself; give the surface to which it is bonded as base" in said
+    )
+
+
+def test_all_texels_off_the_base_and_all_turned_ones_are_named_before_a_mesh_is_made(tmp_path):
+    write_ball(tmp_path)
+    path = write_sensor(tmp_path, array='positions = "texels.csv"\nunit = "mm"\ntexel_size = "2 mm"\n')
+    rows = ["0,0,8,0,0,1", "0,0,9,0,0,1", "8,0,0,0,0,1", "0,8,0,0,1,0", "0,-8,0,0,1,0", "-9.5,0,0,-1,0,0"]
+    (tmp_path / "texels.csv").write_text("x,y,z,nx,ny,nz\n" + "\n".join(rows) + "\n")
+    with pytest.raises(InputError) as caught:
+        load(path)
+    off, turned = caught.value.faults
+    assert "array: 2 of 6 texels are off the base: 1, 5, texel 5 by 1.5" in off
+    assert "leave them out" in off
+    assert "the normals of 2 of 6 texels do not point out of the base there: 2, 4; leave them out" in turned
+
+
+def test_projected_texels_at_a_sharp_edge_take_the_normal_of_the_face_that_they_lie_on(tmp_path):
+    trimesh.creation.box((12, 20, 6)).export(tmp_path / "base.stl")
+    cover = COVER.replace('surface = "outer.stl"', 'base = "base.stl"')
+    path = write_sensor(tmp_path, cover)
+    (tmp_path / "texels.csv").write_text("x,y,z\n5.99,0,3.4\n3,0,3\n")
+    sensor = load(path)
+    np.testing.assert_allclose(sensor.array.centres[0], [5.99e-3, 0, 3e-3], atol=1e-9)
+    assert np.abs(sensor.array.normals[0]).max() > np.cos(np.radians(30))
