@@ -249,7 +249,8 @@ def test_a_mounting_face_is_asked_about_and_left_out(tmp_path):
     line = refuse(write_sensor(tmp_path, COVER + 'left_out = ["z above 3"]\n'))
     assert "cover.left_out[0]: 'z above 3' is no half-space; write for example \"z < 1 mm\"" in line
     assert "is not a unit of length" in refuse(write_sensor(tmp_path, COVER + 'left_out = ["z < 1 kg"]\n'))
-    assert "left_out: all of outer.stl lies in it" in refuse(write_sensor(tmp_path, COVER + 'left_out = ["z < 90 mm"]\n'))
+    whole = write_sensor(tmp_path, COVER + 'left_out = ["z < 90 mm"]\n')
+    assert "left_out: all of outer.stl lies in it" in refuse(whole)
 
 
 def test_the_surface_of_the_cover_itself_is_recognised(tmp_path):
