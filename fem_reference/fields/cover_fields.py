@@ -42,6 +42,8 @@ class CoverFields:
         cells: Nodes of e elements in the order of VTK, quadrilaterals, shape (e, 4), or hexahedra, shape (e, 8).
         layer: Index of the layer of each element, bottom first, shape (e,).
         axisymmetric: Whether the solution is axisymmetric.
+        error: Largest distance between the top and the indenter where they touch, over the depth; NaN where it is not
+            known [-].  The contact may be solved on finer grids than the fields.
     """
 
     position: FloatArray
@@ -50,6 +52,7 @@ class CoverFields:
     cells: IntArray
     layer: IntArray
     axisymmetric: bool
+    error: float = np.nan
 
     @property
     def von_mises(self) -> FloatArray:

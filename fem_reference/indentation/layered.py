@@ -17,6 +17,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from fem_reference.errors import (
     ConvergenceError,
@@ -70,6 +71,8 @@ _PART = 0.2
 #: Distance between a contact and the sides of the cover above which the sides are neglected at finite strain or with
 #: friction, over the decay length of the cover's response; the key is the kind of base [-].
 _FAR_SIDES = {"bonded": 4.0, "sliding": 15.0}
+#: Distance from the top within which nodes of the fields lie on it, over the thickness [-].
+_ON_TOP = 1e-9
 #: Relative error of the force that is stated where the sides of the cover are neglected [-].
 _SIDES_ERROR = 1e-3
 
@@ -393,6 +396,12 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
     depth = float(study.combine(grids, lambda each: each.depth))
     points, forces = _place_contact(finest, path, place, depth, scale)
     fields, missing = _find_fields(finest, path, place, scale) if path.fields else (None, [])
+    known: dict[str, str] = {}
+    if fields is not None:
+        fields = replace(fields, error=_measure_fields(fields, finest, path, place, depth))
+        known = {
+            "fields": f"at its worst point the touched surface is {fields.error:.2%} of the depth off the indenter"
+        }
     shear = forces[:, :2].sum(axis=0)
     return Indentation(
         texel_forces=texel_forces,
@@ -410,7 +419,7 @@ def _combine_grids(study: GridStudy, number: int, path: LoadingPath, place: Plac
         energy=float(study.combine(grids, lambda each: each.energy)),
         fields=fields,
         error_estimate=errors,
-        assumptions=_state_assumptions(path, finest.depth) | study.assumptions,
+        assumptions=_state_assumptions(path, finest.depth) | study.assumptions | known,
         warnings=(
             *warn_of_errors(errors),
             *_warn(path, balance, finest.depth),
@@ -440,6 +449,21 @@ def _find_fields(
     elif fields is not None and path.cover.size is None:
         fields = fields.to_array(place.pose)
     return fields, [missing] if missing else []
+
+
+def _measure_fields(fields: CoverFields, finest: GridSolution, path: LoadingPath, place: Place, depth: float) -> float:
+    """Measure by how much the top of fields is off the indenter where a solution has contact, over the depth [-]."""
+    top = np.flatnonzero(fields.position[:, 2] > path.cover.thickness * (1 - _ON_TOP))
+    at = fields.position[top] + (0.0 if path.cover.small_strain_only else fields.displacement[top])
+    x, y = place.pose.to_indenter(at[:, 0], at[:, 1])
+    gap, contact = np.asarray(path.indenter.gap(x, y)), finest.contact[finest.contact[:, 2] > 0, :2]
+    if fields.axisymmetric:
+        near = np.hypot(x, y) <= np.hypot(*contact.T).max()
+    else:  # Half a diagonal of the square that a point stands for.
+        near = cKDTree(contact).query(np.column_stack([x, y]))[0] < np.sqrt(finest.area / len(contact) / 2)
+    touched = near & np.isfinite(gap)
+    miss = fields.displacement[top, 2][touched] + depth - gap[touched]
+    return float(np.abs(miss).max(initial=0.0) / depth)
 
 
 def _warn(path: LoadingPath, balance: float, depth: float) -> list[str]:
