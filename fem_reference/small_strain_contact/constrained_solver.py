@@ -46,8 +46,10 @@ class ActiveSetSettings:
     #: Norm of the residual displacement over that of the given displacement at which the iteration stops while the set
     #: of cells in contact still changes [-].  A pressure of the wrong sign then costs only one more change of the set.
     loose_residual: float = 1e-4
-    #: Smallest value of the spectrum of the compliance in the preconditioner, over its largest value [-].
-    spectrum_floor: float = 1e-6
+    #: Smallest value of the spectrum of the compliance, over its largest value [-].  Under a foil that is 1e5 times
+    #: stiffer than its layer, short waves have less than this, and the error of the table (1e-4) makes them negative.
+    #: The floor changes depths by less than 1e-4; covers without a foil lie far above it.
+    spectrum_floor: float = 1e-5
     #: Largest error of the prescribed sums in equilibrium, over the largest prescribed sum [-].
     balance: float = 1e-6
 
@@ -119,9 +121,10 @@ class ComplianceOperator:
             for m, n in zip(self._padded, shape, strict=True)
         ]
         kernel = surface.average_over_cells(x, y, *cell)[np.ix_(*turned)]
-        self._spectrum = fft.rfft2(kernel)
-        size = np.abs(self._spectrum)
-        self._inverse = kernel[0, 0] / np.maximum(size, _SETTINGS.spectrum_floor * size.max())
+        spectrum = fft.rfft2(kernel)
+        # An operator that is not positive definite has no smallest energy, and conjugate gradients do not converge.
+        self._spectrum = np.maximum(spectrum, _SETTINGS.spectrum_floor * np.abs(spectrum).max())
+        self._inverse = kernel[0, 0] / np.abs(self._spectrum)
 
     def displace(self, pressure: FloatArray) -> FloatArray:
         """Compute the downward displacements of all cells [m] under pressures on the cells [Pa], shape of the grid."""
