@@ -29,7 +29,13 @@ from fem_reference.errors import (
 )
 from fem_reference.finite_strain.loading_path import Control, LoadingPath, Progress, report
 from fem_reference.indentation import small_strain
-from fem_reference.indentation.grid_solution import GridSolution, GridStudy, estimate_spread
+from fem_reference.indentation.grid_solution import (
+    GridSolution,
+    GridStudy,
+    correct_solution,
+    estimate_spread,
+    extrapolate_solutions,
+)
 from fem_reference.indentation.result import Indentation, PressProblem, warn_of_errors
 from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.materials import describe_instability, warn_of_instability
@@ -122,7 +128,7 @@ def press_layers(cover: Cover, problem: PressProblem) -> list[Indentation]:
     if problem.accuracy is not None and problem.accuracy < (least := find_least_error(path)):
         raise UnsupportedError(f"no grid reaches it: the smallest error that is stated here is {least:.2%}", "accuracy")
     place = Place(array=problem.array, pose=replace(pose, tilt=(0.0, 0.0)))
-    press = LayerPress(place=place, progress=problem.progress)
+    press = LayerPress(place=place, progress=problem.progress, superposed=problem.superposed)
     return press.solve_as_far(path) if problem.accuracy is None else press.refine(path, problem.accuracy)
 
 
@@ -133,10 +139,12 @@ class LayerPress:
     Attributes:
         place: Array, and pose of the indenter.
         progress: Called with a line of text before each step.
+        superposed: Whether finite strain and the sides of the cover are solved apart and added, see `superpose_sides`.
     """
 
     place: Place
     progress: Progress = None
+    superposed: bool = False
 
     def refine(self, path: LoadingPath, accuracy: float) -> list[Indentation]:
         """Solve a loading path on finer and finer grids until the estimated errors are at most the wanted accuracy.
@@ -213,6 +221,8 @@ class LayerPress:
         """
         started = time.perf_counter()
         solve = small_strain.study_path if _is_linear(path) else study_nonlinear
+        if self.superposed and path.cover.size is not None and not (_is_linear(path) or path.friction or path.fields):
+            solve = superpose_sides
         study, thickness = solve(path, self.place, self.progress, refinement), path.cover.thickness
         for grids, load in zip(study.solutions, path.targets, strict=True):
             if grids[-1].depth >= thickness:
@@ -292,6 +302,47 @@ def study_nonlinear(path: LoadingPath, place: Place, progress: Progress, refinem
     if rubbing is not None and max(each.depth for each in rubbing.solutions[-1]) >= path.cover.thickness:
         rubbing = None  # Rubber bears loads at which the small-strain solution pierces the cover.
     return finite_strain.study_path(path, place, progress, refinement, rubbing)
+
+
+def superpose_sides(path: LoadingPath, place: Place, progress: Progress, refinement: int = 0) -> GridStudy:
+    """Add the effect of finite strain on a wide cover to the small-strain solution of a cover of limited size.
+
+    Each effect is computed without the other one.  What they change together is missing.  It is estimated as the
+    product of the two effects on the texel forces, or on the ratio of depth and load if that is larger.
+
+    Args:
+        path: Cover of limited size, indenter and targets, without friction.
+        place: Array, and pose of the indenter.
+        progress: Called with a line of text before each step.
+        refinement: As for `study_nonlinear`.
+    """
+    if is_far_from_sides(path, place, progress):
+        return study_nonlinear(path, place, progress, refinement)
+    wide = replace(path, cover=replace(path.cover, size=None))
+    full = study_nonlinear(wide, place, progress, refinement)
+    linear = small_strain.study_path(wide, None, progress)
+    sides = small_strain.study_path(path, place, progress)
+    solutions, missing = [], _SIDES_ERROR
+    for strained, plain, limited in zip(full.solutions, linear.solutions, sides.solutions, strict=True):
+        sets = (strained, plain, limited)
+        spread = [grids[-1].base.forces(place.array, place.pose) / grids[-1].total_force for grids in sets]
+        yielding = [np.array([grids[-1].depth / grids[-1].total_force]) for grids in sets]
+        for finite, small, edged in (spread, yielding):
+            size = np.abs(small).sum()
+            missing = max(missing, float(np.abs(finite - small).sum() * np.abs(edged - small).sum() / size**2))
+        flat = path.indenter.is_flat
+        solutions.append([
+            correct_solution(
+                extrapolate_solutions(limited) if flat else limited[-1],
+                baseline=extrapolate_solutions(plain) if flat else plain[-1], full=each, control=path.control,
+            )
+            for each in strained
+        ])  # fmt: skip
+    stated = {"sides": "added at small strain, without what they change in finite strain"}
+    return replace(
+        full, solutions=solutions, least_error=max(full.least_error, missing), accurate=sides,
+        assumptions=full.assumptions | stated,
+    )  # fmt: skip
 
 
 def is_far_from_sides(path: LoadingPath, place: Place, progress: Progress = None) -> bool:

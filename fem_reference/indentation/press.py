@@ -124,6 +124,7 @@ def press_path(
     strain: Literal["small", "finite"] | None = None,
     accuracy: float | None = None,
     fields: bool = False,
+    superposed: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> list[Indentation]:
     """Press a rigid indenter into a cover at several ascending loads or depths, one after the other; see `press`.
@@ -141,6 +142,8 @@ def press_path(
         strain: Kind of strain, as for `press`.
         accuracy: Wanted relative error, as for `press` [-].
         fields: Whether the results have displacement and stress in the cover.
+        superposed: Whether finite strain and the sides of layers of limited size are solved apart and added, in seconds
+            instead of minutes.  What they change together is missing, and its estimate is part of all errors.
         progress: Called with a line of text before each solve.
 
     Returns:
@@ -169,6 +172,6 @@ def press_path(
         raise ValueError(f"strains are {' or '.join(STRAINS)}, not {strain!r}")
     problem = PressProblem(
         array=array, indenter=indenter, pose=pose, targets=targets, control=control,
-        friction=friction, strain=strain, accuracy=accuracy, fields=fields, progress=progress,
+        friction=friction, strain=strain, accuracy=accuracy, fields=fields, superposed=superposed, progress=progress,
     )  # fmt: skip
     return solve_press(cover, problem)

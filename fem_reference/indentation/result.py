@@ -34,6 +34,7 @@ class PressProblem:
         strain: Requested kind of strain; None for the default of the solver.
         accuracy: Wanted relative error; None for the usual grids [-].
         fields: Whether the results have displacement and stress in the cover.
+        superposed: Whether finite strain and the sides of layers may be solved apart and added.
         progress: Called with a line of text before each solve; None for no reports.
     """
 
@@ -46,6 +47,7 @@ class PressProblem:
     strain: Literal["small", "finite"] | None = None
     accuracy: float | None = None
     fields: bool = False
+    superposed: bool = False
     progress: Callable[[str], None] | None = None
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem_reference import press
+from fem_reference import press, press_path
 from fem_reference.indentation import layered
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from fem_reference.small_strain_contact.free_edges import SideEdges, find_mirror_planes
@@ -187,3 +187,21 @@ def test_sides_far_from_a_ball_on_rubber_are_left_out(monkeypatch):
     assert wide.total_force == pytest.approx(solid.total_force, rel=1e-3)
     assert wide.texel_forces == pytest.approx(solid.texel_forces, abs=1e-3 * solid.texel_forces.max())
     assert wide.error_estimate["contact_area"] < 0.2 * solid.error_estimate["contact_area"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("x", "load"), [(5e-3, 1.5), (6.5e-3, 3.0)])
+def test_sides_and_finite_strain_superposed_agree_with_both_at_once(x, load):
+    """A ball near a side: what the two effects change together is inside the stated errors."""
+    cover, array = make_cover(0.49, size=(16e-3, 12e-3)), TexelArray.grid(3, 4, 3.4e-3)
+    added, solid = (
+        press_path(cover, array, Sphere(radius=4e-3), Pose.planar((x, 0.0)), loads=[load], superposed=superposed)[0]
+        for superposed in (True, False)
+    )
+    assert "added" in added.assumptions["sides"]
+    assert "free" in solid.assumptions["sides"]
+    stated = {name: added.error_estimate[name] + solid.error_estimate[name] for name in ("depth", "peak_texel")}
+    assert added.depth == pytest.approx(solid.depth, rel=stated["depth"])
+    assert added.texel_forces.max() == pytest.approx(solid.texel_forces.max(), rel=stated["peak_texel"])
+    apart = np.append(added.texel_forces - solid.texel_forces, added.outside - solid.outside)
+    assert np.abs(apart).sum() / 2 / load < 5e-3
