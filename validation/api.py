@@ -228,6 +228,7 @@ def validate(
     *,
     campaign: str | Path | None = None,
     quick: bool = False,
+    budget: str | None = None,
     recordings: str | Path | DataSet | None = None,
     data_set: str | Path | None = None,
     recorded: SensorDescription | None = None,
@@ -240,7 +241,8 @@ def validate(
     Args:
         sensor: The sensor.
         campaign: Campaign file with cases and requirements on the fast model; None for the default campaign.
-        quick: Whether to compute six cases only.
+        quick: Whether to compute the six cases that tell most, within five minutes of processor time.
+        budget: Processor time, such as `20 min`, that the cases that tell most may take; None for all cases.
         recordings: Folder with recordings under known loads, or a data-set file.
         data_set: Data-set file; the file in the folder when not given.
         recorded: Sensor that made the recordings; `sensor` when not given.
@@ -256,10 +258,12 @@ def validate(
         MissingExtraError: If finite elements or packages of the report are not installed.
         ConvergenceError: If the finite elements did not converge.
     """
+    from validation.campaign.plan import read_budget
     from validation.data_sets.data_set import DataSet, find_data_set
     from validation.recordings.importing import list_modules
     from validation.text.friction import describe_friction
 
+    allowed = read_budget(budget, quick=quick)
     description, data, tell = describe(sensor), recordings, announce or (lambda _: None)
     if data is not None or data_set is not None:
         description.require_layers(
@@ -281,11 +285,13 @@ def validate(
             f"friction {describe_friction(description.friction)} from {description.source} in the finite elements of "
             "every case, which takes minutes for each flat face; the fast model has none"
         )
-    plan = plan.shorten() if quick else plan
     with new_folder(Path(out)) if out else contextlib.nullcontext() as folder:
         found = evaluate(
-            description, campaign=plan, recordings=data, recorded=recorded, progress=shown, announce=announce
-        )
+            description, campaign=plan, recordings=data, recorded=recorded, budget=allowed, progress=shown,
+            announce=announce,
+        )  # fmt: skip
+        if found.plan.next:
+            tell(f"ten more minutes would add: {', '.join(found.plan.next)}")
         if folder:
             from validation.report import write_report
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from meshes import Pose, SolidCover, TexelArray
+from meshes import Cover, Pose, SolidCover, TexelArray
 from meshes.array_types import BoolArray, FloatArray
 from meshes.solids.solid_mesh import measure_thickness
 from meshes.solids.texels import tangent_axes
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from fastmodel import Parameters
     from fem_reference.curved_cover.facet_surface import FacetSurface
     from meshes.solids import SolidMesh
+    from validation.campaign.case import Case
     from validation.schema.campaign import LoadsForTable
     from validation.sensor_file import SensorDescription
 
@@ -46,6 +47,9 @@ _OFF_TOP = 1.0
 _NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*")
 #: Largest length of a text that is parsed or repeated in a message [characters].
 _LONGEST = 100
+
+#: Share of the largest depth of a campaign to which flat faces press [-].
+_SHARP = 0.5
 
 #: Components of a direction along x, y and z in the frame of the array [-].
 Vector = tuple[float, float, float]
@@ -139,6 +143,10 @@ class Places(ABC):
             InputError: If loads are not scaled for this kind of cover.
         """
 
+    def limit_load(self, case: Case, share: float) -> float:  # noqa: ARG002 -- for layers
+        """Return the load under which a case presses the cover to a share of its thickness, inf if not known [N]."""
+        return math.inf
+
 
 def read_place(text: str, place: str, names: tuple[str, ...], counts: tuple[int, ...]) -> str | tuple[float, ...]:
     """Read a place: a name, or coordinates [m].
@@ -168,10 +176,12 @@ class FlatPlaces(Places):
     Attributes:
         array: The array, in whose frame places are given.
         whole: Whether the axis of the indenter must lie over the array.
+        cover: The cover; None if it is not known.
     """
 
     array: TexelArray
     whole: bool = False
+    cover: Cover | None = None
     default = "default.toml"
 
     @property
@@ -203,6 +213,14 @@ class FlatPlaces(Places):
         """Refuse a campaign whose loads are to be scaled, because only loads on curved covers are; see `Places`."""
         del table
         raise InputError(f"{source}: loads_for: is for curved covers; remove it, and write the loads as they are")
+
+    def limit_load(self, case: Case, share: float) -> float:
+        """Return the load that presses the linear cover to a share of its thickness; see `Places`."""
+        from validation.derivation.contact_range import bear
+
+        # Finite strain ends earlier under sharp edges.
+        deepest = share * (_SHARP if case.indenter.is_flat else 1.0)
+        return math.inf if self.cover is None else bear(self.cover, case.turned.indenter, deepest)
 
     def read_at(self, text: str, *, place: str) -> str | tuple[float, ...]:
         """Read the name of a place, or its coordinates x and y [m]; see `Places`."""
@@ -387,8 +405,8 @@ def find_places(cover: object, sensor: SensorDescription | Parameters, progress:
         sensor: The sensor.
         progress: Called with a line of text before each step.
     """
-    del cover, progress
-    return FlatPlaces(array=sensor.array)
+    del progress
+    return FlatPlaces(array=sensor.array, cover=cover if isinstance(cover, Cover) else None)
 
 
 @find_places.register(SolidCover)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial, singledispatch
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -75,14 +75,19 @@ class Bench(ABC):
     friction: float = 0.0
     comparison: ComparisonModels | None = None
 
-    def solve(self, case: Case) -> CaseResult:
+    def solve(self, case: Case, progress: Callable[[str], None] | None = None) -> CaseResult:
         """Compute one case by finite elements and by all models, and score the models.
+
+        Args:
+            case: The indentation.
+            progress: Called with a line of text before each step of the finite elements.
 
         Raises:
             ValueError: If a model cannot compute the case.
             ConvergenceError: If the finite elements did not converge.
         """
-        found = press_reference(self.cover, self.parameters.array, case, friction=self.friction)
+        array = self.parameters.array
+        found = press_reference(self.cover, array, case, friction=self.friction, progress=progress)
         reference, forces = Reference.of(found), self.compute_models(case)
         return CaseResult(
             case=case,
@@ -142,7 +147,7 @@ class Bench(ABC):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LayeredBench(Bench):
-    """Bench of a sensor with a wide cover of flat layers."""
+    """Bench of a sensor with a cover of flat layers."""
 
     models = MODELS
     notes: ClassVar[Mapping[str, str]] = {
@@ -162,7 +167,7 @@ class LayeredBench(Bench):
             "function does not depend on the modulus."
         ),
         "limits": (
-            "The cover is laterally wide, without free edges. The indenter is guided and does not tilt. The methods "
+            "Only a cover of a stated size has free side edges. The indenter is guided and does not tilt. The methods "
             "boxes and no-spread share a flat face by number of contact points, not by area; this dominates their "
             "error under flat indenters."
         ),
@@ -200,13 +205,16 @@ class LayeredBench(Bench):
         """Yield the checks of the codes against closed forms on this cover."""
         from validation.credibility.verification import verify_code
 
-        yield "code verification", partial(verify_code, self.cover, self.parameters.array)
+        yield "code verification", partial(verify_code, replace(self.cover, size=None), self.parameters.array)
 
     def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
         """Propagate the uncertain inputs to the image of a case."""
         from validation.credibility.uncertainty import propagate_inputs
 
-        return propagate_inputs(self.cover, self.parameters.array, case, inputs)
+        found = propagate_inputs(replace(self.cover, size=None), self.parameters.array, case, inputs)
+        if self.cover.size is None:
+            return found
+        return replace(found, note="; ".join(filter(None, (found.note, "on a wide cover of these layers"))))
 
     def score_stages(self, results: Sequence[CaseResult]) -> StageErrors | None:
         """Score the stages of the fast model; None if it has no tables of the cover."""
@@ -256,5 +264,5 @@ def prepare_bench(
         return LayeredBench(cover=cover, parameters=parameters, friction=friction)
     if progress:
         progress("fit of the comparison models")
-    comparison = prepare_models(cover, derivation.parameters, cases, friction=friction)
+    comparison = prepare_models(cover, derivation.parameters, cases, friction=friction, progress=progress)
     return LayeredBench(cover=cover, parameters=derivation.parameters, friction=friction, comparison=comparison)

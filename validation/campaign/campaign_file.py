@@ -21,9 +21,6 @@ from validation.places import Places
 from validation.schema import parse, read_raw
 from validation.schema.campaign import CampaignTables, CaseTable
 
-#: Number of cases of `--quick` if the file marks no case [-].
-_QUICK = 6
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Inputs:
@@ -72,8 +69,10 @@ class Campaign:
         criterion: Acceptance criterion.
         inputs: Uncertainty of the inputs.
         cases: The cases without faults.
-        quick: Names of the cases of a quick run.
+        quick: Names of the cases that a run with a budget prefers.
         left_out: One line per fault in a case that is left out.
+        fewest: Number of scored cases below which nothing is decided [-].
+        next: Names of the cases that ten more minutes would add to a run with a budget.
     """
 
     name: str
@@ -84,11 +83,8 @@ class Campaign:
     cases: tuple[Case, ...]
     quick: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
-
-    def shorten(self) -> Campaign:
-        """Return the campaign of a quick run: the marked cases, or the first six if none is marked."""
-        chosen = [case for case in self.cases if case.name in self.quick] or self.cases[:_QUICK]
-        return dataclasses.replace(self, name=f"{self.name}, quick", cases=tuple(chosen))
+    fewest: int = 0
+    next: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return name, intended use, criterion and inputs as a dictionary of JSON values."""
@@ -141,12 +137,14 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
     """
     default = _read_default(places.default)
     if "case" in data:
-        default = {key: value for key, value in default.items() if key not in ("case", "loads_for")}
+        default = {key: value for key, value in default.items() if key not in ("case", "loads_for", "deepest")}
     tables = parse(default | dict(data), CampaignTables, source=source)
     scale = 1.0 if tables.loads_for is None else places.scale_loads(tables.loads_for, source)
     cases, quick, left_out = _read_cases(tables.case, places)
     if scale != 1:
         cases = [dataclasses.replace(case, load=float(f"{scale * case.load:.2g}")) for case in cases]
+    if tables.deepest is not None:
+        cases = _lower_loads(cases, places, tables.deepest)
     left_out = [f"{source}: {fault}" for fault in left_out]
     if not cases:
         raise InputError(*left_out, f"{source}: no usable case is left; add one, or mend one of these")
@@ -204,6 +202,17 @@ def _read_case(data: object, number: int, places: Places) -> tuple[list[Case], b
         "pose": pose,
     }
     return [Case(name=name, load=load, **common) for name, load in zip(names, loads, strict=True)], table.quick
+
+
+def _lower_loads(cases: Sequence[Case], places: Places, share: float) -> list[Case]:
+    """Lower all loads of an indenter by one factor, where the largest presses the cover deeper than a share of it."""
+    largest = {case.shape: max(each.load for each in cases if each.shape == case.shape) for case in cases}
+    factor = {case.shape: min(1.0, places.limit_load(case, share) / largest[case.shape]) for case in cases}
+    lowered = (float(f"{factor[case.shape] * case.load:.2g}") for case in cases)
+    return [
+        case if factor[case.shape] == 1 else dataclasses.replace(case, load=load)
+        for case, load in zip(cases, lowered, strict=True)
+    ]
 
 
 def _check_new(case: Case, cases: Sequence[Case], place_of: Mapping[str, str], place: str) -> None:

@@ -19,12 +19,13 @@ import numpy as np
 from validation.campaign.bench import LayeredBench, prepare_bench
 from validation.campaign.campaign_file import Campaign, read_campaign
 from validation.campaign.case import Case
+from validation.campaign.plan import Budget, plan_cases
 from validation.campaign.results import CampaignResult, Verdict, judge
-from validation.campaign.run import plan_cases, run_campaign
+from validation.campaign.run import run_campaign
 from validation.campaign.solid_bench import SolidBench
 from validation.credibility.evidence import Evidence, gather_evidence
 from validation.derivation.derive import Derivation, derive
-from validation.errors import InputError, at
+from validation.errors import at
 from validation.places import find_places
 from validation.sensor_file import SensorDescription
 from validation.text.friction import describe_friction
@@ -113,6 +114,7 @@ def evaluate(
     recorded: SensorDescription | None = None,
     campaign: Campaign | None = None,
     cases: Sequence[Case] | None = None,
+    budget: Budget | None = None,
     progress: Progress | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> Evaluation:
@@ -126,21 +128,17 @@ def evaluate(
         recorded: Sensor that made the recordings; `sensor` if None.
         campaign: Cases, intended use and acceptance criterion; the default campaign if None.
         cases: Indentations that replace those of the campaign; None for those of the campaign.
+        budget: Time that the evaluation may take; the cases that tell most are chosen.  None for all cases.
         progress: Display of progress.
         announce: Function that is called once, before the long computations, with a line about the missing solutions
             and their computing time.
 
     Raises:
-        InputError: If the sensor cannot be evaluated.
+        InputError: If the sensor cannot be evaluated, or the budget is below one case.
         KeyboardInterrupt: If interrupted before a case is finished; after that the finished cases are returned.
         RecordingError: If the recordings are damaged or from another array.
         ConvergenceError: If the finite-element solver did not converge.
     """
-    if sensor.cover.size is not None:
-        raise InputError(
-            f"{sensor.source}: cover.size: a report takes laterally wide covers only; use `softcover derive` and "
-            "`softcover press`, or remove the key"
-        )
     clock = [time.perf_counter()]
     # Recordings are scored first, so that a fault in them is reported before the long computations.
     scores = None if recordings is None else _score_recordings(recordings, recorded or sensor, progress)
@@ -149,13 +147,16 @@ def evaluate(
     plan = plan if cases is None else dataclasses.replace(plan, cases=tuple(cases))
     with at(f"{sensor.source}: "):
         cost = plan_cases(sensor.cover, sensor.array, plan.cases, friction=sensor.friction)
+        if budget is not None:
+            plan = budget.shorten(plan, cost)
+            cost = plan_cases(sensor.cover, sensor.array, plan.cases, friction=sensor.friction)
     if announce:
         announce(cost.describe())
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
     bench = prepare_bench(derivation, plan.cases, progress)
-    result = run_campaign(bench, plan.cases, plan=cost, progress=progress.step if progress else None)
-    evidence = gather_evidence(bench, plan, result, progress)
+    result = run_campaign(bench, plan.cases, plan=cost, budget=budget, progress=progress.step if progress else None)
+    evidence = gather_evidence(bench, plan, result, progress, budget=budget)
     clock.append(time.perf_counter())
     return Evaluation(
         derivation=derivation,

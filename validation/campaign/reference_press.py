@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from fem_reference.errors import UnsupportedError
@@ -15,7 +15,14 @@ if TYPE_CHECKING:
     from fem_reference.indentation.result import Indentation
 
 
-def press_reference(cover: Cover | SolidCover, array: TexelArray, case: Case, *, friction: float = 0.0) -> Indentation:
+def press_reference(
+    cover: Cover | SolidCover,
+    array: TexelArray,
+    case: Case,
+    *,
+    friction: float = 0.0,
+    progress: Callable[[str], None] | None = None,
+) -> Indentation:
     """Compute one case by finite elements.
 
     A load of a path is computed together with the other loads, because slip depends on the previous loads.
@@ -25,6 +32,7 @@ def press_reference(cover: Cover | SolidCover, array: TexelArray, case: Case, *,
         array: The array.
         case: The indentation.
         friction: Coulomb friction coefficient between indenter and cover, inf for no slip [-].
+        progress: Called with a line of text before each step.
 
     Raises:
         ValueError: If the indenter would pierce the cover, or the case does not fit the cover.
@@ -35,7 +43,16 @@ def press_reference(cover: Cover | SolidCover, array: TexelArray, case: Case, *,
 
     loads = case.path or (case.load,)
     with name_unsupported("contact.friction"):
-        results = press_path(cover, array, case.indenter, loads=loads, pose=case.pose, friction=friction)
+        results = press_path(
+            cover,
+            array,
+            case.indenter,
+            loads=loads,
+            pose=case.pose,
+            friction=friction,
+            superposed=True,
+            progress=progress,
+        )
     return results[loads.index(case.load)]
 
 

@@ -141,6 +141,10 @@ class CaseResult(Result):
         return values | {"case": Case.from_json(values)} if isinstance(values, dict) else values
 
 
+#: Reason for which a case of a run with a budget has no scores.
+OUT_OF_BUDGET = "the budget of time is used up"
+
+
 @result_model
 class SkippedCase(Result):
     """A case without scores, because a model failed.
@@ -503,7 +507,10 @@ def judge(campaign: Campaign, result: CampaignResult) -> Verdict:
     total = len(result.cases) + len(result.skipped) + len(campaign.left_out)
     missed = [each.text for each in findings if each.status == "missed"]
     undecided = [each.text for each in findings if each.status == "open"]
-    if missed:
+    if len(result.cases) < campaign.fewest:
+        few = f"{len(result.cases)} cases are scored, and fewer than {campaign.fewest} decide nothing"
+        word, reasons = NOT_DECIDED, [few, *missed, *undecided, *doubts]
+    elif missed:
         word, reasons = NOT_ACCEPTED, missed
     elif undecided or doubts:
         word, reasons = NOT_DECIDED, [*undecided, *doubts]
@@ -537,7 +544,7 @@ def _list_doubts(campaign: Campaign, result: CampaignResult) -> list[str]:
     doubts = []
     if result.interrupted:
         doubts.append("the run was interrupted")
-    failed = [each.name for each in result.skipped if each.reason != "interrupted"]
+    failed = [each.name for each in result.skipped if each.reason not in {"interrupted", OUT_OF_BUDGET}]
     if failed:
         doubts.append(f"not scored: {', '.join(failed)}")
     if campaign.left_out:

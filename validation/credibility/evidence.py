@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 from pydantic import Field
 
 from validation.campaign.campaign_file import Campaign
-from validation.campaign.results import CampaignResult, CaseResult, Pooled, pool
+from validation.campaign.results import OUT_OF_BUDGET, CampaignResult, CaseResult, Pooled, pool
 from validation.credibility.stages import StageErrors
 from validation.credibility.uncertainty import ComparisonError, InputUncertainty, compare_quantities
 from validation.credibility.verification import Check, Convergence, verify_solutions
@@ -18,6 +18,7 @@ from validation.results import Number, Result, renamed, result_model
 
 if TYPE_CHECKING:
     from validation.campaign.bench import Bench
+    from validation.campaign.plan import Budget
 
 T = TypeVar("T")
 #: Function that receives a line of text on the progress of the evidence.
@@ -56,7 +57,12 @@ class Evidence(Result):
 
 
 def gather_evidence(
-    bench: Bench, campaign: Campaign, result: CampaignResult, progress: Progress | None = None
+    bench: Bench,
+    campaign: Campaign,
+    result: CampaignResult,
+    progress: Progress | None = None,
+    *,
+    budget: Budget | None = None,
 ) -> Evidence:
     """Verify codes and solutions, propagate the inputs, and score the stages.
 
@@ -68,6 +74,7 @@ def gather_evidence(
         campaign: The campaign with the uncertainties of its inputs.
         result: The scores.
         progress: Called with the name of each part.
+        budget: Time that the evaluation may take; parts that it does not allow are left out.
     """
     tell = progress or (lambda _: None)
     failed: list[str] = []
@@ -78,6 +85,9 @@ def gather_evidence(
     def attempt(what: str, compute: Callable[[], T]) -> T | None:
         from fem_reference import ConvergenceError
 
+        if budget is not None and budget.left < 0:
+            failed.append(f"{what}: {OUT_OF_BUDGET}")
+            return None
         try:
             return compute()
         except (ConvergenceError, ValueError) as error:

@@ -21,6 +21,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +30,7 @@ import numpy.typing as npt
 from fastmodel.signal.electronics import Electronics
 from fastmodel.surface import CoverCells
 from fastmodel.validity import FEWEST_CELLS, Validity
-from meshes import Cover, Material, Pose, RoundedTip, Sphere, TexelArray
+from meshes import Cover, Indenter, Material, Pose, RoundedTip, Sphere, TexelArray
 from meshes.array_types import FloatArray
 from validation.derivation.kernel import Influence, compliance_kernel, influence_kernel, tabulate_surface
 from validation.text.friction import describe_friction
@@ -482,6 +483,42 @@ def linearise(cover: Cover) -> Cover:
     """Return a wide cover of the same layers with linear materials."""
     layers = (dataclasses.replace(layer, material=linearise_material(layer.material)) for layer in cover.layers)
     return dataclasses.replace(cover, layers=tuple(layers), size=None)
+
+
+#: Ratio of the moduli of two layers above which a cover counts as one with a foil [-].
+_FOIL = 100.0
+#: Depth over thickness to which a linear cover without its foils is pressed to find the load that a cover bears [-].
+DEEP = 0.3
+#: Number of cells across the contact of these presses [-].
+_CELLS = 32
+
+
+def has_foil(cover: Cover) -> bool:
+    """Return whether a layer of a cover is so much stiffer than another one that it is a foil."""
+    moduli = [layer.material.youngs_modulus for layer in cover.layers]
+    return max(moduli) > _FOIL * min(moduli)
+
+
+@lru_cache(maxsize=256)
+def bear(cover: Cover, indenter: Indenter, share: float = DEEP) -> float:
+    """Return the load that presses a cover to a share of its thickness [N].
+
+    The cover is wide, linear and frictionless.  Foils are left out, so that a cover with a foil bears more than this.
+
+    Args:
+        cover: The cover.
+        indenter: The indenter, not tilted.
+        share: Depth over thickness [-].
+    """
+    from fem_reference.linear_response.surface_compliance import decay_length, surface_compliance
+    from fem_reference.small_strain_contact.frictionless import bound_contact, solve_contact
+
+    softest = min(layer.material.youngs_modulus for layer in cover.layers)
+    kept = tuple(layer for layer in cover.layers if layer.material.youngs_modulus <= _FOIL * softest)
+    soft = linearise(dataclasses.replace(cover, layers=kept))
+    reach = max(3 * float(np.hypot(*bound_contact(indenter, soft.thickness))), 4 * decay_length(soft))
+    surface = surface_compliance(soft, reach)
+    return solve_contact(surface, indenter, cells=_CELLS, depth=share * soft.thickness).total_force
 
 
 def _measure(press: Indentation, array: TexelArray, influence: Influence) -> FloatArray:

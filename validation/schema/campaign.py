@@ -185,6 +185,7 @@ class CampaignTables(Table):
         required: Acceptance criterion.
         inputs: Standard uncertainties of the inputs.
         loads_for: The cover for which the loads are written.
+        deepest: Depth over thickness of a flat linear cover to which larger loads are lowered.
         case: Cases of the campaign.
     """
 
@@ -195,4 +196,5 @@ class CampaignTables(Table):
     required: RequiredTable
     inputs: InputsTable = InputsTable()
     loads_for: LoadsForTable | None = None
+    deepest: Annotated[float, types.percentage(1)] | None = None
     case: Annotated[list[Any], types.OneByOne(CaseTable, most=_MOST_CASES)]

@@ -92,19 +92,6 @@ def test_loads_and_paths_make_one_case_each(wts):
     assert [(case.load, case.path) for case in campaign.cases] == [(1.0, (1.0, 2.0)), (2.0, (1.0, 2.0))]
 
 
-def test_quick_takes_the_marked_cases_or_the_first_six(wts):
-    assert [case.name for case in read_campaign(None, FlatPlaces(array=wts)).shorten().cases] == [
-        "sphere, texel",
-        "sphere, edge",
-        "cylinder, off grid",
-        "small square, texel",
-        "big rectangle, 45",
-        "tip, off grid",
-    ]
-    many = "".join(GOOD.replace("ball", f"ball {n}").replace("100", f"{100 + n}") for n in range(8))
-    assert [case.name for case in read(many, wts).shorten().cases] == [f"ball {n}" for n in range(6)]
-
-
 @pytest.mark.parametrize(
     ("change", "line"),
     [

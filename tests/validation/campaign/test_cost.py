@@ -1,10 +1,20 @@
 """What a campaign costs is known before it starts, and finished cases survive an interruption."""
 
+import dataclasses
+
 import pytest
 
+from meshes import Sphere
+from tests.support.rubber import stack_layers
 from validation.campaign.bench import LayeredBench
+from validation.campaign.campaign_file import Criterion, read_campaign
 from validation.campaign.case import Case
-from validation.campaign.run import Plan, plan_cases, run_campaign
+from validation.campaign.plan import Budget, Plan, plan_cases, read_budget
+from validation.campaign.results import judge
+from validation.campaign.run import run_campaign
+from validation.derivation.contact_range import bear
+from validation.errors import InputError
+from validation.places import FlatPlaces
 
 CASES = (
     Case.read("sphere", "sphere:radius=5mm", "500 g", at="1.7mm,1.7mm"),
@@ -28,15 +38,110 @@ def test_missing_solutions_are_counted_once_and_stored_ones_not(bonded, wts, tmp
 
 
 def test_time_left_follows_the_finished_cases():
-    plan = Plan(missing=(True,) * 3, seconds=(10.0, 10.0, 20.0))
-    assert plan.describe_left(0, 0.0, "a") == "a, about 40 s left"
-    assert plan.describe_left(1, 30.0, "b") == "b, about 90 s left"  # three times as long as expected
-    assert plan.describe_left(2, 60.0, "c") == "c, about 60 s left"
-    assert plan.describe_left(2, 600.0, "c") == "c, about 10 min left"
+    plan = Plan(missing=(True,) * 3, seconds=(10.0, 10.0, 20.0), kinds=("round", "block", "block"))
+    assert plan.describe_left([0, 1, 2], "a") == "a, about 40 s left"
+    plan.spent[0] = 30.0  # three times as long as expected
+    assert plan.describe_left([1, 2], "b") == "b, about 90 s left"
+    plan.spent[1] = 5.0  # problems of another kind are faster than expected
+    assert plan.describe_left([2], "c") == "c, about 10 s left"
+    plan.spent[1] = 300.0
+    assert plan.describe_left([2], "c") == "c, about 10 min left"
+
+
+def choose(campaign, seconds, *, most=99, depths=(), kinds=()):
+    count = len(campaign.cases)
+    plan = Plan(
+        missing=(True,) * count, seconds=tuple(seconds), depths=depths or (0.0,) * count, shares=tuple(range(count)),
+        kinds=kinds or ("round",) * count, rest=10.0,
+    )  # fmt: skip
+    return lambda budget: Budget(seconds=budget, most=most).shorten(campaign, plan)
+
+
+@pytest.fixture
+def built_in(wts):
+    return read_campaign(None, FlatPlaces(array=wts))
+
+
+def test_marked_cases_come_first_and_a_dear_one_is_replaced(built_in):
+    quick = choose(built_in, [5.0] * 17, most=6)(300.0)
+    assert tuple(case.name for case in quick.cases) == built_in.quick
+    dear = [1000.0 if "square" in case.name or "rectangle" in case.name else 5.0 for case in built_in.cases]
+    names = [case.name for case in choose(built_in, dear, most=6)(300.0).cases]
+    assert len(names) == 6
+    assert not [name for name in names if "square" in name or "rectangle" in name]
+    assert {"sphere, texel", "sphere, edge", "cylinder, off grid", "tip, off grid"} < set(names)
+
+
+def test_a_small_budget_takes_what_tells_most_and_names_what_comes_next(built_in):
+    unmarked = dataclasses.replace(built_in, quick=())
+    depths = tuple(0.3 if case.name == "tip, texel" else 0.1 for case in unmarked.cases)
+    few = choose(unmarked, [30.0] * 17, depths=depths)(170.0)  # preparations and five cases
+    assert len(few.cases) == 5
+    assert few.fewest == 5
+    assert "tip, texel" in [case.name for case in few.cases]  # the deepest
+    assert len({type(case.indenter) for case in few.cases}) >= 3
+    assert len({case.pose.at for case in few.cases}) >= 3
+    assert len(few.next) == 12  # ten more minutes are enough for all of them
+    assert len(choose(unmarked, [100.0] * 17)(170.0).next) == 6
+
+
+@pytest.mark.parametrize("text", ["0 s", "-3min", "5", "2 mm", "soon"])
+def test_budgets_that_are_no_positive_time_are_refused(text):
+    with pytest.raises(InputError, match=r"--budget: .*(time|unit|quantity|number)"):
+        read_budget(text)
+    with pytest.raises(InputError, match="give one of the two"):
+        read_budget("20min", quick=True)
+
+
+def test_budget_below_one_case_is_refused_with_what_is_enough(built_in):
+    with pytest.raises(InputError, match=r"--budget: 20 s is less than one case, .* 40 s .*--budget 6min"):
+        choose(built_in, [30.0] * 17)(20.0)
+
+
+def test_fewer_than_five_scored_cases_decide_nothing(bench, campaign, built_in):
+    limits = Criterion(mean={"misplaced_force": 1.0}, each={})
+    plan = dataclasses.replace(built_in, criterion=limits)
+    assert judge(plan, campaign).word == "accepted"
+    verdict = judge(dataclasses.replace(plan, fewest=5), campaign)
+    assert verdict.word == "not decided"
+    assert verdict.reasons[0] == "3 cases are scored, and fewer than 5 decide nothing"
+
+
+def test_an_exhausted_budget_stops_the_solver_and_keeps_the_other_cases(bench, campaign, cases, monkeypatch):
+    budget = Budget(seconds=1000.0)
+
+    def solve(_, case, progress):
+        if case.name == "sphere":
+            return campaign.cases[0]
+        object.__setattr__(budget, "seconds", 0.0)
+        progress("a step of Newton's method")
+        raise AssertionError
+
+    monkeypatch.setattr(LayeredBench, "solve", solve)
+    plan = Plan(missing=(True,) * 3, seconds=(1.0, 2.0, 3.0))
+    result = run_campaign(bench, cases, plan=plan, budget=budget)
+    assert [each.case.name for each in result.cases] == ["sphere"]
+    assert [each.reason for each in result.skipped] == ["the budget of time is used up"] * 2
+
+
+def test_loads_of_the_built_in_campaign_are_lowered_on_soft_covers(wts):
+    stiff, soft = (
+        read_campaign(None, FlatPlaces(array=wts, cover=stack_layers((2e-3, modulus, 0.49)))) for modulus in (1e6, 2e4)
+    )
+    assert {case.name: case.load for case in stiff.cases}["sphere, texel"] == pytest.approx(4.903325)
+    loads = {case.name: case.load for case in soft.cases}
+    # A linear cover bears loads in proportion to its modulus; loads of one body keep their ratio.
+    borne = bear(stack_layers((2e-3, 1e6, 0.49)), Sphere(radius=5e-3)) / 50
+    assert loads["sphere, texel"] == pytest.approx(borne, rel=0.05)
+    assert loads["sphere, centre"] == pytest.approx(borne / 5, rel=0.05)
+    # Hertz (1882), on a cover that is thick beside the contact: F = 4/3 E / (1 - nu^2) sqrt(R d^3)
+    thick = stack_layers((60e-3, 1e6, 0.49))
+    hertz = 4 / 3 * 1e6 / (1 - 0.49**2) * (5e-3 * 0.6e-3**3) ** 0.5
+    assert bear(thick, Sphere(radius=5e-3), 0.01) == pytest.approx(hertz, rel=0.03)
 
 
 def test_an_interrupted_run_keeps_the_finished_cases(bench, campaign, cases, monkeypatch):
-    def solve(_, case):
+    def solve(_, case, progress):
         if case.name == "sphere":
             return campaign.cases[0]
         raise KeyboardInterrupt

@@ -6,7 +6,6 @@ import pytest
 
 from validation.campaign.case import Case
 from validation.campaign.evaluation import evaluate
-from validation.errors import InputError
 from validation.sensor_file import load
 
 
@@ -20,13 +19,6 @@ def test_verification_notices_a_response_that_is_one_percent_off(wts_derivation)
     spread = wts_derivation.influence
     off = dataclasses.replace(spread, pressure_per_force=1.01 * spread.pressure_per_force)
     assert dataclasses.replace(wts_derivation, influence=off).verification["radial_profile"] > 5e-3
-
-
-def test_cover_of_limited_size_is_refused_before_any_work():
-    sensor = load("wts-0614-34")
-    small = dataclasses.replace(sensor, cover=dataclasses.replace(sensor.cover, size=(30e-3, 60e-3)))
-    with pytest.raises(InputError, match=r"cover\.size: a report takes laterally wide covers only"):
-        evaluate(small)
 
 
 def test_the_cost_is_announced_before_the_long_computations(tmp_path, monkeypatch):

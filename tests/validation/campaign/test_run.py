@@ -93,7 +93,7 @@ def test_case_that_no_model_can_press_is_named_and_the_others_scored(bench, case
 
 
 def test_solver_that_gives_up_is_told_apart_from_bad_input(bench, campaign, cases, monkeypatch):
-    def solve(_, case):
+    def solve(_, case, progress):
         if case.name == "sphere":
             return campaign.cases[0]
         raise fem_reference.ConvergenceError("no")

@@ -13,9 +13,10 @@ from meshes.bounded_file import parse_toml
 from validation.campaign.bench import prepare_bench
 from validation.campaign.campaign_file import Criterion, Inputs, parse_campaign
 from validation.campaign.evaluation import evaluate
+from validation.campaign.plan import plan_cases
 from validation.campaign.reference_press import press_reference
 from validation.campaign.results import judge
-from validation.campaign.run import plan_cases, run_campaign
+from validation.campaign.run import run_campaign
 from validation.campaign.solid_bench import CURVED_MODELS, SolidBench
 from validation.credibility import verification as evidence
 from validation.credibility.evidence import gather_evidence

@@ -115,11 +115,11 @@ def test_what_only_a_wide_cover_has_is_left_out_plainly(derivation, path, capsys
     assert "resolution" not in shown
 
 
-def test_report_of_a_cover_with_side_edges_is_refused_in_one_line(path, tmp_path, capsys):
+def test_budget_below_one_case_is_refused_in_one_line_before_any_work(path, tmp_path, capsys):
     with pytest.raises(SystemExit) as left:
-        main(["validate", str(path), "--out", str(tmp_path / "report")])
+        main(["validate", str(path), "--budget", "2 s", "--out", str(tmp_path / "report")])
     assert left.value.code == 2
-    faults = [line for line in capsys.readouterr().err.splitlines() if "cover.size" in line]
+    faults = [line for line in capsys.readouterr().err.splitlines() if "--budget" in line]
     assert len(faults) == 1
-    assert "laterally wide covers only" in faults[0]
+    assert "less than one case" in faults[0]
     assert not (tmp_path / "report").exists()

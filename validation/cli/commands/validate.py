@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from validation.sensor_file import SensorDescription
 
 _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
-_Quick = Annotated[bool, Parameter(name="--quick", help="Six cases instead of all.")]
+_Quick = Annotated[bool, Parameter(name="--quick", help="The six cases that tell most, within five minutes.")]
 _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings under known loads, or a data-set file.")]
 
 #: Built-in sensor that `softcover demo` evaluates.
@@ -66,6 +66,7 @@ def validate(
     *,
     campaign: Path | None = None,
     quick: _Quick = False,
+    budget: str | None = None,
     recordings: _Recordings = None,
     data_set: str | None = None,
     measured: str | None = None,
@@ -82,6 +83,7 @@ def validate(
 
         softcover validate sensor.toml --out my-report
         softcover validate sensor.toml --quick
+        softcover validate sensor.toml --budget 20min
         softcover validate sensor.toml --campaign mine.toml
         softcover validate sdh2-distal --recordings ~/tactile-sensors
         softcover validate sensor.toml --recordings data-set.toml
@@ -90,13 +92,18 @@ def validate(
 
     Args:
         campaign: Campaign file: cases and what is required of the fast model.
+        budget: Processor time such as 20min, within which the cases that tell most are computed.
         data_set: Data-set file, or kiechle-sdh2; that in the folder when not given.
         measured: File of measured forces with their own cover, or gelsight-mini: compare the finite elements with them.
     """
     from validation.data_sets.data_set import describe_unused_recordings
 
     if measured is not None:
-        if quick or cover != options.UNCHANGED or any(each is not None for each in (campaign, recordings, data_set)):
+        if (
+            quick
+            or cover != options.UNCHANGED
+            or any(each is not None for each in (campaign, recordings, data_set, budget))
+        ):
             raise InputError("--measured: measured forces have a cover of their own; leave out all options but --json")
         _compare_measured_force(measured, json=json)
         return DONE
@@ -106,8 +113,9 @@ def validate(
     if recordings is None and data_set is None and (sentence := describe_unused_recordings()):
         output.note(sentence)
     return _evaluate(
-        description, out, campaign=campaign, quick=quick, recordings=recordings, data_set=data_set, json=json
-    )
+        description, out, campaign=campaign, quick=quick, budget=budget, recordings=recordings, data_set=data_set,
+        json=json,
+    )  # fmt: skip
 
 
 def _evaluate(sensor: SensorDescription, out: Path, *, json: bool, **chosen: Any) -> int:  # noqa: ANN401

@@ -1,0 +1,310 @@
+"""Plan of a campaign: what each case costs, which cases a budget of time allows, and what they tell.
+
+The costs are learned: the finished cases of a kind of problem correct the expected time of the others.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import singledispatch
+
+import numpy as np
+
+from meshes import Cover, SolidCover, TexelArray
+from validation.campaign.campaign_file import Campaign
+from validation.campaign.case import Case
+from validation.campaign.reference_press import find_stored_reference
+from validation.derivation.contact_range import DEEP, bear, has_foil
+from validation.errors import InputError
+from validation.text.quantity import read_quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Costs:
+    """Expected times on one core of a computer of 2020, from which a plan starts; measured by benchmarks/campaign.py.
+
+    The time of a solution is multiplied by the steps and the unknowns of its problem over those that are named here.
+    """
+
+    #: A solution at small strain on a wide cover [s].
+    small: float = 2.0
+    #: A solution at small strain on a cover with side edges; the first one takes the response of the cover too [s].
+    small_sides: float = 8.0
+    #: A body of revolution at finite strain, pressed to 30 % of the thickness [s].
+    round: float = 4.0
+    #: A block in three dimensions at finite strain, symmetric in both planes, as long and as wide as eight thicknesses,
+    #: pressed to 30 % of the thickness [s].
+    block: float = 60.0
+    #: A solution with friction over one without.
+    friction: float = 5.0
+    #: A solution at finite strain on a cover with a foil, over one without.
+    foil: float = 10.0
+    #: A case on a solid cover [s].
+    solid: float = 8.0
+    #: Everything besides a missing solution, for each case and on the whole, on layers [s].
+    case: float = 1.5
+    rest: float = 12.0
+    #: Everything besides the cases on a solid cover, with and without texel responses in the store [s].
+    stored_solid_rest: float = 60.0
+    solid_rest: float = 150.0
+
+
+_COSTS = Costs()
+#: Number of radii at which the contact of an indenter of revolution is measured [-].
+_RADII = 32
+#: Share of the time of a press to `DEEP` that does not depend on the depth [-].
+_FIRST_STEPS = 0.3
+#: Width of a mesh beyond the indenter, and width of that of `Costs.block`, over the thickness [-].
+_AROUND, _SPAN = 4.0, 8.0
+#: Exponent with which the time of a block grows with its unknowns [-].
+_GROWTH = 1.3
+#: Distance from the sides over the decay length from which a press is solved as on a wide cover [-].
+_FAR = 4.0
+#: Fewest cases that decide a run with a budget, and most cases of `--quick` [-].
+FEWEST, QUICK = 5, 6
+#: Budget of `--quick`: processor time [s].
+QUICK_BUDGET = 300.0
+#: Time that an evaluation names for what a larger budget would add [s].
+_MORE = 600.0
+#: Duration of a minute, and time from which minutes are printed instead of seconds [s].
+_MINUTE, _LONG = 60.0, 100.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Missing solutions and expected times of the cases of a campaign.
+
+    Attributes:
+        missing: Whether the solution of each case is missing from the store; a shared solution counts once.
+        seconds: Expected time of each case [s].
+        kinds: Kind of problem of each case; those of one kind are expected to be equally faster or slower.
+        depths: Expected depth of each case over the thickness; 0 where it is not known [-].
+        shares: Index of the first case whose solution each case shares; its own index if there is none.
+        rest: Expected time of everything besides the cases [s].
+        spent: Times that finished cases took, by the index of the case [s].
+    """
+
+    missing: tuple[bool, ...]
+    seconds: tuple[float, ...]
+    kinds: tuple[str, ...] = ()
+    depths: tuple[float, ...] = ()
+    shares: tuple[int, ...] = ()
+    rest: float = _COSTS.rest
+    spent: dict[int, float] = field(default_factory=dict)
+
+    @property
+    def total(self) -> float:
+        """Expected time of the whole evaluation [s]."""
+        return sum(self.seconds) + self.rest
+
+    def describe(self) -> str:
+        """State in one line how many solutions are missing and how long the evaluation takes."""
+        count, cases = sum(self.missing), len(self.missing)
+        what = f"{cases} cases, {count} reference solutions missing from the store"
+        if not count:
+            what = f"all reference solutions of {cases} cases are in the store"
+        return f"{what}; about {format_time(self.total)}"
+
+    def expect(self, case: int) -> float:
+        """Return the time of a case: the expected one, times what finished cases took over what was expected [s].
+
+        Finished cases of the same kind are asked first, then all.
+        """
+        same = [i for i in self.spent if self.kinds and self.kinds[i] == self.kinds[case]] or list(self.spent)
+        expected = sum(self.seconds[i] for i in same)
+        return self.seconds[case] * (sum(self.spent[i] for i in same) / expected if expected else 1.0)
+
+    def describe_left(self, left: Sequence[int], name: str) -> str:
+        """Return the name of the next case with the expected time of the cases with the indices `left`."""
+        return f"{name}, about {format_time(sum(map(self.expect, left)))} left"
+
+
+def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Case], *, friction: float = 0.0) -> Plan:
+    """Determine which reference solutions are missing from the store, and the expected time of the cases.
+
+    Args:
+        cover: The cover.
+        array: The array.
+        cases: The indentations.
+        friction: Coulomb friction coefficient between indenter and cover, inf for no slip [-].
+    """
+    missing, seconds, kinds, depths, shares, rest = [], [], [], [], [], _COSTS.rest
+    for number, case in enumerate(cases):
+        estimate = estimate_cost(cover, case, friction)
+        absent = find_stored_reference(cover, array, case, friction=friction) is None
+        if isinstance(cover, SolidCover):
+            rest = max(rest, _COSTS.solid_rest if absent else _COSTS.stored_solid_rest)
+        shares.append(
+            next((i for i, other in enumerate(cases[:number]) if _share_solution(cover, case, other)), number)
+        )
+        absent = absent and shares[-1] == number
+        missing.append(absent)
+        kinds.append(estimate.kind if absent else "stored")
+        seconds.append(_COSTS.case + (estimate.seconds if absent else 0.0))
+        depths.append(estimate.depth)
+    return Plan(
+        missing=tuple(missing), seconds=tuple(seconds), kinds=tuple(kinds), depths=tuple(depths),
+        shares=tuple(shares), rest=rest,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """Kind of problem of a case, expected time of its solution [s], and expected depth over thickness [-]."""
+
+    kind: str
+    seconds: float
+    depth: float = 0.0
+
+
+@singledispatch
+def estimate_cost(cover: object, case: Case, friction: float) -> Estimate:
+    """Estimate the reference of a case: kind of problem, time and depth.
+
+    Args:
+        cover: The cover.  The kind is that of solid covers, unless another function is registered for the cover.
+        case: The indentation.
+        friction: Coulomb friction coefficient between indenter and cover [-].
+    """
+    del cover, case, friction
+    return Estimate(kind="solid cover", seconds=_COSTS.solid)
+
+
+@estimate_cost.register
+def _(cover: Cover, case: Case, friction: float) -> Estimate:
+    from fem_reference.linear_response.surface_compliance import decay_length
+    from fem_reference.small_strain_contact.free_edges import find_mirror_planes
+
+    indenter, thickness = case.turned.indenter, cover.thickness
+    depth = DEEP * (case.load / bear(cover, indenter)) ** (1 if indenter.is_flat else 2 / 3)
+    if cover.small_strain_only and not friction:
+        return Estimate(
+            kind="small strain", seconds=_COSTS.small if cover.size is None else _COSTS.small_sides, depth=depth
+        )
+    sides = np.array([] if cover.size is None else cover.size) / 2
+    room = min(sides - np.abs(case.pose.at[: len(sides)]), default=math.inf)
+    across = np.linspace(0, max(indenter.footprint), _RADII)
+    reached = across[indenter.gap(across, 0 * across) <= depth * thickness] if indenter.axisymmetric else across
+    wide = room - reached.max() > _FAR * decay_length(replace(cover, size=None))
+    factor = (_COSTS.friction if friction else 1.0) * (_COSTS.foil if has_foil(cover) else 1.0)
+    factor *= _FIRST_STEPS + (1 - _FIRST_STEPS) * depth / DEEP
+    if indenter.axisymmetric and wide:
+        return Estimate(kind="round", seconds=_COSTS.round * factor, depth=depth)
+    spans = [2 * half / thickness + _AROUND for half in indenter.footprint] if wide else 2 * sides / thickness
+    parts = 1 if wide else 2 ** find_mirror_planes(indenter, case.pose).count(False)
+    unknowns = float(np.prod(spans)) / _SPAN**2 * parts
+    return Estimate(kind="block", seconds=_COSTS.block * factor * unknowns**_GROWTH, depth=depth)
+
+
+def format_time(seconds: float) -> str:
+    """Return a time in whole seconds below 100 s, else in whole minutes."""
+    return f"{max(seconds, 1):.0f} s" if seconds < _LONG else f"{seconds / _MINUTE:.0f} min"
+
+
+def _share_solution(cover: Cover | SolidCover, case: Case, other: Case) -> bool:
+    """Whether the references of two cases share their solution: same body and load at two poses on a wide cover."""
+    return (
+        cover.size is None
+        and (case.load, case.path, case.pose.tilt) == (other.load, other.path, other.pose.tilt)
+        and case.has_shape_of(other)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget:
+    """Processor time that an evaluation may take, on one core without other work the time that a user waits.
+
+    Attributes:
+        seconds: The time [s].
+        most: Largest number of cases [-].
+        started: Processor time of this process at which the budget begins [s].
+    """
+
+    seconds: float
+    most: int = 1000
+    started: float = field(default_factory=time.process_time)
+
+    @property
+    def left(self) -> float:
+        """Time that is left [s]."""
+        return self.seconds - (time.process_time() - self.started)
+
+    def check(self: Budget | None) -> None:
+        """Raise `OutOfBudgetError` if no time is left; solvers call this with their progress."""
+        if self is not None and self.left < 0:
+            raise OutOfBudgetError
+
+    def shorten(self, campaign: Campaign, plan: Plan) -> Campaign:
+        """Shorten a campaign to the cases that tell most within the budget, with those that ten more minutes would add.
+
+        Marked cases come first, then those with most that no chosen case has: kind of body, flat or curved face, place,
+        load, rotation, and the largest depth.
+
+        Raises:
+            InputError: If the budget is below the cheapest case.
+        """
+        least = plan.rest + min(plan.seconds)
+        if self.seconds < least:
+            example = math.ceil(2 * (plan.rest + sum(sorted(plan.seconds)[:FEWEST])) / _MINUTE)
+            raise InputError(
+                f"--budget: {format_time(self.seconds)} is less than one case, which takes about {format_time(least)} "
+                f"with all preparations; write for example --budget {example}min"
+            )
+        traits = [_list_traits(case) for case in campaign.cases]
+        if any(plan.depths):
+            traits[int(np.argmax(plan.depths))].add("deepest")
+        alone = [_COSTS.case] * len(traits)
+        chosen: list[int] = []
+        spent, within, stop = plan.rest, self.seconds, -1
+        while True:
+            paid, seen = {plan.shares[i] for i in chosen}, {each for i in chosen for each in traits[i]}
+            cost = [each if i in paid else plan.seconds[i] for i, each in zip(plan.shares, alone, strict=True)]
+            fits = [i for i in range(len(cost)) if i not in chosen and spent + cost[i] <= within]
+            full = stop < 0 and len(chosen) == self.most
+            if fits and not full:
+                new = [len(each - seen) for each in traits]
+                marked = [case.name in campaign.quick for case in campaign.cases]
+                chosen.append(max(fits, key=lambda i: (marked[i], new[i], -cost[i])))
+                spent += cost[chosen[-1]]
+            elif stop < 0:
+                stop, within = len(chosen), max(self.seconds, spent) + _MORE
+            else:
+                break
+        cases, kept = campaign.cases, sorted(chosen[:stop])
+        return replace(
+            campaign, name=f"{campaign.name}, quick" if self.most == QUICK else campaign.name,
+            cases=tuple(cases[i] for i in kept), fewest=min(FEWEST, len(cases)),
+            next=tuple(cases[i].name for i in chosen[stop:]),
+        )  # fmt: skip
+
+
+def read_budget(text: str | None, *, quick: bool = False) -> Budget | None:
+    """Read the option --budget, a time such as `20min`; `--quick` is a budget too; None without either.
+
+    Raises:
+        InputError: If both are given, or the text is not a positive time.
+    """
+    if text is None:
+        return Budget(seconds=QUICK_BUDGET, most=QUICK) if quick else None
+    if quick:
+        raise InputError(f"--budget: --quick is the budget {format_time(QUICK_BUDGET)}; give one of the two")
+    seconds = read_quantity(text, "time", place="--budget", example="20min")
+    if not seconds > 0:
+        raise InputError(f"--budget: {text!r} is not a positive time; write for example --budget 20min")
+    return Budget(seconds=seconds)
+
+
+class OutOfBudgetError(Exception):
+    """A solver was stopped, because the time that the user allows is over."""
+
+
+def _list_traits(case: Case) -> set[object]:
+    """List what a case has that others may not have: kind of body, face, place, load and rotation."""
+    place = tuple(round(1e4 * each) for each in case.pose.point)
+    return {
+        type(case.indenter).__name__, ("flat", case.indenter.is_flat), ("place", place), ("load", f"{case.load:.1g}"),
+        ("turned", case.pose.yaw, case.pose.tilt, tuple(round(each, 2) for each in case.pose.direction)),
+    }  # fmt: skip
