@@ -307,8 +307,9 @@ def study_nonlinear(path: LoadingPath, place: Place, progress: Progress, refinem
 def superpose_sides(path: LoadingPath, place: Place, progress: Progress, refinement: int = 0) -> GridStudy:
     """Add the effect of finite strain on a wide cover to the small-strain solution of a cover of limited size.
 
-    Each effect is computed without the other one.  What they change together is missing.  It is estimated as the
-    product of the two effects on the texel forces, or on the ratio of depth and load if that is larger.
+    Each effect is computed without the other one.  What they change together is missing.  It is estimated as the larger
+    one of two products: of the two effects on the texel forces, and of the effect of the sides on the depth and the
+    depth over the thickness, because at finite strain effects change in proportion to the depth.
 
     Args:
         path: Cover of limited size, indenter and targets, without friction.
@@ -325,11 +326,15 @@ def superpose_sides(path: LoadingPath, place: Place, progress: Progress, refinem
     solutions, missing = [], _SIDES_ERROR
     for strained, plain, limited in zip(full.solutions, linear.solutions, sides.solutions, strict=True):
         sets = (strained, plain, limited)
-        spread = [grids[-1].base.forces(place.array, place.pose) / grids[-1].total_force for grids in sets]
-        yielding = [np.array([grids[-1].depth / grids[-1].total_force]) for grids in sets]
-        for finite, small, edged in (spread, yielding):
-            size = np.abs(small).sum()
-            missing = max(missing, float(np.abs(finite - small).sum() * np.abs(edged - small).sum() / size**2))
+        finite, small, edged = (
+            grids[-1].base.forces(place.array, place.pose) / grids[-1].total_force for grids in sets
+        )
+        yielding = [grids[-1].depth / grids[-1].total_force for grids in (limited, plain)]
+        missing = max(
+            missing,
+            float(np.abs(finite - small).sum() * np.abs(edged - small).sum()),
+            abs(yielding[0] / yielding[1] - 1) * strained[-1].depth / path.cover.thickness,
+        )
         flat = path.indenter.is_flat
         solutions.append([
             correct_solution(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from fem_reference.errors import IncompletePathError
 from validation.campaign.case import Case, tabulate_pose
 from validation.campaign.reference_press import name_unsupported
-from validation.campaign.results import Reference, score_forces
+from validation.campaign.results import Reference, score_forces, texel_error
 from validation.cover_meshes import describe_mesh
 from validation.errors import InputError
 from validation.metrics import Score
@@ -24,6 +24,8 @@ Progress = Callable[[str], None]
 
 #: Models that a user can name: finite elements and the fast model.
 MODELS = ("fem", "fast")
+#: Own error of the reference in the texels above which the fast model is not scored in a press [-].
+_NO_SCORE = 0.05
 #: Contact methods of the fast model that a user can name.
 METHODS = ("default", "cover", "foundation", "boxes", "curved")
 
@@ -143,6 +145,8 @@ def compare_models(
             fem, stopped = _press_as_far(sensor, case, depth, tell, as_far=as_far, **options)
         models = ("fem",) if stopped else models
         case = dataclasses.replace(case, load=fem.total_force)
+    if "fast" in models and fem is not None and callable(parameters) and (note := _refuse_score(fem)):
+        models = ("fem",)
     model = None
     if "fast" in models:
         model = parameters() if callable(parameters) else parameters
@@ -165,6 +169,16 @@ def compare_models(
         sensor=sensor, case=case, fem=fem, fast=fast, score=score, models=tuple(models), wanted=wanted,
         stopped=stopped, note=note,
     )  # fmt: skip
+
+
+def _refuse_score(fem: Indentation) -> str:
+    """Return why the fast model is not derived for a score: the finite elements' own error; empty if it is small."""
+    if (own := texel_error(fem.error_estimate)) <= _NO_SCORE:
+        return ""
+    return (
+        f"the finite elements state an error of {100 * own:.2g} % for the texels, more than the fast model usually "
+        "has, so it is not derived for a score; --model fast computes it alone"
+    )
 
 
 def _press_as_far(

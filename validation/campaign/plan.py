@@ -31,8 +31,8 @@ class Costs:
 
     #: A solution at small strain on a wide cover [s].
     small: float = 2.0
-    #: A solution at small strain on a cover with side edges; the first one takes the response of the cover too [s].
-    small_sides: float = 8.0
+    #: What the sides of a cover of limited size add, on a cover of 300 squared thicknesses [s].
+    sides: float = 22.0
     #: A body of revolution at finite strain, pressed to 30 % of the thickness [s].
     round: float = 4.0
     #: A block in three dimensions at finite strain, symmetric in both planes, as long and as wide as eight thicknesses,
@@ -53,16 +53,18 @@ class Costs:
 
 
 _COSTS = Costs()
-#: Number of radii at which the contact of an indenter of revolution is measured [-].
-_RADII = 32
 #: Share of the time of a press to `DEEP` that does not depend on the depth [-].
 _FIRST_STEPS = 0.3
 #: Width of a mesh beyond the indenter, and width of that of `Costs.block`, over the thickness [-].
 _AROUND, _SPAN = 4.0, 8.0
-#: Exponent with which the time of a block grows with its unknowns [-].
-_GROWTH = 1.3
-#: Distance from the sides over the decay length from which a press is solved as on a wide cover [-].
+#: Number of radii at which the surface of a body of revolution is measured [-].
+_RADII = 32
+#: Distance of a contact from the sides over the decay length above which they are left out [-].
 _FAR = 4.0
+#: Area of the cover of `Costs.sides` over the squared thickness [-].
+_AREA = 300.0
+#: Exponent with which times grow with the unknowns [-].
+_GROWTH = 1.2
 #: Fewest cases that decide a run with a budget, and most cases of `--quick` [-].
 FEWEST, QUICK = 5, 6
 #: Budget of `--quick`: processor time [s].
@@ -131,7 +133,7 @@ def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Cas
         cases: The indentations.
         friction: Coulomb friction coefficient between indenter and cover, inf for no slip [-].
     """
-    missing, seconds, kinds, depths, shares, rest = [], [], [], [], [], _COSTS.rest
+    missing, seconds, kinds, depths, shares, rest = [], [], [], [], [], _COSTS.rest + _measure_sides(cover)
     for number, case in enumerate(cases):
         estimate = estimate_cost(cover, case, friction)
         absent = find_stored_reference(cover, array, case, friction=friction) is None
@@ -176,27 +178,31 @@ def estimate_cost(cover: object, case: Case, friction: float) -> Estimate:
 @estimate_cost.register
 def _(cover: Cover, case: Case, friction: float) -> Estimate:
     from fem_reference.linear_response.surface_compliance import decay_length
-    from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 
     indenter, thickness = case.turned.indenter, cover.thickness
     depth = DEEP * (case.load / bear(cover, indenter)) ** (1 if indenter.is_flat else 2 / 3)
+    edges = _measure_sides(cover)
+    if edges and not (indenter.is_flat or cover.small_strain_only):
+        # The contact of a round body stays within the radius at which its surface is as high as its depth.
+        half = np.linspace(0, max(indenter.footprint), _RADII)
+        reached = half[indenter.gap(half, 0 * half) <= depth * thickness].max()
+        room = min(edge / 2 - abs(at) for edge, at in zip(cover.size or (), case.pose.at, strict=True))
+        edges *= bool(room - reached < _FAR * decay_length(replace(cover, size=None)))
     if cover.small_strain_only and not friction:
-        return Estimate(
-            kind="small strain", seconds=_COSTS.small if cover.size is None else _COSTS.small_sides, depth=depth
-        )
-    sides = np.array([] if cover.size is None else cover.size) / 2
-    room = min(sides - np.abs(case.pose.at[: len(sides)]), default=math.inf)
-    across = np.linspace(0, max(indenter.footprint), _RADII)
-    reached = across[indenter.gap(across, 0 * across) <= depth * thickness] if indenter.axisymmetric else across
-    wide = room - reached.max() > _FAR * decay_length(replace(cover, size=None))
+        return Estimate(kind="small strain", seconds=_COSTS.small + edges, depth=depth)
     factor = (_COSTS.friction if friction else 1.0) * (_COSTS.foil if has_foil(cover) else 1.0)
     factor *= _FIRST_STEPS + (1 - _FIRST_STEPS) * depth / DEEP
-    if indenter.axisymmetric and wide:
-        return Estimate(kind="round", seconds=_COSTS.round * factor, depth=depth)
-    spans = [2 * half / thickness + _AROUND for half in indenter.footprint] if wide else 2 * sides / thickness
-    parts = 1 if wide else 2 ** find_mirror_planes(indenter, case.pose).count(False)
-    unknowns = float(np.prod(spans)) / _SPAN**2 * parts
-    return Estimate(kind="block", seconds=_COSTS.block * factor * unknowns**_GROWTH, depth=depth)
+    if indenter.axisymmetric:
+        return Estimate(kind="round" + " near sides" * bool(edges), seconds=_COSTS.round * factor + edges, depth=depth)
+    unknowns = float(np.prod([2 * half / thickness + _AROUND for half in indenter.footprint])) / _SPAN**2
+    return Estimate(kind="block", seconds=_COSTS.block * factor * unknowns**_GROWTH + edges, depth=depth)
+
+
+def _measure_sides(cover: Cover | SolidCover) -> float:
+    """Return the expected time of what the sides of a cover of limited size add to a solution [s]."""
+    if cover.size is None:
+        return 0.0
+    return float(_COSTS.sides * (np.prod(cover.size) / cover.thickness**2 / _AREA) ** _GROWTH)
 
 
 def format_time(seconds: float) -> str:

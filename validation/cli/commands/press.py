@@ -228,6 +228,8 @@ def _format_vector(values: FloatArray) -> str:
 
 def _explain_comparison(comparison: Comparison) -> Iterator[str]:
     """Yield sentences on the agreement of the two models, and on the accuracy of the finite elements."""
+    from validation.campaign.results import texel_error
+
     score, fem, fast = comparison.score, comparison.fem, comparison.fast
     if score is not None:
         share = score.misplaced_force
@@ -235,6 +237,8 @@ def _explain_comparison(comparison: Comparison) -> Iterator[str]:
             f"The fast model puts {100 * share:.1f} % of the force on wrong texels here (good: below "
             f"{100 * GOOD_MISPLACED:.0f} %, usable: below {100 * USABLE_MISPLACED:.0f} %)."
         )
+        if fem is not None and share < (own := texel_error(fem.error_estimate)):
+            yield f"That is below the finite elements' own error of {100 * own:.2g} %, so it shows no difference."
         if share > GOOD_MISPLACED:
             method = "" if fast is None or fast.method == "cover" else "; `--method cover` is the most accurate method"
             yield (
