@@ -35,7 +35,7 @@ def make_meshes(sensor: SensorDescription, progress: Callable[[str], None] | Non
 
 def describe_mesh(mesh: SolidMesh) -> dict[str, Any]:
     """Describe a mesh of a solid cover, its origin and its quality, as a dictionary of JSON values."""
-    from meshes.solids.solid_mesh import check_quality
+    from meshes.solids.solid_mesh import check_quality, measure_area
 
     quality = check_quality(mesh)
     return {
@@ -51,6 +51,10 @@ def describe_mesh(mesh: SolidMesh) -> dict[str, Any]:
         "inverted": quality.inverted,
         "slivers": quality.slivers,
         "through": quality.through,
+        "bonded_m2": measure_area(mesh, "base"),
+        "touchable_m2": measure_area(mesh, "top"),
+        "left_out_m2": measure_area(mesh, "left_out"),
+        "geometry_error_m": mesh.geometry_error,
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 from abc import ABC, abstractmethod
@@ -16,6 +17,7 @@ from meshes import Cover, Pose, SolidCover, TexelArray
 from meshes.array_types import BoolArray, FloatArray
 from meshes.solids.solid_mesh import measure_thickness
 from meshes.solids.texels import tangent_axes
+from meshes.surfaces.triangles import describe
 from validation.cover_meshes import make_meshes
 from validation.errors import Faults, InputError, nearest
 from validation.text.indenter import read_angles, read_tilt, read_yaw
@@ -43,6 +45,9 @@ _OBLIQUE = math.radians(30)
 _MOST_TILT = math.radians(80)
 #: Largest accepted distance of a place that a user gives from the top of a solid cover, over its thickness [-].
 _OFF_TOP = 1.0
+#: Distance of a place from the top of a solid cover, over its thickness, from which a message states it [-].
+_TOLD = 0.1
+_LOG = logging.getLogger(__name__)
 #: Pattern of one component of a direction vector: a number without unit.
 _NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*")
 #: Largest length of a text that is parsed or repeated in a message [characters].
@@ -372,6 +377,10 @@ class SolidPlaces(Places):
                 f"{prefix}at: the place is {1e3 * distance[0]:.4g} mm from the cover's surface; the nearest point is "
                 f"{near}"
             )
+        if at is not None and len(at) == 3 and distance[0] > _TOLD * thickness:  # noqa: PLR2004 -- x, y and z
+            near = describe(point)
+            away = 1e3 * distance[0]
+            _LOG.warning("%sat: the nearest point of the surface is (%s) mm, %.2g mm away", prefix, near, away)
         # At the default place the normal of the texel is used, because on a rough surface the normal of the top varies
         # from element to element.
         normal = texels.normals[middle] if at is None else (weights @ top.normals)[0]

@@ -75,8 +75,15 @@ class PressRequest:
         return "compute the fast model alone: --model fast" if stored and unused and "fast" in self.models else ""
 
     def is_met_by(self, found: Indentation | None) -> bool:
-        """Return whether all estimated errors of a result are at most the wanted accuracy; a NaN is not."""
+        """Return whether all estimated errors of a result are at most the wanted accuracy; a NaN is not.
+
+        A result is not met either if the shape of a solid cover is too coarse for its depth.
+        """
+        from fem_reference.curved_cover.penetration import warn_of_shape
+
         wanted = self.accuracy
+        if found is not None and found.mesh is not None and warn_of_shape(found.mesh, found.depth):
+            return False
         return wanted is None or found is None or all(each <= wanted for each in found.error_estimate.values())
 
     def find_case(self, progress: Progress | None = None) -> Case:

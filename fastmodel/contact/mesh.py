@@ -1,8 +1,9 @@
-"""Contact method for points of a cover in MuJoCo: one rigid mesh geom, and the contact pressure on the curved surface.
+"""Contact method for points of a cover in MuJoCo: rigid mesh geoms, and the contact pressure on the curved surface.
 
-MuJoCo collides the convex hull of the cover's top, which gives the force of each body.  The forces on the points of the
-surface follow from the shapes of the bodies and the compliance of the cover.  Friction is not used: the tangential
-force of a contact acts on no point.  Net force, net torque and tangential forces of frames are not computed.
+MuJoCo collides the convex hull of the cover's top, or of parts of it where it has dents, which gives the force of each
+body.  The forces on the points of the surface follow from the shapes of the bodies and the compliance of the cover.
+Friction is not used: the tangential force of a contact acts on no point.  Net force, net torque and tangential forces
+of frames are not computed.
 
 The force of a body on a slide joint acts along the joint.  The force of a body that is free to rotate has the direction
 of MuJoCo's contact normals, which are normals of the hull's facets.  Where a round body touches a round cover, the
@@ -12,6 +13,7 @@ position of this force is uncertain by about half a facet.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import mujoco
@@ -24,11 +26,16 @@ from fastmodel.contact.bodies import COLOUR, EVERY, check_box, find_geoms
 from fastmodel.contact.interface import Reading, TexelContact
 from fastmodel.contact.points import solve_pressure
 from fastmodel.contact.reader import ArrayContact, PressureReader, Solved
-from fastmodel.errors import FastModelError, ParametersError
+from fastmodel.errors import ParametersError
 from fastmodel.state import State, take_array
 from fastmodel.surface import CoverPoints, Surface
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
+
+#: Depth of a dent above which bodies would not reach the cover's top, over the thickness [-]; chosen by judgement.
+_DENT = 0.1
+#: Number of points up to which a part of the top is not divided [-].
+_FEWEST = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,32 +57,18 @@ class MeshContact(TexelContact):
     takes_overlaps: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Check the masks and that the top is convex.
+        """Check the masks.
 
         Raises:
             ValueError: If a mask is not of 31 bits.
-            FastModelError: If the top has dents, which bodies would not reach in MuJoCo.
         """
         check_box(1.0, self.contype, self.conaffinity)
-        if self.surface is None:
-            return
-        # MuJoCo collides the convex hull, so that a body stops at the hull above a dent.  A dent of a tenth of the
-        # thickness is accepted.
-        most = 0.1 * self.surface.thickness
-        planes = ConvexHull(_list_vertices(self.surface)).equations
-        depth = -(self.surface.points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-        if depth.max() > most:
-            raise FastModelError(
-                f"the top of the cover has dents {1e3 * depth.max():.3g} mm deep; MuJoCo collides convex hulls, so "
-                f"the contact method 'curved' takes dents of at most {1e3 * most:.2g} mm"
-            )
 
     def adapt(self, surface: Surface | None) -> MeshContact:
         """Return the method for the points of a cover.
 
         Raises:
             ParametersError: If the surface is not a `CoverPoints`.
-            FastModelError: If the top has dents.
         """
         if not isinstance(surface, CoverPoints):
             raise ParametersError(
@@ -93,7 +86,7 @@ class MeshContact(TexelContact):
         return super().find_start(array, at, reach) if self.surface is None else float(self.surface.points[:, 2].max())
 
     def attach(self, frame: mujoco.MjsFrame, array: TexelArray, name: str) -> None:
-        """Add the mesh geom; see `TexelContact.attach`.
+        """Add the mesh geoms; see `TexelContact.attach`.
 
         Raises:
             ParametersError: If the method has no points.
@@ -101,10 +94,11 @@ class MeshContact(TexelContact):
         """
         surface = self._require_surface(array)
         child = mujoco.MjSpec()
-        child.add_mesh(name="plate", uservert=_list_vertices(surface).ravel().tolist())
         inner = child.worldbody.add_frame()
-        geom = inner.add_geom(name="plate", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="plate", mass=0.0)
-        geom.contype, geom.conaffinity, geom.rgba[:] = self.contype, self.conaffinity, COLOUR
+        for plate, vertices in zip(_name_plates(surface), list_hulls(surface), strict=True):
+            child.add_mesh(name=plate, uservert=vertices.ravel().tolist())
+            geom = inner.add_geom(name=plate, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=plate, mass=0.0)
+            geom.contype, geom.conaffinity, geom.rgba[:] = self.contype, self.conaffinity, COLOUR
         frame.parent.attach_frame(inner, f"{name}/", "").set_frame(frame)
 
     def sample_top(
@@ -139,16 +133,43 @@ class MeshContact(TexelContact):
         return self.surface
 
 
-def _list_vertices(cover: CoverPoints) -> FloatArray:
-    """List the points whose convex hull collides in MuJoCo, shape (k, 3) [m].
+@lru_cache(maxsize=4)
+def list_hulls(cover: CoverPoints) -> tuple[FloatArray, ...]:
+    """List the points whose convex hulls collide in MuJoCo, shape (k, 3) [m] for each hull.
 
-    They are the points of the cover's top and, if the top is flat, also the points of the base below.
+    They are the points of the cover's top and, if the top is flat, also the points of the base below.  A top with dents
+    is divided until a body stops less than `_DENT` thicknesses above a dent.  The parts overlap by one spacing, so that
+    nothing passes between them.
     """
-    points = cover.points
+    points, lower = cover.points, cover.points - cover.thickness * cover.normals
     extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    if extent[-1] > 1e-6 * extent[0]:
-        return points
-    return np.concatenate([points, points - cover.thickness * cover.normals])
+    whole = points if extent[-1] > 1e-6 * extent[0] else np.concatenate([points, lower])
+    if _measure_dents(points, whole) <= _DENT * cover.thickness:
+        return (whole,)
+    pending, parts, tree = [np.arange(len(points))], [], cKDTree(points)
+    while pending:
+        part = pending.pop()
+        hull = np.concatenate([points[part], lower[part]])
+        if len(part) <= _FEWEST or _measure_dents(points[part], hull) <= _DENT * cover.thickness / 2:
+            near = np.unique(np.concatenate(tree.query_ball_point(points[part], cover.spacing))).astype(np.int64)
+            parts.append(np.concatenate([points[near], lower[near]]))
+            continue
+        away = points[part] - points[part].mean(axis=0)
+        along = away @ np.linalg.svd(away, full_matrices=False)[2][0]
+        order = np.argsort(along, kind="stable")
+        pending += [part[order[: len(part) // 2]], part[order[len(part) // 2 :]]]
+    return tuple(parts)
+
+
+def _measure_dents(points: FloatArray, vertices: FloatArray) -> float:
+    """Measure how far the deepest of some points lies below the convex hull of vertices, which hold them [m]."""
+    planes = ConvexHull(vertices).equations
+    return float(-(points @ planes[:, :3].T + planes[:, 3]).max(axis=1).min())
+
+
+def _name_plates(cover: CoverPoints) -> list[str]:
+    """Name the mesh geoms of a cover."""
+    return ["plate", *(f"plate{number}" for number in range(1, len(list_hulls(cover))))]
 
 
 class MeshReader(PressureReader):
@@ -163,7 +184,7 @@ class MeshReader(PressureReader):
             array: The array that was attached.
             name: Name of the sensor, as given to `MeshContact.attach`.
         """
-        geoms = [f"{name}/plate"]
+        geoms = [f"{name}/{plate}" for plate in _name_plates(cover)]
         frame = _find_mesh_frame(model, int(find_geoms(model, geoms, name)[0]))
         super().__init__(model, array, name, geoms=geoms, frame=frame)
         self._cover, self._length = cover, cover.spacing

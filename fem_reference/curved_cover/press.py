@@ -22,6 +22,7 @@ import numpy as np
 from fem_reference import result_store
 from fem_reference.curved_cover.contact import STEPS, ContactForces, MeshPress, StickingPress, TopCompliance
 from fem_reference.curved_cover.facet_surface import FacetSurface, quadrature
+from fem_reference.curved_cover.penetration import check_penetration, shape_error, warn_of_shape
 from fem_reference.curved_cover.pressure_shapes import GapSampler, PointSampler, evaluate_hats
 from fem_reference.curved_cover.rays import explain_miss, find_touch
 from fem_reference.curved_cover.responses import (
@@ -190,6 +191,8 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
     nodal = np.zeros_like(solid.nodes)
     nodal[top.index] = contact.nodal
     displacement, reaction = solid.solve_fully(nodal)
+    check_penetration(mesh, displacement, problem.indenter, problem.pose, travel=contact.travel, depth=depths[-1])
+    errors["depth" if control == "load" else "total_force"] += shape_error(mesh, depths[-1])
     force, base_force = nodal.sum(axis=0), -reaction.sum(axis=0)
     pressing = -contact.forces[:, None] * top.normals
     active = np.where(texels.active, texel_forces[-1], 0.0)
@@ -211,7 +214,11 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
         displacement=displacement,
         error_estimate=errors,
         assumptions=_ASSUMPTIONS | {"friction": "none" if contact.shear is None else "no slip"},
-        warnings=((large,) if share > _SETTINGS.warn_depth else ()) + warn_of_all(errors),
+        warnings=(
+            *((large,) if share > _SETTINGS.warn_depth else ()),
+            *warn_of_shape(mesh, depths[-1]),
+            *warn_of_all(errors),
+        ),
     )
 
 

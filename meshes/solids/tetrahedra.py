@@ -42,7 +42,7 @@ class _Numbers:
 
     #: Largest distance between the surfaces of the mesher's mesh and of the cover, over the cover's thickness [-];
     #: chosen by judgement.
-    envelope: float = 1 / 50
+    envelope: float = 1 / 25
     #: Smallest and largest element size over the size for the mean thickness [-]; chosen by judgement.  The first
     #: bounds the number of elements where the cover thins out, as at the edges of the bond.
     share: tuple[float, float] = (0.5, 1.5)

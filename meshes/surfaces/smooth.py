@@ -40,7 +40,7 @@ class _Numbers:
     #: Smallest cosine between the normals of a triangle and of its parts [-]; below it the part stays flat.
     turned: float = 0.7
     #: Error of the smooth surface over the sag of the given triangles [-].
-    doubt: float = 0.35
+    doubt: float = 0.2
 
 
 _NUMBERS = _Numbers()

@@ -165,7 +165,7 @@ def _show_solid(found: Indentation, texels: TexelArray, direction: FloatArray, t
 
 
 def show_mesh(mesh: SolidMesh, texels: TexelArray | None = None, *, title: str = "") -> CoverScene:
-    """Prepare the picture of the mesh of a cover without load.
+    """Prepare the picture of the mesh of a cover without load, with the bonded, touchable and left-out parts.
 
     Args:
         mesh: Mesh of a cover.
@@ -174,10 +174,18 @@ def show_mesh(mesh: SolidMesh, texels: TexelArray | None = None, *, title: str =
     """
     from meshes.solids.solid_mesh import compute_volume, measure_area
 
+    part = np.zeros(len(mesh.nodes))
+    for number, facets in ((1.0, mesh.top), (2.0, mesh.left_out), (3.0, mesh.base)):
+        part[np.unique(facets)] = number
+    label = "1 touchable, 2 left out, 3 bonded (0 inside)"
     return CoverScene(
         position=mesh.nodes,
         displacement=np.zeros_like(mesh.nodes),
         cells=split_cells(mesh),
+        surface=part,
+        surface_label=label,
+        inside=part,
+        inside_label=label,
         thickness=compute_volume(mesh) / measure_area(mesh, "base"),
         texels=texels,
         title=title,

@@ -235,6 +235,8 @@ def _add_coloured(plotter: Any, grid: Any, scene: CoverScene, name: str, colours
         plotter.add_mesh(surface, color=_STYLE.plain, smooth_shading=False)
         plotter.add_mesh(surface.extract_all_edges(), color="#51606e", line_width=1)
         return surface
+    if not scene.displacement.any():
+        plotter.add_mesh(surface.extract_all_edges(), color="#51606e", line_width=1)
     plotter.add_mesh(
         surface, scalars=name, cmap=colours, clim=_find_limits(scene, name),
         log_scale=name == "inside" and scene.logarithmic, scalar_bar_args=_bar(getattr(scene, f"{name}_label")),

@@ -7,10 +7,11 @@ import dataclasses
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 import fastmodel
 import meshes
-from fastmodel.contact.mesh import MeshContact
+from fastmodel.contact.mesh import list_hulls
 from fastmodel.contact.points import pose_indenter, press_points, solve_pressure
 from fastmodel.errors import FastModelError
 from fastmodel.pressure.solvers import Load
@@ -147,10 +148,36 @@ def test_parameters_keep_the_cover(parameters, tmp_path):
         np.testing.assert_allclose(getattr(found, name), getattr(COVER, name), rtol=1e-6, atol=1e-12)
 
 
-def test_dents_are_refused():
-    points = COVER.points - 0.5e-3 * COVER.normals * (np.linalg.norm(COVER.points[:, :2], axis=1) < 2e-3)[:, None]
-    with pytest.raises(FastModelError, match="has dents"):
-        MeshContact(surface=dataclasses.replace(COVER, points=points))
+def make_saddle(radius):
+    """The points of the dome on a saddle z = (x^2 - y^2) / (2 radius), in the frame of the dome's middle."""
+    x, y = COVER.points[:, 0], COVER.points[:, 1]
+    points = np.column_stack([x, y, 10e-3 + (x**2 - y**2) / (2 * radius)])
+    normals = np.column_stack([-x / radius, y / radius, np.ones(len(x))])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return dataclasses.replace(COVER, points=points, normals=normals)
+
+
+def test_a_body_reaches_the_middle_of_a_saddle(parameters):
+    """MuJoCo collides convex hulls; that of the whole saddle lies far above its middle."""
+    saddle = make_saddle(8e-3)
+    middle = np.linalg.norm(saddle.points[:, :2], axis=1).argmin()
+    whole = ConvexHull(saddle.points).equations
+    assert -(whole[:, :3] @ saddle.points[middle] + whole[:, 3]).max() > 0.5e-3
+    hulls = list_hulls(saddle)
+    assert len(hulls) > 1
+    planes = [ConvexHull(hull).equations for hull in hulls]
+    inside = np.array([-(saddle.points @ each[:, :3].T + each[:, 3]).max(axis=1) for each in planes])
+    assert inside.max() < 0.2 * saddle.thickness  # no part reaches far above a point
+    assert (inside > -1e-9).any(axis=0).all()  # every point belongs to a part
+    spec = make_spec()
+    sensor = fastmodel.attach(spec, "world", dataclasses.replace(parameters, surface=saddle))
+    ball = spec.worldbody.add_body(name="ball", pos=[0, 0, 13.5e-3])
+    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[3e-3, 0, 0], mass=0.03)
+    ball.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    model, data = simulate(spec, sensor, 600)
+    assert sum(model.geom(each).name.startswith("sensor/plate") for each in range(model.ngeom)) >= len(hulls) - 1
+    assert sensor.carried() == pytest.approx(0.03 * 9.81, rel=1e-2)
+    assert 9.6e-3 < data.body("ball").xpos[2] - 3e-3 < 10.0e-3 + 0.1 * saddle.thickness
 
 
 def test_texels_of_a_curved_cover_may_share_corners(parameters):

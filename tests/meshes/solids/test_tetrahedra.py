@@ -232,7 +232,7 @@ def test_the_mesher_works_in_lengths_of_order_one_and_its_mesh_is_scaled_back(tm
         np.testing.assert_allclose(diagonal * given["points"][given["faces"]], BOX, atol=1e-15)
         assert given["faces"].dtype == np.int32
         assert given["edge_length_abs"] == pytest.approx(1.3e-3 / diagonal)
-        assert given["epsilon"] == pytest.approx(thickness / 50 / diagonal)
+        assert given["epsilon"] == pytest.approx(thickness / 25 / diagonal)
         assert given["num_threads"] == 1
         # Sizes follow the distance between the two parts of the surface, within limits; they cover the box.
         places, sizes = diagonal * given["bg_vertices"], diagonal * given["bg_values"]

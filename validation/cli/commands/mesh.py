@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from meshes.solids import SolidMesh
     from validation.sensor_file import SensorDescription
 
+#: Parts of the surface of a cover by what they are.
+_PARTS = {"bonded": "base", "touchable": "top", "left out": "left_out"}
+
 
 def mesh(
     sensor: options.SensorFile,
@@ -22,7 +25,7 @@ def mesh(
     out: Path | None = None,
     json: options.Json = False,
 ) -> int:
-    """Mesh a curved cover, check the meshes and the texels, and report their quality.
+    """Mesh a curved cover, check meshes and texels, and report quality and areas: bonded, touchable, left out.
 
     The finest mesh is written as `mesh.npz` with its hash, source and settings.  A sensor file may name it:
     `[cover] mesh = "mesh.npz"`; if the file is changed, it is refused.
@@ -58,10 +61,15 @@ def mesh(
 
 def _list_quality(sensor: SensorDescription, meshes: tuple[SolidMesh, ...]) -> Iterator[tuple[str, str]]:
     from meshes.solids import check_quality
+    from meshes.solids.solid_mesh import measure_area
 
     yield "cover", f"{sensor.cover.source}; thickness {1e3 * sensor.cover.thickness:.3g} mm"
     for note in sensor.cover.notes:
         yield "note", note
+    areas = {each: 1e6 * measure_area(meshes[-1], name) for each, name in _PARTS.items()}
+    yield "surface", ", ".join(f"{name} {area:.4g} mm2" for name, area in areas.items())
+    if meshes[-1].geometry_error:
+        yield "shape", f"known to {1e3 * meshes[-1].geometry_error:.2g} mm"
     for number, mesh_of_size in enumerate(meshes, start=1):
         for index, line in enumerate(check_quality(mesh_of_size).lines()):
             yield "" if index else f"mesh {number}", line
