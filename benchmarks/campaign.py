@@ -2,6 +2,8 @@
 
     python benchmarks/campaign.py
     python benchmarks/campaign.py "small square" circle
+    python benchmarks/campaign.py covers            quick validations of ten covers drawn at random
+    python benchmarks/campaign.py covers 0 3 7      of three of them
 
 Shapes, loads and turns of the report, sizes and cover fixed here: 2 mm neo-Hookean, E = 1 MPa, nu = 0.49, frictionless,
 wide.  The campaign runs twice, each time in a process of its own: with an empty store, and from the store.
@@ -11,11 +13,13 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import resource
 import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -103,6 +107,73 @@ def run(store: str, names: list[str]) -> tuple[dict, float]:
     return json.loads(done.stdout), time.perf_counter() - started
 
 
+#: Kinds of the ten drawn covers.
+KINDS = ("soft", "foil", "limited", "thick", "curved") * 2
+#: Processor time that a quick validation may take [s].
+MOST = 480.0
+
+
+def draw_cover(number: int) -> str:
+    """Draw a sensor file at random: an array, and a cover of one of `KINDS`."""
+    draw, kind = np.random.default_rng([2026, number]), KINDS[number]
+    pitch, rows, columns = draw.choice([2.5, 3.4, 4.0, 5.0]), draw.integers(6, 13), draw.integers(5, 9)
+    rubber = draw.choice(["ecoflex-00-30", "ecoflex-00-50", "dragon-skin-10", "dragon-skin-30"])
+    thickness = draw.uniform(5, 9) if kind == "thick" else draw.uniform(1.5, 3.5)
+    layers = [f'{{ thickness = "{thickness:.2f}mm", material = "{rubber}" }}']
+    if kind == "foil":
+        film = draw.choice(["tpu", "sylgard-184", "polyimide", "pet"])
+        layers.append(f'{{ thickness = "{1e3 * draw.choice([0.025, 0.05, 0.1]):.0f}um", material = "{film}" }}')
+    array = f'[array]\nrows = {rows}\ncolumns = {columns}\npitch = "{pitch}mm"\n'
+    if kind == "curved":
+        shape = ("fingertip", "phalanx")[number // 5]
+        return f"{shape} --thickness {draw.uniform(1.5, 2.5):.2f}mm"
+    size = "" if kind != "limited" else f'size = ["{columns * pitch + 3:.1f}mm", "{rows * pitch + 3:.1f}mm"]\n'
+    return f"{array}[cover]\n{size}layer = [ {', '.join(layers)} ]\n"
+
+
+def validate_covers(numbers: list[int]) -> None:
+    """Validate drawn covers quickly, each in a process of its own with an empty store, and print what it took."""
+    print(
+        "| cover | announced [s] | CPU [s] | ratio | verdict | cases, shapes, loads | |\n|---|---|---|---|---|---|---|"
+    )
+    for number in numbers:
+        text, before = draw_cover(number), resource.getrusage(resource.RUSAGE_CHILDREN)
+        with tempfile.TemporaryDirectory() as folder:
+            sensor = text.split()
+            if "[array]" in text:
+                sensor = ["sensor.toml"]
+                Path(folder, "sensor.toml").write_text(text, encoding="utf-8")
+            program = [sys.executable, "-c", "from validation.cli import main; main()", "validate", *sensor]
+            environment = {**os.environ, "SOFTCOVER_STORE": f"{folder}/store", "OMP_NUM_THREADS": "1"}
+            environment["PYTHONPATH"] = str(Path(__file__).resolve().parents[1])
+            done = subprocess.run(
+                [*program, "--quick", "--json"],
+                cwd=folder,
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        busy = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        told = re.search(r"; about (\d+) (s|min)\n", done.stderr)
+        announced = int(told[1]) * (60 if told[2] == "min" else 1) if told else float("nan")
+        name = f"{number}, {KINDS[number]}: {' '.join(text.split('[cover]')[-1].split())}"
+        if not done.stdout:
+            print(
+                f"| {name} | {announced:.0f} | {busy:.0f} | | {done.returncode} | | {done.stderr[-400:]} |", flush=True
+            )
+            continue
+        found = json.loads(done.stdout)
+        cases, verdict = found["campaign"]["cases"], found["verdict"]
+        shapes, loads = {each["indenter"].split(":")[0] for each in cases}, {each["load"] for each in cases}
+        print(
+            f"| {name} | {announced:.0f} | {busy:.0f}{' MISSED' * (busy > MOST)} | {announced / busy:.2f} "
+            f"| {verdict['verdict']} | {len(cases)}, {len(shapes)}, {len(loads)} "
+            f"| {'; '.join(verdict['reasons'][:2])} |", flush=True,
+        )  # fmt: skip
+
+
 def main(names: list[str]) -> None:
     """Run twice and print."""
     with tempfile.TemporaryDirectory() as store:
@@ -126,5 +197,8 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
+    if sys.argv[1:2] == ["covers"]:
+        validate_covers([int(each) for each in sys.argv[2:]] or list(range(len(KINDS))))
+        raise SystemExit
     wanted = [name for name in sys.argv[1:] if name in SHAPES] or list(SHAPES)
     work(wanted) if "--work" in sys.argv else main(wanted)
