@@ -143,15 +143,19 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
     cases, quick, left_out = _read_cases(tables.case, places)
     if scale != 1:
         cases = [dataclasses.replace(case, load=float(f"{scale * case.load:.2g}")) for case in cases]
+    asked, use = cases, " ".join(tables.intended_use.split())
     if tables.deepest is not None:
         cases = _lower_loads(cases, places, tables.deepest)
+    if cases != asked:
+        low, high = (edge(case.load for case in cases) for edge in (min, max))
+        use = f"{use} Loads are lowered for this soft cover, to {low:.2g} N to {high:.2g} N."
     left_out = [f"{source}: {fault}" for fault in left_out]
     if not cases:
         raise InputError(*left_out, f"{source}: no usable case is left; add one, or mend one of these")
     return Campaign(
         name=tables.name.strip(),
         source=source,
-        intended_use=" ".join(tables.intended_use.split()),
+        intended_use=use,
         criterion=Criterion(mean=tables.required.mean.list_limits(), each=tables.required.each.list_limits()),
         inputs=Inputs(**tables.inputs.model_dump(exclude_unset=True)),
         cases=tuple(cases),

@@ -27,7 +27,7 @@ WIDTH = 80
 #: Shortest time between two lines of progress if standard error is no terminal [s].
 LINE_INTERVAL = 2.0
 #: Time between two lines of text which state that a computation is still busy [s].
-LONG = 30.0
+LONG = 10.0
 #: Notes for the user that are printed at the end of a command that succeeds.
 _notes: list[str] = []
 
@@ -131,7 +131,7 @@ class Progress(contextlib.ExitStack):
     """Shows the current stage of a computation: a moving bar on a terminal, lines of text without one.
 
     Call the object with the name of a stage of unknown length.  Call `step` for each item of a stage of known length.
-    If a computation is not finished after half a minute, a line states this, also during a stage without output.
+    Every ten seconds a line states what the computation is busy with, also during a stage without output.
     """
 
     def __init__(self) -> None:
