@@ -238,11 +238,6 @@ class Budget:
         """Time that is left [s]."""
         return self.seconds - (time.process_time() - self.started)
 
-    def check(self: Budget | None) -> None:
-        """Raise `OutOfBudgetError` if no time is left; solvers call this with their progress."""
-        if self is not None and self.left < 0:
-            raise OutOfBudgetError
-
     def shorten(self, campaign: Campaign, plan: Plan) -> Campaign:
         """Shorten a campaign to the cases that tell most within the budget, with those that ten more minutes would add.
 
@@ -252,7 +247,7 @@ class Budget:
         Raises:
             InputError: If the budget is below the cheapest case.
         """
-        least = plan.rest + min(plan.seconds)
+        least = plan.rest + min(plan.seconds[i] for i in plan.shares)
         if self.seconds < least:
             example = math.ceil(2 * (plan.rest + sum(sorted(plan.seconds)[:FEWEST])) / _MINUTE)
             raise InputError(
@@ -301,6 +296,12 @@ def read_budget(text: str | None, *, quick: bool = False) -> Budget | None:
     if not seconds > 0:
         raise InputError(f"--budget: {text!r} is not a positive time; write for example --budget 20min")
     return Budget(seconds=seconds)
+
+
+def check_budget(budget: Budget | None) -> None:
+    """Raise `OutOfBudgetError` if no time is left; solvers call this with their progress."""
+    if budget is not None and budget.left < 0:
+        raise OutOfBudgetError
 
 
 class OutOfBudgetError(Exception):

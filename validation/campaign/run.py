@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from validation.campaign.case import Case
-from validation.campaign.plan import Budget, OutOfBudgetError, Plan, plan_cases
+from validation.campaign.plan import Budget, OutOfBudgetError, Plan, check_budget, plan_cases
 from validation.campaign.results import (
     MODELS,
     OUT_OF_BUDGET,
@@ -81,7 +81,7 @@ def run_campaign(
             shown = plan.describe_left(left, case.name)
 
             def report(line: str, shown: str = shown, done: int = len(cases) - len(left)) -> None:
-                Budget.check(budget)
+                check_budget(budget)
                 tell(done, len(cases), f"{shown}{line and ': '}{line}")
 
             try:
