@@ -3,8 +3,10 @@
 responses  time, memory and error estimates of the responses of all texels of each built-in cover
 estimates  error estimates against true errors: responses of a cylinder, and presses of flat pads
 scores     40 presses of the fingertip: time of the reference, its error estimate, and what the fast model misplaces
+bodies     six bodies from CAD at three tessellations each, pressed at tip, side and pad (`bodies BODY ...` for some)
 
-Each part prints a table; `curved_covers.md` holds them.
+`bodies` needs SOFTCOVER_GEOMETRY, gymnasium-robotics and pyvista.  Each part prints a table; `curved_covers.md` holds
+them.
 """
 
 from __future__ import annotations
@@ -15,22 +17,34 @@ import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from fastmodel.contact.points import press_points as press_fast
 from fem_reference import press
 from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import texel_responses
-from meshes import Box, Cylinder, Indenter, Roller, Sphere
+from fem_reference.errors import ConvergenceError, UnsupportedError
+from fem_reference.indentation.result import Indentation
+from meshes import Box, Cylinder, Indenter, Roller, Sphere, TexelArray
+from meshes.array_types import FloatArray
 from meshes.pose import Pose
 from meshes.solids import fingertip, flat_pad, phalanx
 from meshes.solids.covers import take_meshes
+from meshes.surfaces.files import read_triangles
+from meshes.surfaces.triangles import label_parts, merge_corners, normal_vectors, unit_vectors
 from tests.exact.spots import SpotLoad, touch_cylinder
 from tests.support.rubber import make_cover, make_rubber
 from validation.derivation.cover_points import derive_points
+from validation.schema import parse
+from validation.schema.sensor import CurvedCoverTable
+from validation.sensor_file.curved_cover import build_solid
 
 RUBBER = make_rubber(model="linear-elastic")
 #: Shapes of the 40 presses, the angle about their y axis by which they are turned [rad], and the load [N].
@@ -204,15 +218,140 @@ def score_fast_model() -> None:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A body from CAD, with the keys of its table `[cover]`; public ones with source and licence.
+
+    Attributes:
+        files: Files of surface and, if there is one, base.
+        about: Source and licence.
+        keys: Other keys of the table `[cover]`.
+        places: Directions from the middle of the body to tip, side and pad.
+    """
+
+    files: tuple[Path, ...]
+    about: str
+    keys: dict[str, object]
+    places: tuple[tuple[float, float, float], ...]
+
+
+def list_bodies(folder: Path) -> dict[str, Body]:
+    """List the bodies; own ones are written to a folder."""
+    geometry = Path(os.environ.get("SOFTCOVER_GEOMETRY", "../shared/geometry"))
+    found = find_spec("gymnasium_robotics")
+    hands = Path(found.origin if found and found.origin else "gymnasium_robotics/none").parent / "envs/assets"
+    for name, low in (("saddle", 8.0), ("core", 5.5)):  # a waist, and round ends
+        along = np.linspace(-1, 1, 25)
+        radius = low * np.sqrt(np.maximum(1 - np.abs(along) ** 6, 0.0)) * (1 - 0.3 * np.exp(-((along / 0.45) ** 2)))
+        profile = np.column_stack([radius, (12 if name == "saddle" else 9.5) * along])
+        trimesh.creation.revolve(profile, sections=48).export(folder / f"{name}.stl")
+    shadow = "gymnasium-robotics 1.4.2, Shadow hand; licence in its LICENSE.md"
+    return {
+        "biotac": Body(
+            files=(geometry / "biotac/skin.tet", geometry / "biotac/core.obj"), keys={"unit": "m"},
+            about="NVlabs/biotac_sim, MIT style", places=((1, 0, -0.3), (0.2, 1, 0.3), (0, 0, 1)),
+        ),
+        "sharpa": Body(
+            files=(geometry / "sharpa/tactileSensor_4F.obj",), keys={"unit": "mm", "thickness": "2 mm"},
+            about="sharpa-robotics, Apache-2.0", places=((0, -1, 0.2), (1, 0, 0.3), (0, -0.2, 1)),
+        ),
+        "ellipsoid": Body(
+            files=(hands / "adroit_hand/resources/meshes/distal_ellipsoid.stl",), about=shadow,
+            keys={"unit": "mm", "thickness": "1.5 mm", "left_out": ["z < 8.1 mm"]},
+            places=((0, 0, 1), (1, 0, 0.1), (0, -1, 0.3)),
+        ),
+        "finger": Body(
+            files=(hands / "stls/hand/F1.stl",), keys={"unit": "mm", "thickness": "1.2 mm"}, about=shadow,
+            places=((0, 0, 1), (1, 0, 0.3), (0, -1, 0.4)),
+        ),
+        "thumb": Body(
+            files=(hands / "stls/hand/TH1_z.stl",), keys={"unit": "mm", "thickness": "1.2 mm"}, about=shadow,
+            places=((0, 0, 1), (1, 0, 0.3), (0, -1, 0.4)),
+        ),
+        "saddle": Body(
+            files=(folder / "saddle.stl", folder / "core.stl"), keys={"unit": "mm"},
+            about="own, for want of a public one", places=((0.3, 0, 1), (0, 1, 0.1), (1, 0, 0)),
+        ),
+    }  # fmt: skip
+
+
+def press_bodies(names: Sequence[str] = ()) -> None:
+    """Press bodies from CAD at three tessellations each, and compare them with the finest."""
+    import pyvista
+
+    print("| body | triangles | place | mesh, press [CPU s] | shape, depth [mm] | estimate, off | peak texel, off |")
+    print("|---|---|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as folder:
+        for name, body in list_bodies(Path(folder)).items():
+            if names and name not in names:
+                continue
+            given = [keep_largest(read_triangles(path, 1.0)) for path in body.files]
+            known: dict[int, Indentation] = {}
+            for share in (1, 4, 16):
+                for path, triangles in zip(("outer.stl", "base.stl"), given, strict=False):
+                    part = trimesh.Trimesh(*merge_corners(triangles), process=False)
+                    coarse = pyvista.wrap(part).decimate(1 - 1 / share) if share > 1 else pyvista.wrap(part)
+                    coarse.save(Path(folder) / path)
+                keys = body.keys | {"surface": "outer.stl", "material": "dragon-skin-30"}
+                keys |= {"base": "base.stl"} if len(given) > 1 else {}
+                try:
+                    press_body(f"{name} | 1/{share}", parse(keys, CurvedCoverTable), Path(folder), body, known)
+                except (ValueError, UnsupportedError, ConvergenceError) as error:
+                    print(f"| {name} | 1/{share} | refused: {error} |", flush=True)
+
+
+def press_body(label: str, table: CurvedCoverTable, folder: Path, body: Body, known: dict[int, Indentation]) -> None:
+    """Mesh one tessellation of a body and press it; `known` keeps the presses of the finest tessellation."""
+    start = sum(os.times()[:4])
+    cover = build_solid(table, folder)
+    base = np.asarray(cover.base_triangles)
+    middles, normals = base.mean(axis=1), unit_vectors(normal_vectors(base))
+    chosen = []
+    for place in body.places:  # the point of the base that is farthest along a direction and nearest to its line
+        along, away = unit_vectors(np.array(place, dtype=float)), middles - middles.mean(axis=0)
+        chosen.append(int(np.argmax(away @ along - np.linalg.norm(np.cross(away, along), axis=1))))
+    grid = TexelArray.grid(1, len(chosen), 3e-3, name=label)
+    texels = replace(grid, centres=middles[chosen], normals=normals[chosen])
+    meshes = cover.meshes()
+    spent = sum(os.times()[:4]) - start
+    for number, name in enumerate(("tip", "side", "pad")):
+        start = sum(os.times()[:4])
+        outward = texels.normals[number]
+        pose = Pose.facing(texels.centres[number] + 30e-3 * outward, -outward)
+        found = press(take_meshes(meshes, RUBBER), texels, Sphere(radius=5e-3), pose, load=0.2)
+        exact = known.setdefault(number, found)
+        error, off = found.error_estimate, np.abs(found.texel_forces - exact.texel_forces).max()
+        print(
+            f"| {label} | {name} | {spent:.0f}, {sum(os.times()[:4]) - start:.0f} | "
+            f"{1e3 * meshes[-1].geometry_error:.3f}, {1e3 * found.depth:.3f} | "
+            f"{100 * error['depth']:.1f}, {100 * abs(found.depth / exact.depth - 1):.1f} % | "
+            f"{100 * error['peak_texel']:.1f}, {100 * off / exact.texel_forces.max():.1f} % |",
+            flush=True,
+        )
+
+
+def keep_largest(triangles: FloatArray) -> FloatArray:
+    """Return the triangles of the largest connected part of a surface, without doubled ones, shape (n, 3, 3)."""
+    points, faces = merge_corners(triangles)
+    faces = faces[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]]
+    part = label_parts(len(points), faces)[faces[:, 0]]
+    area = np.bincount(part, np.linalg.norm(normal_vectors(points[faces]), axis=1))
+    return points[faces[part == area.argmax()]]
+
+
 PARTS = {
     "responses": measure_responses,
     "estimates": compare_estimates,
     "scores": score_fast_model,
+    "bodies": press_bodies,
 }
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as store:
         os.environ["SOFTCOVER_STORE"] = store
-        for each in sys.argv[1:] or PARTS:
-            print(f"\n## {each}\n")
-            PARTS[each]()
+        if sys.argv[1:2] == ["bodies"]:
+            press_bodies(sys.argv[2:])
+        else:
+            for each in sys.argv[1:] or PARTS:
+                print(f"\n## {each}\n")
+                PARTS[each]()

@@ -1,4 +1,4 @@
-"""Shape functions and normals of facets: quadrilaterals of 9 nodes and triangles of 3 or 6 nodes.
+"""Shape functions and normals of facets: quadrilaterals of 9 nodes and triangles of 6 nodes.
 
 The nodes of a quadrilateral are in lexicographic order, node i + 3 j at (i, j) of 3 x 3, with i along the first
 coordinate; the reference square is -1..1.  The reference triangle has the corners (0, 0), (1, 0) and (0, 1); nodes 3,
@@ -13,8 +13,6 @@ from meshes.array_types import FloatArray, IntArray
 
 #: Number of nodes of a quadratic quadrilateral [-].
 QUADRILATERAL = 9
-#: Number of nodes of a linear triangle [-].
-TRIANGLE = 3
 #: Cosine of the angle between two facets below which the edge between them is sharp [-]; 40 degrees.
 _SHARP = 0.77
 #: Number of nodes of a quadratic triangle [-].
@@ -35,15 +33,13 @@ def facet_shape(nodes: int, place: FloatArray) -> FloatArray:
     """Evaluate the shape functions of a facet.
 
     Args:
-        nodes: Number of nodes of the facet, 9, 3 or 6 [-].
+        nodes: Number of nodes of the facet, 9 or 6 [-].
         place: Points on the reference facet, shape (..., 2).
 
     Returns:
         Values, shape (..., nodes) [-].
     """
     u, v = place[..., 0], place[..., 1]
-    if nodes == TRIANGLE:
-        return np.stack([1 - u - v, u, v], axis=-1)
     if nodes == QUADRATIC_TRIANGLE:
         w = 1 - u - v
         return np.stack([w * (2 * w - 1), u * (2 * u - 1), v * (2 * v - 1), 4 * u * w, 4 * u * v, 4 * v * w], axis=-1)
@@ -54,8 +50,6 @@ def facet_shape(nodes: int, place: FloatArray) -> FloatArray:
 def facet_slope(nodes: int, place: FloatArray) -> FloatArray:
     """Evaluate the derivatives of `facet_shape` along the two reference coordinates, shape (..., 2, nodes) [-]."""
     u, v = place[..., 0], place[..., 1]
-    if nodes == TRIANGLE:
-        return np.broadcast_to(np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]]), (*u.shape, 2, TRIANGLE))
     if nodes == QUADRATIC_TRIANGLE:
         w, zero = 1 - u - v, np.zeros_like(u)
         along_u = [1 - 4 * w, 4 * u - 1, zero, 4 * (w - u), 4 * v, -4 * v]
@@ -70,7 +64,7 @@ def node_places(nodes: int) -> FloatArray:
     """Return the positions of the nodes on the reference facet with a given number of nodes, shape (nodes, 2) [-]."""
     if nodes != QUADRILATERAL:
         corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
-        return np.array(corners[:nodes])
+        return np.array(corners)
     v, u = np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], indexing="ij")
     return np.column_stack([u.ravel(), v.ravel()])
 

@@ -174,10 +174,10 @@ def show_mesh(mesh: SolidMesh, texels: TexelArray | None = None, *, title: str =
     """
     from meshes.solids.solid_mesh import compute_volume, measure_area
 
-    part = np.zeros(len(mesh.nodes))
-    for number, facets in ((1.0, mesh.top), (2.0, mesh.left_out), (3.0, mesh.base)):
+    part = np.full(len(mesh.nodes), 2.0)
+    for number, facets in ((1.0, mesh.left_out), (3.0, mesh.base)):
         part[np.unique(facets)] = number
-    label = "1 touchable, 2 left out, 3 bonded (0 inside)"
+    label = "1 left out, 2 touchable, 3 bonded"
     return CoverScene(
         position=mesh.nodes,
         displacement=np.zeros_like(mesh.nodes),
@@ -185,7 +185,7 @@ def show_mesh(mesh: SolidMesh, texels: TexelArray | None = None, *, title: str =
         surface=part,
         surface_label=label,
         inside=part,
-        inside_label=label,
+        inside_label=f"{label} ",  # another bar, because pyvista merges bars of one title
         thickness=compute_volume(mesh) / measure_area(mesh, "base"),
         texels=texels,
         title=title,

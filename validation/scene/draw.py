@@ -33,6 +33,8 @@ class _Style:
     height: int = 820
     #: Name of the colour map of the pressure on the surface of a cover.
     pressure_map: str = "YlGnBu"
+    #: Colours of the left-out, touchable and bonded parts of a cover without load, after that of no part.
+    part_colours: tuple[str, ...] = ("#ffffff", "#f4a261", "#8ecae6", "#6d597a")
     #: Name of the colour map of the values in the section through a cover.
     stress_map: str = "YlOrRd"
     #: Name of the colour map of the forces on texels.
@@ -227,7 +229,7 @@ def _draw_texels(plotter: Any, scene: CoverScene) -> None:
     _finish(plotter, scene, bars, text, height=_is_round(scene))
 
 
-def _add_coloured(plotter: Any, grid: Any, scene: CoverScene, name: str, colours: str) -> Any:
+def _add_coloured(plotter: Any, grid: Any, scene: CoverScene, name: str, colours: str | list[str]) -> Any:
     """Add the deformed surface of a grid in the colours of its values, or with its edges if it has none; return it."""
     deformed = grid.warp_by_vector("displacement", factor=_find_factor(scene))
     surface = deformed.extract_surface(algorithm="dataset_surface")
@@ -235,8 +237,9 @@ def _add_coloured(plotter: Any, grid: Any, scene: CoverScene, name: str, colours
         plotter.add_mesh(surface, color=_STYLE.plain, smooth_shading=False)
         plotter.add_mesh(surface.extract_all_edges(), color="#51606e", line_width=1)
         return surface
-    if not scene.displacement.any():
+    if not scene.displacement.any():  # parts of an unloaded cover
         plotter.add_mesh(surface.extract_all_edges(), color="#51606e", line_width=1)
+        colours = list(_STYLE.part_colours)
     plotter.add_mesh(
         surface, scalars=name, cmap=colours, clim=_find_limits(scene, name),
         log_scale=name == "inside" and scene.logarithmic, scalar_bar_args=_bar(getattr(scene, f"{name}_label")),
