@@ -27,9 +27,9 @@ class _Numbers:
 
     #: Largest number of rounds in which edges are divided in two [-].
     rounds: int = 4
-    #: Share of the edges of which the largest sag is stated and made smaller than the tolerance [-].  The rest lie at
-    #: jagged borders, where the normals are unknown.
-    most_edges: float = 0.99
+    #: Share of the edges of which the largest sag counts in the error and is made smaller than the tolerance [-].  The
+    #: rest lie at jagged borders and sharp spots, where the normals are unknown.
+    most_edges: float = 0.95
     #: Number of triangles above which no further round is started [-]; limits the time of the mesher.
     most: int = 16_000
     #: Angle between the normals of triangles of one flat face [rad]; above the rounding of single precision.
@@ -40,7 +40,7 @@ class _Numbers:
     #: Smallest cosine between the normals of a triangle and of its parts [-]; below it the part stays flat.
     turned: float = 0.7
     #: Error of the smooth surface over the sag of the given triangles [-].
-    doubt: float = 0.2
+    doubt: float = 0.25
 
 
 _NUMBERS = _Numbers()
