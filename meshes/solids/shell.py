@@ -96,6 +96,7 @@ class Shell:
         nominal: Requested distance between a surface and its offset [m]; None if the shell was not made by an offset.
         is_folded: Whether the surface crosses itself at small folds of an offset.
         geometry_error: Estimated distance of the surface from the body that it stands for [m].
+        is_smooth: Whether the facets of files were smoothed.
     """
 
     surface: FloatArray
@@ -104,6 +105,7 @@ class Shell:
     nominal: float | None = None
     is_folded: bool = False
     geometry_error: float = 0.0
+    is_smooth: bool = False
 
     @property
     def base(self) -> FloatArray:

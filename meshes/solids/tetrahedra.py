@@ -141,7 +141,7 @@ def _fit(nodes: FloatArray, cells: IntArray, shell: Shell, settings: dict[str, S
     points = np.einsum("qa,fac->fqc", facet_shape(outer.shape[1], place), mesh.nodes[outer]).reshape(-1, 3)
     away = np.linalg.norm(nearest_points(points, shell.surface)[0] - points, axis=1)
     error = float(np.quantile(away, 0.99)) + shell.geometry_error
-    return replace(mesh, settings={**settings, "geometry_error": error})
+    return replace(mesh, settings={**settings, "geometry_error": error, "smooth": shell.is_smooth})
 
 
 def label_mesh(

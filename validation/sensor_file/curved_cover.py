@@ -169,7 +169,8 @@ def _build_shell(table: CurvedCoverTable, folder: Path, crease: float) -> tuple[
     shell = leave_out(shell, _lie_in(shell.surface, table))
     if not (shell.label == TOUCHABLE).any():
         raise ValueError("left_out: leaves no face that can be touched; make it smaller")
-    return dataclasses.replace(shell, notes=(*notes, *shell.notes), geometry_error=max(errors)), words
+    shell = dataclasses.replace(shell, notes=(*notes, *shell.notes), geometry_error=max(errors), is_smooth=crease > 0)
+    return shell, words
 
 
 def _lie_in(triangles: FloatArray, table: CurvedCoverTable) -> BoolArray:

@@ -58,6 +58,8 @@ def test_the_error_of_the_shape_counts_in_the_depth_and_is_said_where_it_is_larg
     for size, told in ((2e-6, False), (0.2e-3, True)):
         mesh = dataclasses.replace(MESH, settings={"geometry_error": size})
         assert shape_error(mesh, known.depth) == pytest.approx(size / 2 / known.depth)
+        smooth = dataclasses.replace(MESH, settings={"geometry_error": size, "smooth": True})
+        assert shape_error(smooth, known.depth) == pytest.approx(size / 10 / known.depth)
         found = press(take_meshes((mesh,), RUBBER), PAD.texels, Sphere(radius=6e-3), DOWN, load=0.3)
         assert found.depth == pytest.approx(known.depth)
         assert any("the shape of the cover is known to 0.2 mm" in each for each in found.warnings) == told
