@@ -1,9 +1,10 @@
 """Independent truths for random presses at small strain, for `estimate_coverage.py`.
 
 Truths are independent of the code under test (`fem_reference.closed_form`): exact contacts of bodies of revolution
-without friction and without slip, ring elements with Coulomb friction, boundary elements for flat faces, also tilted,
-and rollers, and uniaxial stress in pads.  Each has an error of its own, the change by the last refinement.  At finite
-strain the truth is a finer grid of the same code, which the study lists apart.
+without friction and without slip, ring elements with Coulomb friction, boundary elements for flat faces, also tilted
+and partly lifted, and rollers, and uniaxial stress in pads.  Faces near the sides of a pad are compared with solid
+elements of the whole pad, whose nodes under the face are prescribed.  Each has an error of its own, the change by the
+last refinement.  At finite strain the truth is a finer grid of the same code, which the study lists apart.
 """
 
 from __future__ import annotations
@@ -17,9 +18,12 @@ from scipy.optimize import brentq
 
 from fem_reference import press
 from fem_reference.closed_form import LayerContact, indent
+from fem_reference.small_strain_contact.no_slip import FACE_GRIDS
+from fem_reference.small_strain_contact.no_slip import press_face as press_solid
 from meshes import Box, Cover, Cylinder, FlatPunch, Indenter, Nut, Roller, TexelArray, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Pose
+from tests.exact.active_set import solve_active_set
 from tests.exact.boundary import PressedCells, measure_areas, pressed_shape, tabulate_excess
 from tests.exact.no_slip import stuck_punch, stuck_shape
 from tests.exact.outline import assemble_compliance, press_face, split_face
@@ -44,6 +48,8 @@ RINGS, PUNCH_RINGS, RING_EDGE = (64, 96), (16, 24), 1e-3
 ROUNDING = 3e-6
 #: Shift of points into a tilted face, over its size, so that they lie on it after the tilt [-].
 INSIDE = 1e-4
+#: Tensile force under a face over its force, above which the face would lift [-].
+LIFTS = 1e-4
 #: Source of a truth that is a finer grid of the code under test.
 SAME_CODE = "finer grid of the same code"
 #: Quantities that have an error estimate.
@@ -85,13 +91,18 @@ def solve_truth(  # noqa: PLR0911 -- one for each kind of truth
     """
     if not cover.small_strain_only:
         return refine_press(cover, array, indenter, depth, pose)
-    if cover.size is not None and isinstance(indenter, Box):
+    if cover.size is not None and isinstance(indenter, Box) and indenter.footprint[0] > cover.size[0] / 2:
         return squeeze_pad(cover, array, indenter, depth, pose=pose, friction=friction)
     if any(tilt):
-        tilted = [press_tilted(cover, indenter, tilt, depth, n) for n in BOX_CELLS]
-        truth = _refine_cells(tilted, array, pose, BOX_CELLS)
+        counts = BOX_CELLS if isinstance(indenter, Box | Nut) else FACE_CELLS
+        tilted = [press_tilted(cover, indenter, tilt, depth, n) for n in counts]
+        full = all(each.pressure.min() > 0 for each in tilted)
+        # The edge of a face that lifts crosses cells, so that nothing is extrapolated.
+        truth = _refine_cells(tilted, array, pose, counts if full else None)
         projection = tilt[0] ** 2 + tilt[1] ** 2  # the face is taken as wide as without tilt
         return replace(truth, error={name: value + projection for name, value in truth.error.items()})
+    if cover.size is not None and isinstance(indenter, FlatPunch) and not indenter.axisymmetric:
+        return press_pad(cover, array, indenter, depth, pose=pose, friction=friction)
     wide = replace(cover, size=None)
     if indenter.axisymmetric and friction and np.isfinite(friction):
         counts = PUNCH_RINGS if indenter.is_flat else RINGS
@@ -137,19 +148,34 @@ def squeeze_pad(cover: Cover, array: TexelArray, plate: Box, depth: float, *, po
     return _make_truth("uniaxial stress", [stress * area, depth, area], texels, [ROUNDING] * 4)
 
 
-def press_tilted(cover: Cover, box: Indenter, tilt: tuple[float, float], depth: float, cells: int) -> PressedCells:
-    """Press a box that is tilted so little that its whole face is in contact, by boundary elements.
+def press_pad(cover: Cover, array: TexelArray, face: FlatPunch, depth: float, *, pose: Pose, friction: float) -> Truth:
+    """Press a face into a pad of limited size, without friction or without slip, by solid elements of the whole pad.
 
     Raises:
-        ValueError: If a part of the face does not touch.
+        ValueError: If a part of the face would lift.
     """
+    grids = FACE_GRIDS if isinstance(face, Box) else FACE_GRIDS[:2]
+    pairs = [press_solid(cover, face, pose, grid)[int(friction > 0)] for grid in grids]
+    if max(tension for _, tension in pairs) > LIFTS:
+        raise ValueError("a part of the face would lift")
+    forces = [depth * np.array([each.total_force, *each.base.forces(array, pose)[:-1]]) for each, _ in pairs]
+    peak = int(np.argmax(np.abs(forces[-1][1:]))) + 1
+    change = np.abs(forces[-1][[0, 0, peak]] / forces[-2][[0, 0, peak]] - 1)
+    area = float(_measure_face(face))
+    return _make_truth("solid elements", [forces[-1][0], depth, area], forces[-1][1:], [*change, ROUNDING])
+
+
+def _measure_face(face: FlatPunch) -> float:
+    return float(measure_areas(split_face(face, FACE_CELLS[-1], max(face.footprint))).sum())
+
+
+def press_tilted(cover: Cover, box: Indenter, tilt: tuple[float, float], depth: float, cells: int) -> PressedCells:
+    """Press a slightly tilted flat face, a part of which may lift, by boundary elements."""
     corners = split_face(box, cells, 7.2 * cover.thickness / cells)
     tilted = tilt_indenter(box, tilt)
     wanted = depth - tilted.gap(*((1 - INSIDE) * corners.mean(axis=1)).T)
-    pressure = np.linalg.solve(assemble_compliance(tabulate_excess(cover), corners), wanted)
-    if pressure.min() < 0:
-        raise ValueError("a part of the tilted face does not touch")
-    area = float(measure_areas(corners).sum())
+    pressure = solve_active_set(assemble_compliance(tabulate_excess(cover), corners), wanted)
+    area = float(measure_areas(corners)[pressure > 0].sum())
     return PressedCells(cover=cover, depth=depth, corners=corners, pressure=pressure, contact_area=area)
 
 
