@@ -3,7 +3,7 @@
 These solutions verify the finite elements.  No module of this package uses code of the finite elements.
 """
 
-from fem_reference.closed_form.contact import LayerContact, hertz, indent, punch, sphere
+from fem_reference.closed_form.contact import LayerContact, indent, punch, sphere
 from fem_reference.closed_form.cylinder import ArcLoad, CylinderLayer, LineLoad
 from fem_reference.closed_form.disk import bonded_disk
 from fem_reference.closed_form.layer import (
@@ -25,7 +25,6 @@ __all__ = [
     "Transfer",
     "bonded_disk",
     "half_space_compliance",
-    "hertz",
     "indent",
     "point_response",
     "point_response_spline",

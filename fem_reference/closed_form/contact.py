@@ -33,7 +33,7 @@ from fem_reference.closed_form.layer import (
     transfer,
     transfer_to_base,
 )
-from meshes import Cone, Cover, Cylinder, Indenter, Layer, RoundedTip, Sphere, TexelArray
+from meshes import Cone, Cover, Cylinder, Indenter, RoundedTip, Sphere, TexelArray
 from meshes.array_types import FloatArray
 
 
@@ -94,8 +94,8 @@ class LayerContact:
         force: Normal force on the indenter [N].
         depth: Approach of the indenter from first touch [m].
         contact_radius: Radius of the contact area [m].
-        error: Estimated relative error of force and depth at this contact radius [-].
-        cover: The cover that was pressed; None for a half space.
+        error: Estimated relative error of force and depth at this contact radius; NaN if not known [-].
+        cover: The cover that was pressed.
         phi: Points t, weights and values phi(t) of the solution, shape (3, n) [m, m, N/m].
         psi: Values psi(t) at the same points, where int psi(t) sin(k t) dt is the Hankel transform of order 1 of the
             shear traction, outward positive; None without friction, shape (n,) [N/m].
@@ -104,9 +104,9 @@ class LayerContact:
     force: float
     depth: float
     contact_radius: float
-    error: float = 0.0
-    cover: Cover | None = None
-    phi: FloatArray = field(default_factory=lambda: np.zeros((3, 0)), repr=False, compare=False)
+    error: float = np.nan
+    cover: Cover
+    phi: FloatArray = field(repr=False, compare=False)
     psi: FloatArray | None = field(default=None, repr=False, compare=False)
 
     def force_within(self, radius: FloatArray) -> FloatArray:
@@ -123,13 +123,7 @@ class LayerContact:
         return np.asarray(self.force - 2 * np.pi * beyond)
 
     def base_pressure(self, reach: float) -> CubicSpline:
-        """Tabulate the pressure on the base [Pa] over the distance from the indenter's axis, from 0 to `reach` [m].
-
-        Raises:
-            ValueError: If there is no base, or a contact of zero size.
-        """
-        if self.cover is None or not self.phi.size:
-            raise ValueError("only a solved contact with a layered cover has a base pressure")
+        """Tabulate the pressure on the base [Pa] over the distance from the indenter's axis, from 0 to `reach` [m]."""
         k, weight = hankel_nodes(self.cover, reach + self.contact_radius)
         t, dt, value = self.phi
         normal, shear = transfer_to_base(self.cover, k)
@@ -145,7 +139,7 @@ class LayerContact:
 
     def texel_forces(self, array: TexelArray, at: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
         """Compute the forces on the n texels of an array, for the indenter above the point `at` of the array [N]."""
-        return integrate_texels(array, at, self.base_pressure, self.cover.thickness if self.cover else np.inf)
+        return integrate_texels(array, at, self.base_pressure, self.cover.thickness)
 
 
 def integrate_texels(
@@ -241,16 +235,15 @@ def indent(
     if (load is None) == (depth is None):
         raise ValueError("give either a load or a depth")
     if isinstance(indenter, Cylinder):
-        found = punch(cover, indenter.radius, 1.0 if depth is None else depth, nodes=nodes)
-        return _require_push(found if load is None else punch(cover, indenter.radius, load / found.force, nodes=nodes))
+        wanted = depth or (load or 0.0) / punch(cover, indenter.radius, 1.0, nodes=nodes).force
+        return _require_push(punch(cover, indenter.radius, wanted, nodes=nodes))
     if not isinstance(indenter, Sphere | RoundedTip | Cone):
         raise TypeError(f"no exact contact for {type(indenter).__name__}")
-    shape = indenter
 
     def profile(t: FloatArray) -> FloatArray:
-        if isinstance(shape, Cone):
-            return np.asarray(np.pi / 2 * t / np.tan(shape.angle / 2))
-        return np.asarray(t * np.arctanh(t / shape.radius))
+        if isinstance(indenter, Cone):
+            return np.asarray(np.pi / 2 * t / np.tan(indenter.angle / 2))
+        return np.asarray(t * np.arctanh(t / indenter.radius))
 
     def miss(logarithm: float) -> float:
         """Compute the logarithm of load or depth at a contact radius, over the wanted load or depth [-]."""
@@ -262,13 +255,13 @@ def indent(
         return float(np.log(ratio))
 
     top = cover.layers[-1].thickness
-    rim, resolved = _SETTINGS.widest * shape.radius, _SETTINGS.most_thicknesses * top
-    widest = rim if nodes is not None else min(rim, resolved)
+    rim = _SETTINGS.widest * indenter.radius
+    widest = rim if nodes is not None else min(rim, _SETTINGS.most_thicknesses * top)
     # The search starts from a contact as wide as the thickness of the top layer, because much wider contacts are not
     # resolved.
     bracket = _bracket_root(miss, float(np.log(min(top, widest))), float(np.log(widest)))
     if bracket is None:
-        reason = f"the contact reaches the rim of the {type(shape).__name__}"
+        reason = f"the contact reaches the rim of the {type(indenter).__name__}"
         raise ValueError(reason if widest == rim else _describe_unresolved(cover))
     a = float(np.exp(brentq(miss, *bracket, rtol=1e-14)))
     return _require_push(_solve(cover, a, profile, nodes=nodes))
@@ -305,20 +298,6 @@ def _require_push(contact: LayerContact) -> LayerContact:
     if (np.diff(rings) < -_SETTINGS.pull * contact.force).any():
         raise ValueError("the indenter would have to pull on a part of the contact, which separates instead")
     return contact
-
-
-def hertz(layer: Layer, radius: float, force: float) -> LayerContact:
-    """Press a rigid sphere into a half space: a^3 = 3 F R / 4 E*, depth = a^2 / R (Hertz; Johnson 1985, eq. 4.22).
-
-    Args:
-        layer: Layer whose material fills the half space; its thickness is not used.
-        radius: Radius R of the sphere [m].
-        force: Normal force F on the sphere [N].
-    """
-    material = layer.material
-    plane = material.youngs_modulus / (1 - material.poisson_ratio**2)
-    contact = (3 * force * radius / (4 * plane)) ** (1 / 3)
-    return LayerContact(force=force, depth=contact**2 / radius, contact_radius=contact)
 
 
 def _solve(
@@ -410,12 +389,8 @@ class _Equation:
 
 
 def _describe_unresolved(cover: Cover) -> str:
-    most = _SETTINGS.most_thicknesses
-    radius = 1e3 * most * cover.layers[-1].thickness
-    return (
-        f"the contact is wider than the integral equation resolves: {radius:.4g} mm radius, {most:g} "
-        f"thicknesses of the top layer"
-    )
+    most, top = _SETTINGS.most_thicknesses, cover.layers[-1].thickness
+    return f"the contact is too wide: {1e3 * most * top:.4g} mm radius, {most:g} thicknesses of the top layer"
 
 
 @lru_cache(maxsize=8)

@@ -287,6 +287,7 @@ class SolidInfluence(TexelInfluence):
     array: TexelArray
     grids: tuple[AdjointSolution, ...]
     points_per_thickness: ClassVar[int] = 12
+    unsure_order: ClassVar[float] = 2.0
 
     @property
     def thickness(self) -> float:  # type: ignore[override]

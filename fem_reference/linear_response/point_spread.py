@@ -74,6 +74,8 @@ class TexelInfluence(ABC):
 
     #: Gauss points of a uniform pressure on a texel, per cover thickness along the longer side of the texel [-].
     points_per_thickness: ClassVar[int]
+    #: Largest order of convergence that explains values on three grids that do not converge monotonically [-].
+    unsure_order: ClassVar[float] = 4.0
     #: Thickness of the cover [m].
     thickness: float
 

@@ -9,6 +9,7 @@ from fem_reference import closed_form, press
 from fem_reference.small_strain_contact import frictionless
 from fem_reference.small_strain_contact.constrained_solver import find_pressures
 from meshes import Box, Cylinder, Nut, Pose, Roller, Sphere, TexelArray
+from tests.exact.hertz import hertz as press_half_space
 from tests.support.indentations import column_contact
 
 #: The ends by default, what lies between in the slow tier.
@@ -47,7 +48,7 @@ def test_flat_punch_force(bonded, wts, nu, ratio):
 @pytest.mark.slow
 def test_small_contact_on_a_thick_layer_is_hertz(bonded, wts):
     cover = bonded(0.3, thickness=20e-3)
-    hertz = closed_form.hertz(cover.layers[0], 5e-3, 0.02)
+    hertz = press_half_space(cover.layers[0], 5e-3, 0.02)
     found = press(cover, wts, Sphere(radius=5e-3), load=0.02)
     assert found.depth == pytest.approx(hertz.depth, rel=0.03)
     assert found.contact_area == pytest.approx(np.pi * hertz.contact_radius**2, rel=0.02)
@@ -56,7 +57,7 @@ def test_small_contact_on_a_thick_layer_is_hertz(bonded, wts):
 def test_a_ball_that_barely_touches_is_hertz(bonded, wts):
     # A hundredth of a first cell: no cell's centre is below the approach until the cells have closed in.
     cover = bonded(0.3, thickness=20e-3)
-    hertz = closed_form.hertz(cover.layers[0], 5e-3, 1e-6)
+    hertz = press_half_space(cover.layers[0], 5e-3, 1e-6)
     found = press(cover, wts, Sphere(radius=5e-3), depth=hertz.depth)
     assert found.total_force == pytest.approx(1e-6, rel=5e-3)
 
