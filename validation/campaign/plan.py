@@ -31,6 +31,9 @@ class Costs:
 
     #: A solution at small strain on a wide cover [s].
     small: float = 2.0
+    #: What finite strain adds to a case, for its stages, and to the fit of the comparison models [s].
+    stages: float = 2.0
+    fit: float = 8.0
     #: What the sides of a cover of limited size add, on a cover of 300 squared thicknesses [s].
     sides: float = 22.0
     #: A body of revolution at finite strain, pressed to 30 % of the thickness [s].
@@ -134,6 +137,8 @@ def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Cas
         friction: Coulomb friction coefficient between indenter and cover, inf for no slip [-].
     """
     missing, seconds, kinds, depths, shares, rest = [], [], [], [], [], _COSTS.rest + _measure_sides(cover)
+    if isinstance(cover, Cover) and not cover.small_strain_only:
+        rest += _COSTS.fit
     for number, case in enumerate(cases):
         estimate = estimate_cost(cover, case, friction)
         absent = find_stored_reference(cover, array, case, friction=friction) is None
@@ -190,10 +195,13 @@ def _(cover: Cover, case: Case, friction: float) -> Estimate:
         edges *= bool(room - reached < _FAR * decay_length(replace(cover, size=None)))
     if cover.small_strain_only and not friction:
         return Estimate(kind="small strain", seconds=_COSTS.small + edges, depth=depth)
+    edges += _COSTS.stages
     factor = (_COSTS.friction if friction else 1.0) * (_COSTS.foil if has_foil(cover) else 1.0)
     factor *= _FIRST_STEPS + (1 - _FIRST_STEPS) * depth / DEEP
     if indenter.axisymmetric:
-        return Estimate(kind="round" + " near sides" * bool(edges), seconds=_COSTS.round * factor + edges, depth=depth)
+        return Estimate(
+            kind="round" + " near sides" * (edges > _COSTS.stages), seconds=_COSTS.round * factor + edges, depth=depth
+        )
     unknowns = float(np.prod([2 * half / thickness + _AROUND for half in indenter.footprint])) / _SPAN**2
     return Estimate(kind="block", seconds=_COSTS.block * factor * unknowns**_GROWTH + edges, depth=depth)
 

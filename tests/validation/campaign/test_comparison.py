@@ -48,3 +48,15 @@ def test_a_model_without_its_data_is_refused(wts_derivation):
         compare_models(wts_derivation.parameters, CASE, models=("fem",))
     with pytest.raises(ValueError, match="needs its parameters"):
         compare_models(wts_derivation.sensor, CASE, models=("fast",))
+
+
+def test_fast_model_is_not_derived_for_a_score_below_the_reference_error(wts_derivation, monkeypatch):
+    monkeypatch.setattr("validation.campaign.comparison._NO_SCORE", 0.0)  # below the error of any finite elements
+
+    def derive():
+        raise AssertionError
+
+    found = compare_models(wts_derivation.sensor, CASE, parameters=derive)
+    assert found.fem is not None
+    assert (found.fast, found.score, found.models) == (None, None, ("fem",))
+    assert "not derived for a score; --model fast" in found.note
