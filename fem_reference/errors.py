@@ -43,7 +43,10 @@ class PathConvergenceError(ConvergenceError):
             indentations convert it to newtons.
         depth: Depth of the last equilibrium [unit of length of `walk_to`]; 0 if no step converged.  Solvers of
             indentations convert it to metres.
+        solved: Part of the path that was solved (`SolvedPath`), for initial guesses; None where there is none.
     """
+
+    solved: Any = None
 
     def __init__(self, message: str, *, cause: str, load: float = 0.0, depth: float = 0.0) -> None:
         super().__init__(message)

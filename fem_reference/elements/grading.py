@@ -60,7 +60,9 @@ def grade_outward(size: float, even: float, reach: float, growth: float) -> Floa
     return np.concatenate([start, even + (reach - even) * np.cumsum(steps) / steps.sum()])
 
 
-def grade_around_edge(fine: float, coarse: float, edge: float, reach: float, growth: float) -> FloatArray:
+def grade_around_edge(
+    fine: float, coarse: float, edge: float, reach: float, growth: float, *, even: float = 0.0
+) -> FloatArray:
     """Place nodes from 0 to `reach` with steps that shrink to `fine` on both sides of `edge`.
 
     Args:
@@ -69,11 +71,14 @@ def grade_around_edge(fine: float, coarse: float, edge: float, reach: float, gro
         edge: Position of the node with the smallest steps, such as the edge of a contact [length].
         reach: Position of the last node [length].
         growth: Ratio of neighbouring steps larger than `coarse`; smaller steps grow by the square of the ratio [-].
+        even: Width of a strip inside `edge` in which all steps are `fine` [length].
 
     Returns:
         Positions of the nodes, ascending [length].
     """
-    inner = growing_steps(fine, edge, lambda step: min(step * growth**2, coarse), spare=1.5)
+    strip = np.full(round(even / fine), fine)
+    inner = growing_steps(fine, edge - strip.sum(), lambda step: min(step * growth**2, coarse), spare=1.5)
+    inner = np.concatenate([strip, inner])
     outer = growing_steps(fine, reach - edge, lambda step: step * (growth**2 if step < coarse else growth))
     nodes = np.concatenate([[0.0], (edge - np.cumsum(inner))[::-1], [edge], edge + np.cumsum(outer)])
     nodes[-1] = reach

@@ -16,8 +16,8 @@ from itertools import zip_longest
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.interpolate import RegularGridInterpolator
 
+from fem_reference.elements.line import Line
 from fem_reference.elements.taylor_hood import MixedElements
 from fem_reference.errors import ConvergenceError, PathConvergenceError
 from fem_reference.finite_strain.contact import ContactState, SurfaceContact
@@ -61,10 +61,26 @@ class PathSettings:
     first_halvings: int = 12
     #: Largest number of times that the first step of a loading path is doubled, after halving it has failed [-].
     first_doublings: int = 4
+    #: Relative step below which a step that fails is solved by a viscous motion [-].
+    small_step: float = 1 / 64
+    #: Penetration over that at which augmentation stops, above which an augmentation may move viscously [-].
+    far_overlap: float = 4.0
+    #: First drag of a viscous motion [units of stress per area].
+    first_drag: float = 1000.0
+    #: Drag below which the next step of a viscous motion has no drag [units of stress per area].
+    least_drag: float = 1.0
+    #: Factor by which the drag rises after a step that fails and falls after one that converges [-].
+    drag_ratio: float = 5.0
+    #: Largest number of steps of a viscous motion [-].
+    creep_steps: int = 25
+    #: Largest number of Newton iterations in a step of a viscous motion [-].
+    creep_iterations: int = 12
     #: Decimal digits, relative to the largest coordinate, to which coordinates of nodes on one mesh line agree [-].
     digits: int = 9
     #: Loads, over the largest load, at which equilibria between targets serve as initial guesses [-].
     shares: tuple[float, ...] = (0.8, 0.6, 0.4, 0.2)
+    #: Further such loads, over the largest load of a path that stopped [-].
+    stopped: tuple[float, ...] = (0.95, 0.9, 0.88)
 
 
 _SETTINGS = PathSettings()
@@ -167,7 +183,7 @@ class ContactProblem:
         out: list[ContactEquilibrium] = []
         for target, guess in zip_longest(targets, guesses):
             last = out[-1] if out else None
-            reached = None if guess is None else self._solve_from_guess(guess, target, control, last)
+            reached = None if guess is None else self._solve_from_guess(guess, target, control, last, creeps=True)
             if reached is None:
                 start = self._start_between(between, target, control, last)
                 step = None if start is None else (target - getattr(start, control)) * _SETTINGS.step_from_between
@@ -189,15 +205,24 @@ class ContactProblem:
         return f"{here.load * force:.3g} N at {here.depth * length * 1e3:.3g} mm"
 
     def _solve_from_guess(
-        self, guess: Guess, target: float, control: Control, before: ContactEquilibrium | None
+        self, guess: Guess, target: float, control: Control, before: ContactEquilibrium | None, *, creeps: bool = False
     ) -> ContactEquilibrium | None:
-        """Solve for a target directly from an initial guess; return None if Newton's method does not converge."""
+        """Solve for a target directly from an initial guess; return None if Newton's method does not converge.
+
+        Args:
+            guess: Initial guess.
+            target: Load [N] or depth [m].
+            control: Whether the target is a load or a depth.
+            before: Equilibrium at the target before, if any.
+            creeps: Whether a viscous motion from the guess is tried where Newton's method does not converge.
+        """
         used = before.iterations if before else 0
         load, depth = (target, guess.depth) if control == "load" else (None, target)
         self.contact.augment(np.zeros_like(self.contact.weight))
         self.contact.stiffen(guess.contact_pressure)
+        solve = self._solve_or_creep if creeps else self._solve
         try:
-            return self._solve(guess.state, depth, load, used, tolerance=_SETTINGS.step_tolerance)
+            return solve(guess.state, depth, load, used, tolerance=_SETTINGS.step_tolerance)
         except STEP_FAILURES as error:
             _LOG.info("guess for %s %.4g failed: %s", control, target, error)
             return None
@@ -211,9 +236,9 @@ class ContactProblem:
             The first equilibrium for which Newton's method converges; None if there is none.
         """
         reached = getattr(last, control) if last else 0.0
-        for guess in between:
-            aim = getattr(guess, control)
-            found = self._solve_from_guess(guess, aim, control, last) if reached < aim < target else None
+        inside = [guess for guess in between if reached < getattr(guess, control) < target]
+        for guess in inside:
+            found = self._solve_from_guess(guess, getattr(guess, control), control, last, creeps=guess is inside[0])
             if found is not None:
                 return found
         return None
@@ -230,11 +255,14 @@ class ContactProblem:
     ) -> ContactEquilibrium:
         """Reach a target in steps; the initial guess of each step is the line through the last two equilibria."""
 
-        def solve(before: ContactEquilibrium | None, here: ContactEquilibrium, aim: float) -> ContactEquilibrium:
+        def follow(before: ContactEquilibrium | None, here: ContactEquilibrium, aim: float) -> ContactEquilibrium:
             state, depth = _extrapolate(before, here, aim, control)
             self.contact.stiffen(float(here.contact.pressure.max()))
             load = aim if control == "load" else None
-            reached = self._solve(state, depth, load, here.iterations, tolerance=_SETTINGS.step_tolerance, near=here)
+            # A small step that fails meets an instability.
+            small = before is None and abs(aim / getattr(here, control) - 1) < _SETTINGS.small_step
+            solve = self._solve_or_creep if small else self._solve
+            reached = solve(state, depth, load, here.iterations, tolerance=_SETTINGS.step_tolerance, near=here)
             if self.load_scale == 1 and reached.depth >= _SETTINGS.deepest:
                 raise ConvergenceError(
                     "the indenter would touch the base: its tip passes between the nodes of the mesh"
@@ -251,11 +279,48 @@ class ContactProblem:
             start,
             control=control,
             step=step,
-            solve=solve,
+            solve=follow,
             describe=self._describe,
             easy=np.inf if friction else EASY_ITERATIONS,
             longest=abs(target) / self.friction_steps if friction else np.inf,
         )
+
+    def _solve_or_creep(
+        self,
+        state: FloatArray,
+        depth: float,
+        load: float | None,
+        used: int,
+        *,
+        tolerance: float,
+        near: ContactEquilibrium | None = None,
+    ) -> ContactEquilibrium:
+        """Solve for an equilibrium; where Newton's method fails, by implicit steps of a viscous motion to rest.
+
+        The drag on the displacements falls after each step that converges and rises after each that does not
+        (pseudo-transient continuation, Kelley and Keyes 1998).  The motion passes instabilities, such as that of an
+        element that slides around the edge of an indenter.  With friction, which depends on the path, nothing creeps.
+        The arguments are those of `_solve`.
+
+        Raises:
+            ConvergenceError: If the motion does not come to rest.
+        """
+        drag = 0.0
+        for _ in range(_SETTINGS.creep_steps):
+            try:
+                near = self._solve(state, depth, load, used, tolerance=tolerance, near=near, drag=drag)
+            except STEP_FAILURES as error:
+                if self.contact.friction:
+                    raise
+                _LOG.info("drag %.3g: %s", drag, error)
+                drag = max(drag * _SETTINGS.drag_ratio, _SETTINGS.first_drag)
+                continue
+            if drag == 0:
+                return near
+            moved = near.iterations > used
+            state, depth, used = near.state, near.depth, near.iterations
+            drag = drag / _SETTINGS.drag_ratio if moved and drag > _SETTINGS.least_drag else 0.0
+        raise ConvergenceError("the cover does not come to rest")
 
     def _take_first_step(self, depth: float, target: float, control: Control) -> ContactEquilibrium:
         """Solve at a small depth from the undeformed state.
@@ -305,8 +370,10 @@ class ContactProblem:
     def _solve_again(self, here: ContactEquilibrium, control: Control, tolerance: float) -> ContactEquilibrium | None:
         """Solve again for the target of an equilibrium, from its state; None if Newton's method does not converge."""
         load = here.load if control == "load" else None
+        far = here.contact.overlap > _SETTINGS.far_overlap * self.overlap * here.depth
+        solve = self._solve_or_creep if far else self._solve
         try:
-            out = self._solve(here.state, here.depth, load, here.iterations, tolerance=tolerance, near=here)
+            out = solve(here.state, here.depth, load, here.iterations, tolerance=tolerance, near=here)
         except STEP_FAILURES as error:
             _LOG.info("a mean penetration of %.2g m remains: %s", here.contact.overlap, error)
             return None
@@ -323,6 +390,7 @@ class ContactProblem:
         *,
         tolerance: float,
         near: ContactEquilibrium | None = None,
+        drag: float = 0.0,
     ) -> ContactEquilibrium:
         """Solve for the equilibrium at a depth or, if a load is given, for the equilibrium and the depth at this load.
 
@@ -335,7 +403,9 @@ class ContactProblem:
             near: Nearby equilibrium, whose contact pressure and volume enter the first tangent.  Later tangents use
                 those predicted by the previous iteration.  The pressure and volume of the state itself contain the
                 penalty times the error of linearisation, with which Newton's method diverges.
+            drag: Force per volume and per displacement from the initial guess [units of stress per area].
         """
+        anchor, pull = state, drag * self._volume
         seen: tuple[FloatArray, ContactState] | None = None
 
         def linearise(unknowns: FloatArray, iteration: int) -> Linearisation[ContactEquilibrium]:
@@ -348,6 +418,8 @@ class ContactProblem:
             elif near is not None:
                 volume, pressure = self.solid.predict_volume(near.state, near.state), near.contact.pressure
             internal, stiffness = self.solid.linearise(state, volume)
+            if drag:
+                internal, stiffness = internal + pull * (state - anchor), stiffness + sp.diags_array(pull).tocsr()
             contact = self.contact.evaluate(state, depth, expected=pressure)
             seen = state, contact
             balanced = self._is_balanced(internal + contact.force, contact, load, tolerance)
@@ -371,7 +443,9 @@ class ContactProblem:
                 changed=balanced,
             )
 
-        iterations = _SETTINGS.friction_iterations if self.contact.friction else _SETTINGS.iterations
+        iterations = _SETTINGS.creep_iterations if drag else _SETTINGS.iterations
+        if self.contact.friction:
+            iterations = _SETTINGS.friction_iterations
         return solve_newton(linearise, np.append(state, depth), iterations=iterations)
 
     def _solve_step(
@@ -395,6 +469,15 @@ class ContactProblem:
             self.solid.elements, residual, self.constrained, reference=reference, tolerance=tolerance
         )
         return balanced and (load is None or abs(load - contact.total) < tolerance * load)
+
+    @cached_property
+    def _volume(self) -> FloatArray:
+        """Volume that belongs to each displacement, 0 for each pressure, shape (n,)."""
+        elements = self.solid.elements
+        share = elements.weight.sum(axis=1, keepdims=True) / elements.cells.shape[1]
+        size = elements.displacements + elements.pressures
+        volume = np.broadcast_to(share, elements.unknowns.shape).ravel()
+        return np.asarray(np.bincount(elements.unknowns.ravel(), volume, minlength=size), dtype=float)
 
     @cached_property
     def _system(self) -> ConstrainedSystem:
@@ -444,7 +527,10 @@ class SolvedPath:
         """
         loads = np.array([each.load for each in self.steps])
         least = loads.min(initial=np.inf)
-        wanted = [share * self.equilibria[-1].load for share in _SETTINGS.shares] if wanted is None else wanted
+        if wanted is None:
+            last = self.equilibria[-1].load if self.equilibria else loads.max(initial=0.0)
+            shares = _SETTINGS.shares if self.equilibria else (*_SETTINGS.stopped, *_SETTINGS.shares)
+            wanted = [share * last for share in shares]
         chosen = dict.fromkeys(int(np.argmin(np.abs(loads - load))) for load in wanted if load >= least)
         below = [load for load in wanted if load < least]
         coarse = self.coarse.transfer_steps(target, below) if self.coarse else []
@@ -461,7 +547,7 @@ class SolvedPath:
 
 
 def transfer_state(source: MixedElements, target: MixedElements, state: FloatArray) -> FloatArray:
-    """Interpolate displacements and pressures linearly to another tensor-product mesh of the same cover.
+    """Interpolate displacements and pressures to another tensor-product mesh of the same cover.
 
     Args:
         source: Elements that `state` belongs to.
@@ -473,13 +559,13 @@ def transfer_state(source: MixedElements, target: MixedElements, state: FloatArr
     """
     d = source.dimension
     displacement = state[: source.displacements].reshape(-1, d)
-    components = [_interpolate(source.nodes, displacement[:, i], target.nodes) for i in range(d)]
+    components = [_interpolate(source.nodes, displacement[:, i], target.nodes, 2) for i in range(d)]
     here, there = locate_pressures(source), locate_pressures(target)
     pressure = np.empty(target.pressures)
     # Pressures jump between regions, so the pressure is interpolated in each region separately.
     for region in np.unique(target.region):
         mine, theirs = _find_pressures(source, region), _find_pressures(target, region)
-        pressure[theirs] = _interpolate(here[mine], state[source.displacements + mine], there[theirs])
+        pressure[theirs] = _interpolate(here[mine], state[source.displacements + mine], there[theirs], 1)
     return np.concatenate([np.stack(components, axis=1).ravel(), pressure])
 
 
@@ -491,27 +577,32 @@ def locate_pressures(elements: MixedElements) -> FloatArray:
     return out
 
 
-def _interpolate(positions: FloatArray, values: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Interpolate values linearly on a tensor-product grid whose nodes are given in any order.
+def _interpolate(positions: FloatArray, values: FloatArray, wanted: FloatArray, order: int) -> FloatArray:
+    """Interpolate nodal values from one tensor-product mesh to another by the shape functions of the elements.
 
     Args:
-        positions: Positions of the n nodes of the grid in d dimensions, shape (n, d) [m].
+        positions: Positions of the n nodes in any order, shape (n, d) [m].
         values: Values at the nodes, shape (n,).
-        wanted: m positions at which to interpolate, shape (m, d) [m].
+        wanted: Positions of the m nodes of the other mesh, shape (m, d) [m].
+        order: Polynomial order of the elements [-].
 
     Returns:
-        Interpolated values, shape (m,).
+        Interpolated values, shape (m,); outside the mesh the nearest value.
     """
-    digits = _SETTINGS.digits - int(np.ceil(np.log10(np.abs(positions).max())))
-    lines, index = [], []
-    for axis in range(positions.shape[1]):
-        line, inverse = np.unique(np.round(positions[:, axis], digits), return_inverse=True)
-        lines.append(line)
-        index.append(inverse)
+    (lines, index), (others, place) = _find_lines(positions), _find_lines(wanted)
     table = np.empty([len(line) for line in lines])
     table[tuple(index)] = values
-    inside = np.stack([np.clip(wanted[:, i], line[0], line[-1]) for i, line in enumerate(lines)], axis=1)
-    return np.asarray(RegularGridInterpolator(lines, table)(inside))
+    for axis, (line, other) in enumerate(zip(lines, others, strict=True)):
+        shapes = Line(edges=line[::order], order=order).at(np.clip(other, line[0], line[-1]))
+        table = np.moveaxis(np.tensordot(shapes, table, axes=(1, axis)), 0, axis)
+    return np.asarray(table[tuple(place)])
+
+
+def _find_lines(positions: FloatArray) -> tuple[list[FloatArray], list[IntArray]]:
+    """Return the mesh lines of a tensor-product grid along each axis, and the line of each of n nodes, shape (n,)."""
+    digits = _SETTINGS.digits - int(np.ceil(np.log10(np.abs(positions).max())))
+    found = [np.unique(np.round(axis, digits), return_inverse=True) for axis in positions.T]
+    return [line for line, _ in found], [index for _, index in found]
 
 
 def _find_pressures(elements: MixedElements, region: int) -> IntArray:

@@ -23,9 +23,9 @@ import numpy as np
 
 from fem_reference import result_store
 from fem_reference.errors import PathConvergenceError
-from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
+from fem_reference.finite_strain.axisymmetric_path import DEEP, press_axisymmetric
 from fem_reference.finite_strain.block_path import Block, is_rectangular, lay_out_block, lay_out_cover, press_paired
-from fem_reference.finite_strain.contact_problem import OVERLAP
+from fem_reference.finite_strain.contact_problem import OVERLAP, SolvedPath
 from fem_reference.finite_strain.loading_path import LoadingPath, Progress, name_grid
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import (
@@ -46,6 +46,8 @@ from meshes.pose import Place, Pose
 #: Radius of rounded edges in axisymmetric meshes, over the smaller of cover thickness and half width of the indenter
 #: [-].
 _FINE = 1 / 20
+#: Largest depth over thickness for which the radius of rounded edges in axisymmetric meshes is enlarged [-].
+_DEEPEST = 0.6
 #: Radius of rounded edges in three dimensions, where elements are larger, over the smaller of cover thickness and half
 #: width of the indenter [-].
 _COARSE = 1 / 5
@@ -126,14 +128,16 @@ def choose_edge_safety(path: LoadingPath, pose: Pose) -> float:
     return _ON_LINES if on_lines else _OFF_LINES
 
 
-def choose_fillet(thickness: float, indenter: Indenter) -> float:
+def choose_fillet(thickness: float, indenter: Indenter, depth: float = 0.0) -> float:
     """Choose the radius of rounded edges of an indenter of revolution on the finest axisymmetric grid [m].
 
     Args:
         thickness: Thickness of the cover [m].
         indenter: Indenter of revolution.
+        depth: Small-strain depth at the last target [m].  Deep in the cover, elements turn inside out at small radii.
     """
-    return min(thickness, *indenter.footprint) * _FINE
+    share = min(depth / thickness, _DEEPEST)
+    return min(thickness, *indenter.footprint) * _FINE * max(1.0, share / DEEP)
 
 
 def choose_solid_fillet(thickness: float, indenter: Indenter) -> float:
@@ -349,7 +353,13 @@ _LARGEST_CONTACT = 0.8
 
 
 def study_path(
-    path: LoadingPath, place: Place, progress: Progress, refinement: int = 0, rubbing: GridStudy | None = None
+    path: LoadingPath,
+    place: Place,
+    progress: Progress,
+    refinement: int = 0,
+    rubbing: GridStudy | None = None,
+    *,
+    start: SolvedPath | None = None,
 ) -> GridStudy:
     """Solve a loading path on three grids.
 
@@ -362,6 +372,7 @@ def study_path(
         progress: Called with a line of text after each step.
         refinement: Number of axisymmetric grids that are skipped at the coarse end and added at the fine end [-].
         rubbing: Small-strain solutions with friction, to be corrected instead of frictionless ones.
+        start: Part of this path that was solved before, for initial guesses in the r-z plane.
 
     Returns:
         The solutions of every target with the element sizes and the expected order of convergence.
@@ -381,23 +392,23 @@ def study_path(
         path = replace(path, baseline_friction=path.friction)
     in_plane = path.is_in_plane
     grids = () if in_plane else choose_solid_grids(cover.thickness, indenter, in_turn=path.refines_in_turn)
-    fillet = choose_fillet(cover.thickness, indenter) if in_plane else min(grid.fillet for grid in grids)
-    accurate = None
+    accurate, approach = None, 0.0
     if in_plane and not indenter.is_flat and rubbing is None:
         contact = small_strain.estimate_contact(path, None, progress)
-        solutions = _solve_axisymmetric(path.at_model_strain, contact, progress, refinement)
-        assumptions = state_rounding(indenter, fillet)
+        solutions = _solve_axisymmetric(path.at_model_strain, contact, progress, refinement, start=start)
+        assumptions = state_rounding(indenter, choose_fillet(cover.thickness, indenter))
     else:
         accurate = rubbing or small_strain.study_path(path, None if cover.size is None else place, progress)
-        contact = accurate.solutions[-1][0].contact[:, :2]
+        contact, approach = accurate.solutions[-1][0].contact[:, :2], accurate.solutions[-1][-1].depth
+        fillet = choose_fillet(cover.thickness, indenter, approach) if in_plane else min(grid.fillet for grid in grids)
 
         def solve(part: LoadingPath, approaches: Sequence[float]) -> SolvedPair:
             """Solve a loading path and its baseline on three grids."""
             if in_plane:
-                baseline, full = (
-                    _solve_axisymmetric(each, contact, progress, refinement) for each in (part.baseline, part)
+                baseline = _solve_axisymmetric(part.baseline, contact, progress, refinement, approach=approach)
+                return baseline, _solve_axisymmetric(
+                    part, contact, progress, refinement, approach=approach, start=start
                 )
-                return baseline, full
             return _solve_block_pair(part, approaches, grids=grids, contact=contact, pose=pose, progress=progress)
 
         solutions = correct_path(path, accurate.solutions, solve)
@@ -477,7 +488,13 @@ def _lay_out(path: LoadingPath, contact: FloatArray, pose: Pose, grid: SolidGrid
 
 
 def _solve_axisymmetric(
-    path: LoadingPath, contact: FloatArray, progress: Progress, refinement: int
+    path: LoadingPath,
+    contact: FloatArray,
+    progress: Progress,
+    refinement: int,
+    *,
+    approach: float = 0.0,
+    start: SolvedPath | None = None,
 ) -> list[list[GridSolution]]:
     """Solve a loading path of an indenter of revolution on three grids, or read the solutions from the result store.
 
@@ -486,17 +503,19 @@ def _solve_axisymmetric(
         contact: m points of the largest small-strain contact, columns x, y [m], shape (m, 2).
         progress: Called with a line of text after each step.
         refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
+        approach: Small-strain depth at the last target under a flat face [m].
+        start: Part of this path that was solved before, for initial guesses.
 
     Returns:
         For each target one solution per grid, coarsest first.
     """
     cover, indenter = path.cover, path.indenter
     grids = GRIDS[refinement : refinement + 3]
-    fillet = choose_fillet(cover.thickness, indenter)
+    fillet = choose_fillet(cover.thickness, indenter, approach)
 
     def compute() -> list[list[GridSolution]]:
         radius = max(indenter.footprint) if indenter.is_flat else float(np.hypot(*contact[:, :2].T).max())
-        out, coarse = [], None
+        out, coarse = [], start
         for count in grids:
             states, coarse = press_axisymmetric(
                 replace(path, fields=path.fields and count == grids[-1]),
@@ -504,6 +523,7 @@ def _solve_axisymmetric(
                 contact_radius=radius,
                 fillet=scale_fillet(fillet, count, GRIDS[:3]),
                 reach=choose_reach(cover, radius),
+                approach=approach,
                 coarse=coarse,
                 progress=name_grid(progress, count),
             )

@@ -105,6 +105,8 @@ class GridSolution:
         total_force: Normal force on the indenter [N].
         depth: Approach of the indenter from first touch of the undeformed cover [m].
         area: Contact area [m2].
+        area_spread: Area in which the edge of the contact lies between two points of the grid, over `area`; 0 where the
+            edge is located more finely [-].
         contact: Columns x, y [m] and normal force [N] of m contact points in the frame of the indenter, shape (m, 3).
         base: Load on the base.
         energy: Elastic energy stored in the cover [J].
@@ -123,6 +125,7 @@ class GridSolution:
     base: Base
     energy: float
     overlap: float = 0.0
+    area_spread: float = 0.0
     shear: FloatArray | None = None
     fields: CoverFields | None = None
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -45,6 +45,7 @@ from meshes.pose import Place
 
 if TYPE_CHECKING:
     from fem_reference.fields.cover_fields import CoverFields
+    from fem_reference.finite_strain.contact_problem import SolvedPath
 
 #: Function that returns a quantity of the solution on one grid, such as its total force [N].
 Quantity = Callable[[GridSolution], float]
@@ -66,7 +67,7 @@ _LARGE_IMBALANCE = 1e-3
 #: depth that the stopped solution reached [-].  Several attempts are needed because finer grids may stop earlier.  The
 #: first attempt reduces a load more than a depth: at the end of a path a small change of depth changes the load much.
 #: In three dimensions only the first attempt is made.
-_WITHIN: dict[Control, tuple[float, ...]] = {"load": (0.9, 0.75, 0.5), "depth": (0.97, 0.9, 0.75, 0.5)}
+_WITHIN: dict[Control, tuple[float, ...]] = {"load": (0.75, 0.6, 0.4), "depth": (0.97, 0.9, 0.75, 0.5)}
 #: Load or depth that a stopped solution reached, over the last target, above which finer grids are tried [-].  Near the
 #: end of a path some coarse grids stop where finer grids do not.
 _NEARLY: dict[Control, float] = {"load": 0.7, "depth": 0.9}
@@ -140,11 +141,13 @@ class LayerPress:
         place: Array, and pose of the indenter.
         progress: Called with a line of text before each step.
         superposed: Whether finite strain and the sides of the cover are solved apart and added, see `superpose_sides`.
+        start: Part of the path that an earlier attempt solved, for initial guesses.
     """
 
     place: Place
     progress: Progress = None
     superposed: bool = False
+    start: SolvedPath | None = None
 
     def refine(self, path: LoadingPath, accuracy: float) -> list[Indentation]:
         """Solve a loading path on finer and finer grids until the estimated errors are at most the wanted accuracy.
@@ -199,13 +202,14 @@ class LayerPress:
             except (ConvergenceError, np.linalg.LinAlgError):
                 pass  # The failure on the coarser grids is reported below.
         part, shares = path, _WITHIN[path.control]
+        again = replace(self, start=getattr(first, "solved", None))
         for within in shares if path.indenter.axisymmetric else shares[:1]:
             part = _shorten(part, failure, within)
             # The first attempt is meshed for the load or depth that was reached.  Later attempts keep this mesh,
             # because smaller elements stop earlier under a sharp tip.
             part = replace(part, meshed_for=part.targets[-1] if part.meshed_for is None else part.meshed_for)
             try:
-                reached = self.solve(part, refinement)
+                reached = again.solve(part, refinement)
             except (ConvergenceError, np.linalg.LinAlgError) as error:
                 failure = error
                 continue
@@ -220,8 +224,10 @@ class LayerPress:
                 without friction, the load at a depth of almost the thickness.
         """
         started = time.perf_counter()
-        solve = small_strain.study_path if _is_linear(path) else study_nonlinear
-        if self.superposed and path.cover.size is not None and not (_is_linear(path) or path.friction or path.fields):
+        solve: Callable[..., GridStudy] = partial(study_nonlinear, start=self.start)
+        if _is_linear(path):
+            solve = small_strain.study_path
+        elif self.superposed and path.cover.size is not None and not (path.friction or path.fields):
             solve = superpose_sides
         study, thickness = solve(path, self.place, self.progress, refinement), path.cover.thickness
         for grids, load in zip(study.solutions, path.targets, strict=True):
@@ -270,7 +276,14 @@ def find_least_error(path: LoadingPath) -> float:
     return max(least, friction_rings.least_area_error(path.indenter, len(friction_rings.GRIDS) - 3))
 
 
-def study_nonlinear(path: LoadingPath, place: Place, progress: Progress, refinement: int = 0) -> GridStudy:
+def study_nonlinear(
+    path: LoadingPath,
+    place: Place,
+    progress: Progress,
+    refinement: int = 0,
+    *,
+    start: SolvedPath | None = None,
+) -> GridStudy:
     """Solve a loading path with friction or at finite strain on three grids, by the solver for its strain and cover.
 
     Args:
@@ -278,12 +291,14 @@ def study_nonlinear(path: LoadingPath, place: Place, progress: Progress, refinem
         place: Array, and pose of the indenter.
         progress: Called with a line of text before each step.
         refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
+        start: Part of this path that was solved before, for initial guesses.
     """
     from fem_reference.indentation import finite_strain
     from fem_reference.small_strain_contact import friction_rings, no_slip
 
     if is_far_from_sides(path, place, progress):
-        study = study_nonlinear(replace(path, cover=replace(path.cover, size=None)), place, progress, refinement)
+        wide = replace(path, cover=replace(path.cover, size=None))
+        study = study_nonlinear(wide, place, progress, refinement, start=start)
         return replace(
             study,
             least_error=max(study.least_error, _SIDES_ERROR),
@@ -301,7 +316,7 @@ def study_nonlinear(path: LoadingPath, place: Place, progress: Progress, refinem
         return rubbing
     if rubbing is not None and max(each.depth for each in rubbing.solutions[-1]) >= path.cover.thickness:
         rubbing = None  # Rubber bears loads at which the small-strain solution pierces the cover.
-    return finite_strain.study_path(path, place, progress, refinement, rubbing)
+    return finite_strain.study_path(path, place, progress, refinement, rubbing, start=start)
 
 
 def superpose_sides(path: LoadingPath, place: Place, progress: Progress, refinement: int = 0) -> GridStudy:
@@ -606,7 +621,7 @@ def _estimate_area_error(study: GridStudy, grids: Sequence[GridSolution], path: 
     spread = estimate_spread([each.area for each in grids])
     if path.indenter.is_flat and spread < _LEAST_AREA_ERROR:
         return _LEAST_AREA_ERROR
-    return max(spread, study.least_error, study.least_area_error, _LEAST_AREA_ERROR)
+    return max(spread, grids[-1].area_spread, study.least_error, study.least_area_error, _LEAST_AREA_ERROR)
 
 
 def _state_assumptions(path: LoadingPath, depth: float) -> dict[str, str]:

@@ -101,15 +101,18 @@ class RadialCover:
         """Matrix of linear elasticity with the properties of the layers at zero load."""
         return assemble_linear(self.elements, *Units.of(self.cover).scale_moduli(self.cover))
 
-    def recover_base(self, forces: FloatArray, load: float) -> PointSpread:
-        """Compute the base pressure per load from the normal reactions of the base nodes.
+    def recover_base(self, reactions: FloatArray, load: float) -> PointSpread:
+        """Compute the base pressure per load from the reactions of the constrained nodes.
+
+        What a stiff layer carries to the fixed outer boundary counts as force on the base beyond it.
 
         The pressure is extended to the axis by symmetry, and to zero at the outer boundary.
 
         Args:
-            forces: Normal reactions of `base`, each of a whole circle [units of force].
+            reactions: Reaction at every unknown, each of a whole circle, shape (n,) [units of force].
             load: The load [units of force].
         """
+        forces = reactions[2 * self.base + 1]
         line = Line(edges=self.elements.nodes[self.base[::2], 0], order=2)
         r, unit = _find_accurate_radii(line), self.cover.thickness
         p = line.at(r) @ recover_pressure([line], forces, axisymmetric=True)
@@ -117,7 +120,7 @@ class RadialCover:
         return PointSpread(
             radius=np.r_[0.0, r, self.reach] * unit,
             pressure_per_force=np.r_[around_axis(0.0), p, 0.0] / (load * unit**2),
-            reaction=float(forces.sum()) / load,
+            reaction=float(reactions[self.constrained[self.constrained % 2 == 1]].sum()) / load,
             thickness=unit,
         )
 
@@ -143,7 +146,7 @@ def solve_point_load(cover: Cover, *, elements_per_thickness: int, reach: float)
     load = np.zeros(radial.stiffness.shape[0])
     load[2 * radial.top[0] + 1] = -1.0
     reactions = system.reaction(system.solve(load), load)
-    return radial.recover_base(reactions[2 * radial.base + 1], 1.0)
+    return radial.recover_base(reactions, 1.0)
 
 
 def point_spread(cover: Cover, *, progress: Progress = None) -> PointSpread:

@@ -166,10 +166,7 @@ class RingContact:
         self._shapes[2 * top, rings:] = on_nodes
         self._response = self._system.solve(self._shapes)
         self._reactions = np.column_stack(
-            [
-                self._system.reaction(self._response[:, column], self._shapes[:, column])[2 * self._radial.base + 1]
-                for column in range(2 * rings)
-            ]
+            [self._system.reaction(self._response[:, column], self._shapes[:, column]) for column in range(2 * rings)]
         )
         compliance = self._shapes.T @ self._response
         self._compliance = (compliance + compliance.T) / 2

@@ -124,7 +124,7 @@ def press_stuck_disk(cover: Cover, radius: float, *, elements_per_thickness: int
     per_depth = units.force / unit
     rings = np.column_stack([r[under] * unit, -reaction[2 * under + 1] * per_depth, reaction[2 * under] * per_depth])
     points, force = divide_rings(rings), float(rings[:, 1].sum())
-    spread = radial.recover_base(reaction[2 * radial.base + 1], force / per_depth)
+    spread = radial.recover_base(reaction, force / per_depth)
     solution = GridSolution(
         size=1 / n,
         total_force=force,

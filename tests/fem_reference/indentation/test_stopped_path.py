@@ -40,7 +40,7 @@ def test_a_path_that_stops_returns_its_results(wts):
 
 
 @pytest.mark.parametrize(
-    ("control", "last"), [("load", (0.9 * 4.0, 0.75 * 2.0, 0.5 * 2.0)), ("depth", (0.97 * 3.0, 0.9 * 1.0, 0.75 * 1.0))]
+    ("control", "last"), [("load", (0.75 * 4.0, 0.6 * 2.0, 0.4 * 2.0)), ("depth", (0.97 * 3.0, 0.9 * 1.0, 0.75 * 1.0))]
 )
 def test_less_is_tried_until_all_grids_converge(control, last):
     """What a failed attempt reached, in newtons and metres, limits the next one; smaller targets are kept."""

@@ -1,0 +1,65 @@
+"""Finite strain under foils and deep under sharp edges, against the exact layers and against other meshes."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from fem_reference import IncompletePathError, press
+from fem_reference.closed_form import indent
+from meshes import Cover, Cylinder, Layer, Material, Sphere, TexelArray
+from meshes.catalogue import MATERIALS
+
+ARRAY = TexelArray.grid(15, 15, pitch=3.4e-3)
+FOIL = Material(name="foil", model="linear-elastic", parameters={"youngs_modulus": 3e9}, poisson_ratio=0.38)
+
+
+def stack(soft: Material) -> Cover:
+    """A foil of 0.1 mm on 1.5 mm of a soft material."""
+    return Cover(layers=(Layer(thickness=1.5e-3, material=soft), Layer(thickness=0.1e-3, material=FOIL)))
+
+
+def soft(model: str) -> Material:
+    """A rubber with a Young's modulus of 60 kPa, linear or neo-Hookean."""
+    parameters = {"shear_modulus": 60e3 / 2.98} if model == "neo-hookean" else {"youngs_modulus": 60e3}
+    return Material(name="soft", model=model, parameters=parameters, poisson_ratio=0.49)
+
+
+@pytest.mark.slow
+def test_a_light_contact_on_a_foil_has_the_area_of_the_exact_layers():
+    ball, depth = Sphere(radius=8e-3), 8e-6
+    found = press(stack(soft("neo-hookean")), ARRAY, ball, depth=depth)
+    exact = indent(stack(soft("linear-elastic")), ball, depth=depth)
+    wanted = np.pi * exact.contact_radius**2
+    assert found.contact_area == pytest.approx(wanted, rel=max(0.05, found.error_estimate["contact_area"]))
+    assert found.error_estimate["contact_area"] < 0.3
+
+
+@pytest.mark.slow
+def test_forces_under_a_foil_balance_although_it_reaches_beyond_the_mesh():
+    found = press(stack(MATERIALS["ecoflex-00-30"]), ARRAY, Sphere(radius=4e-3), load=1.0)
+    assert abs(found.balance) < 1e-4
+    assert not any("differ from the load" in sentence for sentence in found.warnings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "radius"), [("ecoflex-00-10", 4e-3), ("dragon-skin-10", 2e-3)])
+def test_a_cylinder_reaches_half_of_the_thickness_of_a_soft_cover(name, radius):
+    cover = Cover(layers=(Layer(thickness=2e-3, material=MATERIALS[name]),))
+    found = press(cover, ARRAY, Cylinder(radius=radius), depth=1e-3)
+    assert found.depth == 1e-3
+    assert abs(found.balance) < 1e-3
+    assert found.error_estimate["total_force"] < 0.05
+    assert "rounded" in found.assumptions["edge"]
+
+
+@pytest.mark.slow
+def test_a_hopeless_load_is_told_with_the_load_that_was_reached():
+    cover = Cover(layers=(Layer(thickness=2e-3, material=MATERIALS["ecoflex-00-10"]),))
+    started = time.process_time()
+    with pytest.raises(IncompletePathError, match=r"of the 5 N asked for") as stopped:
+        press(cover, ARRAY, Sphere(radius=4e-3), load=5.0)
+    assert 1.5 < stopped.value.reached[-1].total_force < 5.0
+    assert time.process_time() - started < 60
