@@ -253,7 +253,7 @@ def list_bodies(folder: Path) -> dict[str, Body]:
         ),
         "sharpa": Body(
             files=(geometry / "sharpa/tactileSensor_4F.obj",), keys={"unit": "mm", "thickness": "2 mm"},
-            about="sharpa-robotics, Apache-2.0", places=((0, -1, 0.2), (1, 0, 0.3), (0, -0.2, 1)),
+            about="sharpa-robotics, Apache-2.0", places=((0, -1, 0.2), (1, 0, 0.3), (0, -0.2, -1)),
         ),
         "ellipsoid": Body(
             files=(hands / "adroit_hand/resources/meshes/distal_ellipsoid.stl",), about=shadow,
