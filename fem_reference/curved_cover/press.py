@@ -192,7 +192,12 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
     nodal[top.index] = contact.nodal
     displacement, reaction = solid.solve_fully(nodal)
     check_penetration(mesh, displacement, problem.indenter, problem.pose, travel=contact.travel, depth=depths[-1])
-    errors["depth" if control == "load" else "total_force"] += shape_error(mesh, depths[-1])
+    for name, share in (
+        ("depth" if control == "load" else "total_force", 1),
+        ("peak_texel", 2),
+        ("misplaced_force", 2),
+    ):
+        errors[name] += shape_error(mesh, depths[-1]) / share
     force, base_force = nodal.sum(axis=0), -reaction.sum(axis=0)
     pressing = -contact.forces[:, None] * top.normals
     active = np.where(texels.active, texel_forces[-1], 0.0)
