@@ -34,8 +34,10 @@ class Costs:
     #: What finite strain adds to a case, for its stages, and to the fit of the comparison models [s].
     stages: float = 2.0
     fit: float = 8.0
-    #: What the sides of a cover of limited size add, on a cover of 300 squared thicknesses [s].
-    sides: float = 22.0
+    #: What the sides of a cover of limited size add to a case [s].
+    sides: float = 25.0
+    #: The response of a cover of limited size, of 300 squared thicknesses [s].
+    response: float = 25.0
     #: A body of revolution at finite strain, pressed to 30 % of the thickness [s].
     round: float = 4.0
     #: A block in three dimensions at finite strain, symmetric in both planes, as long and as wide as eight thicknesses,
@@ -64,12 +66,14 @@ _AROUND, _SPAN = 4.0, 8.0
 _RADII = 32
 #: Distance of a contact from the sides over the decay length above which they are left out [-].
 _FAR = 4.0
-#: Area of the cover of `Costs.sides` over the squared thickness [-].
+#: Area of the cover of `Costs.response` over the squared thickness [-].
 _AREA = 300.0
 #: Exponent with which times grow with the unknowns [-].
 _GROWTH = 1.2
 #: Fewest cases that decide a run with a budget, and most cases of `--quick` [-].
 FEWEST, QUICK = 5, 6
+#: Share of a budget that is planned, because the expected times are right within a factor of 1.5 [-].
+_PLANNED = 0.7
 #: Budget of `--quick`: processor time [s].
 QUICK_BUDGET = 300.0
 #: Time that an evaluation names for what a larger budget would add [s].
@@ -186,7 +190,7 @@ def _(cover: Cover, case: Case, friction: float) -> Estimate:
 
     indenter, thickness = case.turned.indenter, cover.thickness
     depth = DEEP * (case.load / bear(cover, indenter)) ** (1 if indenter.is_flat else 2 / 3)
-    edges = _measure_sides(cover)
+    edges = _COSTS.sides if cover.size is not None else 0.0
     if edges and not (indenter.is_flat or cover.small_strain_only):
         # The contact of a round body stays within the radius at which its surface is as high as its depth.
         half = np.linspace(0, max(indenter.footprint), _RADII)
@@ -207,10 +211,10 @@ def _(cover: Cover, case: Case, friction: float) -> Estimate:
 
 
 def _measure_sides(cover: Cover | SolidCover) -> float:
-    """Return the expected time of what the sides of a cover of limited size add to a solution [s]."""
+    """Return the expected time of the response of a cover of limited size [s]."""
     if cover.size is None:
         return 0.0
-    return float(_COSTS.sides * (np.prod(cover.size) / cover.thickness**2 / _AREA) ** _GROWTH)
+    return float(_COSTS.response * (np.prod(cover.size) / cover.thickness**2 / _AREA) ** _GROWTH)
 
 
 def format_time(seconds: float) -> str:
@@ -267,7 +271,7 @@ class Budget:
             traits[int(np.argmax(plan.depths))].add("deepest")
         alone = [_COSTS.case] * len(traits)
         chosen: list[int] = []
-        spent, within, stop = plan.rest, self.seconds, -1
+        spent, within, stop = plan.rest, max(_PLANNED * self.seconds, least), -1
         while True:
             paid, seen = {plan.shares[i] for i in chosen}, {each for i in chosen for each in traits[i]}
             cost = [each if i in paid else plan.seconds[i] for i, each in zip(plan.shares, alone, strict=True)]
