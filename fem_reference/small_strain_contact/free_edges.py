@@ -20,7 +20,8 @@ from fem_reference.elements.grading import fill_by_spacing, layer_heights
 from fem_reference.elements.line import Line
 from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.linear_response.finite_cover import PARITIES, build_solid, constrain_parity
-from fem_reference.linear_response.surface_compliance import decay_length
+from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length
+from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator
 from fem_reference.sparse_solver import SymmetricFactors
 from meshes import Cover, Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
@@ -112,10 +113,30 @@ class SideEdges:
         near = _SETTINGS.near_sliding if self.cover.base == "sliding" else _SETTINGS.near
         return bool(self._distance < near * decay_length(self.cover))
 
+    @property
+    def is_face(self) -> bool:
+        """Whether the contact is a flat face."""
+        return self.indenter.is_flat
+
+    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Compute the gap between indenter and cover [m]; inf beside the indenter and beside the cover."""
+        return np.where(self.contain(x, y), self.indenter.gap(x, y), np.inf)
+
+    def rate(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return the motion against the normal of the cover per approach, 1 [-]."""
+        del y
+        return np.ones_like(x)
+
     def contain(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Return whether points in the frame of the indenter [m] lie on the cover."""
         u, v = self.pose.to_array(x, y)
         return np.asarray((np.abs(u) <= self._side[0]) & (np.abs(v) <= self._side[1]))
+
+    def compliance(
+        self, surface: SurfaceCompliance, x: FloatArray, y: FloatArray, cell: tuple[float, float]
+    ) -> ComplianceOperator:
+        """Create the map from pressures on cells to their displacements, see `ContactPlace.compliance`."""
+        return ComplianceOperator(surface, x.shape, cell, self.add_compliance(x.ravel(), y.ravel()))
 
     def add_compliance(self, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
         """Create the map from forces at m points to the additional displacements of these points due to the sides.

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from scipy import ndimage
@@ -21,8 +21,38 @@ from fem_reference.small_strain_contact.constrained_solver import ComplianceOper
 from meshes import Indenter
 from meshes.array_types import BoolArray, FloatArray, IntArray
 
-if TYPE_CHECKING:
-    from fem_reference.small_strain_contact.free_edges import SideEdges
+
+class ContactPlace(Protocol):
+    """Place of a contact on a cover that is not flat and wide: its gaps and its compliance.
+
+    Coordinates x and y are those of the cells [m].
+    """
+
+    @property
+    def is_face(self) -> bool:
+        """Whether the contact is a flat face."""
+
+    @property
+    def window(self) -> tuple[FloatArray, FloatArray]:
+        """Middle and half widths of the rectangle that is divided into cells, shape (2,) each [m]."""
+
+    def gap(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Compute the gap between indenter and cover [m]; inf where no contact is possible."""
+
+    def rate(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return the decrease of the gap per approach of the indenter [-]."""
+
+    def compliance(
+        self, surface: SurfaceCompliance, x: FloatArray, y: FloatArray, cell: tuple[float, float]
+    ) -> ComplianceOperator:
+        """Create the map from pressures on cells to their displacements.
+
+        Args:
+            surface: Compliance of the top of a wide cover.
+            x: Middles of the cells, shape (rows, columns).
+            y: Middles of the cells, same shape.
+            cell: Edge lengths of a cell along x and y [m].
+        """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -349,7 +379,7 @@ def solve_contact(
     cells: int,
     load: float | None = None,
     depth: float | None = None,
-    sides: SideEdges | None = None,
+    sides: ContactPlace | None = None,
 ) -> ContactPatch:
     """Press an indenter into a cover, on grids that shrink until at least `cells` cells span the contact.
 
@@ -360,7 +390,7 @@ def solve_contact(
             covers get more in proportion, see `choose_counts`.
         load: Normal force [N].  Give either `load` or `depth`.
         depth: Approach of the indenter from first touch [m].
-        sides: Free side edges of the cover; None for a wide cover.
+        sides: Place with its own gaps and additional compliance; None for a wide flat cover.
 
     Raises:
         ValueError: If not exactly one of load and depth is given, or no cell lies on a face with thin walls.
@@ -370,12 +400,9 @@ def solve_contact(
         raise ValueError("give either a load or a depth")
     first = (np.zeros(2), np.array(bound_contact(indenter, surface.thickness))) if sides is None else sides.window
 
-    def measure_gap(x: FloatArray, y: FloatArray) -> FloatArray:
-        """Compute the gap between indenter and cover [m]; inf beside the indenter and beside the cover."""
-        value = indenter.gap(x, y)
-        return value if sides is None else np.where(sides.contain(x, y), value, np.inf)
-
-    face = Face.measure(measure_gap, *first) if indenter.is_flat else None
+    measure_gap = indenter.gap if sides is None else sides.gap
+    is_face = indenter.is_flat if sides is None else sides.is_face
+    face = Face.measure(measure_gap, *first) if is_face else None
     if face is not None:
         first = face.middle, face.half
     fixed = indenter.mirror_symmetry if face is None and sides is None else (True, True)
@@ -384,11 +411,14 @@ def solve_contact(
         grid = CellGrid.span(middle, half, choose_counts(half, face, surface.scale, cells))
         if face is not None:
             grid = grid.match_area(measure_gap, face)
-        addition = None if sides is None else sides.add_compliance(grid.x.ravel(), grid.y.ravel())
-        compliance = ComplianceOperator(surface, grid.x.shape, grid.cell, addition)
+        if sides is None:
+            compliance = ComplianceOperator(surface, grid.x.shape, grid.cell)
+        else:
+            compliance = sides.compliance(surface, grid.x, grid.y, grid.cell)
         gap = measure_gap(*grid.unscaled)
         guess = _guess_from_coarser(surface, measure_gap, grid, half, load=load, depth=depth)
-        pressure, approach = _solve(compliance, gap, grid.area, guess, load=load, depth=depth)
+        rate = None if sides is None else sides.rate(grid.x, grid.y)
+        pressure, approach = _solve(compliance, gap, grid.area, guess, load=load, depth=depth, rate=rate)
         touching = pressure > 0
         # If the gaps of all cells exceed the depth, the contact is around the cell with the smallest gap.
         near = touching if touching.any() else gap == gap.min()
@@ -521,10 +551,12 @@ def _solve(
     *,
     load: float | None,
     depth: float | None,
+    rate: FloatArray | None = None,
 ) -> tuple[FloatArray, float]:
     """Solve for the pressures [Pa] on cells of given area [m2], and the approach [m], at a given load or depth.
 
-    The initial guess of the cells in contact is `guess`, or else that of `guess_touching`.
+    The initial guess of the cells in contact is `guess`, or else that of `guess_touching`.  `rate` is the motion
+    against the normal of each cell per approach [-]; None for 1.
     """
     shed = guess is not None
     touching = guess_touching(gap, depth) if guess is None else guess & np.isfinite(gap)
@@ -533,7 +565,8 @@ def _solve(
     if load is None and depth is not None:
         return find_pressures(compliance, gap - depth, touching, shed=shed)[0], depth
     sums = np.array([(load or 0.0) / area])
-    pressure, motion = find_pressures(compliance, gap, touching, columns=np.ones((1, *gap.shape)), sums=sums, shed=shed)
+    columns = np.ones((1, *gap.shape)) if rate is None else rate[None]
+    pressure, motion = find_pressures(compliance, gap, touching, columns=columns, sums=sums, shed=shed)
     return pressure, float(motion[0])
 
 
