@@ -22,12 +22,12 @@ import numpy as np
 from fem_reference import result_store
 from fem_reference.curved_cover.contact import STEPS, ContactForces, MeshPress, StickingPress, TopCompliance
 from fem_reference.curved_cover.facet_surface import FacetSurface, quadrature
+from fem_reference.curved_cover.local_contact import CellContact, press_cells
 from fem_reference.curved_cover.penetration import check_penetration, shape_error, warn_of_shape
 from fem_reference.curved_cover.pressure_shapes import GapSampler, PointSampler, evaluate_hats
 from fem_reference.curved_cover.rays import explain_miss, find_touch
 from fem_reference.curved_cover.responses import (
     build_solid,
-    estimate_error,
     find_top,
     lay_out,
     project_texels,
@@ -41,6 +41,7 @@ from fem_reference.finite_strain.contact_problem import ContactProblem
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import Control, Units, name_part, report
+from fem_reference.grid_convergence import field_convergence
 from fem_reference.indentation.finite_strain import choose_solid_fillet, state_rounding
 from fem_reference.indentation.result import Indentation, PressProblem, warn_of_errors
 from meshes import Cover, Layer, Material, SolidCover
@@ -57,33 +58,20 @@ class SolidPressSettings:
     largest_depth: float = 0.8
     #: Depth over the thickness from which a warning states that strains are not small [-].
     warn_depth: float = 0.15
-    #: Smallest order of convergence in error estimates of depth, load and area: the order at a sharp edge [-].
+    #: Number of cells across the contact on each mesh, coarsest first [-].
+    cells: tuple[int, ...] = (64, 96, 144)
+    #: Factor on estimated errors of contacts at a border of the top, whose effect the lattice of the remainder does not
+    #: resolve, and their smallest value for a contact narrower than the lattice [-].  The load of a ball on the border
+    #: of a pad was 13 % too large.
+    border: tuple[float, float] = (2.0, 0.25)
+    #: Number of cells across the contact of a second solution on the finest mesh [-].
+    rough: int = 96
+    #: Smallest order of convergence in error estimates: the order at a sharp edge [-].
     order: float = 1.0
-    #: Smallest estimated relative error of depth and load without friction where the pressure ends at a sharp edge,
-    #: over the relative node distance [-].  The relative node distance is the distance of the nodes in contact over
-    #: half the smaller width of the contact.  The pressure is singular at a sharp edge.
-    edge: float = 0.25
-    #: Lower limit of the estimated relative errors of depth and load of a contact without slip that ends at a sharp
-    #: edge [-].  It is multiplied by the distance of nodes over half the smaller width of the contact.
-    sticking_edge: float = 0.4
-    #: Smallest estimated relative error of depth and load where no sharp edge ends the pressure, over the square of the
-    #: relative node distance [-].
-    round: float = 0.13
-    #: Relative node distance above which depth, load and area are not resolved [-].  On flat pads the depth was up to
-    #: eight times too large there.
-    unresolved: float = 1.2
-    #: Smallest order of convergence of the changes of texel forces between meshes where no sharp edge ends the pressure
-    #: [-].  At a sharp edge no convergence is assumed, because the error depends more on the position of the edge in
-    #: the mesh than on the element size.
-    smooth: float = 2.0
-    #: Safety factor on the largest change of one texel force between successive meshes [-].  It covered the errors in
-    #: 36 of 36 presses on flat pads.
-    one_texel: float = 2.5
-    #: Safety factor on half the sum of the changes of all texel forces between successive meshes [-].  It covered the
-    #: errors in 34 of 36 presses on flat pads.
-    sum: float = 1.5
-    #: Safety factor in place of `one_texel` and `sum` if there are only two meshes [-].
-    two_meshes: float = 3.0
+    #: Smallest ratio of the element sizes of two meshes in error estimates [-].
+    ratio: float = 1.1
+    #: Smallest estimated relative error of every quantity but the peak texel, from the elements' local error [-].
+    least: float = 1e-3
     #: Smallest cosine between the normal of the top and the axis of the indenter at points that can touch, at finite
     #: strain [-].
     least_cosine: float = 0.05
@@ -108,9 +96,14 @@ _SETTINGS = SolidPressSettings()
 _ASSUMPTIONS = {
     "strain": "small strain; materials linearised at zero load",
     "motion": "the indenter moves along its direction and does not turn; forces across it are borne by its guide",
-    "contact": "along the normals of the undeformed cover, on average over the shapes of the pressure, which is linear "
-    "between nodes",
+    "contact": "along the normals of the undeformed cover, on cells",
 }
+
+#: Warning about a contact that reaches the border of the part of the top that is solved.
+_CUT_OFF = (
+    "the contact wraps around the cover by more than 60 degrees: what lies beyond bears no force; press less, or with "
+    "a smaller indenter"
+)
 
 
 def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
@@ -146,7 +139,8 @@ def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
         started = time.perf_counter()
 
         def compute(target: float = target) -> tuple[int, Indentation]:
-            found = (press_finite if finite else press_small)(meshes, cover.material, problem, target)
+            solve = press_finite if finite else press_sticking if problem.friction else press_small
+            found = solve(meshes, cover.material, problem, target)
             number = next(k for k, mesh in enumerate(meshes) if mesh is found.mesh)
             return number, replace(found, mesh=None)
 
@@ -169,38 +163,24 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
         problem: Texels, indenter, pose and friction.
         target: Load [N] or depth [m].
     """
-    texels, control, tell = problem.array, problem.control, problem.progress
-    responses = texel_responses(meshes, texels, material, progress=tell)
-    found, texel_forces, depths = [], [], []
-    for mesh, grid in zip(meshes, responses.grids, strict=True):
-        report(tell, f"contact, {build_solid(mesh, material).unknowns} unknowns")
-        path = _begin(mesh, material, problem)
-        contact = path.to(target, control)
-        found.append(contact)
-        depths.append(contact.travel - path.touch)
-        texel_forces.append(grid.texel_forces(contact.nodal))
-    errors = _estimate(meshes, np.array(texel_forces), found, depths, control)
-    if isinstance(path, StickingPress):
-        rough = path.to(target, control, STEPS // 2)
-        changed = grid.texel_forces(rough.nodal - contact.nodal)
-        _add_step_error(errors, changed, texel_forces[-1], (rough, contact), path.touch)
-    share = depths[-1] / measure_thickness(mesh)
+    mesh, texels = meshes[-1], problem.array
+    solid, top = build_solid(mesh, material), find_top(mesh)
+    contact, texel_forces, depth, errors = _press_meshes(meshes, material, problem, target)
+    share = depth / measure_thickness(mesh)
     large = f"the depth is {100 * share:.3g} % of the thickness: strains are not small; solve at finite strain"
     # Displacements and base reactions under the contact forces on the finest mesh.
-    solid, top = build_solid(mesh, material), find_top(mesh)
     nodal = np.zeros_like(solid.nodes)
     nodal[top.index] = contact.nodal
     displacement, reaction = solid.solve_fully(nodal)
-    check_penetration(mesh, displacement, problem.indenter, problem.pose, travel=contact.travel, depth=depths[-1])
-    for name, share in (
-        ("depth" if control == "load" else "total_force", 1),
+    check_penetration(mesh, displacement, problem.indenter, problem.pose, travel=contact.travel, depth=depth)
+    for name, part in (
+        ("depth" if problem.control == "load" else "total_force", 1),
         ("peak_texel", 2),
         ("misplaced_force", 2),
     ):
-        errors[name] += shape_error(mesh, depths[-1]) / share
+        errors[name] += shape_error(mesh, depth) / part
     force, base_force = nodal.sum(axis=0), -reaction.sum(axis=0)
-    pressing = -contact.forces[:, None] * top.normals
-    active = np.where(texels.active, texel_forces[-1], 0.0)
+    active = np.where(texels.active, texel_forces, 0.0)
     return Indentation(
         texel_forces=active,
         total_force=contact.load,
@@ -210,21 +190,67 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
         base_moment=-np.cross(solid.nodes[solid.base], reaction).sum(axis=0),
         unmeasured=base_force + active @ texels.normals,
         balance=measure_balance(force, base_force),
-        depth=depths[-1],
+        depth=depth,
         contact_area=contact.area,
-        contact_points=top.nodes,
-        contact_forces=pressing if contact.shear is None else pressing + contact.shear,
+        contact_points=contact.points,
+        contact_forces=contact.forces,
         energy=float((nodal * displacement).sum()) / 2,
         mesh=mesh,
         displacement=displacement,
         error_estimate=errors,
-        assumptions=_ASSUMPTIONS | {"friction": "none" if contact.shear is None else "no slip"},
+        assumptions=_ASSUMPTIONS | {"friction": "none"},
         warnings=(
             *((large,) if share > _SETTINGS.warn_depth else ()),
-            *warn_of_shape(mesh, depths[-1]),
-            *warn_of_all(errors),
+            *warn_of_shape(mesh, depth),
+            *((_CUT_OFF,) if contact.is_cut else ()),
+            *warn_of_errors(errors),
         ),
     )
+
+
+def _press_meshes(
+    meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float
+) -> tuple[CellContact, FloatArray, float, dict[str, float]]:
+    """Solve the contact without friction on every mesh.
+
+    Returns:
+        Contact, forces on the texels [N] and depth [m] on the finest mesh, extrapolated to cells of size zero, and
+        estimated relative errors by name.
+    """
+    control, responses = problem.control, texel_responses(meshes, problem.array, material, progress=problem.progress)
+    found, texel_forces, depths = [], [], []
+    counts = _SETTINGS.cells[-len(meshes) :]
+    for mesh, grid, cells in zip(meshes, responses.grids, counts, strict=True):
+        solid, top = build_solid(mesh, material), find_top(mesh)
+        report(problem.progress, f"contact on {cells} cells across, {solid.unknowns} unknowns")
+        contact, *rough = press_cells(
+            solid, top, problem.indenter, problem.pose, _require_touch(top, problem),
+            target=target, control=control, deepest=_SETTINGS.largest_depth * measure_thickness(mesh),
+            cells=(cells, _SETTINGS.rough) if mesh is meshes[-1] else (cells,),
+        )  # fmt: skip
+        found.append(contact)
+        depths.append(contact.travel - contact.touch)
+        texel_forces.append(grid.texel_forces(contact.nodal))
+    errors = _estimate(np.array(texel_forces), found, depths, control)
+    # Where an edge ends the contact, the error of the cells is proportional to their size.
+    more = _SETTINGS.rough / (counts[-1] - _SETTINGS.rough)
+    moved = more * (contact.travel - rough[0].travel)
+    factor = 1 + more * (contact.load - rough[0].load) / contact.load
+    unsure = more * np.abs(grid.texel_forces(contact.nodal / contact.load - rough[0].nodal / rough[0].load)) / 2
+    share = np.abs(texel_forces[-1]).max(initial=np.finfo(float).tiny) / contact.load
+    errors["peak_texel"] += float(unsure.max() / share)
+    errors["misplaced_force"] += float(unsure.sum()) / 2
+    errors["depth"] += abs(moved) / depths[-1] / 2
+    errors["total_force"] += abs(factor - 1) / 2
+    errors["depth" if control == "depth" else "total_force"] = 0.0
+    contact = replace(
+        contact,
+        forces=factor * contact.forces,
+        nodal=factor * contact.nodal,
+        load=factor * contact.load,
+        travel=contact.travel + moved,
+    )
+    return contact, factor * texel_forces[-1], depths[-1] + moved, errors
 
 
 def _begin(
@@ -239,9 +265,7 @@ def _begin(
         points: Kind of points of the top at which gaps are measured.
     """
     top, indenter, pose = find_top(mesh), problem.indenter, problem.pose
-    touch = find_touch(top, indenter, pose)
-    if not -np.ptp(top.nodes @ pose.towards) <= touch < np.inf:  # missed, or passed by the whole cover
-        raise ValueError(explain_miss(top, pose))
+    touch = _require_touch(top, problem)
     deepest = _SETTINGS.largest_depth * measure_thickness(mesh)
     sampler = points(top, indenter, pose, touch + deepest, deepest)
     kind = StickingPress if problem.friction else MeshPress
@@ -258,113 +282,57 @@ def build_compliance(mesh: SolidMesh, material: Material, *, vectors: bool = Fal
     return TopCompliance(build_solid(mesh, material), vectors=vectors)
 
 
+def _require_touch(top: FacetSurface, problem: PressProblem) -> float:
+    """Return the travel to first touch [m].
+
+    Raises:
+        ValueError: If the indenter never touches.
+    """
+    touch = find_touch(top, problem.indenter, problem.pose)
+    if not -np.ptp(top.nodes @ problem.pose.towards) <= touch < np.inf:  # missed, or passed by the whole cover
+        raise ValueError(explain_miss(top, problem.pose))
+    return touch
+
+
 def _estimate(
-    meshes: tuple[SolidMesh, ...],
-    texel_forces: FloatArray,
-    contacts: list[ContactForces],
-    depths: list[float],
-    control: Control,
+    texel_forces: FloatArray, contacts: Sequence[CellContact], depths: Sequence[float], control: Control
 ) -> dict[str, float]:
     """Estimate the relative errors of the results on the finest mesh.
 
     Args:
-        meshes: The m meshes, from coarse to fine.
-        texel_forces: Forces on the n texels on each mesh, shape (m, n) [N].
+        texel_forces: Forces on the n texels on each of m meshes, from coarse to fine, shape (m, n) [N].
         contacts: Contact on each mesh.
         depths: Depth on each mesh [m].
         control: Whether the load or the depth is prescribed; the error of the prescribed one is zero.
 
     Returns:
-        Estimated relative errors by name of the result [-]; NaN where the mesh does not resolve the contact.
+        Estimated relative errors by name of the result [-]; NaN with one mesh.
     """
-    peak = max(float(np.abs(texel_forces[-1]).max()), np.finfo(float).tiny)
-    single = {
-        "total_force": np.array([each.load for each in contacts]),
-        "depth": np.array(depths),
-        "contact_area": np.array([each.area for each in contacts]),
+    last = contacts[-1]
+    values = {
+        "peak_texel": texel_forces,
+        "total_force": [each.load for each in contacts],
+        "depth": depths,
+        "contact_area": [each.area for each in contacts],
         "texel_sum": texel_forces.sum(axis=1),
     }
-    changes = np.abs(np.diff(texel_forces, axis=0))
-    edge = contacts[-1].has_edge
-    errors = {
-        "peak_texel": _estimate_change(changes.max(axis=1), meshes, edge, _SETTINGS.one_texel) / peak,
-        "misplaced_force": _estimate_change(changes.sum(axis=1) / 2, meshes, edge, _SETTINGS.sum) / contacts[-1].load,
-    }
-    for name, values in single.items():
-        errors[name] = estimate_error(values, meshes, least=_SETTINGS.order) / abs(float(values[-1]))
-    last = contacts[-1]
-    if len(meshes) > 1 and last.area > 0:
-        # The border of the contact is uncertain by half a node distance.  This is the relative change of a circular
-        # area.
-        resolved = (1 + edge) * last.spacing / float(np.sqrt(last.area / np.pi))
-        errors["contact_area"] = max(errors["contact_area"], resolved)
-        narrow = last.spacing / last.half_width
-        singular = _SETTINGS.edge if last.shear is None else _SETTINGS.sticking_edge
-        for name in ("depth", "total_force"):
-            errors[name] = max(errors[name], singular * narrow if edge else _SETTINGS.round * narrow**2)
-        if narrow > _SETTINGS.unresolved:
-            errors |= dict.fromkeys(("depth", "total_force", "contact_area"), float("nan"))
+    scales = {"peak_texel": max(float(np.abs(texel_forces[-1]).max()), np.finfo(float).tiny)}
+    errors = dict.fromkeys((*values, "misplaced_force"), float("nan"))
+    if len(contacts) > 1:
+        sizes = [each.size for each in contacts]
+        for k in range(len(sizes) - 2, -1, -1):
+            sizes[k] = max(sizes[k], _SETTINGS.ratio * sizes[k + 1])
+        for name, each in values.items():
+            error = field_convergence(each, sizes, least=_SETTINGS.order)
+            scale = scales[name] if name in scales else abs(float(each[-1]))
+            factor, border = _SETTINGS.border if last.at_border else (1.0, 0.0)
+            errors[name] = max(factor * error / scale, border * last.at_border, _SETTINGS.least)
+        changes = np.abs(texel_forces[-1] - texel_forces[-2])
+        widespread = float(changes.sum() / max(changes.max(), np.finfo(float).tiny)) / 2
+        # The area follows the travel and the load.
+        errors["contact_area"] = max(errors["contact_area"], errors["depth"], errors["total_force"])
+        errors["misplaced_force"] = errors["peak_texel"] * scales["peak_texel"] * max(widespread, 1.0) / last.load
     return errors | {"total_force" if control == "load" else "depth": 0.0}
-
-
-def _add_step_error(
-    errors: dict[str, float],
-    changed: FloatArray,
-    texel_forces: FloatArray,
-    contacts: tuple[ContactForces, ContactForces],
-    touch: float,
-) -> None:
-    """Add the error of the steps of the path to estimated errors, from a solution with half the number of steps.
-
-    The error of the steps is proportional to the reciprocal of their number.
-
-    Args:
-        errors: Estimated relative errors by name [-]; changed in place.
-        changed: Texel forces with half the number of steps minus those with all steps, shape (n,) [N].
-        texel_forces: Texel forces with all steps, shape (n,) [N].
-        contacts: Contact with half the number of steps, and with all steps.
-        touch: Travel to the first touch [m].
-    """
-    rough, fine = contacts
-    size = np.abs(changed)
-    errors["peak_texel"] += float(size.max() / max(np.abs(texel_forces).max(), np.finfo(float).tiny))
-    errors["misplaced_force"] += float(size.sum() / 2 / fine.load)
-    errors["texel_sum"] += abs(float(changed.sum() / texel_forces.sum()))
-    errors["contact_area"] += abs(rough.area / fine.area - 1)
-    errors["depth"] += abs((rough.travel - touch) / (fine.travel - touch) - 1)
-    errors["total_force"] += abs(rough.load / fine.load - 1)
-
-
-def warn_of_all(errors: Mapping[str, float]) -> tuple[str, ...]:
-    """Describe in words which estimated errors are large, and which results the meshes do not resolve."""
-    if not np.isnan(errors["contact_area"]) or np.isnan(errors["peak_texel"]):
-        return warn_of_errors(errors)
-    other = "load" if errors["depth"] == 0 else "depth"
-    return (
-        *warn_of_errors(errors),
-        (
-            f"the contact is narrower than the elements of the cover: {other} and contact area are not resolved, the "
-            "texel forces are; press harder, use a larger indenter or a finer mesh"
-        ),
-    )
-
-
-def _estimate_change(changes: FloatArray, meshes: tuple[SolidMesh, ...], has_edge: bool, safety: float) -> float:
-    """Estimate the error of a quantity on the finest of m meshes, in the unit of the quantity.
-
-    Args:
-        changes: Absolute changes of the quantity between successive meshes, shape (m - 1,).
-        meshes: The meshes, from coarse to fine.
-        has_edge: Whether a sharp edge ends the pressure.
-        safety: Safety factor with three meshes [-].
-    """
-    if len(changes) == 0:
-        return float("nan")
-    if len(changes) == 1:
-        return _SETTINGS.two_meshes * float(changes[0])
-    finer = (len(meshes[1].cells) / len(meshes[2].cells)) ** (1 / 3)
-    decrease = 1.0 if has_edge else finer**_SETTINGS.smooth
-    return safety * max(decrease * float(changes[0]), float(changes[1]))
 
 
 def measure_balance(force: FloatArray, base_force: FloatArray) -> float:
@@ -399,6 +367,56 @@ def press_finite(
     return _combine(accurate, small, full, problem, assumptions)
 
 
+def press_sticking(
+    meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float
+) -> Indentation:
+    """Press a solid without slip to one target load or depth at small strain.
+
+    The effect of sticking, from solutions with and without friction whose pressure is linear between the nodes of the
+    top, is added to the solution without friction on cells.
+    """
+    accurate = press_small(meshes, material, replace(problem, friction=0.0), target)
+    small, full = [], []
+    for mesh in meshes:
+        report(problem.progress, f"contact without slip, {build_solid(mesh, material).unknowns} unknowns")
+        path = _begin(mesh, material, replace(problem, friction=0.0))
+        small.append(_describe_mesh(mesh, material, problem, path, path.to(target, problem.control)))
+        path = _begin(mesh, material, problem)
+        contact = path.to(target, problem.control)
+        full.append(_describe_mesh(mesh, material, problem, path, contact))
+    # The error of the steps of the path is proportional to the reciprocal of their number.
+    rough = _describe_mesh(mesh, material, problem, path, path.to(target, problem.control, STEPS // 2))
+    return _combine(accurate, small, full, problem, {"friction": "no slip"}, rough=rough)
+
+
+def _describe_mesh(
+    mesh: SolidMesh, material: Material, problem: PressProblem, path: MeshPress, contact: ContactForces
+) -> _Full:
+    """Describe a contact on one mesh whose pressure is linear between the nodes of the top."""
+    solid, top, texels = build_solid(mesh, material), find_top(mesh), problem.array
+    nodal = np.zeros_like(solid.nodes)
+    nodal[top.index] = contact.nodal
+    displacement, reaction = solid.solve_fully(nodal)
+    pressing = -contact.forces[:, None] * top.normals
+    return _Full(
+        texel_forces=texel_responses([mesh], texels, material).finest.texel_forces(contact.nodal),
+        load=contact.load,
+        depth=contact.travel - path.touch,
+        area=contact.area,
+        first=0.0,
+        arrays={
+            "force": nodal.sum(axis=0),
+            "moment": np.cross(solid.nodes, nodal).sum(axis=0),
+            "base_force": -reaction.sum(axis=0),
+            "base_moment": -np.cross(solid.nodes[solid.base], reaction).sum(axis=0),
+            "contact_points": top.nodes,
+            "contact_forces": pressing if contact.shear is None else pressing + contact.shear,
+            "displacement": displacement,
+            "mesh": mesh,
+        },
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Small:
     """Solution at small strain on one mesh, with the contact points and the penalty of finite strain.
@@ -407,12 +425,14 @@ class _Small:
         texel_forces: Force on each of n texels, shape (n,) [N].
         load: Force along the motion [N].
         depth: Depth [m].
+        area: Contact area [m2].
         first: Depth at which the first contact point touches [m].
     """
 
     texel_forces: FloatArray
     load: float
     depth: float
+    area: float
     first: float
 
 
@@ -425,6 +445,7 @@ def _press_points(mesh: SolidMesh, material: Material, problem: PressProblem, ta
         texel_forces=texel_responses([mesh], problem.array, material).finest.texel_forces(contact.nodal),
         load=contact.load,
         depth=contact.travel - press.touch,
+        area=contact.area,
         first=float(press.sampler.at(press.touch).gap.min()),
     )
 
@@ -435,11 +456,9 @@ class _Full(_Small):
 
     Attributes:
         arrays: Attributes of the result by name.
-        area: Contact area [m2].
     """
 
     arrays: dict[str, Any]
-    area: float
 
 
 def _press_mesh(mesh: SolidMesh, material: Material, problem: PressProblem, target: float, small: _Small) -> _Full:
@@ -531,15 +550,18 @@ def _combine(
     full: Sequence[_Full],
     problem: PressProblem,
     assumptions: Mapping[str, str],
+    *,
+    rough: _Full | None = None,
 ) -> Indentation:
-    """Correct a press at finite strain for its discretisation error, and estimate the remaining error.
+    """Correct a press at finite strain or without slip for its discretisation error, and estimate the remaining error.
 
     Args:
         accurate: Result at small strain, from the finest mesh.
-        small: Small-strain solutions on the coarser meshes.
-        full: Solutions at finite strain on the same meshes.
+        small: Frictionless small-strain solutions on some meshes.
+        full: Solutions at finite strain or without slip on the same meshes.
         problem: Texels, and whether the load or the depth is prescribed.
         assumptions: Statements about the result, by topic.
+        rough: Last solution of `full` in half the number of steps, whose change is the error of the steps.
     """
     shares = np.array([f.texel_forces / f.load - s.texel_forces / s.load for f, s in zip(full, small, strict=True)])
     stiffer = np.array([(f.load / f.depth) / (s.load / s.depth) for f, s in zip(full, small, strict=True)])
@@ -550,14 +572,23 @@ def _combine(
     else:
         load *= stiffer[-1]
     texel_forces = np.where(texels.active, accurate.texel_forces / accurate.total_force + shares[-1], 0.0) * load
-    areas = np.array([each.area for each in full])
+    wider = np.array([f.area / s.area for f, s in zip(full, small, strict=True)])
     added = {
         "peak_texel": _estimate_effect(shares) * load / float(np.abs(texel_forces).max()),
         "misplaced_force": _estimate_effect(shares, summed=True) / 2,
         "texel_sum": _estimate_effect(shares.sum(axis=1)) * load / abs(float(texel_forces.sum())),
         "depth" if by_load else "total_force": _estimate_effect(stiffer - 1),
-        "contact_area": _estimate_effect(areas - areas.mean()) / areas[-1],
+        "contact_area": _estimate_effect(wider - 1),
     }
+    if rough is not None:
+        change = np.abs(rough.texel_forces / rough.load - last.texel_forces / last.load)
+        added["peak_texel"] += float(change.max()) * load / float(np.abs(texel_forces).max())
+        added["misplaced_force"] += float(change.sum()) / 2
+        added["texel_sum"] += abs(
+            float(rough.texel_forces.sum() / last.texel_forces.sum()) * last.load / rough.load - 1
+        )
+        added["depth" if by_load else "total_force"] += abs((rough.load / rough.depth) / (last.load / last.depth) - 1)
+        added["contact_area"] += abs(rough.area / last.area - 1)
     errors = {name: error + added.get(name, 0.0) for name, error in accurate.error_estimate.items()}
     forces = ("force", "moment", "base_force", "base_moment", "contact_forces")
     scaled = {name: load / last.load * last.arrays[name] for name in forces}
@@ -569,11 +600,11 @@ def _combine(
         total_force=load,
         balance=measure_balance(scaled["force"], scaled["base_force"]),
         depth=depth,
-        contact_area=last.area,
+        contact_area=accurate.contact_area * float(wider[-1]),
         energy=None,
         error_estimate=errors,
         assumptions={**accurate.assumptions, **assumptions},
-        warnings=warn_of_all(errors),
+        warnings=warn_of_errors(errors),
     )
 
 

@@ -23,6 +23,8 @@ _FACETS = 4
 _POINTS = 9
 #: Number of successively smaller squares in the search on a facet [-].
 _SEARCHES = 6
+#: Difference of travel below which nodes touch together, over the size of the top [-].
+_SAME = 1e-4
 #: Half the side of the next smaller square, over the distance between the points in the present square [-].
 _ZOOM = 1.5
 
@@ -148,6 +150,23 @@ def find_touch(top: FacetSurface, indenter: Indenter, pose: Pose) -> float:
             start = place[np.argmin(each[facet])]
             best = min(best, _search_facet(top, int(facet), start, indenter, pose))
     return best
+
+
+def find_first_node(top: FacetSurface, indenter: Indenter, pose: Pose, touch: float) -> int:
+    """Find the node of the top next to the first touch; of nodes that touch together, that nearest to the axis.
+
+    Args:
+        top: Top of the cover.
+        indenter: Rigid indenter.
+        pose: Initial pose.
+        touch: Travel to the first touch [m].
+    """
+    travel = _measure_travel(top.nodes, top.normals, indenter, pose)
+    axis = np.linalg.norm(np.cross(top.nodes - pose.position, pose.towards), axis=1)
+    first = travel <= max(touch, float(travel.min())) + _SAME * float(np.ptp(top.nodes, axis=0).max())
+    if not first.any() or not np.isfinite(travel).any():  # The indenter passes between the nodes.
+        return int(np.argmin(np.linalg.norm(top.nodes - pose.position - touch * pose.towards, axis=1)))
+    return int(np.argmin(np.where(first, axis, np.inf)))
 
 
 def explain_miss(top: FacetSurface, pose: Pose) -> str:

@@ -98,7 +98,9 @@ def test_images_have_row_0_at_the_bottom_and_models_one_scale(comparison, tmp_pa
         assert axes.get_title() == ("fast - finite elements" if signed else title)
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("column", "row")
         assert axes.get_aspect() == 1
-    assert figure.get_suptitle() == "sphere:radius=5mm on wts-0614-34, 4 N"
+    first, force = figure.get_suptitle().splitlines()
+    assert first == "sphere:radius=5mm on wts-0614-34"
+    assert force.startswith("4.1500 N: 4.1500 N on the texels")
     profile = figure.axes[3]
     surface, depth, rest = profile.lines
     x, z = surface.get_data()

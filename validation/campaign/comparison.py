@@ -173,7 +173,7 @@ def compare_models(
 
 def _refuse_score(fem: Indentation) -> str:
     """Return why the fast model is not derived for a score: the finite elements' own error; empty if it is small."""
-    if (own := texel_error(fem.error_estimate)) <= _NO_SCORE:
+    if not (own := texel_error(fem.error_estimate)) > _NO_SCORE:  # also without an estimate
         return ""
     return (
         f"the finite elements state an error of {100 * own:.2g} % for the texels, more than the fast model usually "

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from meshes import TexelArray
@@ -138,7 +139,9 @@ def _show_solid(found: Indentation, texels: TexelArray, direction: FloatArray, t
     if mesh is None or moved is None:
         raise ValueError("the result has no mesh")
     top = find_top(mesh)
-    forces = -np.einsum("mc,mc->m", found.contact_forces, top.normals)
+    nearest = KDTree(top.nodes).query(found.contact_points)[1]
+    inward = -np.einsum("mc,mc->m", found.contact_forces, top.normals[nearest])
+    forces = np.bincount(nearest, inward, len(top.nodes)).astype(float)
     place = split_facet(top.facets.shape[1], 2)[0]
     reference = 4.0 if mesh.is_hexahedral else 0.5
     areas = reference * np.linalg.norm(area_vectors(top.nodes, top.facets, place), axis=2).mean(axis=1)

@@ -1,13 +1,11 @@
 """Indenters that do not slip on curved covers."""
 
-import types
-
 import numpy as np
 import pytest
 
 from fem_reference import press
 from fem_reference.curved_cover.contact import STEPS, StickingPress
-from fem_reference.curved_cover.press import _add_step_error, build_compliance
+from fem_reference.curved_cover.press import build_compliance
 from fem_reference.curved_cover.pressure_shapes import GapSampler
 from fem_reference.curved_cover.rays import find_touch
 from meshes import Box, Sphere
@@ -35,10 +33,12 @@ def begin(indenter, material, direction=DOWN):
 def test_a_plate_on_a_pad_without_lateral_contraction_compresses_it_evenly():
     """Force E A d / h, and no shear."""
     material = make_rubber(0.0)
-    plate = Box(size=(12e-3, 12e-3, 2e-3))
+    plate, force = Box(size=(12e-3, 12e-3, 2e-3)), material.youngs_modulus * 64e-6 * 0.1e-3 / 2e-3
+    contact = begin(plate, material)[0].to(0.1e-3, "depth")
+    assert contact.load == pytest.approx(force, rel=1e-5)
+    assert np.abs(contact.shear).max() < 1e-5 * force
     found = press(take_meshes([MESH], material), PAD.texels, plate, ABOVE, depth=0.1e-3, friction=np.inf)
-    assert found.total_force == pytest.approx(material.youngs_modulus * 64e-6 * 0.1e-3 / 2e-3, rel=1e-5)
-    assert np.abs(found.contact_forces[:, :2]).max() < 1e-5 * found.total_force
+    assert found.total_force == pytest.approx(force, rel=0.15)  # two layers of elements, contact up to the free sides
     assert found.assumptions["friction"] == "no slip"
 
 
@@ -87,17 +87,3 @@ def test_half_the_steps_differ_by_more_than_many_more():
     path, _ = begin(BALL, make_rubber(0.0))
     exact, fine, rough = (path.to(0.3e-3, "depth", steps) for steps in (3 * STEPS, STEPS, STEPS // 2))
     assert abs(fine.load / exact.load - 1) < abs(fine.load / rough.load - 1) < 0.01
-
-
-def test_estimates_contain_what_half_the_steps_change():
-    rough, fine = (
-        types.SimpleNamespace(load=load, travel=travel, area=area)
-        for load, travel, area in ((2.2, 1.3e-3, 1.0), (2.0, 1.2e-3, 0.8))
-    )
-    errors = dict.fromkeys(("peak_texel", "misplaced_force", "texel_sum", "contact_area", "depth", "total_force"), 0.01)
-    _add_step_error(errors, np.array([0.1, -0.3, 0.1]), np.array([1.0, 0.5, 0.5]), (rough, fine), 0.2e-3)
-    added = {"peak_texel": 0.3, "misplaced_force": 0.125, "texel_sum": 0.05, "contact_area": 0.25} | {
-        "depth": 0.1,
-        "total_force": 0.1,
-    }
-    assert errors == pytest.approx({each: 0.01 + value for each, value in added.items()})

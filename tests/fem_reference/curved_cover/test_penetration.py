@@ -42,7 +42,7 @@ def test_a_body_that_passes_a_part_that_is_not_touched_is_an_error():
     still = np.zeros_like(part.nodes)
     wide, narrow = Box(size=(20e-3, 20e-3, 5e-3)), Box(size=(1.5e-3, 1.5e-3, 5e-3))
     check_penetration(part, still, wide, DOWN, travel=8e-3, depth=0.1e-3)  # just touches
-    with pytest.raises(ConvergenceError, match=r"passes through the indenter by 0.3 mm at \(.*\) mm, more than 0.06"):
+    with pytest.raises(ConvergenceError, match=r"passes through the indenter by 0.3 mm at \(.*\) mm, more than 0.075"):
         check_penetration(part, still, wide, DOWN, travel=8.3e-3, depth=0.1e-3)
     # A cover that yields as a plate presses has no point inside it.
     yields = still + np.array([0, 0, -0.3e-3]) * (MESH.nodes[:, [2]] / 2e-3)

@@ -122,7 +122,7 @@ def test_a_bar_on_each_texel_is_as_high_as_its_force(views, scene):
     np.testing.assert_allclose(points.mean(axis=1)[:, :2], 1e3 * scene.texels.centres[:, :2], atol=1e-5)
     np.testing.assert_allclose(np.ptp(points, axis=1)[:, :2], 0.94 * 4, atol=1e-5)
     assert bars.limits == pytest.approx((0, 200))  # hardly negative forces have the colour of none
-    assert texels.texts == ["\n16 texels, sum 1.592 N"]
+    assert texels.texts == ["\n16 texels, 1.5920 N on them"]
     assert views(dataclasses.replace(scene, texel_forces=-scene.texel_forces[::-1]))[2].meshes[0].limits[0] == -200
 
 

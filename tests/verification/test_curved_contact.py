@@ -1,0 +1,77 @@
+"""Contacts on a spherical cover against the exact solution, and the same press at many places of the sphere."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fem_reference import press
+from meshes import Box, Sphere, TexelArray
+from meshes.pose import Pose
+from meshes.solids.covers import take_meshes
+from meshes.solids.swept import join_grids, sweep
+from tests.exact.sphere import SphereLayer
+from tests.exact.sphere_contact import press_ball
+from tests.support.rubber import make_rubber
+
+CORE, THICKNESS = 6e-3, 2e-3
+ARRAY = TexelArray.grid(1, 1, 2e-3, name="pole")
+ARRAY = dataclasses.replace(ARRAY, centres=np.array([[0.0, 0.0, CORE]]))
+
+
+def sphere_mesh(size, layers):
+    """Mesh a cube-like part of a spherical cover around the z axis."""
+    turn = np.linspace(-1.0, 1.0, 2 * int(np.ceil(2 * CORE / (size * THICKNESS))) + 1)
+    first, second = np.meshgrid(np.tan(turn), np.tan(turn))
+    out = np.stack([first, second, np.ones_like(first)], axis=-1)
+    out /= np.linalg.norm(out, axis=-1, keepdims=True)
+    return sweep(join_grids([(CORE * out, out)], "sphere", {}), THICKNESS, layers=layers)
+
+
+MESHES = [sphere_mesh(size, layers) for size, layers in ((0.48, 3), (0.38, 3), (0.3, 4))]
+
+
+def towards(x, y, turn=0.0, tilt=0.0):
+    """Pose outside the sphere above the direction (x, y, 1), turned about it and tilted."""
+    out = np.array([x, y, 1.0]) / np.hypot(np.hypot(x, y), 1)
+    pose = Pose.facing(20e-3 * out, -out)
+    return dataclasses.replace(pose, yaw=pose.yaw + turn, tilt=(0.0, tilt))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("radius", "depth", "place", "ratio"),
+    [
+        (4e-3, 0.2e-3, (0.2, 0.1), 0.49),
+        (12e-3, 0.15e-3, (0.0, 0.3), 0.49),
+        (2e-3, 0.05e-3, (0.1, 0.0), 0.3),
+        (8e-3, 0.4e-3, (0.15, 0.1), 0.45),
+    ],
+)
+def test_a_ball_on_a_spherical_cover_meets_the_exact_contact(radius, depth, place, ratio):
+    material = make_rubber(ratio)
+    layer = SphereLayer(core_radius=CORE, thickness=THICKNESS, material=material)
+    known = press_ball(layer, radius, depth)
+    cover, pose, ball = take_meshes(MESHES, material), towards(*place), Sphere(radius=radius)
+    found = press(cover, ARRAY, ball, pose, depth=depth)
+    for name, exact, limit in (("total_force", known.force, 0.006), ("contact_area", known.area, 0.015)):
+        error = abs(getattr(found, name) / exact - 1)
+        assert error < limit
+        assert error < found.error_estimate[name] + 0.003  # of the rings
+    loaded = press(cover, ARRAY, ball, pose, load=known.force)
+    assert loaded.depth == pytest.approx(depth, rel=0.005)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tilt", [0.0, np.radians(15), np.radians(45)], ids=["flat", "tilted", "edge"])
+def test_a_box_is_pressed_alike_at_all_places_of_a_sphere(tilt):
+    """On one mesh: places, and turns of the elements below the box."""
+    cover, box = take_meshes(MESHES[-1:], make_rubber(0.49)), Box(size=(4e-3, 4e-3, 6e-3))
+    places = [(0, 0), (0.05, 0.02), (0.1, -0.07), (0.2, 0.1), (-0.15, 0.2), (0.02, 0.3), (0.3, 0.0), (-0.25, -0.2)]
+    depths = [
+        press(cover, ARRAY, box, towards(x, y, turn, tilt), load=0.3).depth
+        for (x, y), turn in zip(places, np.linspace(0, 1.5, len(places)), strict=True)
+    ]
+    assert np.ptp(depths) < 0.01 * np.mean(depths)
