@@ -20,6 +20,7 @@ from meshes.solids.facets import (
     QUADRATIC_TRIANGLE,
     QUADRILATERAL,
     area_vectors,
+    facet_shape,
     line_shape,
     line_slope,
     split_facet,
@@ -210,7 +211,7 @@ class Quality:
         elements: Number of elements [-].
         nodes: Number of nodes [-].
         volume: Volume of the cover [m3].
-        thickness: Mean thickness: volume over the mean of the areas of base and top [m].
+        thickness: Median height of the top above the base [m].
         scaled_jacobian: Smallest scaled Jacobian of all elements: 1 for a cube or a regular tetrahedron [-].
         inverted: Number of elements with a negative Jacobian [-].
         slivers: Number of elements that are not inverted and have a scaled Jacobian below the limit [-].
@@ -255,11 +256,9 @@ def check_quality(mesh: SolidMesh) -> Quality:
     least = LIMITS.hexahedron_jacobian if mesh.is_hexahedral else LIMITS.tetrahedron_jacobian
     inverted = int((jacobian <= 0).sum())
     slivers = int((jacobian < least).sum()) - inverted
-    volume = compute_volume(mesh)
-    areas = [measure_area(mesh, each) for each in ("base", "top")]
-    if not min(areas) > 0:
+    if not min(measure_area(mesh, each) for each in ("base", "top")) > 0:
         raise ValueError("the base or the top of the mesh has no area; mesh again")
-    thickness = volume / float(np.mean(areas))
+    thickness = measure_height(mesh)
     if mesh.is_hexahedral:
         through = len(mesh.cells) / len(mesh.base)
     else:  # a regular tetrahedron of edge a has the volume a^3 / (6 sqrt 2)
@@ -296,7 +295,7 @@ def check_quality(mesh: SolidMesh) -> Quality:
         kind="hexahedra" if mesh.is_hexahedral else "tetrahedra",
         elements=len(mesh.cells),
         nodes=len(mesh.nodes),
-        volume=volume,
+        volume=compute_volume(mesh),
         thickness=thickness,
         scaled_jacobian=float(jacobian.min()),
         inverted=inverted,
@@ -365,6 +364,18 @@ def compute_volume(mesh: SolidMesh) -> float:
 def measure_thickness(mesh: SolidMesh) -> float:
     """Compute the mean thickness of a cover: its volume over the area of its base [m]."""
     return compute_volume(mesh) / measure_area(mesh, "base")
+
+
+def measure_height(mesh: SolidMesh) -> float:
+    """Compute the median distance of the top from the base, weighted by area [m]."""
+    place = np.full((1, 2), 0.0 if mesh.is_hexahedral else 1 / 3)
+    middle = np.einsum("a,fac->fc", facet_shape(mesh.top.shape[1], place)[0], mesh.nodes[mesh.top])
+    area = np.linalg.norm(area_vectors(mesh.nodes, mesh.top, place)[:, 0], axis=1)
+    nearest, _ = nearest_points(middle, mesh.nodes[split_triangles(mesh.base)])
+    height = np.linalg.norm(middle - nearest, axis=1)
+    order = np.argsort(height)
+    share = np.cumsum(area[order])
+    return float(height[order[np.searchsorted(share, share[-1] / 2)]])
 
 
 def measure_area(mesh: SolidMesh, name: str) -> float:
