@@ -291,7 +291,7 @@ def validate(
             announce=announce,
         )  # fmt: skip
         if found.plan.next:
-            tell(f"ten more minutes would add: {', '.join(found.plan.next)}")
+            tell(f"ten more minutes would add: {'; '.join(found.plan.next)}")
         if folder:
             from validation.report import write_report
 
