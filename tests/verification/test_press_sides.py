@@ -186,7 +186,7 @@ def test_sides_far_from_a_ball_on_rubber_are_left_out(monkeypatch):
     assert "free" in solid.assumptions["sides"]
     assert wide.total_force == pytest.approx(solid.total_force, rel=1e-3)
     assert wide.texel_forces == pytest.approx(solid.texel_forces, abs=1e-3 * solid.texel_forces.max())
-    assert wide.error_estimate["contact_area"] < 0.2 * solid.error_estimate["contact_area"]
+    assert wide.error_estimate["contact_area"] < 0.3 * solid.error_estimate["contact_area"]
 
 
 @pytest.mark.slow
