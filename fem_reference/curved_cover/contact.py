@@ -122,10 +122,6 @@ class ContactForces:
         nodal: Nodal forces, by the shape functions of the displacement, equivalent to the pressures of the hats and to
             the shear of sticking hats, shape (m, 3) [N].
         area: Area of the hats in contact and of those whose gap is below 2 % of the depth [m2].
-        spacing: Mean distance of the nodes in contact [m].
-        half_width: Half the smaller width of the contact, from the second moments of its area; the radius of a disk
-            [m].
-        has_edge: Whether an edge of the indenter ends the pressure.
         travel: Distance by which the indenter moved from its pose, along its direction [m].
         load: Force of the indenter on the cover along its direction [N].
         stiffness: Increase of the load per travel with the same hats in contact [N/m].
@@ -135,9 +131,6 @@ class ContactForces:
     forces: FloatArray
     nodal: FloatArray
     area: float
-    spacing: float
-    half_width: float
-    has_edge: bool
     travel: float
     load: float
     stiffness: float
@@ -298,19 +291,14 @@ class MeshPress:
         return self._describe(equations, equations.find_forces(gaps.gap < 0), travel)
 
     def _describe(self, equations: _Equations, found: _Found, travel: float) -> ContactForces:
-        """Compute load, area, width and nodal forces of a solved contact after a travel of the indenter [m]."""
+        """Compute load, area and nodal forces of a solved contact after a travel of the indenter [m]."""
         gaps, compliance = equations.gaps, self._compliance
         nodal, more = (compliance.add_up(equations.loads @ each.ravel()) for each in (found.forces, found.change))
         closed = found.remaining < -_SETTINGS.closed * gaps.gap.min(initial=0.0)
-        spacing = float(np.sqrt(gaps.whole[closed].mean())) if closed.any() else 0.0
-        places = (gaps.spread.T @ compliance.top.nodes)[closed]
         return ContactForces(
             forces=found.forces[:, 0],
             nodal=nodal,
             area=float(gaps.area[closed].sum()),
-            spacing=spacing,
-            half_width=measure_half_width(places, gaps.area[closed], spacing),
-            has_edge=bool((gaps.is_cut & (found.forces[:, 0] > 0)).any()),
             travel=travel,
             load=float((nodal @ self._direction).sum()),
             stiffness=float((more @ self._direction).sum()),
@@ -471,22 +459,3 @@ def _load_vectors(spread: sp.csc_matrix, normals: FloatArray, tangents: FloatArr
     columns = np.broadcast_to(3 * share.col[:, None, None] + axis[:, None], along.shape)
     size = 3 * spread.shape[0], 3 * spread.shape[1]
     return sp.csc_matrix((along.ravel(), (rows.ravel(), columns.ravel())), shape=size)
-
-
-def measure_half_width(nodes: FloatArray, area: FloatArray, spacing: float) -> float:
-    """Measure half the smaller width of a contact on hats, the shape functions of the pressure [m].
-
-    It is twice the root of the smaller second moment of the contact's area.
-
-    For a disk this is the radius.
-
-    Args:
-        nodes: Positions of the k hats in contact, shape (k, 3) [m].
-        area: Areas of the hats, shape (k,) [m2].
-        spacing: Mean width of a hat [m].
-    """
-    if not area.sum() > 0:
-        return 0.0
-    moments = np.cov(nodes.T, aweights=area, ddof=0)
-    across = float(np.linalg.eigvalsh(moments)[1])  # The smallest eigenvalue is the moment along the normal.
-    return 2 * float(np.sqrt(max(across, 0.0) + spacing**2 / 12))
