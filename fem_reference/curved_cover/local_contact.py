@@ -68,8 +68,9 @@ class LocalSettings:
     first_cells: int = 32
     #: Half width of the window of the remainder, over that of the contact before it is solved [-].
     window: float = 1.3
-    #: Number of rectangles in the search for the first touch, and of points along each of their sides [-].
+    #: Number of successively smaller rectangles in the search for the first touch [-].
     zooms: int = 12
+    #: Number of points along each side of these rectangles [-].
     sampled: int = 41
     #: Smallest part of a distributed force on the top, by which the force is divided [-].
     kept: float = 0.1
@@ -83,7 +84,7 @@ class LocalSettings:
     steps: int = 20
     #: Length of a vector in place of zero where the top is not charted [m2].
     tiny: float = 1e-30
-    #: Distance from the border of the solved part of the top, as a cosine, at which a contact counts as cut off [-].
+    #: Cosine above `least_cosine` below which a contact counts as cut off at the border of the solved part [-].
     cut: float = 0.05
 
 
@@ -187,7 +188,7 @@ class ChartedContact:
         touch: Travel to the first touch [m].
         deepest: Largest depth that is solved [m].
         travel: Distance by which the indenter moved from its pose [m].
-        window: Rectangle that is divided into cells; None until it is known.
+        window: Rectangle that is divided into cells, or in which the first touch is searched.
         remainder: Compliance of the solid less that of the flat layer; None to neglect it.
     """
 

@@ -167,14 +167,11 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
         target: Load [N] or depth [m].
     """
     mesh, texels = meshes[-1], problem.array
-    solid, top = build_solid(mesh, material), find_top(mesh)
     contact, texel_forces, depth, errors = _press_meshes(meshes, material, problem, target)
     share = depth / measure_thickness(mesh)
     large = f"the depth is {100 * share:.3g} % of the thickness: strains are not small; solve at finite strain"
-    # Displacements and base reactions under the contact forces on the finest mesh.
-    nodal = np.zeros_like(solid.nodes)
-    nodal[top.index] = contact.nodal
-    displacement, reaction = solid.solve_fully(nodal)
+    carried = _carry(mesh, material, contact.nodal)
+    displacement, force, base_force = (carried[name] for name in ("displacement", "force", "base_force"))
     check_penetration(mesh, displacement, problem.indenter, problem.pose, travel=contact.travel, depth=depth)
     for name, part in (
         ("depth" if problem.control == "load" else "total_force", 1),
@@ -182,24 +179,18 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
         ("misplaced_force", 2),
     ):
         errors[name] += shape_error(mesh, depth) / part
-    force, base_force = nodal.sum(axis=0), -reaction.sum(axis=0)
     active = np.where(texels.active, texel_forces, 0.0)
     return Indentation(
+        **carried,
         texel_forces=active,
         total_force=contact.load,
-        force=force,
-        moment=np.cross(solid.nodes, nodal).sum(axis=0),
-        base_force=base_force,
-        base_moment=-np.cross(solid.nodes[solid.base], reaction).sum(axis=0),
         unmeasured=base_force + active @ texels.normals,
         balance=measure_balance(force, base_force),
         depth=depth,
         contact_area=contact.area,
         contact_points=contact.points,
         contact_forces=contact.forces,
-        energy=float((nodal * displacement).sum()) / 2,
-        mesh=mesh,
-        displacement=displacement,
+        energy=float((contact.nodal * displacement[find_top(mesh).index]).sum()) / 2,
         error_estimate=errors,
         assumptions=_ASSUMPTIONS | {"friction": "none"},
         warnings=(
@@ -209,6 +200,26 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
             *warn_of_errors(errors),
         ),
     )
+
+
+def _carry(mesh: SolidMesh, material: Material, nodal: FloatArray) -> dict[str, Any]:
+    """Solve a mesh under forces on the m nodes of its top, shape (m, 3) [N].
+
+    Returns:
+        Attributes of the result by name: displacements, and forces and moments on the cover and on its base.
+    """
+    solid, top = build_solid(mesh, material), find_top(mesh)
+    forces = np.zeros_like(solid.nodes)
+    forces[top.index] = nodal
+    displacement, reaction = solid.solve_fully(forces)
+    return {
+        "force": nodal.sum(axis=0),
+        "moment": np.cross(top.nodes, nodal).sum(axis=0),
+        "base_force": -reaction.sum(axis=0),
+        "base_moment": -np.cross(solid.nodes[solid.base], reaction).sum(axis=0),
+        "displacement": displacement,
+        "mesh": mesh,
+    }
 
 
 def _press_meshes(
@@ -396,26 +407,18 @@ def _describe_mesh(
     mesh: SolidMesh, material: Material, problem: PressProblem, path: MeshPress, contact: ContactForces
 ) -> _Full:
     """Describe a contact on one mesh whose pressure is linear between the nodes of the top."""
-    solid, top, texels = build_solid(mesh, material), find_top(mesh), problem.array
-    nodal = np.zeros_like(solid.nodes)
-    nodal[top.index] = contact.nodal
-    displacement, reaction = solid.solve_fully(nodal)
+    top = find_top(mesh)
     pressing = -contact.forces[:, None] * top.normals
     return _Full(
-        texel_forces=texel_responses([mesh], texels, material).finest.texel_forces(contact.nodal),
+        texel_forces=texel_responses([mesh], problem.array, material).finest.texel_forces(contact.nodal),
         load=contact.load,
         depth=contact.travel - path.touch,
         area=contact.area,
         first=0.0,
-        arrays={
-            "force": nodal.sum(axis=0),
-            "moment": np.cross(solid.nodes, nodal).sum(axis=0),
-            "base_force": -reaction.sum(axis=0),
-            "base_moment": -np.cross(solid.nodes[solid.base], reaction).sum(axis=0),
+        arrays=_carry(mesh, material, contact.nodal)
+        | {
             "contact_points": top.nodes,
             "contact_forces": pressing if contact.shear is None else pressing + contact.shear,
-            "displacement": displacement,
-            "mesh": mesh,
         },
     )
 
@@ -613,10 +616,10 @@ def _combine(
 
 
 def _estimate_effect(values: FloatArray, safety: float, *, summed: bool = False) -> float:
-    """Estimate the error of the effect of finite strain on the finest mesh.
+    """Estimate the error of the effect of finite strain or of no slip on the finest mesh.
 
     Args:
-        values: Effect on one or n quantities on each mesh on which finite strain was solved, coarsest first, shape
+        values: Effect on one or n quantities on each mesh on which it was solved, coarsest first, shape
             (meshes,) or (meshes, n).
         safety: Safety factor on the difference between the two finest meshes [-].
         summed: Whether to return the sum of the errors of the n quantities instead of the largest error.

@@ -417,7 +417,7 @@ def solve_contact(
             compliance = sides.compliance(surface, grid.x, grid.y, grid.cell)
         gap = measure_gap(*grid.unscaled)
         guess = _guess_from_coarser(surface, measure_gap, grid, half, load=load, depth=depth)
-        rate = None if sides is None else sides.rate(grid.x, grid.y)
+        rate = None if sides is None or load is None else sides.rate(grid.x, grid.y)
         pressure, approach = _solve(compliance, gap, grid.area, guess, load=load, depth=depth, rate=rate)
         touching = pressure > 0
         # If the gaps of all cells exceed the depth, the contact is around the cell with the smallest gap.
