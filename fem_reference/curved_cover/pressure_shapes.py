@@ -51,7 +51,6 @@ class MeanGaps:
         gap: Mean distance to the indenter along the normals, shape (m,) [m]; inf where the pressure is zero.
         rate: Mean decrease of the gap per travel of the indenter, shape (m,) [-].
         area: Area of the part of each hat that can touch, shape (m,) [m2].
-        whole: Area of each whole hat, shape (m,) [m2].
         is_cut: Whether a part of each hat lies outside the outline of the indenter, shape (m,).
         spread: Force on each node (row) per unit force of the pressure of each hat (column), shape (m, m) [-].  The
             columns of hats with pressure sum to 1.
@@ -61,7 +60,6 @@ class MeanGaps:
     gap: FloatArray
     rate: FloatArray
     area: FloatArray
-    whole: FloatArray
     is_cut: BoolArray
     spread: sp.csc_matrix
     softness: FloatArray | float = 0.0
@@ -161,7 +159,6 @@ class GapSampler:
             gap=np.where(carries, total / each, np.inf),
             rate=towards / each,
             area=np.where(carries, area, 0.0),
-            whole=np.asarray(whole, dtype=float),
             is_cut=below < _WHOLE * whole,
             spread=spread,
         )
@@ -186,7 +183,6 @@ class PointSampler(GapSampler):
             gap=self._measure(travel).ravel(),
             rate=-(self._normals @ self._pose.towards).ravel(),
             area=weight,
-            whole=weight,
             is_cut=np.zeros(len(weight), dtype=bool),
             spread=sp.csc_matrix((values, rows, pointer), shape=(len(self._top.nodes), len(weight))),
             softness=1 / (self.penalty * weight),
