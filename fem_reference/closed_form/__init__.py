@@ -4,7 +4,7 @@ These solutions verify the finite elements.  No module of this package uses code
 """
 
 from fem_reference.closed_form.contact import LayerContact, indent, punch, sphere
-from fem_reference.closed_form.cylinder import ArcLoad, CylinderLayer, LineLoad
+from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.closed_form.disk import bonded_disk
 from fem_reference.closed_form.layer import (
     Transfer,
@@ -12,16 +12,13 @@ from fem_reference.closed_form.layer import (
     point_response,
     point_response_spline,
     tabulate_texel_response,
-    traction_compliance,
     transfer,
     variance,
 )
 
 __all__ = [
-    "ArcLoad",
     "CylinderLayer",
     "LayerContact",
-    "LineLoad",
     "Transfer",
     "bonded_disk",
     "half_space_compliance",
@@ -31,7 +28,6 @@ __all__ = [
     "punch",
     "sphere",
     "tabulate_texel_response",
-    "traction_compliance",
     "transfer",
     "variance",
 ]

@@ -26,13 +26,7 @@ from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 from scipy.optimize import brentq
 from scipy.special import j0
 
-from fem_reference.closed_form.layer import (
-    half_space_compliance,
-    hankel_nodes,
-    place_gauss_points,
-    transfer,
-    transfer_to_base,
-)
+from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes, place_gauss_points, transfer
 from meshes import Cone, Cover, Cylinder, Indenter, RoundedTip, Sphere, TexelArray
 from meshes.array_types import FloatArray
 
@@ -97,8 +91,6 @@ class LayerContact:
         error: Estimated relative error of force and depth at this contact radius; NaN if not known [-].
         cover: The cover that was pressed.
         phi: Points t, weights and values phi(t) of the solution, shape (3, n) [m, m, N/m].
-        psi: Values psi(t) at the same points, where int psi(t) sin(k t) dt is the Hankel transform of order 1 of the
-            shear traction, outward positive; None without friction, shape (n,) [N/m].
     """
 
     force: float
@@ -107,7 +99,6 @@ class LayerContact:
     error: float = np.nan
     cover: Cover
     phi: FloatArray = field(repr=False, compare=False)
-    psi: FloatArray | None = field(default=None, repr=False, compare=False)
 
     def force_within(self, radius: FloatArray) -> FloatArray:
         """Compute the contact force within distances r <= a from the axis, shape of `radius` [N].
@@ -122,16 +113,17 @@ class LayerContact:
         beyond = (phi(np.hypot(radius[..., None], half * (nodes + 1))) * weights * half).sum(axis=-1)
         return np.asarray(self.force - 2 * np.pi * beyond)
 
+    def base_waves(self, k: FloatArray) -> FloatArray:
+        """Compute the Hankel transform of order 0 of the pressure on the base at n wave numbers k, shape (n,) [N]."""
+        t, dt, value = self.phi
+        parts = np.array_split(k, len(k) * len(t) // 1_000_000 + 1)
+        pressure = np.concatenate([np.cos(np.outer(part, t)) @ (dt * value) for part in parts])
+        return np.asarray(transfer(self.cover, k).base * pressure)
+
     def base_pressure(self, reach: float) -> CubicSpline:
         """Tabulate the pressure on the base [Pa] over the distance from the indenter's axis, from 0 to `reach` [m]."""
         k, weight = hankel_nodes(self.cover, reach + self.contact_radius)
-        t, dt, value = self.phi
-        normal, shear = transfer_to_base(self.cover, k)
-        parts = np.array_split(k, len(k) * len(t) // 1_000_000 + 1)
-        density = normal * np.concatenate([np.cos(np.outer(part, t)) @ (dt * value) for part in parts])
-        if self.psi is not None:
-            density += shear * np.concatenate([np.sin(np.outer(part, t)) @ (dt * self.psi) for part in parts])
-        density *= k * weight
+        density = self.base_waves(k) * (k * weight)
         finest = min(self.cover.thickness, max(self.contact_radius, self.cover.thickness / 4))
         r = np.linspace(0, reach, int(40 * reach / finest) + 40)
         pressure = np.concatenate([j0(np.outer(part, k)) @ density for part in np.array_split(r, len(r) // 256 + 1)])

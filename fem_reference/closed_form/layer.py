@@ -85,42 +85,6 @@ def transfer(cover: Cover, wave_number: npt.ArrayLike) -> Transfer:
     )
 
 
-def traction_compliance(cover: Cover, wave_number: npt.ArrayLike) -> FloatArray:
-    """Compute the displacements of the top of a wide cover under normal and shear tractions, for each wave number.
-
-    Args:
-        cover: Cover; its layers have their linear elastic properties at zero load.
-        wave_number: Wave numbers k > 0, shape (m,) [1/m].
-
-    Returns:
-        Symmetric matrix for each wave number, shape (m, 2, 2) [m/Pa].  Rows are the displacements downwards, times
-        cos(k x), and along +x, times sin(k x).  Columns are the pressure cos(k x) and the shear traction sin(k x) along
-        +x on the top.  For axisymmetric loads cos(k x) becomes J0(k r), and sin(k x) becomes J1(k r).
-    """
-    k = np.atleast_1d(np.asarray(wave_number, dtype=float))
-    # At small k the linear systems are ill-conditioned.  There the compliances are constant on the diagonal and
-    # proportional to k off the diagonal.
-    solvable = np.maximum(k, _SETTINGS.small / cover.thickness)
-    ratio = k / solvable
-    one = np.ones_like(k)
-    return np.asarray(_solve_tractions(cover, solvable)[0] * np.array([[one, ratio], [ratio, one]]).T)
-
-
-def transfer_to_base(cover: Cover, wave_number: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Compute the pressure cos(k x) on the base of a wide cover per normal and per shear traction on its top.
-
-    Args:
-        cover: Cover; its layers have their linear elastic properties at zero load.
-        wave_number: Wave numbers k > 0, shape (m,) [1/m].
-
-    Returns:
-        Pressure on the base per pressure cos(k x), and per shear traction sin(k x) along +x, shape (m,) each [-].
-    """
-    solvable = np.maximum(wave_number, _SETTINGS.small / cover.thickness)
-    shear = _solve_tractions(cover, solvable)[1][:, 1] * wave_number / solvable
-    return transfer(cover, wave_number).base, shear
-
-
 def half_space_compliance(layer: Layer, wave_number: FloatArray) -> FloatArray:
     """Compute the compliance of a half space under pressure cos(k x), (1 - nu) / (mu k) (Johnson 1985, eq. 2.61).
 
@@ -265,11 +229,11 @@ def _evaluate_face(layer: Layer, k: FloatArray, z: float, scale: float) -> Float
 
 def _solve(cover: Cover, k: FloatArray) -> Transfer:
     """Compute the response of a cover to the surface pressure cos(k x) for m wave numbers k > 0, shape (m,) [1/m]."""
-    displacement, base = _solve_tractions(cover, k)
+    displacement, base = solve_tractions(cover, k)
     return Transfer(compliance=displacement[:, 0, 0], base=base[:, 0])
 
 
-def _solve_tractions(cover: Cover, k: FloatArray) -> tuple[FloatArray, FloatArray]:
+def solve_tractions(cover: Cover, k: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Assemble and solve, for every wave number, the linear system of 4 unknown coefficients per layer.
 
     The loads are the surface pressure cos(k x) and the shear traction sin(k x) along +x on the top.

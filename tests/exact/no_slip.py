@@ -20,21 +20,41 @@ function of the contact radius, a Volterra equation of the first kind.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import j0
 
 from fem_reference.closed_form.contact import LayerContact
-from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes, traction_compliance
+from fem_reference.closed_form.layer import half_space_compliance, hankel_nodes
 from meshes import Cover
 from meshes.array_types import FloatArray
+from tests.exact.tractions import traction_compliance, transfer_to_base
 
 #: Largest value of s = artanh(x / a), at which 1 - x / a is near rounding, and step of the trapezoidal rule, for radii
 #: up to the cover's thickness and proportionally smaller for larger ones [-].
 _END, _STEP = 16.0, 0.125
 #: Observed order of convergence with the number of increments of a growing contact, for the extrapolation [-].
 _ORDER = 1.7
+
+
+@dataclass(frozen=True, kw_only=True)
+class StuckContact(LayerContact):
+    """Solved contact without slip.
+
+    Attributes:
+        psi: Values psi(t) at the points of `phi`, where int psi(t) sin(k t) dt is the Hankel transform of order 1 of
+            the shear traction, outward positive, shape (n,) [N/m].
+    """
+
+    psi: FloatArray = field(repr=False, compare=False)
+
+    def base_waves(self, k: FloatArray) -> FloatArray:
+        """Compute the Hankel transform of the pressure on the base, to which the shear contributes too."""
+        t, dt, _ = self.phi
+        parts = np.array_split(k, len(k) * len(t) // 1_000_000 + 1)
+        shear = np.concatenate([np.sin(np.outer(part, t)) @ (dt * self.psi) for part in parts])
+        return super().base_waves(k) + transfer_to_base(self.cover, k)[1] * shear
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,9 +82,9 @@ class StuckPunch:
         """Force on the punch per depth [N/m]."""
         return float(2 * np.pi * self.weights @ self.normal)
 
-    def press(self, depth: float) -> LayerContact:
+    def press(self, depth: float) -> StuckContact:
         """Return the contact at a depth [m]."""
-        return LayerContact(
+        return StuckContact(
             force=self.stiffness * depth,
             depth=depth,
             contact_radius=self.radius,
@@ -114,7 +134,7 @@ def stuck_punch(cover: Cover, radius: float, *, step: float = _STEP) -> StuckPun
 
 def stuck_shape(
     cover: Cover, gap: Callable[[FloatArray], FloatArray], contact_radius: float, *, steps: int = 48
-) -> LayerContact:
+) -> StuckContact:
     """Press a curved rigid indenter of revolution without slip into a wide cover until the contact has a given radius.
 
     Results with `steps` and with half as many increments are extrapolated; the error is about 1e-4.
@@ -133,13 +153,13 @@ def stuck_shape(
         force=force,
         depth=fine.depth + weight * (fine.depth - coarse.depth),
         phi=fine.phi * [[1], [1], [force / fine.force]],
-        psi=None if fine.psi is None else fine.psi * force / fine.force,
+        psi=fine.psi * force / fine.force,
     )
 
 
 def _grow_contact(
     cover: Cover, gap: Callable[[FloatArray], FloatArray], contact_radius: float, steps: int
-) -> LayerContact:
+) -> StuckContact:
     """Solve a growing contact without slip with equal increments of its radius."""
     edges = contact_radius * np.arange(1, steps + 1) / steps
     middles = edges - edges[0] / 2
@@ -150,13 +170,13 @@ def _grow_contact(
         lift[i:, i] = 1 - punch.top_displacement(edges[i:])
     increments = np.linalg.solve(lift, gap(edges))
     parts = [punch.press(float(depth)) for punch, depth in zip(punches, increments, strict=True)]
-    return LayerContact(
+    return StuckContact(
         force=sum(each.force for each in parts),
         depth=float(increments.sum()),
         contact_radius=contact_radius,
         cover=cover,
         phi=np.concatenate([each.phi for each in parts], axis=1),
-        psi=np.concatenate([each.psi for each in parts if each.psi is not None]),
+        psi=np.concatenate([each.psi for each in parts]),
     )
 
 

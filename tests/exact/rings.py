@@ -2,7 +2,7 @@
 
 Pressure and shear traction act on rings; the pressure is constant on each, the shear proportional to the distance r
 from the axis.  Their Hankel transforms are Bessel functions, so the displacements, averaged over rings, follow from the
-exact compliance of the layers (`layer.traction_compliance`) by integrals over the wave number.  The load grows in
+exact compliance of the layers (`tests.exact.tractions`) by integrals over the wave number.  The load grows in
 steps.  In each step, contact and slip are found in turn: no ring pulls, a ring sticks while its shear is below the
 friction coefficient times its pressure, and the shear opposes the slip.  No code is shared with the finite elements,
 and none with the contacts without slip of `no_slip`, which are the limit of large friction.
@@ -17,10 +17,11 @@ from scipy.interpolate import CubicSpline
 from scipy.special import j0, j1
 
 from fem_reference.closed_form.contact import indent, integrate_texels
-from fem_reference.closed_form.layer import hankel_nodes, place_gauss_points, traction_compliance, transfer_to_base
+from fem_reference.closed_form.layer import hankel_nodes, place_gauss_points
 from meshes import Cover, Indenter, TexelArray
 from meshes.array_types import FloatArray
 from tests.exact.active_set import solve_active_set
+from tests.exact.tractions import traction_compliance, transfer_to_base
 
 #: Radius of the outermost ring over that of the contact without friction [-].
 _MARGIN = 1.12

@@ -20,20 +20,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from fem_reference.closed_form.cylinder import (
-    HarmonicTransfer,
-    Traction,
-    check_resolved,
-    converge_top,
-    count_base_terms,
-    cross_layer,
-    place_points,
-    sample,
-    stack_rows,
-    taper,
-)
+from fem_reference.closed_form.cylinder import HarmonicTransfer, cross_layer, place_points, stack_rows
 from meshes import Material
 from meshes.array_types import FloatArray
+from tests.exact.cylinder import Traction, check_resolved, converge_top, count_base_terms, sample, taper
 from tests.exact.sphere_patch import Direction, SpherePatch, normalise
 
 #: Number of points at which Legendre series are summed at once, to limit the memory [-].
@@ -76,15 +66,6 @@ class CapLoad:
     shear: Traction = 0.0
     direction: Direction = (0.0, 0.0, 1.0)
 
-    def __post_init__(self) -> None:
-        """Check the angle.
-
-        Raises:
-            ValueError: If the half angle is not in 0..pi.
-        """
-        if not 0 < self.half_angle <= np.pi:
-            raise ValueError(f"half_angle must lie in 0..pi, not {self.half_angle} rad")
-
     def place(self, radius: float, highest: int, refinement: int = 1) -> tuple[FloatArray, FloatArray]:
         """Replace the load by forces on rings, with which harmonics are integrated.
 
@@ -96,7 +77,7 @@ class CapLoad:
         Returns:
             Angles from the axis, shape (n,) [rad], and forces (outward, along the angle), shape (n, 2) [N].
         """
-        at, weight = place_points(-self.half_angle, self.half_angle, highest, refinement)
+        at, weight = place_points(self.half_angle, highest, refinement)
         at, weight = at[len(at) // 2 :], weight[len(at) // 2 :]
         values = np.stack([-sample(self.pressure, at), sample(self.shear, at)], axis=1)
         return at, values * (2 * np.pi * radius**2 * np.sin(at) * weight)[:, None]

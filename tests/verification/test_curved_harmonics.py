@@ -9,6 +9,7 @@ from fem_reference import closed_form
 from fem_reference.closed_form.cylinder import transfer_cylinder
 from meshes import Material
 from tests.exact.sphere import transfer_sphere
+from tests.exact.tractions import traction_compliance
 
 RATIOS = [0.0, 0.3, 0.49, 0.5]
 SHAPES = {"cylinder": transfer_cylinder, "sphere": transfer_sphere}
@@ -127,7 +128,7 @@ def test_order_one_carries_the_net_force(nu):
 def test_large_radii_tend_to_the_flat_layer_at_first_order(bonded, shape, nu):
     cover = bonded(nu, thickness=1.0, youngs_modulus=2 * (1 + nu))
     k = np.array([0.3, 1.0, 3.0])
-    flat, moved = closed_form.transfer(cover, k), closed_form.traction_compliance(cover, k)
+    flat, moved = closed_form.transfer(cover, k), traction_compliance(cover, k)
     errors = []
     for radius in (1e3, 1e4, 1e5):
         orders = k * radius - (0.5 if shape == "sphere" else 0.0)

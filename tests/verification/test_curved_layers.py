@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fem_reference import closed_form
-from fem_reference.closed_form import ArcLoad, CylinderLayer, LineLoad
 from meshes import Material
+from tests.exact.cylinder import ArcLoad, CylinderLayer, LineLoad
 from tests.exact.sphere import CapLoad, PointLoad, SphereLayer
 from tests.exact.sphere_patch import SpherePatch
 
@@ -117,6 +117,13 @@ def test_wide_cylinders_tend_to_the_flat_layer(bonded, cylinder, nu):
         errors.append((-response.base_traction(x / core)[:, 0] - exact) / exact[0])
     assert np.abs(errors[1]).max() < 0.02
     assert errors[0] == pytest.approx(2 * errors[1], rel=0.03, abs=1e-4)
+
+
+@pytest.mark.parametrize("nu", RATIOS)
+def test_a_pressure_gives_the_texel_forces_of_the_whole_solution(cylinder, nu):
+    layer, patches = cylinder(nu), [[-0.3, 0.1], [0.1, 0.5], [2.0, 4.0]]
+    exact = layer.texel_forces(patches, ArcLoad(pressure=hertzian(0.2), half_width=0.2))
+    assert layer.press(patches, hertzian(0.2), 0.2) == pytest.approx(exact, rel=1e-11, abs=1e-12)
 
 
 def test_narrow_arcs_tend_to_a_line(cylinder):
@@ -315,8 +322,8 @@ def test_two_caps_do_the_same_work_on_one_another(sphere, nu):
         (lambda c, s: c(thickness=1e-7).respond(LineLoad(force=1.0)), "too thin"),
         (lambda c, s: c().respond(LineLoad(force=1.0)).top_displacement([0.0]), "infinite at a concentrated"),
         (lambda c, s: s().respond(PointLoad(force=1.0)).top_displacement([UP]), "infinite at a concentrated"),
-        (lambda c, s: ArcLoad(pressure=1.0, half_width=4.0), "0..pi"),
-        (lambda c, s: CapLoad(pressure=1.0, half_angle=0.0), "0..pi"),
+        (lambda c, s: c().texel_forces([[0, 1]], ArcLoad(pressure=1.0, half_width=4.0)), "0..pi"),
+        (lambda c, s: s().respond(CapLoad(pressure=1.0, half_angle=0.0)).base_traction([UP]), "0..pi"),
         (lambda c, s: c().texel_forces([[0.2, 0.1]], LineLoad(force=1.0)), "larger angle"),
         (lambda c, s: c().texel_forces([0.2, 0.1], LineLoad(force=1.0)), "shape"),
         (
@@ -324,6 +331,8 @@ def test_two_caps_do_the_same_work_on_one_another(sphere, nu):
             "not smooth",
         ),
         (lambda c, s: c().texel_forces([[0, 1]], ArcLoad(pressure=lambda x: x * np.nan, half_width=0.3)), "finite"),
+        (lambda c, s: c().press([[0, 1]], lambda x: x * np.nan, 0.3), "not smooth"),
+        (lambda c, s: c().press([[0, 1]], hertzian(0.3), 4.0), "0..pi"),
         (lambda c, s: s().texel_forces(ring(1, (0.0, 3.14159265)), PointLoad(force=1.0)), "mean normal"),
         (lambda c, s: SpherePatch.cap(UP, 4.0), "no patch"),
         (lambda c, s: SpherePatch.cap((0.0, 0.0, 0.0), 0.1), "direction"),

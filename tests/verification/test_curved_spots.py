@@ -7,9 +7,9 @@ import pytest
 from scipy.special import iv, ivp, kv, kvp
 
 from fem_reference import closed_form
-from fem_reference.closed_form import CylinderLayer, LineLoad
 from fem_reference.closed_form.cylinder import transfer_cylinder
 from meshes import Material
+from tests.exact.cylinder import CylinderLayer, LineLoad
 from tests.exact.cylinder_waves import _decay, _grow, transfer_cylinder_waves
 from tests.exact.spots import SpotLoad, touch_cylinder
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fem_reference import press
-from fem_reference.closed_form import half_space_compliance, punch, sphere, traction_compliance, transfer
+from fem_reference.closed_form import half_space_compliance, punch, sphere, transfer
 from fem_reference.finite_strain.axisymmetric_path import press_axisymmetric
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.small_strain_contact import no_slip
@@ -16,6 +16,7 @@ from fem_reference.small_strain_contact.no_slip import FaceGrid, press_face, pre
 from meshes import Box, Cover, Cylinder, Layer, Material, Sphere, TexelArray
 from meshes.pose import Pose
 from tests.exact.no_slip import stuck_punch, stuck_shape
+from tests.exact.tractions import traction_compliance
 from tests.support.indentations import column_contact
 
 THICKNESS = 2e-3
