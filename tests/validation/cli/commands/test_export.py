@@ -8,16 +8,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import fastmodel
-from fastmodel.adapters.gazebo import read_block
 from meshes import TexelArray
 from tests.support.bent_array import bent_array
+from tests.support.plugin_block import read_block
 
 
 def test_the_reports_plugin_block_is_written_and_reads_back(softcover):
     status, _, _ = softcover("export", "wts-0614-34", "--format", "gazebo", "--out", "out")
     assert status == 0
     block = read_block(Path("out/wts-0614-34.xml").read_text(), pitch=3.4e-3)
-    assert block.parameters.spread == fastmodel.load("out").spread
+    assert block.spread == fastmodel.load("out").spread
 
 
 @pytest.fixture
