@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 from meshes import Indenter
-from validation.campaign import comparison
 from validation.campaign.case import Case
+from validation.campaign.comparison import METHODS, MODELS, Comparison
 from validation.campaign.reference_press import name_unsupported
+from validation.campaign.results import score_forces, texel_error
 from validation.errors import Faults, InputError, check_choice
 from validation.parameters import find_parameters
 from validation.places import FlatPlaces, Places, PoseText, find_places
 from validation.sensor_file import BUILT_IN, SensorDescription
-from validation.text.friction import read_friction
+from validation.text.friction import describe_friction, read_friction
 from validation.text.indenter import read_depth, read_indenter, read_load, read_yaw
 
 if TYPE_CHECKING:
-    from fastmodel import Parameters
+    from fastmodel import FastIndentation, Parameters
     from fem_reference.indentation.result import Indentation
     from validation.press_files import LoadCurve
 
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 STRAINS = ("small", "finite")
 #: Largest accepted number of points of a curve of load over depth [-].
 _MOST_POINTS = 1000
+#: Own error of the reference in the texels above which the fast model is not scored in a press [-].
+_NO_SCORE = 0.05
 
 Progress = Callable[[str], None]
 
@@ -59,7 +61,7 @@ class PressRequest:
     friction: float | None = None
     strain: Literal["small", "finite"] | None = None
     accuracy: float | None = None
-    models: tuple[str, ...] = comparison.MODELS
+    models: tuple[str, ...] = MODELS
     method: str = "default"
 
     @property
@@ -100,14 +102,16 @@ class PressRequest:
         pose = _find_places(self.sensor, progress).find(self.pose)
         return Case(name="press", indenter=self.indenter, shape=self.shape, load=self.load or 0.0, pose=pose)
 
-    def run(
-        self, *, fields: bool = False, as_far: bool = False, progress: Progress | None = None
-    ) -> comparison.Comparison:
-        """Compute the requested press by the chosen models.
+    def run(self, *, fields: bool = False, as_far: bool = False, progress: Progress | None = None) -> Comparison:
+        """Compute the requested press by the chosen models, and score the fast model if both are chosen.
+
+        The fast model has the force of the finite elements as its load.  It is derived after them, because their solver
+        may refuse the request.
 
         Args:
             fields: Whether the finite elements return displacement and stress in the cover.
-            as_far: Whether finite elements that stop early give the result at the largest load that they reached.
+            as_far: Whether finite elements that stop early give the result at the largest load that they reached,
+                without a fast model.  `Comparison.stopped` then states the reason.
             progress: Called with a line of text before each step.
 
         Raises:
@@ -115,25 +119,38 @@ class PressRequest:
                 request.
             PiercedError: If the indenter would pierce the cover.
             ConvergenceError: If the finite elements do not converge.
+            FastModelError: If the method needs cover data that the sensor's parameters lack.
         """
-        case, parameters = self.find_case(progress), None
+        case, tell, parameters = self.find_case(progress), progress or (lambda _: None), None
+        wanted = {"load": case.load} if self.depth is None else {"depth": self.depth}
+        models, fem, fast, score, stopped, note = self.models, None, None, None, "", ""
+        if "fast" in models and self.method != "default":  # which the cover may not support
+            from fastmodel.attachment import choose_method
 
-        @cache
-        def find() -> Parameters:
-            return find_parameters(self.sensor, progress)
-
-        if "fast" in self.models:
-            # The fast model is derived after the finite elements, because their solver may refuse the request.  A
-            # chosen contact method is checked first, because the cover may not support it.
-            parameters = find
-            if self.method != "default":
-                from fastmodel.attachment import choose_method
-
-                choose_method(self.method, find())
-        return comparison.compare_models(
-            self.sensor, case, depth=self.depth, friction=self.friction, strain=self.strain, accuracy=self.accuracy,
-            models=self.models, method=self.method, fields=fields, as_far=as_far, progress=progress,
-            parameters=parameters,
+            parameters = find_parameters(self.sensor, progress)
+            choose_method(self.method, parameters)
+        if self.needs_reference:
+            tell("indentation by finite elements")
+            reached, stopped = self._press_path(
+                case, 1, fields=fields, as_far=as_far, progress=lambda text: tell(f"finite elements, {text}")
+            )
+            fem = reached[-1]
+            models = ("fem",) if stopped else models
+            case = replace(case, load=fem.total_force)
+            note = _refuse_score(fem) if "fast" in models else ""
+        if "fast" in models and not note:
+            parameters = parameters or find_parameters(self.sensor, progress)
+            note = self._refuse_contact(parameters)
+        if note:
+            models = ("fem",)
+        elif "fast" in models and parameters is not None:
+            tell("indentation by the fast model")
+            fast = self._press_fast(case, parameters, alone=fem is None)
+            if fem is not None:
+                score = score_forces(fem, fast.texel_forces, fast.outside, case.load, parameters)
+        return Comparison(
+            sensor=self.sensor, case=case, fem=fem, fast=fast, score=score, models=models, wanted=wanted,
+            stopped=stopped, note=note,
         )  # fmt: skip
 
     def trace(self, points: int, progress: Progress | None = None) -> LoadCurve:
@@ -149,24 +166,82 @@ class PressRequest:
             InputError: As for `run`, or if the cover is not known.
             IncompletePathError: If not even the first point is reached.
         """
-        from fem_reference import IncompletePathError, press_path
         from validation.press_files import LoadCurve
 
-        cover, case, stopped = comparison.find_cover(self.sensor), self.find_case(progress), ""
-        friction, stated = comparison.choose_friction(self.sensor, self.friction)
-        control, last = ("loads", self.load) if self.depth is None else ("depths", self.depth)
-        options: dict[str, Any] = {control: [(last or 0.0) * (i + 1) / points for i in range(points)]}
+        found, stopped = self._press_path(self.find_case(progress), points, as_far=True, progress=progress)
+        return LoadCurve(indentations=found, wanted=points, stopped=stopped)
+
+    def _press_path(
+        self, case: Case, points: int, *, fields: bool = False, as_far: bool, progress: Progress | None
+    ) -> tuple[Sequence[Indentation], str]:
+        """Press by finite elements in equal steps, with `as_far` as far as they get.
+
+        Returns:
+            The results and an empty text.  If the finite elements stopped early, the results that they reached, and the
+            reason.
+        """
+        from fem_reference import IncompletePathError, press_path
+
+        if not isinstance(self.sensor, SensorDescription):
+            raise InputError("the finite elements need the description of the cover")
+        friction, stated = self._choose_friction()
+        target = case.load if self.depth is None else self.depth
+        steps = [target * (i + 1) / points for i in range(points)]
         try:
             with name_unsupported(stated, others="--"):
-                found = press_path(
-                    cover, self.sensor.array, case.indenter, pose=case.pose, strain=self.strain,
-                    friction=friction, accuracy=self.accuracy, progress=progress, **options,
-                )  # fmt: skip
+                return press_path(
+                    self.sensor.cover, self.sensor.array, case.indenter, case.pose,
+                    loads=steps if self.depth is None else None, depths=None if self.depth is None else steps,
+                    friction=friction, strain=self.strain, accuracy=self.accuracy, fields=fields, progress=progress,
+                ), ""  # fmt: skip
         except IncompletePathError as error:
-            found, stopped = error.reached, str(error)
-            if not found:
+            if not as_far or not error.reached:
                 raise
-        return LoadCurve(indentations=found, wanted=points, stopped=stopped)
+            return error.reached, str(error)
+
+    def _press_fast(self, case: Case, parameters: Parameters, *, alone: bool) -> FastIndentation:
+        """Press by the fast model, with a warning if the press has friction, which the fast model has not."""
+        from fastmodel import indent
+
+        found = indent(parameters, case.indenter, load=case.load, pose=case.pose, contact=self.method)
+        friction, _ = self._choose_friction()
+        if not friction:
+            return found
+        use = "not used" if alone else "used by the finite elements alone"
+        sentence = f"the fast model has no friction; {describe_friction(friction)} is {use}"
+        return replace(found, warnings=(*found.warnings, sentence))
+
+    def _refuse_contact(self, parameters: Parameters) -> str:
+        """Return why MuJoCo computes no contact with the cover, so that the fast model is left out; else empty.
+
+        Raises:
+            InputError: If the fast model alone was requested.
+        """
+        if not (reason := parameters.provenance.get("no_contact")):
+            return ""
+        if "fem" not in self.models:
+            raise InputError(f"--model: {reason}; write --model fem")
+        return f"{reason}; --model fem leaves it out"
+
+    def _choose_friction(self) -> tuple[float, str]:
+        """Choose the coefficient of friction of the press: the given one, else that of the sensor file, else 0.
+
+        Returns:
+            The coefficient [-], and the option or the key of the sensor file that states it.
+        """
+        if self.friction is not None:
+            return self.friction, "--friction"
+        return getattr(self.sensor, "friction", 0.0), f"{getattr(self.sensor, 'source', '')}: contact.friction"
+
+
+def _refuse_score(fem: Indentation) -> str:
+    """Return why the fast model is not derived for a score: the finite elements' own error; empty if it is small."""
+    if not (own := texel_error(fem.error_estimate)) > _NO_SCORE:  # also without an estimate
+        return ""
+    return (
+        f"the finite elements state an error of {100 * own:.2g} % for the texels, more than the fast model usually "
+        "has, so it is not derived for a score; --model fast computes it alone"
+    )
 
 
 def read_request(
@@ -179,7 +254,7 @@ def read_request(
     friction: str | None = None,
     strain: str | None = None,
     accuracy: str | float | None = None,
-    models: str = ",".join(comparison.MODELS),
+    models: str = ",".join(MODELS),
     method: str = "default",
     curve: int | None = None,
     out: object = None,
@@ -217,8 +292,8 @@ def read_request(
     if strain not in (None, *STRAINS):
         faults.append(f"--strain: {str(strain)[:40]!r} is neither of {' and '.join(STRAINS)}")
     coefficient = faults.read(_read_friction, friction, used=needs_reference)
-    faults.read(check_choice, "--method", "contact method", method, comparison.METHODS)
-    if method in comparison.METHODS[1:] and known and ("fast" not in chosen or curve is not None):
+    faults.read(check_choice, "--method", "contact method", method, METHODS)
+    if method in METHODS[1:] and known and ("fast" not in chosen or curve is not None):
         reason = "--curve is computed by finite elements" if curve is not None else "--model names the finite elements"
         faults.append(
             f"--method: {reason} alone; leave --method out, which chooses how the fast model computes contact"
@@ -249,7 +324,7 @@ def _read_models(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(","))
     faults = Faults()
     for name in names:
-        faults.read(check_choice, "--model", "model", name, comparison.MODELS)
+        faults.read(check_choice, "--model", "model", name, MODELS)
     faults.refuse()
     return names
 
