@@ -40,6 +40,7 @@ from meshes.solids.covers import take_meshes
 from meshes.surfaces.files import read_triangles
 from meshes.surfaces.triangles import label_parts, merge_corners, normal_vectors, unit_vectors
 from tests.exact.spots import SpotLoad, touch_cylinder
+from tests.support.rotated_poses import rotated_pose
 from tests.support.rubber import make_cover, make_rubber
 from validation.derivation.cover_points import derive_points
 from validation.schema import parse
@@ -183,7 +184,7 @@ def list_presses() -> Iterator[tuple[str, str, Indenter, Pose, float]]:
         turn = Rotation.from_euler("y", tilt).as_matrix()
         for place, (at, direction) in PLACES.items():
             pose = Pose.facing(1e-3 * np.array(at) - 20e-3 * np.array(direction), direction)
-            turned = Pose.from_rotation(pose.position, pose.rotation @ turn, direction)
+            turned = rotated_pose(pose.position, pose.rotation @ turn, direction)
             yield shape, place, indenter, turned, load
 
 

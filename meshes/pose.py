@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,9 +11,8 @@ import numpy.typing as npt
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 
-#: Largest deviation that counts as rounding [-].  It applies to a yaw near a multiple of 90 degrees, over 90 degrees;
-#: to the product of a rotation matrix and its transpose, which is the identity; and to the numbers of two poses [m,
-#: rad].
+#: Largest deviation that counts as rounding [-].  It applies to a yaw near a multiple of 90 degrees, over 90 degrees,
+#: and to the numbers of two poses [m, rad].
 _ROUNDING = 1e-9
 
 
@@ -86,34 +85,6 @@ class Pose:
         """
         place, towards = (tuple(np.array(each, dtype=float).tolist()) for each in (point, direction))
         return cls(point=place, direction=towards, yaw=spin)
-
-    @classmethod
-    def from_rotation(
-        cls, point: npt.ArrayLike, rotation: npt.ArrayLike, direction: npt.ArrayLike | None = None
-    ) -> Pose:
-        """Place an indenter that is given by a rotation matrix.
-
-        Args:
-            point: Position of the lowest point on its axis, shape (3,) [m].
-            rotation: Matrix whose columns are the indenter's axes in the array's frame, shape (3, 3).
-            direction: Direction of motion, of any length, shape (3,) [-]; opposite to the indenter's z axis if None.
-
-        Raises:
-            ValueError: If the matrix is no right-handed rotation.
-        """
-        axes = np.array(rotation, dtype=float)
-        if axes.shape != (3, 3) or not np.isfinite(axes).all():
-            raise ValueError("the rotation of a pose must be 3 x 3 finite numbers")
-        if np.abs(axes @ axes.T - np.eye(3)).max() > _ROUNDING or np.linalg.det(axes) < 0:
-            raise ValueError("the rotation of a pose must be a right-handed orthogonal matrix")
-        upright = cls.facing(point, -axes[:, 2] if direction is None else direction)
-        turn = upright.rotation.T @ axes
-        # The rotation from the upright pose is a tilt about a horizontal axis, followed by a rotation about z.
-        sine = float(np.hypot(turn[2, 0], turn[2, 1]))
-        per_sine = float(np.arctan2(sine, turn[2, 2])) / sine if sine else 0.0
-        tilt = (per_sine * float(turn[2, 1]), -per_sine * float(turn[2, 0])) if direction is not None else (0.0, 0.0)
-        spun = turn @ replace(upright, direction=(0.0, 0.0, -1.0), tilt=tilt).rotation.T
-        return replace(upright, yaw=float(np.arctan2(spun[1, 0], spun[0, 0])), tilt=tilt)
 
     @property
     def at(self) -> tuple[float, float]:

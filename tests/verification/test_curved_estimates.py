@@ -15,6 +15,7 @@ from meshes.solids import flat_pad, sweep
 from meshes.solids.covers import take_meshes
 from meshes.solids.swept import cylinder_surface
 from tests.exact.spots import SpotLoad, touch_cylinder
+from tests.support.rotated_poses import rotated_pose
 
 RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.49)
 
@@ -63,7 +64,7 @@ def test_estimates_of_presses_bound_the_difference_from_the_planar_solution(inde
 def test_a_tilted_box_presses_as_on_the_planar_solution(size, tilt, at):
     cover, load, tilt = flat_pad(size=(14e-3, 14e-3), rows=3), 0.2, np.radians(tilt)
     box = Box(size=(size, 3e-3, 6e-3))
-    pose = Pose.from_rotation(np.array([*at, 5e-3]), Rotation.from_rotvec([0, tilt, 0]).as_matrix(), (0, 0, -1))
+    pose = rotated_pose(np.array([*at, 5e-3]), Rotation.from_rotvec([0, tilt, 0]).as_matrix(), (0, 0, -1))
     ours = press(take_meshes(cover.meshes(), RUBBER), cover.texels, box, pose, load=load)
     planar = Cover(layers=(Layer(thickness=2e-3, material=RUBBER),), size=(14e-3, 14e-3))
     known = press(planar, cover.texels, box, load=load, pose=Pose.planar(at=at, tilt=(0.0, tilt)))

@@ -12,6 +12,7 @@ from meshes import Box, Sphere
 from meshes.pose import Pose
 from meshes.solids import flat_pad
 from meshes.solids.covers import take_meshes
+from tests.support.rotated_poses import rotated_pose
 from tests.support.rubber import make_rubber
 
 PAD = flat_pad(size=(8e-3, 8e-3), rows=2)
@@ -24,7 +25,7 @@ BALL, BOX = Sphere(radius=5e-3), Box(size=(3e-3, 3e-3, 2e-3))
 def begin(indenter, material, direction=DOWN):
     """The path of an indenter on the pad, and its sampler."""
     compliance = build_compliance(MESH, material, vectors=True)
-    pose = Pose.from_rotation(ABOVE.point, ABOVE.rotation, direction)
+    pose = rotated_pose(ABOVE.point, ABOVE.rotation, direction)
     touch = find_touch(compliance.top, indenter, pose)
     sampler = GapSampler(compliance.top, indenter, pose, touch + 1e-3, 1e-3)
     return StickingPress(compliance, sampler, direction, touch, 1e-3), sampler
@@ -62,7 +63,7 @@ def test_hats_below_a_face_move_with_it(direction):
 def test_an_oblique_motion_drags_the_cover_along_and_the_base_bears_it():
     direction = np.array([0.6, 0, -0.8])
     material = make_rubber(0.45)
-    pose = Pose.from_rotation(ABOVE.point, ABOVE.rotation, direction)
+    pose = rotated_pose(ABOVE.point, ABOVE.rotation, direction)
     found, smooth = (
         press(take_meshes([MESH], material), PAD.texels, BALL, pose, depth=0.2e-3, friction=friction)
         for friction in (np.inf, 0.0)

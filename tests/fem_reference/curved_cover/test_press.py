@@ -16,6 +16,7 @@ from meshes.pose import Pose
 from meshes.solids import fingertip, flat_pad, phalanx
 from meshes.solids.covers import take_meshes
 from meshes.solids.facets import node_places, split_facet
+from tests.support.rotated_poses import rotated_pose
 
 NEO = Material(name="neo", model="neo-hookean", parameters={"shear_modulus": 3e5}, poisson_ratio=0.49)
 RUBBER = Material(name="rubber", model="linear-elastic", parameters={"youngs_modulus": 1e6}, poisson_ratio=0.45)
@@ -127,7 +128,7 @@ def test_mirrored_presses_give_mirrored_forces(friction, tolerance):
 def test_an_oblique_motion_presses_with_the_same_face():
     pose = at_angle(0.0, distance=13e-3)
     straight = press(SOLID, COVER.texels, BALL, pose, depth=0.2e-3)
-    turned = Pose.from_rotation(pose.point, pose.rotation, (0.6, 0, -0.8))
+    turned = rotated_pose(pose.point, pose.rotation, (0.6, 0, -0.8))
     np.testing.assert_allclose(turned.rotation, pose.rotation, atol=1e-12)
     oblique = press(SOLID, COVER.texels, BALL, turned, depth=0.2e-3)
     assert oblique.total_force == pytest.approx(oblique.force @ [0.6, 0, -0.8])
@@ -179,7 +180,7 @@ def test_an_indenter_that_fits_between_the_points_of_the_mesh_is_told_so():
 def test_a_steep_side_beside_an_edge_does_not_lift_the_mean_gap():
     top = find_top(flat_pad(size=(8e-3, 8e-3), rows=2).mesh(1e-3, layers=2))
     tilted = Rotation.from_euler("y", 5, degrees=True).as_matrix()
-    pose = Pose.from_rotation(np.array([0.13e-3, 0, 5e-3]), tilted, np.array([0, 0, -1.0]))
+    pose = rotated_pose(np.array([0.13e-3, 0, 5e-3]), tilted, np.array([0, 0, -1.0]))
     box = Box(size=(4e-3, 3e-3, 6e-3))
     travel = find_touch(top, box, pose) + 0.1e-3
     gaps = GapSampler(top, box, pose, travel).at(travel)
