@@ -246,6 +246,17 @@ class Quality:
 
 
 @lru_cache(maxsize=4)
+def describe_size(length: float, name: str) -> str:
+    """Return what is wrong with the length of a body [m], in words; empty if it lies within the limits."""
+    low, high = LIMITS.sizes
+    if low <= length <= high:
+        return ""
+    return (
+        f"{name} would be {1e3 * length:.4g} mm long, outside {1e3 * low:g}..{1e3 * high:g} mm; state the unit of the "
+        "surface (were millimetres taken for metres?)"
+    )
+
+
 def check_quality(mesh: SolidMesh) -> Quality:
     """Measure the quality of a mesh and compare it with the limits; `Quality.require` raises an error for faults.
 
@@ -265,12 +276,7 @@ def check_quality(mesh: SolidMesh) -> Quality:
         corner = mesh.nodes[mesh.cells[:, :4]]
         each = np.abs(np.linalg.det(corner[:, 1:] - corner[:, :1]))
         through = thickness / float(np.mean(np.cbrt(np.sqrt(2) * each)))
-    faults, (low, high) = [], LIMITS.sizes
-    if not low <= mesh.size <= high:
-        faults.append(
-            f"the cover would be {1e3 * mesh.size:.4g} mm long, outside {1e3 * low:g}..{1e3 * high:g} mm; "
-            "state the unit of the surface (were millimetres taken for metres?)"
-        )
+    faults = [fault] if (fault := describe_size(mesh.size, "the cover")) else []
     if inverted:
         faults.append(
             f"{inverted} of {len(mesh.cells)} elements are inverted; make the cover thinner than the radius of a "

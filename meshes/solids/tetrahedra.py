@@ -31,6 +31,7 @@ from meshes.solids.solid_mesh import (
     TETRAHEDRON,
     Setting,
     SolidMesh,
+    describe_size,
     scaled_jacobians,
 )
 from meshes.surfaces.triangles import check_closed, enclosed_volume, merge_corners, nearest_points, normal_vectors
@@ -93,13 +94,8 @@ def fill_with_tetrahedra(shell: Shell, element_size: float, *, name: str = "the 
     """
     surface = np.asarray(shell.surface, dtype=float)
     check_closed(surface, name, crossings=not shell.is_folded)
-    size = float(np.ptp(surface, axis=(0, 1)).max())
-    low, high = LIMITS.sizes
-    if not low <= size <= high:
-        raise ValueError(
-            f"{name} would be {1e3 * size:.4g} mm long, outside {1e3 * low:g}..{1e3 * high:g} mm; state its "
-            "unit (were millimetres taken for metres?)"
-        )
+    if fault := describe_size(float(np.ptp(surface, axis=(0, 1)).max()), name):
+        raise ValueError(fault)
     if find_spec("pytetwild") is None:
         raise ModuleNotFoundError(
             "tetrahedral meshes need pytetwild; run in a clone of softcover: python -m pip install -e '.[curved]'",

@@ -23,7 +23,7 @@ from meshes.solids.shell import (
     select_base,
     thicken,
 )
-from meshes.solids.solid_mesh import LIMITS, Setting
+from meshes.solids.solid_mesh import LIMITS, Setting, describe_size
 from meshes.solids.tetrahedra import label_mesh, list_boundary, orient_tetrahedra
 from meshes.surfaces.files import read_tetrahedra, read_triangles
 from meshes.surfaces.smooth import measure_flat, smooth_surface
@@ -117,16 +117,6 @@ def project_texels(texels: TexelArray, cover: SolidCover) -> TexelArray:
     return dataclasses.replace(texels, centres=near, normals=normals)
 
 
-def _check_size(triangles: FloatArray, name: str) -> None:
-    size = float(np.ptp(triangles, axis=(0, 1)).max())
-    low, high = LIMITS.sizes
-    if not low <= size <= high:
-        raise ValueError(
-            f"unit: {name} would be {1e3 * size:.4g} mm long, outside {1e3 * low:g}..{1e3 * high:g} mm "
-            "(were millimetres taken for metres?)"
-        )
-
-
 def _build_shell(table: CurvedCoverTable, folder: Path, crease: float) -> tuple[Shell, str]:
     """Make the closed surface of a solid cover, and describe in words from which files it is made.
 
@@ -142,7 +132,8 @@ def _build_shell(table: CurvedCoverTable, folder: Path, crease: float) -> tuple[
     notes, errors, surfaces = [], [], []
     for name in filter(None, (table.surface, table.base)):
         given = close_cracks(read_triangles(folder / name, unit))
-        _check_size(given, name)
+        if fault := describe_size(float(np.ptp(given, axis=(0, 1)).max()), f"unit: {name}"):
+            raise ValueError(fault)
         list_border(merge_corners(given)[1], name)
         if table.thickness is not None and name == table.surface:
             notes += _note_mounting(given, table, name)
