@@ -72,7 +72,7 @@ class Campaign:
         quick: Names of the cases that a run with a budget prefers.
         left_out: One line per fault in a case that is left out.
         fewest: Number of scored cases below which nothing is decided [-].
-        next: Names of the cases that ten more minutes would add to a run with a budget.
+        next: Names of the cases that ten more minutes would add to a run with a budget, in the order of the file.
     """
 
     name: str

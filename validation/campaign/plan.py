@@ -290,7 +290,7 @@ class Budget:
         return replace(
             campaign, name=f"{campaign.name}, quick" if self.most == QUICK else campaign.name,
             cases=tuple(cases[i] for i in kept), fewest=min(FEWEST, len(cases)),
-            next=tuple(cases[i].name for i in chosen[stop:]),
+            next=tuple(cases[i].name for i in sorted(chosen[stop:])),
         )  # fmt: skip
 
 
