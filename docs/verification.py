@@ -19,6 +19,8 @@ from meshes import Box, Cover, Cylinder, Layer, Material, Roller, Sphere, TexelA
 from meshes.catalogue import ARRAYS
 from tests.exact.bonded_disk import compress_disk, gent_lindley
 from tests.exact.boundary import pressed_shape
+from tests.exact.disk_series import bonded_disk
+from tests.exact.point_response import point_response_spline
 
 ARRAY = ARRAYS["wts-0614-34"]
 RATIOS = (0.0, 0.3, 0.45, 0.49, 0.499, 0.5)
@@ -80,7 +82,7 @@ def disk_table() -> None:
         radius, height = 4e-3 * factor, 2e-3
         found = compress_disk(rubber, radius=radius, height=height, strains=[1e-4, 0.05, 0.1, 0.15])
         apparent = found.force / (np.pi * radius**2 * found.strain * rubber.youngs_modulus)
-        series = closed_form.bonded_disk(factor).value
+        series = bonded_disk(factor).value
         numbers = [series, gent_lindley(factor), *apparent]
         errors = [abs(apparent[0] / series - 1), found.error_estimate[0], found.error_estimate[-1]]
         row(" | ".join([str(factor), *(f"{number:.4g}" for number in numbers)]), errors)
@@ -149,7 +151,7 @@ def exact_forces(cover: Cover, place: np.ndarray, array: TexelArray = ARRAY) -> 
 @cache
 def exact_spline(cover: Cover, reach: float) -> CubicSpline:
     """The exact radial response out to `reach` [1/m2]."""
-    return closed_form.point_response_spline(cover, reach)
+    return point_response_spline(cover, reach)
 
 
 def press_errors(cover: Cover) -> tuple[float, float, float]:

@@ -177,28 +177,20 @@ def punch(cover: Cover, radius: float, depth: float, *, nodes: int | None = None
     return _solve(cover, radius, np.zeros_like, depth, nodes=nodes)
 
 
-def sphere(
-    cover: Cover, radius: float, contact_radius: float, *, paraboloid: bool = False, nodes: int | None = None
-) -> LayerContact:
+def sphere(cover: Cover, radius: float, contact_radius: float) -> LayerContact:
     """Press a rigid sphere into a laterally wide cover until the contact has the given radius.
 
     Args:
         cover: Cover; its layers have their linear elastic properties at zero load.
         radius: Radius R of the sphere [m].
         contact_radius: Radius of the contact area, less than `radius` [m].
-        paraboloid: Replace the sphere by the paraboloid r^2 / 2 R, as in Hertz's theory.
-        nodes: Number of Gauss points of the integral equation; None to choose it from the thickness [-].
 
     Raises:
         ValueError: If the contact is not smaller than the sphere, or as for `punch`.
     """
     if not 0 < contact_radius < radius:
         raise ValueError(f"the contact radius must lie in 0..{radius} m, not {contact_radius}")
-
-    def profile(t: FloatArray) -> FloatArray:
-        return t**2 / radius if paraboloid else t * np.arctanh(t / radius)
-
-    return _solve(cover, contact_radius, profile, nodes=nodes)
+    return _solve(cover, contact_radius, lambda t: t * np.arctanh(t / radius), nodes=None)
 
 
 def indent(

@@ -124,18 +124,6 @@ def point_response(cover: Cover, radius: npt.ArrayLike) -> FloatArray:
     return out.reshape(r.shape)
 
 
-def point_response_spline(cover: Cover, reach: float, points: int = 1601) -> CubicSpline:
-    """Tabulate the base pressure per unit point load (`point_response`) as a cubic spline of the distance.
-
-    Args:
-        cover: Cover; its layers have their linear elastic properties at zero load.
-        reach: Largest distance from the load [m].
-        points: Number of points of the table, evenly spaced from 0 to `reach` [-].
-    """
-    radius = np.linspace(0.0, reach, points)
-    return CubicSpline(radius, point_response(cover, radius), bc_type="clamped")
-
-
 def hankel_nodes(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
     """Compute nodes and weights of a Hankel transform in the wave number k, fine enough for J0(k r) up to r = `reach`.
 
@@ -164,15 +152,6 @@ def place_gauss_points(edges: FloatArray, count: int) -> tuple[FloatArray, Float
     nodes, weights = np.polynomial.legendre.leggauss(count)
     half = np.diff(edges)[:, None] / 2
     return (edges[:-1, None] + half * (nodes + 1)).ravel(), (half * weights).ravel()
-
-
-def variance(layer: Layer) -> float:
-    """Compute the variance, along one axis, of the base pressure under a point load on one bonded layer [m2].
-
-    For a layer of thickness h the variance is h^2 nu / (1 - nu).
-    """
-    nu = layer.material.poisson_ratio
-    return layer.thickness**2 * nu / (1 - nu)
 
 
 def _compute_uniform_limit(cover: Cover) -> tuple[float, float]:

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem_reference import closed_form
-from fem_reference.closed_form.disk import _Edge, _evaluate_edge_fields, _evaluate_squeeze_film
 from meshes import Material
 from tests.exact.bonded_disk import Disk, compress_disk, gent_lindley
+from tests.exact.disk_series import _Edge, _evaluate_edge_fields, _evaluate_squeeze_film, bonded_disk
+from validation.credibility import verification
 
 FACTORS = [0.25, 0.5, 1.0, 2.0, 3.0]
 
@@ -27,11 +27,15 @@ def apparent(squeezed, radius):
 @pytest.mark.parametrize("factor", FACTORS)
 def test_series_converges_from_above_near_gent_and_lindley(factor):
     """Their estimate is within 7 % of the exact value over the whole range, and no closer than 1 %."""
-    found = [closed_form.bonded_disk(factor, terms=n).value for n in (20, 40, 80)]
+    found = [bonded_disk(factor, terms=n).value for n in (20, 40, 80)]
     assert found[1] == pytest.approx(found[2], rel=5e-5)
     assert abs(found[1] - found[2]) < abs(found[0] - found[2])
-    assert abs(found[1] / found[2] - 1) < closed_form.bonded_disk(factor, terms=40).error < 1e-3
+    assert abs(found[1] / found[2] - 1) < bonded_disk(factor, terms=40).error < 1e-3
     assert 0.01 < abs(gent_lindley(factor) / found[2] - 1) < 0.07
+
+
+def test_the_report_compares_with_the_value_of_the_series():
+    assert bonded_disk(verification._DISK_RADIUS / 4).value == pytest.approx(verification._DISK_MODULUS, rel=1e-12)
 
 
 def test_series_fields_obey_betti():
@@ -52,19 +56,17 @@ def test_series_fields_obey_betti():
 
 def test_slender_and_flat_disks_have_known_limits():
     """A column keeps its Young's modulus but for two ends; a film is a squeeze film: 2 S^2 + 1.2, less an edge."""
-    assert closed_form.bonded_disk(0.02).value == pytest.approx(1.0, abs=0.02)
-    assert closed_form.bonded_disk(20.0).value == pytest.approx(2 * 20.0**2, rel=0.02)
+    assert bonded_disk(0.02).value == pytest.approx(1.0, abs=0.02)
+    assert bonded_disk(20.0).value == pytest.approx(2 * 20.0**2, rel=0.02)
     with pytest.raises(ValueError, match="must be positive"):
-        closed_form.bonded_disk(0.0)
+        bonded_disk(0.0)
 
 
 @pytest.mark.parametrize("factor", [0.25, 1.0])
 def test_small_strain_equals_the_series(factor):
     disk = Disk.mesh(rubber(), 4 * factor, 9)
     force = disk.compress([1e-6])[0].load
-    assert force / (np.pi * (4 * factor) ** 2 * 3e-6) == pytest.approx(
-        closed_form.bonded_disk(factor).value, rel=1.5e-3
-    )
+    assert force / (np.pi * (4 * factor) ** 2 * 3e-6) == pytest.approx(bonded_disk(factor).value, rel=1.5e-3)
 
 
 def test_energy_is_the_work_of_the_plates_and_force_its_derivative():
@@ -87,7 +89,7 @@ def test_disks_are_squeezed_by_fifteen_percent(factor, nu):
     squeezed = compress_disk(rubber(nu), radius=radius, height=2e-3, strains=[1e-4, 0.05, 0.1, 0.15])
     assert (squeezed.error_estimate < 0.03).all()
     if nu == 0.5:
-        assert apparent(squeezed, radius)[0] == pytest.approx(closed_form.bonded_disk(factor).value, rel=5e-3)
+        assert apparent(squeezed, radius)[0] == pytest.approx(bonded_disk(factor).value, rel=5e-3)
         assert apparent(squeezed, radius)[0] == pytest.approx(gent_lindley(factor), rel=0.07)
 
 
@@ -95,7 +97,7 @@ def test_estimates_cover_the_error_at_small_strain():
     """The true error is known from the series."""
     for factor in (0.25, 0.5, 1.0, 2.0):
         squeezed = compress_disk(rubber(), radius=4e-3 * factor, height=2e-3, strains=[1e-4])
-        true = abs(apparent(squeezed, 4e-3 * factor)[0] / closed_form.bonded_disk(factor).value - 1)
+        true = abs(apparent(squeezed, 4e-3 * factor)[0] / bonded_disk(factor).value - 1)
         assert true <= squeezed.error_estimate[0] < 5 * true
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import LinearNDInterpolator
 
-from fem_reference import closed_form, press
+from fem_reference import press
 from meshes import Box, Cover, Cylinder, Pose, Sphere, TexelArray
 from tests.exact.hertz import hertz as press_half_space
+from tests.exact.point_response import point_response_spline
 from tests.support.indentations import column_contact
 from tests.support.rubber import make_cover
 
@@ -177,7 +178,7 @@ def test_base_stress_under_two_layers_is_the_exact_superposition(two_layers):
     base = found.fields.position[:, 2] < 1e-12
     near = np.flatnonzero(base)[found.fields.position[base, 0] < 6e-3]
     r = found.fields.position[near, 0]
-    response = closed_form.point_response_spline(cover, 10e-3)
+    response = point_response_spline(cover, 10e-3)
     x, y, force = column_contact(found).T
     exact = [float(force @ response(np.hypot(x - each, y))) for each in r]
     assert -found.fields.stress[near, 2, 2] == pytest.approx(np.array(exact), abs=0.01 * max(exact))

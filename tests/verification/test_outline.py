@@ -28,6 +28,7 @@ from meshes.pose import Pose
 from tests.exact import boundary
 from tests.exact.boundary import pressed_shape
 from tests.exact.outline import press_face
+from tests.exact.point_response import point_response_spline
 
 MM = 1e-3
 L_SHAPE = Prism(
@@ -116,7 +117,7 @@ def test_excess_equals_its_integral(bonded, base):
 def test_texel_response_equals_its_integral(bonded, size):
     cover = bonded(0.5)
     response = closed_form.tabulate_texel_response(cover, size)
-    pressure = closed_form.point_response_spline(cover, 10e-3, 8001)
+    pressure = point_response_spline(cover, 10e-3, 8001)
     nodes, weights = np.polynomial.legendre.leggauss(60)
     for x, y in ((0.0, 0.0), (0.3e-3, 1.1e-3), (5e-3, 2e-3)):
         r = np.hypot(size[0] / 2 * nodes[:, None] - x, size[1] / 2 * nodes - y)

@@ -10,13 +10,14 @@ import pytest
 from fem_reference import closed_form, point_spread
 from fem_reference.linear_response.surface_compliance import solve_waves
 from meshes import Cover, Layer, Material, TexelArray
+from tests.exact.point_response import point_response_spline
 
 RATIOS = [0.0, 0.3, 0.45, 0.49, 0.499, 0.5]
 
 
 @cache
 def exact_spline(cover):
-    return closed_form.point_response_spline(cover, 24 * cover.thickness)
+    return point_response_spline(cover, 24 * cover.thickness)
 
 
 def exact_texel_forces(cover, array, place, points=14):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fem_reference.closed_form.layer import point_response_spline
+from tests.exact.point_response import point_response_spline
 from tests.validation.published.equations.table import COLUMNS, PITCH, ROWS, equation, gaussian, near, place, spread
 
 
