@@ -245,7 +245,6 @@ class Quality:
         ]
 
 
-@lru_cache(maxsize=4)
 def describe_size(length: float, name: str) -> str:
     """Return what is wrong with the length of a body [m], in words; empty if it lies within the limits."""
     low, high = LIMITS.sizes
@@ -257,6 +256,7 @@ def describe_size(length: float, name: str) -> str:
     )
 
 
+@lru_cache(maxsize=4)
 def check_quality(mesh: SolidMesh) -> Quality:
     """Measure the quality of a mesh and compare it with the limits; `Quality.require` raises an error for faults.
 
