@@ -5,7 +5,6 @@ Quantities are texts with a unit, such as "5 N" or "0.3 mm", as on the command l
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -14,7 +13,7 @@ import fastmodel
 from fastmodel import Parameters
 from validation.errors import InputError, refuse_existing
 from validation.extras import REPORT_MODULES, require
-from validation.output_folder import make_file_name, new_folder, write_text
+from validation.output_folder import make_file_name, new_folder, optional_folder, write_text
 from validation.parameters import find_parameters, holds_parameters
 from validation.sensor_file import BUILT_IN, SensorDescription
 from validation.sensor_file import load as load_description
@@ -165,7 +164,7 @@ def derive(
     from validation.derivation.derive import derive as derive_sensor
     from validation.report.figures import write_derivation
 
-    with new_folder(Path(out)) if out else contextlib.nullcontext() as folder:
+    with optional_folder(out) as folder:
         found = derive_sensor(description, progress=progress)
         if folder:
             write_derivation(found, folder, format)
@@ -285,7 +284,7 @@ def validate(
             f"friction {describe_friction(description.friction)} from {description.source} in the finite elements of "
             "every case, which takes minutes for each flat face; the fast model has none"
         )
-    with new_folder(Path(out)) if out else contextlib.nullcontext() as folder:
+    with optional_folder(out) as folder:
         found = evaluate(
             description, campaign=plan, recordings=data, recorded=recorded, budget=allowed, progress=shown,
             announce=announce,

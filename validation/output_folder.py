@@ -104,6 +104,11 @@ def new_folder(target: Path) -> Iterator[Path]:
         atomic_file.flush(target.parent)
 
 
+def optional_folder(target: Path | str | None) -> contextlib.AbstractContextManager[Path | None]:
+    """Provide a folder as `new_folder` does, or None without a target."""
+    return new_folder(Path(target)) if target else contextlib.nullcontext()
+
+
 def _exchange(one: Path, other: Path) -> bool:
     """Exchange two folders in one step; return false if the operating system or the file system cannot do so."""
     rename = getattr(ctypes.CDLL(None), "renameat2", None) if sys.platform == "linux" else None

@@ -60,12 +60,6 @@ class StageErrors(Result):
     pooled: Mapping[str, Pooled]
     note: str = ""
 
-    @property
-    def largest(self) -> str:
-        """Name of the stage with the largest mean error."""
-        known = {name: value.mean for name, value in self.pooled.items() if value.cases}
-        return max(known, key=lambda name: known[name])
-
 
 def score_stages(cover: Cover, parameters: Parameters, results: Sequence[CaseResult]) -> StageErrors | None:
     """Score the stages of the fast model in every case.

@@ -193,11 +193,9 @@ METHODS_OF: Mapping[str | None, tuple[str, ...]] = {
     "cover": ("boxes", "foundation", "cover"),
     "curved": ("curved",),
 }
-#: Contact methods that compute the contact area.
+#: Contact methods that compute the contact area, and contact and spread by the cover together.  Their texel forces are
+#: read after spread, those of the other methods before it.
 AREA_METHODS = ("foundation", "cover", "curved")
-#: Contact methods that compute contact and spread by the cover together.  Their texel forces are read after spread,
-#: those of the other methods before it.
-SPREADING = ("foundation", "cover", "curved")
 #: Mean pressure below the H-shaped indenter: that of 500 g on an H of 12 x 16 mm with bars of 4 mm [Pa].
 LETTER_PRESSURE = 34e3
 #: Largest width and largest height of the H-shaped indenter [pitches].
@@ -389,7 +387,7 @@ def _press(
     for method in (each for each in list_methods(parameters) if each in among):
         pressed = indent(parameters, indenter, load=load, pose=pose, contact=method)
         # The forces are read before the point spread, because quantities of their own measure the spread.
-        forces = pressed.texel_forces if method in SPREADING else pressed.contact_forces
+        forces = pressed.texel_forces if method in AREA_METHODS else pressed.contact_forces
         readings |= {
             f"{method}, force of each texel": read(list_rows(array.image(forces)), "mN", "1 % of largest"),
             f"{method}, largest force after spread": read(float(pressed.texel_forces.max()), "mN", "0.5 % of each"),

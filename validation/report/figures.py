@@ -193,7 +193,7 @@ def _(derivation: SolidDerivation, evaluation: Evaluation, folder: Path) -> Pict
     return Pictures(missing=f"no pictures in three dimensions: {missing}")
 
 
-def write_derivation(derivation: Derivation, folder: Path, picture: str = "png") -> tuple[str, ...]:
+def write_derivation(derivation: Derivation, folder: Path, picture: str = "png") -> None:
     """Write a derivation: `parameters.toml`, `cover.npz`, `derive.json`, and what `draw_derivation` writes.
 
     Args:
@@ -201,29 +201,24 @@ def write_derivation(derivation: Derivation, folder: Path, picture: str = "png")
         folder: An existing folder to write to.
         picture: Format of a plot, `png` or `svg`.
 
-    Returns:
-        The names of the written files.
-
     Raises:
         OSError: If the folder cannot be written.
     """
     derivation.parameters.save(folder)
     (folder / "derive.json").write_text(json_text(derivation.result), encoding="utf-8")
-    return ("parameters.toml", "cover.npz", "derive.json", *draw_derivation(derivation, folder, picture))
+    draw_derivation(derivation, folder, picture)
 
 
 @singledispatch
-def draw_derivation(derivation: object, folder: Path, picture: str) -> tuple[str, ...]:
-    """Write pictures and further files of a derivation, and return their names.
+def draw_derivation(derivation: object, folder: Path, picture: str) -> None:
+    """Write pictures and further files of a derivation.
 
     A kind of cover without a registered function has none.
     """
-    del derivation, folder, picture
-    return ()
 
 
 @draw_derivation.register(SolidDerivation)
-def _(derivation: SolidDerivation, folder: Path, picture: str) -> tuple[str, ...]:
+def _(derivation: SolidDerivation, folder: Path, picture: str) -> None:
     """Write the mesh of a solid cover, `responses.npz`, and pictures where this machine can draw.
 
     `responses.npz` holds the nodes of the top and the force on each texel per unit force vector on each node.
@@ -239,11 +234,11 @@ def _(derivation: SolidDerivation, folder: Path, picture: str) -> tuple[str, ...
     (folder / "responses.npz").write_bytes(pack_npz(arrays))
     write_mesh(folder / "mesh.npz", grid.mesh)
     scene = show_mesh(grid.mesh, derivation.sensor.array, title=derivation.sensor.name)
-    return ("responses.npz", "mesh.npz", *write_scene(scene, folder))
+    write_scene(scene, folder)
 
 
 @draw_derivation.register(LayeredDerivation)
-def _(derivation: LayeredDerivation, folder: Path, picture: str) -> tuple[str, ...]:
+def _(derivation: LayeredDerivation, folder: Path, picture: str) -> None:
     """Draw the spread of a load under planar layers as `psf.png` or `psf.svg`, if matplotlib is installed.
 
     The figure shows the plots of the responses, and the forces under a uniform load on one texel, row 0 below.
@@ -252,7 +247,7 @@ def _(derivation: LayeredDerivation, folder: Path, picture: str) -> tuple[str, .
         from matplotlib.figure import Figure
     except ImportError:
         _LOG.warning("no plot: %s", MissingExtraError("matplotlib"))
-        return ()
+        return
     plots = plot_responses(derivation).values()
     figure = Figure(figsize=(12, 4), layout="constrained")
     *axes, image = figure.subplots(1, len(plots) + 1, width_ratios=(*(2 for _ in plots), 1))
@@ -264,4 +259,3 @@ def _(derivation: LayeredDerivation, folder: Path, picture: str) -> tuple[str, .
     label = " (assumed cover)" if derivation.sensor.cover.assumed else ""
     figure.suptitle(f"{derivation.sensor.name}{label}")
     figure.savefig(folder / f"psf.{picture}", dpi=150)
-    return (f"psf.{picture}",)

@@ -441,12 +441,12 @@ def _tabulate_inputs(evidence: Evidence) -> Table:
 
 
 def _tabulate_stages(evidence: Evidence) -> Table:
-    rows, stages = [], evidence.stages
-    for stage, what in STAGES.items() if stages else ():
-        cases = {name: errors[stage] for name, errors in stages.cases.items()} if stages else {}
-        worst = max(cases, key=lambda name: cases[name])
-        mean = interval(stages.pooled[stage], METRICS["misplaced_force"]) if stages else Cell(text="")
-        rows.append([Cell(text=stage, small=what), mean, number(cases[worst], 100, 2, small=worst)])
+    rows = []
+    if (stages := evidence.stages) is not None:
+        for stage, what in STAGES.items():
+            worst, errors = max(stages.cases.items(), key=lambda item: item[1][stage])
+            mean = interval(stages.pooled[stage], METRICS["misplaced_force"])
+            rows.append([Cell(text=stage, small=what), mean, number(errors[stage], 100, 2, small=worst)])
     return Table(
         name="stages",
         caption="Score by stage: misplaced force [% of the load] when one part of the reference is replaced",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -40,14 +39,14 @@ def mesh(
         out: Folder for the finest mesh, its quality and pictures.
     """
     from validation.extras import require
-    from validation.output_folder import new_folder
+    from validation.output_folder import optional_folder
 
     description = options.read_description(sensor, options.CoverChanges(thickness=thickness), any_cover=True)
     require("skfem", useful=("pyvista",) if out else ())
     from validation.cover_meshes import describe_mesh, make_meshes, write_meshes
     from validation.scene.draw import lacks_picture
 
-    with new_folder(out) if out else contextlib.nullcontext() as folder, output.Progress() as progress:
+    with optional_folder(out) as folder, output.Progress() as progress:
         meshes = make_meshes(description, progress)
         files = write_meshes(description, meshes, folder) if folder else ()
     if json:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -113,11 +112,11 @@ def press(
 
 def _compare(request: PressRequest, out: Path | None, *, json: bool) -> int:
     """Compute one indentation by the chosen models, print it, and write its files to `out` if given."""
-    from validation.output_folder import new_folder
+    from validation.output_folder import optional_folder
     from validation.press_files import write_press
     from validation.scene.draw import lacks_picture
 
-    with new_folder(out) if out else contextlib.nullcontext() as folder, output.Progress() as progress:
+    with optional_folder(out) as folder, output.Progress() as progress:
         comparison = request.run(fields=folder is not None, as_far=True, progress=progress)
         files = write_press(comparison, folder) if folder else ()
     if json:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import nullcontext
 from pathlib import Path
 
 from validation.cli import options, output
@@ -41,12 +40,12 @@ def regress(
         seed: Seed of the noise, from 0 on; no seed changes the verdict.
     """
     from validation import api
-    from validation.output_folder import new_folder
+    from validation.output_folder import optional_folder
     from validation.regression.baseline import write_junit
 
     _check_options(baseline, junit, out, seed, update=update)
     source = options.read_sensor(sensor, any_cover=True)
-    with new_folder(out) if out else nullcontext() as folder, output.Progress() as progress:
+    with optional_folder(out) as folder, output.Progress() as progress:
         options.tell_unused(source, ", and this check computes its finite elements without")
         found = api.regress(source, baseline=baseline, update=update, seed=seed, progress=progress)
         if folder:
