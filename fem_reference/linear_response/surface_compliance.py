@@ -9,11 +9,13 @@ finite-element method, a discretisation that is independent of the axisymmetric 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.special import j0
+from scipy.special import j0, j1
 
 from fem_reference.elements.grading import growing_steps, layer_heights
 from fem_reference.elements.line import Line, gauss_points, line_matrix
@@ -99,10 +101,17 @@ class WaveResponse:
     Attributes:
         compliance: Downward displacement of the top per pressure on the top, shape (m,) [m/Pa].
         base: Pressure on the base, from the reaction, per pressure on the top, shape (m,) [-].
+        coupling: Factor of the displacement sin(k x) along x per pressure, and of the downward displacement cos(k x)
+            per shear sin(k x) along x, shape (m,) [m/Pa].
+        along: Displacement along x per shear along x, shape (m,) [m/Pa].
+        across: Displacement along y per shear along y, shape (m,) [m/Pa].
     """
 
     compliance: FloatArray
     base: FloatArray
+    coupling: FloatArray
+    along: FloatArray
+    across: FloatArray
 
 
 def decay_length(cover: Cover) -> float:
@@ -152,19 +161,23 @@ def solve_waves(cover: Cover, wave_number: FloatArray, *, elements_per_layer: in
     """
     constant, linear, square = _assemble(cover, elements_per_layer)
     nodes = 2 * elements_per_layer * len(cover.layers) + 1
-    # Indices of U and W at the base, and of W at the top.
-    base, top = np.array([0, nodes]), 2 * nodes - 1
+    # Indices of U and W at the base, and of U and W at the top.
+    base, top = np.array([0, nodes]), np.array([nodes - 1, 2 * nodes - 1])
     constrained = base if cover.base == "bonded" else base[1:]
     free = np.setdiff1d(np.arange(len(constant)), constrained)
-    load = np.zeros((len(free), 1))
-    load[np.searchsorted(free, top)] = -1.0
-    compliance, reaction = np.empty_like(wave_number), np.empty_like(wave_number)
+    load = np.zeros((len(free), 2))
+    load[np.searchsorted(free, top), [0, 1]] = [1.0, -1.0]
+    # The displacement along y has the shear stiffness of U over z and that of W over x.
+    held = slice(int(cover.base == "bonded"), nodes)
+    bend, shear = constant[held, held], square[nodes:, nodes:][held, held]
+    out = np.empty((5, len(wave_number)))
     for i, k in enumerate(wave_number):
         matrix = constant + k * linear + k**2 * square
-        solution = np.linalg.solve(matrix[np.ix_(free, free)], load)[:, 0]
-        compliance[i] = -solution[np.searchsorted(free, top)]
-        reaction[i] = matrix[base[1], free] @ solution
-    return WaveResponse(compliance=compliance, base=reaction)
+        solution = np.linalg.solve(matrix[np.ix_(free, free)], load)
+        (along, coupling), (_, compliance) = load.T @ solution
+        across = np.linalg.solve(bend + k**2 * shear, np.eye(len(bend))[-1])[-1]
+        out[:, i] = compliance, matrix[base[1], free] @ solution[:, 1], coupling, along, across
+    return WaveResponse(compliance=out[0], base=out[1], coupling=out[2], along=out[3], across=out[4])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -228,7 +241,7 @@ class SurfaceCompliance:
         value = width * height / distance * (1 + spread / distance**2)
         near = distance < _SETTINGS.neighbours * max(width, height)
         value[near] = _integrate_twice(x[near], y[near], width, height) / (width * height)
-        rules = [_cut_triangular(size, self.scale) for size in (width, height)]
+        rules = [cut_triangular(size, self.scale) for size in (width, height)]
         out[within] = self.half_space * value + width * height * self._average_regular(x, y, rules)
         return out
 
@@ -257,36 +270,70 @@ def surface_compliance(
         reach: Largest distance of interest [m].  The table ends where the displacement has decayed, if that is nearer.
         elements_per_layer: Number of quadratic elements through each layer [-].
     """
-    top = cover.layers[-1]
-    farthest = _SETTINGS.decay * max(decay_length(cover), membrane_length(cover))
-    decayed, reach = reach >= farthest, min(reach, farthest)
-    k, weight = _wave_numbers(cover, reach)
-    # The compliance times the wave number is smooth over the logarithm of the wave number, and constant for a half
-    # space, so that it is solved at few wave numbers and interpolated.
-    first, last = np.log(k[[0, -1]])
-    count = int(np.ceil(_SETTINGS.solved_waves * (last - first))) + 1
-    solved = np.exp(np.linspace(first, last, count)) if count < len(k) else k
-    scaled = solved * solve_waves(cover, solved, elements_per_layer=elements_per_layer).compliance
-    compliance = CubicSpline(np.log(solved), scaled)(np.log(k)) / k
-    half_space = (1 - top.material.poisson_ratio) / (top.material.shear_modulus * k)  # Johnson 1985, eq. 2.61
-    fade = np.cos(np.pi / 2 * np.clip((k / k[-1] - _SETTINGS.fade) / (1 - _SETTINGS.fade), 0, 1)) ** 2
-    excess = (compliance - half_space) * fade * k * weight / (2 * np.pi)
-    fine = min(layer.thickness for layer in cover.layers) / _SETTINGS.table_points
-    step = min(max(fine, top.thickness / _SETTINGS.most_per_layer), reach / _SETTINGS.least_points)
-    growing = growing_steps(
-        step, reach, lambda each: max(step, min(_SETTINGS.table_growth * each, reach / _SETTINGS.least_points))
-    )
-    radius = np.append(0.0, np.cumsum(growing))
-    radius *= reach / radius[-1]
-    table = np.concatenate([j0(np.outer(block, k)) @ excess for block in np.array_split(radius, _SETTINGS.blocks)])
+    top, waves = cover.layers[-1], Waves(cover, reach, elements_per_layer)
+    half_space = (1 - top.material.poisson_ratio) / top.material.shear_modulus  # Johnson 1985, eq. 2.61
     return SurfaceCompliance(
-        half_space=(1 - top.material.poisson_ratio) / (2 * np.pi * top.material.shear_modulus),
-        regular=CubicSpline(radius, table, bc_type=("clamped", "not-a-knot")),
-        reach=reach,
-        decayed=decayed,
+        half_space=half_space / (2 * np.pi),
+        regular=waves.invert("compliance", half_space),
+        reach=waves.reach,
+        decayed=waves.decayed,
         scale=top.thickness,
         thickness=cover.thickness,
     )
+
+
+class Waves:
+    """Responses of a cover to waves, and their inverse Hankel transforms.
+
+    Args:
+        cover: Cover; its layers have their linear elastic properties at zero load.
+        reach: Largest distance of interest [m].
+        elements_per_layer: Number of quadratic elements through each layer [-].
+
+    Attributes:
+        reach: Largest distance of the tables [m].
+        decayed: Whether the displacement has decayed to zero at `reach`.
+    """
+
+    def __init__(self, cover: Cover, reach: float, elements_per_layer: int = _SETTINGS.elements) -> None:
+        farthest = _SETTINGS.decay * max(decay_length(cover), membrane_length(cover))
+        self.decayed, self.reach = reach >= farthest, min(reach, farthest)
+        k, weight = _wave_numbers(cover, self.reach)
+        # The compliance times the wave number is smooth over the logarithm of the wave number, and constant for a half
+        # space, so that it is solved at few wave numbers and interpolated.
+        first, last = np.log(k[[0, -1]])
+        count = int(np.ceil(_SETTINGS.solved_waves * (last - first))) + 1
+        self._solved = np.exp(np.linspace(first, last, count)) if count < len(k) else k
+        self._response = solve_waves(cover, self._solved, elements_per_layer=elements_per_layer)
+        fade = np.cos(np.pi / 2 * np.clip((k / k[-1] - _SETTINGS.fade) / (1 - _SETTINGS.fade), 0, 1)) ** 2
+        self._k, self._weight = k, fade * weight / (2 * np.pi)
+        thin, top = min(layer.thickness for layer in cover.layers), cover.layers[-1].thickness
+        step = min(
+            max(thin / _SETTINGS.table_points, top / _SETTINGS.most_per_layer), self.reach / _SETTINGS.least_points
+        )
+        growing = growing_steps(
+            step,
+            self.reach,
+            lambda each: max(step, min(_SETTINGS.table_growth * each, self.reach / _SETTINGS.least_points)),
+        )
+        radius = np.append(0.0, np.cumsum(growing))
+        self._radius = radius * (self.reach / radius[-1])
+
+    def invert(self, name: str, half_space: float, bessel: Callable[[FloatArray], FloatArray] = j0) -> CubicSpline:
+        """Tabulate the transform of a response less that of the half space, over the distance.
+
+        Args:
+            name: Attribute of `WaveResponse`.
+            half_space: Response of the half space times the wave number.
+            bessel: Kernel of the transform, a function of wave number times distance.
+        """
+        scaled = CubicSpline(np.log(self._solved), self._solved * getattr(self._response, name))(np.log(self._k))
+        excess = (scaled - half_space) * self._weight
+        blocks = np.array_split(self._radius, _SETTINGS.blocks)
+        table = np.concatenate([bessel(np.outer(block, self._k)) @ excess for block in blocks])
+        # Kernels of odd order have a slope at 0, and the others none.
+        start: Literal["not-a-knot", "clamped"] = "not-a-knot" if bessel is j1 else "clamped"
+        return CubicSpline(self._radius, table, bc_type=(start, "not-a-knot"))
 
 
 def _wave_numbers(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
@@ -347,11 +394,7 @@ def _integrate_distance(x: FloatArray, y: FloatArray, a: float, b: float) -> Flo
 
 
 def _integrate_twice(x: FloatArray, y: FloatArray, width: float, height: float) -> FloatArray:
-    """Integrate 1 / distance over all pairs of points of two equal rectangles whose middles are (x, y) apart [m3].
-
-    The integral is the second difference along x and y of the function whose fourth derivative, twice along x and twice
-    along y, is 1 / sqrt(x^2 + y^2).
-    """
+    """Integrate 1 / distance over all pairs of points of two equal rectangles whose middles are (x, y) apart [m3]."""
 
     def antiderivative(u: FloatArray, v: FloatArray) -> FloatArray:
         """Evaluate the function whose fourth derivative is 1 / distance; it is even in u and in v [m3]."""
@@ -359,6 +402,21 @@ def _integrate_twice(x: FloatArray, y: FloatArray, width: float, height: float) 
         distance = np.hypot(u, v)
         return (u**2 * v * np.arcsinh(v / u) + v**2 * u * np.arcsinh(u / v)) / 2 - distance**3 / 6
 
+    return difference_twice(antiderivative, x, y, width, height)
+
+
+def difference_twice(
+    antiderivative: Callable[[FloatArray, FloatArray], FloatArray],
+    x: FloatArray,
+    y: FloatArray,
+    width: float,
+    height: float,
+) -> FloatArray:
+    """Integrate a function over all pairs of points of two equal rectangles whose middles are (x, y) apart.
+
+    The integral is the second difference along x and y of the antiderivative, whose fourth derivative, twice along x
+    and twice along y, is the function.
+    """
     out = np.zeros_like(x)
     for i, a in ((-1, 1), (0, -2), (1, 1)):
         for j, b in ((-1, 1), (0, -2), (1, 1)):
@@ -379,7 +437,7 @@ def _cut_uniform(size: float, scale: float) -> tuple[FloatArray, FloatArray]:
     return points, weights / size
 
 
-def _cut_triangular(size: float, scale: float) -> tuple[FloatArray, FloatArray]:
+def cut_triangular(size: float, scale: float) -> tuple[FloatArray, FloatArray]:
     """Return points and weights of a quadrature for the mean over all pairs of points of two equal intervals.
 
     The integrand depends on the difference of the two positions.  If both positions are distributed evenly, their

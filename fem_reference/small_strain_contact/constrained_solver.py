@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -93,6 +93,16 @@ class Exchange:
         return wrong
 
 
+class Compliance(Protocol):
+    """Symmetric positive definite map from tractions on cells to displacements, with a preconditioner."""
+
+    def displace(self, pressure: FloatArray, /) -> FloatArray:
+        """Compute the displacements of all cells [m] under tractions on the cells [Pa]."""
+
+    def precondition(self, residual: FloatArray, /) -> FloatArray:
+        """Multiply residual displacements by the scaled approximate inverse."""
+
+
 class ComplianceOperator:
     """Linear map from pressures on a grid of rectangular cells to the mean downward displacements of the cells.
 
@@ -144,7 +154,7 @@ class ComplianceOperator:
     def _filter(self, values: FloatArray, spectrum: npt.NDArray[np.inexact[Any]]) -> FloatArray:
         """Convolve values on the cells with the kernel whose Fourier transform is given."""
         full = fft.irfft2(fft.rfft2(values, self._padded) * spectrum, self._padded)
-        return np.asarray(full[: self._shape[0], : self._shape[1]])
+        return np.asarray(full[..., : self._shape[0], : self._shape[1]])
 
 
 def find_pressures(
@@ -227,7 +237,7 @@ class _Touching:
             Pressures [Pa], which may be negative, and amounts of the motions.
         """
         self._found = [
-            _solve_displacement(self._compliance, wanted, touching, found, residual)
+            solve_displacement(self._compliance, wanted, touching, found, residual)
             for wanted, found in zip(self._wanted, self._found, strict=True)
         ]
         at_rest, columns = self._found[0], self._columns
@@ -248,8 +258,8 @@ class _Touching:
             raise ConvergenceError("no motion of the indenters balances their loads and moments")
 
 
-def _solve_displacement(
-    compliance: ComplianceOperator, wanted: FloatArray, touching: BoolArray, start: FloatArray, tolerance: float
+def solve_displacement(
+    compliance: Compliance, wanted: FloatArray, touching: BoolArray, start: FloatArray, tolerance: float
 ) -> FloatArray:
     """Solve for the pressures [Pa] on the cells in contact that displace them by `wanted` [m], by conjugate gradients.
 

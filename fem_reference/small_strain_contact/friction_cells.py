@@ -1,0 +1,258 @@
+"""Solve the contact with friction of one rigid indenter on rectangular cells at small strain, by increments.
+
+Every cell bears a pressure and two shear tractions.  A cell in contact has no gap.  Where it sticks, it moves across
+its normal with the indenter since its first contact; where it slides, its shear is the coefficient of friction times
+the pressure, against the slip.  The traction depends on the displacement of each cell at its first contact, so that the
+indenter is followed in steps of about equal growth of the contact.  The time of first contact within a step is
+estimated from the rate at which the gap closed in the previous step.
+
+In each step the open, sticking and sliding cells are found by exchanges.  The shear of sliding cells follows from a
+return mapping (Simo and Laursen 1992): the slip, as a traction on the cell alone, is added to the last shear, which is
+then shortened to the limit of friction.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+from scipy.optimize import brentq
+
+from fem_reference.errors import ConvergenceError
+from fem_reference.linear_response.vector_compliance import VectorCompliance
+from fem_reference.small_strain_contact.constrained_solver import Exchange, solve_displacement
+from meshes.array_types import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionSettings:
+    """Limits and tolerances of the contact with friction on cells."""
+
+    #: Largest number of exchanges in a step [-].
+    exchanges: int = 300
+    #: Successive exchanges of all wrong cells without a new minimum of their number, before single exchanges [-].
+    patience: int = 10
+    #: Overlap of a cell without contact, over the deepest overlap of the undeformed top, that is neglected [-].
+    negligible: float = 1e-7
+    #: Residual of conjugate gradients over the given displacement [-].
+    residual: float = 1e-6
+    #: Smallest eigenvalue of the spectrum of the compliance over the largest one [-].
+    floor: float = 1e-5
+    #: Change of the shear of sliding cells over the largest pressure at which a step is solved [-].
+    settled: float = 1e-3
+    #: Tolerance of the travel in the search for a load, over the last step [-].
+    depth: float = 1e-4
+
+
+_SETTINGS = FrictionSettings()
+
+
+class VectorOperator:
+    """Linear map from tractions on a grid of rectangular cells to their mean displacements, in three components.
+
+    Args:
+        layer: Compliance of the top of a wide cover.
+        shape: Number of cells along x and along y.
+        cell: Edge lengths of a cell along x and y [m].
+        addition: Map from forces on all cells, shape (3, cells) [N], to additional displacements [m]; None for none.
+    """
+
+    def __init__(
+        self,
+        layer: VectorCompliance,
+        shape: tuple[int, ...],
+        cell: tuple[float, float],
+        addition: Callable[[FloatArray], FloatArray] | None = None,
+    ) -> None:
+        self._shape, self._area, self._addition = shape, cell[0] * cell[1], addition
+        self._padded = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in shape)
+        # In the periodic convolution, large offsets stand for negative offsets; those of no pair of cells are clipped.
+        axes = [
+            np.clip(np.where(np.arange(m) < n, np.arange(m), np.arange(m) - m), 1 - n, n - 1) * edge
+            for m, n, edge in zip(self._padded, shape, cell, strict=True)
+        ]
+        x, y = np.meshgrid(*axes, indexing="ij")
+        kernel = layer.average_over_cells(x, y, *cell)
+        #: Mean of the displacements of a cell along its tangents per shear on it alone [m/Pa].
+        self.own = float(kernel[1, 1, 0, 0] + kernel[2, 2, 0, 0]) / 2
+        spectrum = np.moveaxis(fft.rfft2(kernel), (0, 1), (2, 3))
+        value, vector = np.linalg.eigh(spectrum)
+        value = np.maximum(value, _SETTINGS.floor * value.max())
+        turned = vector.conj().swapaxes(-1, -2)
+        self._spectrum = np.moveaxis(vector * value[..., None, :] @ turned, (2, 3), (0, 1))
+        self._inverse = np.moveaxis(vector * (value.min() / value)[..., None, :] @ turned, (2, 3), (0, 1))
+
+    def displace(self, traction: FloatArray) -> FloatArray:
+        """Compute the displacements of all cells under tractions on the cells, shape (3, rows, columns) [m, Pa]."""
+        out = self._filter(traction, self._spectrum)
+        if self._addition is None:
+            return out
+        return out + self._addition(traction.reshape(3, -1) * self._area).reshape(out.shape)
+
+    def precondition(self, residual: FloatArray) -> FloatArray:
+        """Multiply residual displacements by the scaled inverse of the spectrum of the compliance."""
+        return self._filter(residual, self._inverse)
+
+    def _filter(self, values: FloatArray, spectrum: FloatArray) -> FloatArray:
+        """Convolve values with the kernel of a spectrum, shape (3, 3, ...)."""
+        found = (spectrum * fft.rfft2(values, self._padded)).sum(axis=1)
+        return np.asarray(fft.irfft2(found, self._padded)[:, : self._shape[0], : self._shape[1]])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RubbingState:
+    """Contact with friction after a step.
+
+    Attributes:
+        travel: Travel of the indenter [m].
+        traction: Pressure and shear tractions of all cells, shape (3, rows, columns) [Pa].
+        moved: Displacements of all cells, same shape [m].
+        touching: Whether each cell is in contact, shape (rows, columns).
+        record: Displacement of each cell along its tangents, less that of the indenter, to which a sticking cell is
+            held, shape (2, rows, columns) [m].
+        before: State before the step.
+    """
+
+    travel: float
+    traction: FloatArray
+    moved: FloatArray
+    touching: BoolArray
+    record: FloatArray
+    before: RubbingState | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RubbingContact:
+    """Contact of an indenter with friction on a grid of cells.
+
+    Attributes:
+        gap: Function that computes the gap of every cell after a travel of the indenter, shape (rows, columns) [m]; inf
+            where no contact is possible.
+        motion: Motion of the indenter per travel, against the normal of each cell and along its two tangents, shape
+            (3, rows, columns) [-].
+        compliance: Map from tractions to displacements in these components.
+        area: Area of a cell [m2].
+        friction: Coefficient of friction, inf for no slip [-].
+    """
+
+    gap: Callable[[float], FloatArray]
+    motion: FloatArray
+    compliance: VectorOperator
+    area: float
+    friction: float
+
+    def measure_load(self, state: RubbingState) -> float:
+        """Compute the force along the motion of the indenter [N]."""
+        return float((state.traction * self.motion).sum()) * self.area
+
+    def follow(self, touch: float, depth: float, steps: int, load: float | None = None) -> RubbingState:
+        """Follow the indenter from first touch to a depth or to a load.
+
+        Steps of the root of the depth make the contact of a round body grow evenly, because its width is proportional
+        to that root.
+
+        Args:
+            touch: Travel to the first touch [m].
+            depth: Depth after the given number of steps [m].
+            steps: Number of steps [-].
+            load: Load at which the path ends [N]; None to end at the depth.
+
+        Raises:
+            ConvergenceError: If the open, sticking and sliding cells of a step are not found.
+        """
+        zero = np.zeros_like(self.motion)
+        last = RubbingState(
+            travel=touch, traction=zero, moved=zero, touching=zero[0].astype(bool), record=-touch * self.motion[1:]
+        )
+        for number in itertools.count(1):
+            ahead = self._advance(last, touch + depth * (number / steps) ** 2)
+            if load is None and number == steps:
+                return ahead
+            if load is not None and self.measure_load(ahead) >= load:
+                return self._reach(last, ahead, load)
+            last = ahead
+        raise AssertionError
+
+    def _reach(self, last: RubbingState, ahead: RubbingState, load: float) -> RubbingState:
+        """Find the state at a load [N] between those of two successive states."""
+        near = min(last, ahead, key=lambda state: abs(self.measure_load(state) - load))
+
+        def miss(travel: float) -> float:
+            nonlocal near
+            near = self._advance(last, travel)
+            return self.measure_load(near) / load - 1
+
+        brentq(miss, last.travel, ahead.travel, xtol=_SETTINGS.depth * (ahead.travel - last.travel))
+        return near
+
+    def _advance(self, last: RubbingState, travel: float) -> RubbingState:
+        """Solve the contact at a travel [m] in one step after a state.
+
+        Raises:
+            ConvergenceError: If the open, sticking and sliding cells are not found.
+        """
+        gap, rubs = self.gap(travel), self.friction > 0
+        allowed = np.isfinite(gap)
+        gap = np.where(allowed, gap, 0.0)
+        record = self._predict_touch(last, gap, travel)
+        goal = np.concatenate([-gap[None], record + travel * self.motion[1:]])
+        least = _SETTINGS.negligible * float(gap.min(initial=0.0))
+        touching, traction = allowed & (last.touching | (gap < 0)), last.traction
+        slides, exchange = np.zeros_like(touching), Exchange(gap.size, _SETTINGS.patience)
+        for _ in range(_SETTINGS.exchanges):
+            sticks = touching & ~slides & rubs
+            fixed = np.where(touching & slides, traction, 0.0) * np.array([0.0, 1.0, 1.0])[:, None, None]
+            wanted = goal - self.compliance.displace(fixed) if slides.any() else goal
+            held = np.stack([touching, sticks, sticks])
+            traction = fixed + solve_displacement(self.compliance, wanted, held, traction, _SETTINGS.residual)
+            moved = self.compliance.displace(traction)
+            wrong = np.where(touching, traction[0] < 0, allowed & (gap + moved[0] < least))
+            change = 0.0
+            if rubs and np.isfinite(self.friction):
+                traction, slides, change = self._slide(traction, goal - moved, touching)
+            if not wrong.any() and change <= _SETTINGS.settled:
+                record = np.where(touching & ~slides & rubs, record, moved[1:] - travel * self.motion[1:])
+                return RubbingState(
+                    travel=travel, traction=traction, moved=moved, touching=touching, record=record, before=last
+                )
+            if wrong.any():
+                touching = touching ^ exchange.choose(wrong)
+        raise ConvergenceError(f"contact and slip did not settle in {_SETTINGS.exchanges} exchanges")
+
+    def _predict_touch(self, last: RubbingState, gap: FloatArray, travel: float) -> FloatArray:
+        """Return the record of every cell at the end of a step, shape (2, rows, columns) [m].
+
+        That of cells in contact is unchanged.  For all others it is predicted at the time of their first contact, which
+        follows from the gap at the end of the step and from the rate at which the gap closes.
+        """
+        before, step = last.before, travel - last.travel
+        speed = 0.0 * last.moved if before is None else (last.moved - before.moved) / (last.travel - before.travel)
+        closing = self.motion[0] - speed[0]
+        # The gap changes with the travel by the motion against the normal.
+        remains = gap + self.motion[0] * step + last.moved[0]
+        ahead = np.clip(remains / np.where(closing > 0, closing, np.inf), 0.0, step)
+        predicted = last.moved[1:] + ahead * speed[1:] - (last.travel + ahead) * self.motion[1:]
+        return np.where(last.touching, last.record, predicted)
+
+    def _slide(
+        self, traction: FloatArray, miss: FloatArray, touching: BoolArray
+    ) -> tuple[FloatArray, BoolArray, float]:
+        """Return the shear to the limit of friction where it exceeds this limit.
+
+        Args:
+            traction: Tractions, shape (3, rows, columns) [Pa].
+            miss: Displacements to where the cells would stick, same shape [m].
+            touching: Whether each cell is in contact, shape (rows, columns).
+
+        Returns:
+            Tractions, whether each cell slides, and the largest change of a shear over the largest pressure [-].
+        """
+        trial = np.where(touching, traction[1:] + miss[1:] / self.compliance.own, 0.0)
+        size, limit = np.linalg.norm(trial, axis=0), self.friction * np.maximum(traction[0], 0.0)
+        slides = touching & (size > limit)
+        shear = trial * np.where(slides, limit / np.where(slides, size, 1.0), 1.0)
+        change = float(np.abs(shear - traction[1:])[:, touching].max(initial=0.0) / traction[0].max())
+        return np.concatenate([traction[:1], shear]), slides, change
