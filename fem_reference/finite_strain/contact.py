@@ -23,6 +23,7 @@ force on the indenter.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -197,19 +198,16 @@ class SurfaceContact:
         """
         d = self._dimension
         moved = self._move(state)
-        surface = self._indenter.evaluate(*self._split_plane(moved))
-        # Contact pressure; `normal` is the normal of the indenter, scaled to a vertical component of 1.
-        overlap = moved[..., -1] - (self._top - depth + surface.height)
+        overlap, normal, curvature = self._measure(moved, depth)
         trial = self._penalty * overlap + self._multiplier
         touching = trial > 0
         pressure = np.where(touching, trial, 0.0) * self.weight
         stiffness = self._penalty * touching * self.weight
-        normal = np.concatenate([-surface.slope[..., : d - 1], np.ones((*overlap.shape, 1))], axis=-1)
         force = pressure[..., None] * normal
         per_depth = stiffness[..., None] * normal
         tangent = stiffness[..., None, None] * normal[..., :, None] * normal[..., None, :]
         held = pressure if expected is None else expected * touching * self.weight
-        tangent[..., : d - 1, : d - 1] -= held[..., None, None] * surface.curvature[..., : d - 1, : d - 1]
+        tangent[..., : d - 1, : d - 1] -= held[..., None, None] * curvature
         # Frictional traction at the positions in the frame of the indenter.
         position = moved + depth * np.eye(d)[-1]
         traction, sticking = None, np.zeros_like(touching)
@@ -235,6 +233,19 @@ class SurfaceContact:
             normal=normal,
             depth=depth,
         )
+
+    def _measure(self, moved: FloatArray, depth: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Measure the overlap of points with the indenter, at their positions in the deformed state, shape (f, q, d).
+
+        Returns:
+            Vertical overlap, shape (f, q) [m].  Direction of its gradient, the normal of the indenter scaled to a
+            vertical component of 1, shape (f, q, d) [-].  Curvature of the indenter, shape (f, q, d - 1, d - 1) [1/m].
+        """
+        across = self._dimension - 1
+        surface = self._indenter.evaluate(*self._split_plane(moved))
+        overlap = moved[..., -1] - (self._top - depth + surface.height)
+        normal = np.concatenate([-surface.slope[..., :across], np.ones((*overlap.shape, 1))], axis=-1)
+        return overlap, normal, surface.curvature[..., :across, :across]
 
     def predict_pressure(self, before: ContactState, state: FloatArray, depth: float) -> FloatArray:
         """Compute the contact pressure per reference area from the gap linearised at another state, shape (f, q) [Pa].
@@ -359,6 +370,35 @@ class SurfaceContact:
         block = np.einsum("fqa,fqij,fqb->faibj", shape, density[touching], shape, optimize=True)
         rows = self._unknowns[touching]
         return sum_blocks(block.reshape(*rows.shape, rows.shape[1]), rows, rows, (size, size))
+
+
+class NormalContact(SurfaceContact):
+    """Contact at small strain: gaps are measured along the normals of the undeformed top, and pressures act along them.
+
+    Args:
+        gap: Function that computes the gaps at a depth [m], shape (f, q) [m].
+        normals: Unit normals of the points, shape (f, q, d) [-].
+        elements, top, indenter, penalty, points: As of `SurfaceContact`.
+    """
+
+    def __init__(
+        self,
+        gap: Callable[[float], FloatArray],
+        normals: FloatArray,
+        elements: MixedElements,
+        top: float,
+        indenter: IndenterSurface,
+        *,
+        penalty: float,
+        points: TopPoints,
+    ) -> None:
+        super().__init__(elements, top, indenter, penalty=penalty, points=points)
+        self._gap, self._normals = gap, normals / normals[..., -1:]
+
+    def _measure(self, moved: FloatArray, depth: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Measure the overlap along the undeformed normals, over their vertical components; see `SurfaceContact`."""
+        overlap = np.einsum("fqi,fqi->fq", self._normals, moved - self._position) - self._gap(depth)
+        return overlap, self._normals, np.zeros((*overlap.shape, self._dimension - 1, self._dimension - 1))
 
 
 #: Number of points on each ring of an axisymmetric contact [-].
