@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import ClassVar
 
 import numpy as np
@@ -29,8 +29,10 @@ from fem_reference.curved_cover.solid import CoverSolid
 from fem_reference.errors import ConvergenceError, PiercedError
 from fem_reference.finite_strain.loading_path import Control
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, surface_compliance
-from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator
-from fem_reference.small_strain_contact.frictionless import ContactPatch, solve_contact
+from fem_reference.linear_response.vector_compliance import VectorCompliance
+from fem_reference.small_strain_contact.constrained_solver import Compliance, ComplianceOperator
+from fem_reference.small_strain_contact.friction_cells import RubbingContact, VectorOperator
+from fem_reference.small_strain_contact.frictionless import CellGrid, ContactPatch, measure_area, solve_contact
 from meshes import Cover, Indenter, Layer
 from meshes.array_types import BoolArray, FloatArray
 from meshes.pose import Pose
@@ -74,6 +76,8 @@ class LocalSettings:
     sampled: int = 41
     #: Smallest part of a distributed force on the top, by which the force is divided [-].
     kept: float = 0.1
+    #: Half width of the cells with friction, over that of the contact without it [-].
+    rubbed: float = 1.12
     #: Largest number of windows that are tried [-].
     windows: int = 5
     #: Width of the contact over that of the window above which the window is too small [-].
@@ -89,6 +93,9 @@ class LocalSettings:
 
 
 _SETTINGS = LocalSettings()
+
+#: Function that creates the compliance of a flat layer from a number of cells along x and y and their edge lengths [m].
+LayerOperator = Callable[[tuple[int, ...], tuple[float, float]], Compliance]
 
 #: Rectangle of a chart: its middle and its half widths, shape (2,) each [m].
 Window = tuple[FloatArray, FloatArray]
@@ -146,6 +153,15 @@ class Chart:
         normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), _SETTINGS.tiny)
         inside = (np.maximum(np.abs(x), np.abs(y)) <= self.half) & (normals @ self.axes[2] > _SETTINGS.least_cosine)
         return points, normals, np.asarray(inside & (beside(x, y, grid=False) < self._step / 2))
+
+    def frames(self, normals: FloatArray) -> FloatArray:
+        """Return the directions against unit normals and along two tangents, shape (..., 3, 3) [-].
+
+        The tangents are the axes x and y of the chart, turned as z is turned to the normal by the shortest way.
+        """
+        along = self.axes[:2] @ normals[..., None] / (1 + normals @ self.axes[2])[..., None, None]
+        tangents = self.axes[:2] - along * (self.axes[2] + normals)[..., None, :]
+        return np.concatenate([-normals[..., None, :], tangents], axis=-2)
 
     @cached_property
     def _plane(self) -> FacetSurface:
@@ -209,6 +225,10 @@ class ChartedContact:
         places = self.pose.points_to_indenter(points - self.travel * self.pose.towards)
         gap = measure_gaps(self.indenter, places, self.pose.vectors_to_indenter(normals), behind=2 * self.deepest)
         return np.where(inside & (normals @ self.pose.towards < 0), gap, np.inf).reshape(x.shape)
+
+    def gap_after(self, x: FloatArray, y: FloatArray, travel: float) -> FloatArray:
+        """Compute the gap as `gap`, after a travel of the indenter [m]."""
+        return replace(self, travel=travel).gap(x, y)
 
     def rate(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the motion against the normal of the top per travel of the indenter [-]."""
@@ -279,7 +299,8 @@ class Remainder:
     Attributes:
         knots: Knots of the splines along x and along y [m].
         inside: Part of each spline that lies on the top, shape (along x, along y) [-].
-        compliance: Displacement weighted by a spline per force that is distributed by a spline, shape (m, m) [m/N].
+        compliance: Displacement weighted by a spline per force that is distributed by a spline, shape (m, m) [m/N]; of
+            three components of each spline, shape (3 m, 3 m), the component first.
     """
 
     knots: tuple[FloatArray, FloatArray]
@@ -287,14 +308,22 @@ class Remainder:
     compliance: FloatArray
 
     @classmethod
-    def build(cls, solid: CoverSolid, chart: Chart, layer: SurfaceCompliance, window: Window) -> Remainder:
-        """Compute the remainder around a window, from one solution of the solid for each spline."""
+    def build(cls, solid: CoverSolid, chart: Chart, layer: LayerOperator, window: Window, count: int = 1) -> Remainder:
+        """Compute the remainder around a window, from one solution of the solid for each spline and component.
+
+        Args:
+            solid: Factorised cover.
+            chart: Chart of its top.
+            layer: Function that creates the compliance of the flat layer on a grid of cells.
+            window: Rectangle of the chart.
+            count: 1 for forces against the normals, 3 for those along the tangents as well (`Chart.frames`).
+        """
         spacing, cell = _SETTINGS.spacing * chart.size, chart.size / _SETTINGS.parts
         knots, axes = [], []
         for middle, half in zip(*window, strict=True):
-            count = int(np.ceil(2 * half / spacing)) + 2 * (_SETTINGS.margin + _SETTINGS.degree)
-            knots.append(middle + spacing * (np.arange(count + 1) - count / 2))
-            points = int(np.ceil(count * spacing / cell))
+            splines = int(np.ceil(2 * half / spacing)) + 2 * (_SETTINGS.margin + _SETTINGS.degree)
+            knots.append(middle + spacing * (np.arange(splines + 1) - splines / 2))
+            points = int(np.ceil(splines * spacing / cell))
             axes.append(middle + cell * (np.arange(points) - (points - 1) / 2))
         x, y = np.meshgrid(*axes, indexing="ij")
         weights, beside = chart.locate(x.ravel(), y.ravel())
@@ -303,34 +332,45 @@ class Remainder:
         along, across = (_evaluate(each, place) for each, place in zip(knots, axes, strict=True))
         shares = np.einsum("xi,yj->ijxy", along, across).reshape(-1, x.size) * (cell / spacing) ** 2
         shares *= beside < cell / 2
-        spread = [sp.csr_matrix(weights.multiply(-normals[:, [axis]])) for axis in range(3)]
-        near = ComplianceOperator(layer, x.shape, (cell, cell))
-        compliance = np.empty((len(shares), len(shares)))
-        for start in range(0, len(shares), _SETTINGS.block):
-            part = shares[start : start + _SETTINGS.block]
-            forces = np.zeros((len(part), len(solid.nodes), 3))
-            forces[:, chart.top.index] = np.stack([part @ each for each in spread], axis=-1)
-            moved = solid.solve(chart.top.index, forces=forces)
-            sunk = np.sum([(each @ moved[..., axis].T).T for axis, each in enumerate(spread)], axis=0)
-            flat = np.array([near.displace(each.reshape(x.shape) / cell**2).ravel() for each in part])
-            compliance[start : start + len(part)] = (sunk - flat) @ shares.T
+        frames = chart.frames(normals)[:, :count]
+        spread = [[sp.csr_matrix(weights.multiply(frames[:, i, [k]])) for k in range(3)] for i in range(count)]
+        near = layer(x.shape, (cell, cell))
+        compliance = np.empty((count, len(shares), count, len(shares)))
+        for i in range(count):
+            for start in range(0, len(shares), _SETTINGS.block):
+                block = slice(start, start + _SETTINGS.block)
+                part = shares[block]
+                forces = np.zeros((len(part), len(solid.nodes), 3))
+                forces[:, chart.top.index] = np.stack([part @ each for each in spread[i]], axis=-1)
+                moved = solid.solve(chart.top.index, forces=forces)
+                pressure = np.zeros((count, *x.shape))
+                for k, each in enumerate(part, start=start):
+                    pressure[i] = each.reshape(x.shape) / cell**2
+                    compliance[i, k] = -near.displace(pressure).reshape(count, -1) @ shares.T
+                for j in range(count):
+                    sunk = np.sum([(each @ moved[..., axis].T).T for axis, each in enumerate(spread[j])], axis=0)
+                    compliance[i, block, j] += sunk @ shares.T
+        whole = compliance.reshape(count * len(shares), -1)
         return cls(
             knots=(knots[0], knots[1]),
             inside=shares.sum(axis=1).reshape(along.shape[1], across.shape[1]),
-            compliance=(compliance + compliance.T) / 2,
+            compliance=(whole + whole.T) / 2,
         )
 
     def on_points(self, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
-        """Create the map from forces on k points, shape (k,) [N], to their displacements along the forces [m]."""
+        """Create the map from forces on k points to their displacements along the forces.
+
+        Forces [N] and displacements [m] have the shape (k,), or (3, k) in the components of `Chart.frames`.
+        """
         along, across = (_distribute(each, place) for each, place in zip(self.knots, (x, y), strict=True))
         # At a border of the top splines are cut off; the resultant is kept, its moments are not.
         kept = np.maximum(((along @ self.inside) * across).sum(axis=1), _SETTINGS.kept)
         across /= kept[:, None]
 
         def displace(force: FloatArray) -> FloatArray:
-            load = along.T @ (across * force[:, None])
+            load = along.T @ (across * force[..., None])
             moved = (self.compliance @ load.ravel()).reshape(load.shape)
-            return np.asarray(((along @ moved) * across).sum(axis=1))
+            return np.asarray(((along @ moved) * across).sum(axis=-1))
 
         return displace
 
@@ -358,7 +398,7 @@ def _distribute(knots: FloatArray, places: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CellContact:
-    """Frictionless contact of an indenter on cells of a curved top.
+    """Contact of an indenter on cells of a curved top.
 
     Attributes:
         points: Points of the top in the middles of the k cells in contact, shape (k, 3) [m].
@@ -385,81 +425,171 @@ class CellContact:
     is_cut: bool
     at_border: float
 
+    @property
+    def depth(self) -> float:
+        """Approach of the indenter from first touch [m]."""
+        return self.travel - self.touch
 
-def press_cells(
-    solid: CoverSolid,
-    top: FacetSurface,
-    indenter: Indenter,
-    pose: Pose,
-    touch: float,
-    *,
-    target: float,
-    control: Control,
-    cells: Sequence[int],
-    deepest: float,
-) -> list[CellContact]:
-    """Press an indenter into a curved top to a load [N] or a depth [m] at small strain, without friction.
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CellPress:
+    """Contact of an indenter with a curved top on cells, at a depth or under a load.
+
+    Attributes:
+        solid: Factorised cover.
+        place: Chart, indenter and remainder; its window contains the contact.
+        layer: Compliance of the flat layer.
+        load: Load [N]; None at a depth.
+        patch: Contact without friction on the first cells.
+    """
+
+    solid: CoverSolid
+    place: ChartedContact
+    layer: SurfaceCompliance
+    load: float | None
+    patch: ContactPatch
+
+    @classmethod
+    def begin(
+        cls,
+        solid: CoverSolid,
+        top: FacetSurface,
+        indenter: Indenter,
+        pose: Pose,
+        touch: float,
+        *,
+        target: float,
+        control: Control,
+        cells: int,
+        deepest: float,
+    ) -> CellPress:
+        """Press an indenter into a curved top to a load [N] or a depth [m] at small strain, without friction.
+
+        Args:
+            solid: Factorised cover.
+            top: Its top.
+            indenter: Rigid indenter.
+            pose: Initial pose; the indenter moves along its direction.
+            touch: Travel to the first touch, known to a fraction of an element [m].
+            target: Load or depth.
+            control: Which of the two is given.
+            cells: Number of cells across the contact.
+            deepest: Largest depth that is solved [m].
+
+        Raises:
+            PiercedError: If the target is deeper.
+            ConvergenceError: If the contact or the load is not found.
+        """
+        chart = _chart(top, indenter, pose, touch, deepest)
+        unbounded = np.zeros(2), np.full(2, chart.half)
+        place = ChartedContact(
+            chart=chart, indenter=indenter, pose=pose, touch=touch, deepest=deepest, travel=touch + deepest,
+            window=unbounded,
+        )  # fmt: skip
+        most = place.bound()
+        touch = replace(place, window=most, travel=touch).find_touch()
+        place = replace(place, touch=touch)
+        layer = surface_compliance(_find_layer(solid, chart), _SETTINGS.reach * chart.half)
+        place = replace(place, travel=touch if control == "load" else touch + target, window=most)
+        load = target if control == "load" else None
+        if control == "depth" and target > deepest:
+            raise PiercedError(
+                f"at a depth of {1e3 * target:.4g} mm the indenter would go through most of the cover; use at most "
+                f"{1e3 * deepest:.4g} mm",
+                "depth",
+            )
+        patch, place = _find(place, layer, load, _SETTINGS.first_cells)
+        for _ in range(_SETTINGS.windows):
+            middle, half = _measure(patch)
+            low = np.maximum(middle - _SETTINGS.window * half, most[0] - most[1])
+            high = np.minimum(middle + _SETTINGS.window * half, most[0] + most[1])
+            window = (low + high) / 2, (high - low) / 2
+            remainder = Remainder.build(solid, chart, partial(ComplianceOperator, layer), window)
+            patch, place = _find(replace(place, window=window, remainder=remainder), layer, load, cells)
+            middle, half = _measure(patch)
+            short = (1 - _SETTINGS.full) * window[1]
+            below = (middle - half < low + short) & (low > most[0] - most[1])
+            above = (middle + half > high - short) & (high < most[0] + most[1])
+            if not (below | above).any():
+                break
+        return cls(solid=solid, place=place, layer=layer, load=load, patch=patch)
+
+    def solve(self, cells: int | None = None) -> CellContact:
+        """Solve the contact without friction on a number of cells across the contact; None for the first ones."""
+        patch, place = (self.patch, self.place) if cells is None else _find(self.place, self.layer, self.load, cells)
+        return _describe(place, (patch.x, patch.y), patch.force[None], _measure(patch), area=patch.area)
+
+    def rub(self, friction: float, grids: Sequence[tuple[int, int]]) -> list[tuple[CellContact, CellContact]]:
+        """Solve the contact without and with friction on the same cells.
+
+        Args:
+            friction: Coefficient of friction, inf for no slip [-].
+            grids: Numbers of cells along each axis and of steps from first touch.
+
+        Returns:
+            Both contacts of each grid.  The load of the first one is near the given load, that of the second the same.
+
+        Raises:
+            ConvergenceError: If the contact is not found.
+        """
+        place, (middle, half) = self.place, _measure(self.patch)
+        chart, window = place.chart, place.window
+        low = np.maximum(middle - _SETTINGS.rubbed * half, window[0] - window[1])
+        high = np.minimum(middle + _SETTINGS.rubbed * half, window[0] + window[1])
+        layer = VectorCompliance.tabulate(_find_layer(self.solid, chart), _SETTINGS.reach * chart.half)
+        remainder = Remainder.build(self.solid, chart, partial(VectorOperator, layer), window, 3)
+        out = []
+        for cells, steps in grids:
+            grid = CellGrid.span((low + high) / 2, (high - low) / 2, np.array([cells, cells]))
+            x, y = grid.x, grid.y
+            frames = chart.frames(chart.place(x, y)[1])
+            contact = RubbingContact(
+                gap=partial(place.gap_after, x, y),
+                motion=np.moveaxis(frames @ place.pose.towards, -1, 0),
+                compliance=VectorOperator(layer, x.shape, grid.cell, remainder.on_points(x.ravel(), y.ravel())),
+                area=grid.area,
+                friction=friction,
+            )
+            depth = place.travel - place.touch
+            smooth = replace(contact, friction=0.0).follow(place.touch, depth, 1)
+            load = None if self.load is None else contact.measure_load(smooth)
+            pair = []
+            for state in (smooth, contact.follow(place.touch, depth, steps, load)):
+                here, kept = replace(place, travel=state.travel), state.touching
+                pair.append(
+                    _describe(
+                        here, (x[kept], y[kept]), state.traction[:, kept] * grid.area, (middle, half),
+                        area=measure_area(state.traction[0], np.isfinite(here.gap(x, y)), grid.cell),
+                    )
+                )  # fmt: skip
+            out.append((pair[0], pair[1]))
+        return out
+
+
+def _find_layer(solid: CoverSolid, chart: Chart) -> Cover:
+    """Return the flat layer that has the thickness of a cover at the origin of a chart."""
+    base = FacetSurface.part_of(solid.nodes, solid.layout.base)
+    thickness = float(base.locate(chart.origin[None])[1][0])
+    return Cover(layers=(Layer(thickness=thickness, material=solid.material),))
+
+
+def _describe(
+    place: ChartedContact, at: tuple[FloatArray, FloatArray], force: FloatArray, within: Window, *, area: float
+) -> CellContact:
+    """Describe a solved contact in the frame of the array.
 
     Args:
-        solid: Factorised cover.
-        top: Its top.
-        indenter: Rigid indenter.
-        pose: Initial pose; the indenter moves along its direction.
-        touch: Travel to the first touch, known to a fraction of an element [m].
-        target: Load or depth.
-        control: Which of the two is given.
-        cells: Numbers of cells across the contact; each gives a solution.
-        deepest: Largest depth that is solved [m].
-
-    Raises:
-        PiercedError: If the target is deeper.
-        ConvergenceError: If the contact or the load is not found.
+        place: Indenter over the chart.
+        at: x and y of the k cells in contact, shape (k,) each [m].
+        force: Forces on them against the normals and, with friction, along the tangents, shape (1, k) or (3, k) [N].
+        within: Rectangle around the contact.
+        area: Contact area [m2].
     """
-    chart = _chart(top, indenter, pose, touch, deepest)
-    unbounded = np.zeros(2), np.full(2, chart.half)
-    place = ChartedContact(
-        chart=chart, indenter=indenter, pose=pose, touch=touch, deepest=deepest, travel=touch + deepest,
-        window=unbounded,
-    )  # fmt: skip
-    most = place.bound()
-    touch = replace(place, window=most, travel=touch).find_touch()
-    place = replace(place, touch=touch)
-    base = FacetSurface.part_of(solid.nodes, solid.layout.base)
-    local = Layer(thickness=float(base.locate(chart.origin[None])[1][0]), material=solid.material)
-    layer = surface_compliance(Cover(layers=(local,)), _SETTINGS.reach * chart.half)
-    place = replace(place, travel=touch if control == "load" else touch + target, window=most)
-    load = target if control == "load" else None
-    if control == "depth" and target > deepest:
-        raise PiercedError(
-            f"at a depth of {1e3 * target:.4g} mm the indenter would go through most of the cover; use at most "
-            f"{1e3 * deepest:.4g} mm",
-            "depth",
-        )
-    patch, place = _find(place, layer, load, _SETTINGS.first_cells)
-    for _ in range(_SETTINGS.windows):
-        middle, half = _measure(patch)
-        low = np.maximum(middle - _SETTINGS.window * half, most[0] - most[1])
-        high = np.minimum(middle + _SETTINGS.window * half, most[0] + most[1])
-        window = (low + high) / 2, (high - low) / 2
-        place = replace(place, window=window, remainder=Remainder.build(solid, chart, layer, window))
-        patch, place = _find(place, layer, load, cells[0])
-        middle, half = _measure(patch)
-        short = (1 - _SETTINGS.full) * window[1]
-        below = (middle - half < low + short) & (low > most[0] - most[1])
-        above = (middle + half > high - short) & (high < most[0] + most[1])
-        if not (below | above).any():
-            break
-    solved = [(patch, place), *(_find(place, layer, load, count) for count in cells[1:])]
-    return [_describe(patch, place) for patch, place in solved]
-
-
-def _describe(patch: ContactPatch, place: ChartedContact) -> CellContact:
-    """Describe a solved contact in the frame of the array."""
     chart = place.chart
-    points, normals, _ = chart.place(patch.x, patch.y)
-    forces = -normals * patch.force[:, None]
+    points, normals, _ = chart.place(*at)
+    forces = np.einsum("ik,kic->kc", force, chart.frames(normals)[:, : len(force)])
     # Points around the contact, one lattice spacing outside of it, and their distances from the top.
-    middle, half = _measure(patch)
+    middle, half = within
     turn = np.linspace(0, 2 * np.pi, 4 * _SETTINGS.counts[0])
     around = np.clip(np.sqrt(2) * np.stack([np.cos(turn), np.sin(turn)]), -1, 1)
     spacing = chart.size * _SETTINGS.spacing
@@ -467,11 +597,11 @@ def _describe(patch: ContactPatch, place: ChartedContact) -> CellContact:
     return CellContact(
         points=points,
         forces=forces,
-        nodal=np.asarray(chart.locate(patch.x, patch.y)[0].T @ forces),
+        nodal=np.asarray(chart.locate(*at)[0].T @ forces),
         load=float((forces @ place.pose.towards).sum()),
         travel=place.travel,
         touch=place.touch,
-        area=patch.area,
+        area=area,
         size=chart.size,
         at_border=float(min(spacing / half.min(), 1.0) * (beside > spacing / 4).any()),
         is_cut=bool((normals @ chart.axes[2] < _SETTINGS.least_cosine + _SETTINGS.cut).any()),

@@ -1,12 +1,12 @@
 """Press a rigid indenter into a solid cover from any direction: the solver of `SolidCover`.
 
-At small strain the contact is frictionless or without slip (`contact`).  It is solved on every mesh.
+At small strain the contact is frictionless or without slip (`local_contact`).  It is solved on every mesh.
 
 At finite strain it is frictionless.  The mesh is rotated into the frame of the indenter, with the point of first touch
 at the origin, so that elements, contact at quadrature points and loading path are those of flat covers
 (`fem_reference.finite_strain`).  The feasible element size is limited, so that the result is a correction.  On every
 mesh except the finest the solution at finite strain is computed.  Its discretisation error is removed by the
-small-strain solutions on the same mesh and on the finest mesh.
+solution at small strain with the same elements and quadrature points, and by that on cells.
 """
 
 from __future__ import annotations
@@ -14,18 +14,16 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from fem_reference import result_store
-from fem_reference.curved_cover.contact import STEPS, ContactForces, MeshPress, StickingPress, TopCompliance
 from fem_reference.curved_cover.facet_surface import FacetSurface, quadrature
-from fem_reference.curved_cover.local_contact import CellContact, press_cells
+from fem_reference.curved_cover.local_contact import CellContact, CellPress
 from fem_reference.curved_cover.penetration import check_penetration, shape_error, warn_of_shape
-from fem_reference.curved_cover.pressure_shapes import GapSampler, PointSampler, evaluate_hats
-from fem_reference.curved_cover.rays import explain_miss, find_touch
+from fem_reference.curved_cover.rays import explain_miss, find_touch, measure_gaps
 from fem_reference.curved_cover.responses import (
     build_solid,
     find_top,
@@ -36,7 +34,7 @@ from fem_reference.curved_cover.responses import (
 from fem_reference.curved_cover.solid import DisplacementNodes
 from fem_reference.errors import UnsupportedError
 from fem_reference.finite_strain.axisymmetric_path import PENALTY
-from fem_reference.finite_strain.contact import SurfaceContact, TopPoints
+from fem_reference.finite_strain.contact import NormalContact, SurfaceContact, TopPoints
 from fem_reference.finite_strain.contact_problem import ContactProblem
 from fem_reference.finite_strain.hyperelastic import Solid
 from fem_reference.finite_strain.indenter_surface import IndenterSurface
@@ -80,17 +78,18 @@ class SolidPressSettings:
     first_step: float = 0.5
     #: Mean penetration of indenter and cover at finite strain, over the depth, below which augmentation stops [-].
     overlap: float = 0.002
-    #: Stiffness of the contact springs at small strain over the penalty at finite strain [-].  Augmentation makes the
-    #: contact at finite strain stiffer by about this factor.
-    augmented: float = 30.0
     #: Estimated error of the effect of finite strain on one mesh, over the effect [-].
     one_mesh: float = 0.5
     #: Safety factor in the error of the effect of finite strain, on the difference of the effect between two meshes
     #: [-].
     safety: float = 1.5
-    #: The same for the effect of no slip, which converges with order 1 where an edge ends the contact, on meshes whose
-    #: element sizes have the ratio 1.27 [-].
-    sticking: float = 4.5
+    #: The same for the effect of no slip [-].
+    sticking: float = 1.5
+    #: Numbers of cells along each axis and of steps of contacts without slip; the second solution only tells the error
+    #: of the first [-].
+    rubbing: tuple[tuple[int, int], ...] = ((64, 16), (48, 8))
+    #: Gap in place of an infinite one at points that the indenter misses, over the thickness [-].
+    far: float = 1e3
 
 
 _SETTINGS = SolidPressSettings()
@@ -235,22 +234,19 @@ def _press_meshes(
     found, texel_forces, depths = [], [], []
     counts = _SETTINGS.cells[-len(meshes) :]
     for mesh, grid, cells in zip(meshes, responses.grids, counts, strict=True):
-        solid, top = build_solid(mesh, material), find_top(mesh)
-        report(problem.progress, f"contact on {cells} cells across, {solid.unknowns} unknowns")
-        contact, *rough = press_cells(
-            solid, top, problem.indenter, problem.pose, _require_touch(top, problem),
-            target=target, control=control, deepest=_SETTINGS.largest_depth * measure_thickness(mesh),
-            cells=(cells, _SETTINGS.rough) if mesh is meshes[-1] else (cells,),
-        )  # fmt: skip
+        report(problem.progress, f"contact on {cells} cells across, {build_solid(mesh, material).unknowns} unknowns")
+        press = _begin(mesh, material, problem, target, cells)
+        contact = press.solve()
         found.append(contact)
-        depths.append(contact.travel - contact.touch)
+        depths.append(contact.depth)
         texel_forces.append(grid.texel_forces(contact.nodal))
     errors = _estimate(np.array(texel_forces), found, depths, control)
     # Where an edge ends the contact, the error of the cells is proportional to their size.
+    rough = press.solve(_SETTINGS.rough)
     more = _SETTINGS.rough / (counts[-1] - _SETTINGS.rough)
-    moved = more * (contact.travel - rough[0].travel)
-    factor = 1 + more * (contact.load - rough[0].load) / contact.load
-    unsure = more * np.abs(grid.texel_forces(contact.nodal / contact.load - rough[0].nodal / rough[0].load)) / 2
+    moved = more * (contact.travel - rough.travel)
+    factor = 1 + more * (contact.load - rough.load) / contact.load
+    unsure = more * np.abs(grid.texel_forces(contact.nodal / contact.load - rough.nodal / rough.load)) / 2
     share = np.abs(texel_forces[-1]).max(initial=np.finfo(float).tiny) / contact.load
     errors["peak_texel"] += float(unsure.max() / share)
     errors["misplaced_force"] += float(unsure.sum()) / 2
@@ -267,33 +263,13 @@ def _press_meshes(
     return contact, factor * texel_forces[-1], depths[-1] + moved, errors
 
 
-def _begin(
-    mesh: SolidMesh, material: Material, problem: PressProblem, points: type[GapSampler] = GapSampler
-) -> MeshPress:
-    """Create the small-strain contact problem on one mesh, frictionless or without slip.
-
-    Args:
-        mesh: Mesh of the cover.
-        material: Material, linearised at zero load.
-        problem: Indenter, pose and friction.
-        points: Kind of points of the top at which gaps are measured.
-    """
-    top, indenter, pose = find_top(mesh), problem.indenter, problem.pose
-    touch = _require_touch(top, problem)
-    deepest = _SETTINGS.largest_depth * measure_thickness(mesh)
-    sampler = points(top, indenter, pose, touch + deepest, deepest)
-    kind = StickingPress if problem.friction else MeshPress
-    compliance = build_compliance(mesh, material, vectors=problem.friction > 0)
-    return kind(compliance, sampler, pose.towards, touch, deepest)
-
-
-@lru_cache(maxsize=6)
-def build_compliance(mesh: SolidMesh, material: Material, *, vectors: bool = False) -> TopCompliance:
-    """Build the compliance of the top of a mesh.
-
-    The six most recent compliances are kept in memory, with the rows computed for nodes in contact.
-    """
-    return TopCompliance(build_solid(mesh, material), vectors=vectors)
+def _begin(mesh: SolidMesh, material: Material, problem: PressProblem, target: float, cells: int) -> CellPress:
+    """Solve the contact without friction on a number of cells across the contact on one mesh."""
+    solid, top = build_solid(mesh, material), find_top(mesh)
+    return CellPress.begin(
+        solid, top, problem.indenter, problem.pose, _require_touch(top, problem),
+        target=target, control=problem.control, deepest=_SETTINGS.largest_depth * measure_thickness(mesh), cells=cells,
+    )  # fmt: skip
 
 
 def _require_touch(top: FacetSurface, problem: PressProblem) -> float:
@@ -366,11 +342,14 @@ def press_finite(
     Texel forces, and depth or load, are corrected for its discretisation error.
     """
     accurate = press_small(meshes, material, problem, target)
-    small, full = [], []
+    pairs = []
     for number, mesh in enumerate(meshes[: max(1, len(meshes) - 1)], start=1):
-        small.append(_press_points(mesh, material, problem, target))
-        tell = name_part(problem.progress, f"finite strain, mesh {number}")
-        full.append(_press_mesh(mesh, material, replace(problem, progress=tell), target, small[-1]))
+        parts = [name_part(problem.progress, f"{each} strain, mesh {number}") for each in ("small", "finite")]
+        small, full = (
+            _press_mesh(mesh, material, replace(problem, progress=tell), target, accurate.depth, linear=linear)
+            for tell, linear in zip(parts, (True, False), strict=True)
+        )
+        pairs.append((small, full))
     name = f"neo-Hookean with the moduli of {material.name}" if material.small_strain_only else material.name
     thickness = measure_thickness(meshes[-1])
     assumptions = {
@@ -378,7 +357,7 @@ def press_finite(
         "contact": "at quadrature points of the deformed top, along the normals of the indenter",
         **state_rounding(problem.indenter, choose_solid_fillet(thickness, problem.indenter)),
     }
-    return _combine(accurate, small, full, problem, assumptions)
+    return _combine(accurate, pairs, problem, assumptions)
 
 
 def press_sticking(
@@ -386,114 +365,98 @@ def press_sticking(
 ) -> Indentation:
     """Press a solid without slip to one target load or depth at small strain.
 
-    The effect of sticking, from solutions with and without friction whose pressure is linear between the nodes of the
-    top, is added to the solution without friction on cells.
+    The effect of sticking, from contacts without and with friction on the same cells, is added to the accurate contact
+    without friction.
     """
     accurate = press_small(meshes, material, replace(problem, friction=0.0), target)
-    small, full = [], []
+    found: list[tuple[_Full, _Full]] = []
     for mesh in meshes:
         report(problem.progress, f"contact without slip, {build_solid(mesh, material).unknowns} unknowns")
-        path = _begin(mesh, material, replace(problem, friction=0.0))
-        small.append(_describe_mesh(mesh, material, problem, path, path.to(target, problem.control)))
-        path = _begin(mesh, material, problem)
-        contact = path.to(target, problem.control)
-        full.append(_describe_mesh(mesh, material, problem, path, contact))
-    # The error of the steps of the path is proportional to the reciprocal of their number.
-    rough = _describe_mesh(mesh, material, problem, path, path.to(target, problem.control, STEPS // 2))
-    return _combine(accurate, small, full, problem, {"friction": "no slip"}, rough=rough)
+        press = _begin(mesh, material, problem, target, _SETTINGS.cells[0])
+        grids = _SETTINGS.rubbing if mesh is meshes[-1] else _SETTINGS.rubbing[:1]
+        describe = partial(_describe, mesh, material, problem)
+        found.extend((describe(smooth), describe(rubs)) for smooth, rubs in press.rub(problem.friction, grids))
+    *found, rough = found
+    return _combine(accurate, found, problem, {"friction": "no slip"}, rough=rough)
 
 
-def _describe_mesh(
-    mesh: SolidMesh, material: Material, problem: PressProblem, path: MeshPress, contact: ContactForces
-) -> _Full:
-    """Describe a contact on one mesh whose pressure is linear between the nodes of the top."""
-    top = find_top(mesh)
-    pressing = -contact.forces[:, None] * top.normals
+def _describe(mesh: SolidMesh, material: Material, problem: PressProblem, contact: CellContact) -> _Full:
+    """Describe a contact on the cells of one mesh."""
     return _Full(
         texel_forces=texel_responses([mesh], problem.array, material).finest.texel_forces(contact.nodal),
         load=contact.load,
-        depth=contact.travel - path.touch,
+        depth=contact.depth,
         area=contact.area,
-        first=0.0,
         arrays=_carry(mesh, material, contact.nodal)
-        | {
-            "contact_points": top.nodes,
-            "contact_forces": pressing if contact.shear is None else pressing + contact.shear,
-        },
+        | {"contact_points": contact.points, "contact_forces": contact.forces},
     )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Small:
-    """Solution at small strain on one mesh, with the contact points and the penalty of finite strain.
+class _Full:
+    """Solution on one mesh, in the frame of the array.
 
     Attributes:
         texel_forces: Force on each of n texels, shape (n,) [N].
         load: Force along the motion [N].
         depth: Depth [m].
         area: Contact area [m2].
-        first: Depth at which the first contact point touches [m].
+        arrays: Attributes of the result by name; shapes and units as in `Indentation`.
     """
 
     texel_forces: FloatArray
     load: float
     depth: float
     area: float
-    first: float
-
-
-def _press_points(mesh: SolidMesh, material: Material, problem: PressProblem, target: float) -> _Small:
-    """Solve at small strain with the contact condition at Gauss points, as in the solution at finite strain."""
-    press = _begin(mesh, material, problem, PointSampler)
-    press.sampler.penalty = PENALTY * _SETTINGS.augmented * material.shear_modulus / measure_thickness(mesh)
-    contact = press.to(target, problem.control)
-    return _Small(
-        texel_forces=texel_responses([mesh], problem.array, material).finest.texel_forces(contact.nodal),
-        load=contact.load,
-        depth=contact.travel - press.touch,
-        area=contact.area,
-        first=float(press.sampler.at(press.touch).gap.min()),
-    )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Full(_Small):
-    """Solution at finite strain on one mesh, in the frame of the array; shapes and units as in `Indentation`.
-
-    Attributes:
-        arrays: Attributes of the result by name.
-    """
-
     arrays: dict[str, Any]
 
 
-def _press_mesh(mesh: SolidMesh, material: Material, problem: PressProblem, target: float, small: _Small) -> _Full:
-    """Solve one press at finite strain on one mesh, in steps that start at a fraction of the small-strain depth."""
+def _press_mesh(
+    mesh: SolidMesh, material: Material, problem: PressProblem, target: float, expected: float, *, linear: bool
+) -> _Full:
+    """Solve one press on one mesh with contact at quadrature points, at finite or at small strain.
+
+    Args:
+        mesh: Mesh of the cover.
+        material: Material of the cover.
+        problem: Indenter, pose and texels.
+        target: Load [N] or depth [m].
+        expected: Depth at small strain [m], whose part is the first step.
+        linear: Whether to solve at small strain, as `press_small` but with the contact condition of finite strain.
+    """
     indenter, pose = problem.indenter, problem.pose
     units = Units(length=measure_thickness(mesh), stress=material.shear_modulus)
     surface, turn = find_top(mesh), pose.rotation.T
-    origin = pose.position - find_touch(surface, indenter, pose) * pose.rotation[:, 2]
+    touch = find_touch(surface, indenter, pose)
+    origin = pose.position - touch * pose.rotation[:, 2]
     layout = DisplacementNodes.on(replace(mesh, nodes=(mesh.nodes - origin) @ turn.T / units.length))
     elements, count = layout.elements, layout.elements.nodes.size
-    points, areas = _place_points(layout)
+    points, areas, normals = _place_points(layout)
     base = np.unique(layout.base)
+
+    def measure_gap(depth: float) -> FloatArray:
+        """Measure the gaps along the normals, over their vertical components; large where the indenter is missed."""
+        places = (points.position.reshape(-1, 3) + np.array([0.0, 0.0, depth])) * units.length
+        deepest = _SETTINGS.largest_depth * units.length
+        gaps = measure_gaps(indenter, places, normals.reshape(-1, 3), behind=deepest).reshape(areas.shape)
+        return np.where(np.isfinite(gaps), gaps, _SETTINGS.far * units.length) / units.length / normals[..., 2]
+
+    solid = Solid.from_cover(elements, Cover(layers=(Layer(thickness=1.0, material=material),)), units)
+    top = IndenterSurface(
+        indenter=indenter, fillet=choose_solid_fillet(units.length, indenter) / units.length, unit=units.length
+    )
+    kind = partial(NormalContact, measure_gap, normals) if linear else SurfaceContact
+    penalty = PENALTY / min(1.0, float(np.sqrt(areas.sum(axis=1).mean())))
     path = ContactProblem(
-        solid=Solid.from_cover(elements, Cover(layers=(Layer(thickness=1.0, material=material),)), units),
-        contact=SurfaceContact(
-            elements,
-            0.0,
-            IndenterSurface(
-                indenter=indenter, fillet=choose_solid_fillet(units.length, indenter) / units.length, unit=units.length
-            ),
-            penalty=PENALTY / min(1.0, float(np.sqrt(areas.sum(axis=1).mean()))),
-            points=points,
-        ),
+        solid=solid.linearise_at_rest() if linear else solid,
+        contact=kind(elements, 0.0, top, penalty=penalty, points=points),
         constrained=(3 * base[:, None] + np.arange(3)).ravel(),
         units=units,
         overlap=_SETTINGS.overlap,
     )
     goal = target / (units.force if problem.control == "load" else units.length)
-    first = (small.first + _SETTINGS.first_step * (small.depth - small.first)) / units.length
+    least = float(measure_gap(0.0).min())
+    first = least + _SETTINGS.first_step * (expected / units.length - least)
     reached = path.follow([goal], control=problem.control, first=first, progress=problem.progress)[0]
     contact = reached.contact
     nodes = lay_out(mesh).elements.nodes
@@ -503,37 +466,36 @@ def _press_mesh(mesh: SolidMesh, material: Material, problem: PressProblem, targ
             (reached.state, units.length), (reached.reaction, units.force), (contact.force, -units.force)
         )
     )  # fmt: skip
-    # The force at a point follows the normal of the indenter, whose component along the motion is 1.
+    # The force at a point follows the normal, whose component along the motion is 1.
     vectors = -(contact.pressure * contact.weight)[..., None] * (contact.normal @ turn) * units.force
-    around = np.searchsorted(surface.index, points.nodes).ravel()
-    hats = evaluate_hats(layout.top.shape[1], quadrature(layout.top.shape[1])[0])
-    on_hats = np.einsum("fqc,qa->fac", vectors, hats).reshape(-1, 3)
+    touching = contact.pressure > 0
+    places = points.position[touching] * units.length @ turn + origin
     below = FacetSurface.part_of(nodes, lay_out(mesh).base)
     texels = problem.array
     return _Full(
         texel_forces=np.einsum("nb,bc,nc->n", project_texels(below, texels), reaction[base], texels.normals),
         load=reached.load * units.force,
         depth=reached.depth * units.length,
-        first=small.first,
-        area=float(areas[contact.pressure > 0].sum()) * units.length**2,
+        area=float(areas[touching].sum()) * units.length**2,
         arrays={
             "force": pressing.sum(axis=0),
             "moment": np.cross(nodes + displacement, pressing).sum(axis=0),
             "base_force": -reaction[base].sum(axis=0),
             "base_moment": -np.cross(below.nodes, reaction[base]).sum(axis=0),
-            "contact_points": surface.nodes,
-            "contact_forces": np.stack([np.bincount(around, each, len(surface.nodes)) for each in on_hats.T], axis=1),
+            "contact_points": places,
+            "contact_forces": vectors[touching],
             "displacement": displacement,
             "mesh": mesh,
         },
     )
 
 
-def _place_points(layout: DisplacementNodes) -> tuple[TopPoints, FloatArray]:
+def _place_points(layout: DisplacementNodes) -> tuple[TopPoints, FloatArray, FloatArray]:
     """Place quadrature points on the f facets of the top that face the indenter, along z.
 
     Returns:
-        The points, in the frame and unit of the elements, and their areas, shape (f, q) [units of area].
+        The points, in the frame and unit of the elements, their areas, shape (f, q) [units of area], and their unit
+        normals, shape (f, q, 3) [-].
     """
     nodes, count = layout.elements.nodes, layout.top.shape[1]
     place, weight = quadrature(count)
@@ -547,55 +509,51 @@ def _place_points(layout: DisplacementNodes) -> tuple[TopPoints, FloatArray]:
         position=np.einsum("qa,fac->fqc", shape, nodes[facets]),
         weight=vectors[facing][..., 2],
     )
-    return points, areas[facing]
+    return points, areas[facing], vectors[facing] / areas[facing][..., None]
 
 
 def _combine(
     accurate: Indentation,
-    small: Sequence[_Small],
-    full: Sequence[_Full],
+    pairs: Sequence[tuple[_Full, _Full]],
     problem: PressProblem,
     assumptions: Mapping[str, str],
     *,
-    rough: _Full | None = None,
+    rough: tuple[_Full, _Full] | None = None,
 ) -> Indentation:
     """Correct a press at finite strain or without slip for its discretisation error, and estimate the remaining error.
 
     Args:
-        accurate: Result at small strain, from the finest mesh.
-        small: Frictionless small-strain solutions on some meshes.
-        full: Solutions at finite strain or without slip on the same meshes.
+        accurate: Result without friction at small strain, from the finest mesh.
+        pairs: Solutions on some meshes, coarsest first: without friction at small strain, and that of the problem.
         problem: Texels, and whether the load or the depth is prescribed.
         assumptions: Statements about the result, by topic.
-        rough: Last solution of `full` in half the number of steps, whose change is the error of the steps.
+        rough: Last pair on fewer cells and in fewer steps.
     """
-    shares = np.array([f.texel_forces / f.load - s.texel_forces / s.load for f, s in zip(full, small, strict=True)])
-    stiffer = np.array([(f.load / f.depth) / (s.load / s.depth) for f, s in zip(full, small, strict=True)])
-    texels, by_load, last = problem.array, problem.control == "load", full[-1]
+    texels, by_load, last = problem.array, problem.control == "load", pairs[-1][1]
+    shares, stiffer, wider = (np.array(each) for each in zip(*(_compare(*pair) for pair in pairs), strict=True))
     load, depth = accurate.total_force, accurate.depth
     if by_load:
         depth /= stiffer[-1]
     else:
         load *= stiffer[-1]
     texel_forces = np.where(texels.active, accurate.texel_forces / accurate.total_force + shares[-1], 0.0) * load
-    wider = np.array([f.area / s.area for f, s in zip(full, small, strict=True)])
     safety = _SETTINGS.safety if rough is None else _SETTINGS.sticking
+    peak, whole = float(np.abs(texel_forces).max()) / load, abs(float(texel_forces.sum())) / load
     added = {
-        "peak_texel": _estimate_effect(shares, safety) * load / float(np.abs(texel_forces).max()),
+        "peak_texel": _estimate_effect(shares, safety) / peak,
         "misplaced_force": _estimate_effect(shares, safety, summed=True) / 2,
-        "texel_sum": _estimate_effect(shares.sum(axis=1), safety) * load / abs(float(texel_forces.sum())),
+        "texel_sum": _estimate_effect(shares.sum(axis=1), safety) / whole,
         "depth" if by_load else "total_force": _estimate_effect(stiffer - 1, safety),
         "contact_area": _estimate_effect(wider - 1, safety),
     }
     if rough is not None:
-        change = np.abs(rough.texel_forces / rough.load - last.texel_forces / last.load)
-        added["peak_texel"] += float(change.max()) * load / float(np.abs(texel_forces).max())
+        share, stiff, wide = _compare(*rough)
+        change = np.abs(share - shares[-1])
+        added["peak_texel"] += float(change.max()) / peak
         added["misplaced_force"] += float(change.sum()) / 2
-        added["texel_sum"] += abs(
-            float(rough.texel_forces.sum() / last.texel_forces.sum()) * last.load / rough.load - 1
-        )
-        added["depth" if by_load else "total_force"] += abs((rough.load / rough.depth) / (last.load / last.depth) - 1)
-        added["contact_area"] += abs(rough.area / last.area - 1)
+        added["texel_sum"] += abs(float((share - shares[-1]).sum())) / whole
+        added["depth" if by_load else "total_force"] += abs(stiff - stiffer[-1])
+        added["contact_area"] += abs(wide - wider[-1])
     errors = {name: error + added.get(name, 0.0) for name, error in accurate.error_estimate.items()}
     forces = ("force", "moment", "base_force", "base_moment", "contact_forces")
     scaled = {name: load / last.load * last.arrays[name] for name in forces}
@@ -613,6 +571,12 @@ def _combine(
         assumptions={**accurate.assumptions, **assumptions},
         warnings=warn_of_errors(errors),
     )
+
+
+def _compare(small: _Full, full: _Full) -> tuple[FloatArray, float, float]:
+    """Compare two solutions: change of the forces of texels over the load, and ratios of stiffness and area [-]."""
+    shares = full.texel_forces / full.load - small.texel_forces / small.load
+    return shares, (full.load / full.depth) / (small.load / small.depth), full.area / small.area
 
 
 def _estimate_effect(values: FloatArray, safety: float, *, summed: bool = False) -> float:

@@ -7,7 +7,6 @@ import pytest
 
 from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import texel_responses
-from fem_reference.curved_cover.press import build_compliance
 from fem_reference.curved_cover.responses import build_solid
 from meshes import Material, TexelArray
 from meshes.solids import sweep
@@ -22,7 +21,6 @@ PRESSURE = 1e4
 def forget_solids():
     """Release the factorisations of large meshes, of which three would otherwise take 10 GB."""
     yield
-    build_compliance.cache_clear()
     build_solid.cache_clear()
 
 

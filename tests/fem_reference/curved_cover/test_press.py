@@ -2,12 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from fem_reference import press
-from fem_reference.curved_cover.contact import MeshPress
-from fem_reference.curved_cover.press import build_compliance
-from fem_reference.curved_cover.pressure_shapes import GapSampler, evaluate_hats
 from fem_reference.curved_cover.rays import find_touch
 from fem_reference.curved_cover.responses import find_top
 from fem_reference.errors import PiercedError, UnsupportedError
@@ -15,7 +11,6 @@ from meshes import Box, Cover, Layer, Material, Sphere
 from meshes.pose import Pose
 from meshes.solids import fingertip, flat_pad, phalanx
 from meshes.solids.covers import take_meshes
-from meshes.solids.facets import node_places, split_facet
 from tests.support.rotated_poses import rotated_pose
 
 NEO = Material(name="neo", model="neo-hookean", parameters={"shear_modulus": 3e5}, poisson_ratio=0.49)
@@ -40,62 +35,6 @@ def test_a_ball_touches_a_cylinder_where_their_surfaces_meet(angle):
     assert find_touch(top, BALL, pose) == pytest.approx(12e-3, abs=2e-6)
     beside = Pose.facing([0, 20e-3, 20e-3], [0, 0, -1])
     assert find_touch(top, BALL, beside) == np.inf
-
-
-def test_contact_forces_and_gaps_are_complementary():
-    compliance = build_compliance(MESH, RUBBER)
-    pose = at_angle(0.2)
-    sampler = GapSampler(compliance.top, BALL, pose, 12.5e-3)
-    contact = MeshPress(compliance, sampler, pose.towards, 12e-3, 0.5e-3).at_depth(0.3e-3)
-    given = sampler.at(12.3e-3)
-    nodal = given.spread @ contact.forces
-    np.testing.assert_allclose(contact.nodal, -nodal[:, None] * compliance.top.normals)
-    moved = nodal @ compliance.rows(np.arange(len(nodal)))
-    gap = given.gap + given.spread.T @ moved
-    touching = contact.forces > 0
-    assert touching.sum() > 2
-    assert (contact.forces >= 0).all()
-    assert nodal.sum() == pytest.approx(contact.forces.sum())
-    np.testing.assert_allclose(gap[touching], 0, atol=1e-10)
-    assert gap.min() > -1e-10
-
-
-@pytest.mark.parametrize("nodes", [9, 6])
-def test_hats_are_linear_between_the_nodes(nodes):
-    place = node_places(nodes)
-    np.testing.assert_allclose(evaluate_hats(nodes, place), np.eye(nodes), atol=1e-15)
-    inside = split_facet(nodes, 6)[0]
-    hats = evaluate_hats(nodes, inside)
-    np.testing.assert_allclose(hats.sum(axis=1), 1)
-    np.testing.assert_allclose(hats @ place, inside, atol=1e-15)
-    assert hats.min() >= 0
-
-
-def test_the_pressure_ends_at_the_edge_of_a_box():
-    cover = flat_pad(size=(8e-3, 8e-3), rows=2)
-    top = find_top(cover.mesh(2e-3, layers=2))
-    pose = Pose.facing([0.3e-3, 0, 2e-3], [0, 0, -1])
-    given = GapSampler(top, Box(size=(3e-3, 3e-3, 2e-3)), pose, 1e-3).at(0.1e-3)
-    assert given.area.sum() == pytest.approx(9e-6, rel=0.05)
-    covered = given.area > 0
-    np.testing.assert_allclose(given.gap[covered], -0.1e-3, rtol=1e-9)
-    np.testing.assert_allclose(given.rate[covered], 1)
-    np.testing.assert_allclose(given.spread.sum(axis=0)[0, covered], 1)
-    middle = (given.area @ top.nodes)[0] / given.area.sum()
-    assert middle == pytest.approx(0.3e-3, abs=0.1e-3)
-    assert given.is_cut[covered].any()
-
-
-@pytest.mark.parametrize("tilt", [0.0, 0.3, -0.7])
-def test_a_gap_closes_at_the_cosine_of_the_motion_and_the_normal(tilt):
-    top = find_top(flat_pad(size=(16e-3, 16e-3), rows=2).mesh(2e-3, layers=2))
-    direction = np.array([np.sin(tilt), 0, -np.cos(tilt)])
-    pose = Pose.facing(-12e-3 * direction + [0, 0, 2e-3], direction)
-    travel = find_touch(top, BALL, pose) + 0.1e-3
-    given = GapSampler(top, BALL, pose, travel).at(travel)
-    carries = given.area > 0
-    assert carries.sum() >= 3
-    np.testing.assert_allclose(given.rate[carries], np.cos(tilt))
 
 
 def test_load_and_depth_control_agree_and_the_base_bears_the_load():
@@ -175,19 +114,6 @@ def test_an_indenter_that_fits_between_the_points_of_the_mesh_is_told_so():
             press(SOLID, COVER.texels, Sphere(radius=1e-5), at_angle(angle, y=0.3e-3), load=1e-3)
     with pytest.raises(ValueError, match="never touches"):
         press(SOLID, COVER.texels, Sphere(radius=1e-5), at_angle(0.0, y=7e-3), load=1e-3)
-
-
-def test_a_steep_side_beside_an_edge_does_not_lift_the_mean_gap():
-    top = find_top(flat_pad(size=(8e-3, 8e-3), rows=2).mesh(1e-3, layers=2))
-    tilted = Rotation.from_euler("y", 5, degrees=True).as_matrix()
-    pose = rotated_pose(np.array([0.13e-3, 0, 5e-3]), tilted, np.array([0, 0, -1.0]))
-    box = Box(size=(4e-3, 3e-3, 6e-3))
-    travel = find_touch(top, box, pose) + 0.1e-3
-    gaps = GapSampler(top, box, pose, travel).at(travel)
-    carries = np.isfinite(gaps.gap)
-    assert carries.any()
-    assert gaps.gap[carries].max() < 0.2e-3  # twice the overlap; the side is 6 mm high
-    assert np.abs(top.nodes[gaps.gap < 0, 0]).max() > 1.7e-3  # hats at the edge touch
 
 
 @pytest.mark.parametrize("height", [0.2e-3, 1e-3])
