@@ -150,7 +150,7 @@ class SolidMesh:
 
     @property
     def geometry_error(self) -> float:
-        """Largest distance of the surface from the body that it stands for, as stated by the maker of the mesh [m]."""
+        """Distance of the surface from the body that it stands for, as estimated by the maker of the mesh [m]."""
         return float(self.settings.get("geometry_error", 0.0))
 
     @property

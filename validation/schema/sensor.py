@@ -201,8 +201,9 @@ class CurvedCoverTable(Table):
         """Yield faults of missing keys and of keys that exclude each other."""
         own = self.mesh is not None and self.mesh.lower().endswith(".npz")
         if self.mesh is not None:
-            if self.surface is not None or self.thickness is not None:
-                yield "mesh", "replaces surface and thickness; leave them out"
+            replaced = ("surface", "thickness", "element_size", *(("left_out",) if own else ()))
+            if given := [name for name in replaced if getattr(self, name) is not None]:
+                yield "mesh", f"replaces {' and '.join(given)}; leave out what it replaces"
             if not own and self.base is None:
                 yield "base", 'is missing; write for example base = "core.stl", the surface to which the mesh is bonded'
         elif self.surface is None and self.base is None:

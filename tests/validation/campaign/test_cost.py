@@ -130,7 +130,7 @@ def test_loads_of_the_built_in_campaign_are_lowered_on_soft_covers(wts):
     )
     assert {case.name: case.load for case in stiff.cases}["sphere, texel"] == pytest.approx(4.903325)
     loads = {case.name: case.load for case in soft.cases}
-    assert soft.intended_use.endswith(f"lowered for this soft cover, to 0.0049 N to {max(loads.values()):.2g} N.")
+    assert soft.intended_use.endswith(f"lowered for this soft cover: 0.0049 N to {max(loads.values()):.2g} N.")
     assert stiff.intended_use.endswith("with 0.2 N to 5 N.")
     # A linear cover bears loads in proportion to its modulus; loads of one body keep their ratio.
     borne = bear(stack_layers((2e-3, 1e6, 0.49)), Sphere(radius=5e-3)) / 50

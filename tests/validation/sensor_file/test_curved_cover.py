@@ -111,6 +111,7 @@ def test_surfaces_that_enclose_no_body_are_refused(tmp_path, outer, base, said):
         (COVER.replace("surface", "shape"), "cover.shape: unknown key"),
         (COVER.replace('"outer.stl"', '"none.stl"'), "none.stl: No such file"),
         (COVER + 'mesh = "mesh.npz"\n', "cover.mesh: replaces surface and thickness"),
+        ('mesh = "mesh.npz"\nmaterial = "dragon-skin-30"\nleft_out = ["z < 1 mm"]\n', "cover.mesh: replaces left_out"),
     ],
 )
 def test_faults_of_the_table_are_named(tmp_path, cover, said):
