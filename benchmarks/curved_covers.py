@@ -3,10 +3,9 @@
 responses  time, memory and error estimates of the responses of all texels of each built-in cover
 estimates  error estimates against true errors: responses of a cylinder, and presses of flat pads
 scores     40 presses of the fingertip: time of the reference, its error estimate, and what the fast model misplaces
-bodies     six bodies from CAD at three tessellations each, pressed at tip, side and pad (`bodies BODY ...` for some)
 
-`bodies` needs SOFTCOVER_GEOMETRY, gymnasium-robotics and pyvista.  Each part prints a table; `curved_covers.md` holds
-them.
+Each part prints a table; `curved_covers.md` holds them.  `curved_coverage.py` checks estimates on random presses, and
+`curved_bodies.py` presses bodies from CAD.
 """
 
 from __future__ import annotations
@@ -17,35 +16,22 @@ import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from importlib.util import find_spec
-from pathlib import Path
+from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
-import trimesh
 from scipy.spatial.transform import Rotation
 
-from fastmodel.contact.points import press_points as press_fast
 from fem_reference import press
 from fem_reference.closed_form.cylinder import CylinderLayer
 from fem_reference.curved_cover import texel_responses
-from fem_reference.errors import ConvergenceError, UnsupportedError
-from fem_reference.indentation.result import Indentation
-from meshes import Box, Cylinder, Indenter, Roller, Sphere, TexelArray
-from meshes.array_types import FloatArray
+from meshes import Box, Cover, Cylinder, Indenter, Roller, SolidCover, Sphere, TexelArray
 from meshes.pose import Pose
 from meshes.solids import fingertip, flat_pad, phalanx
 from meshes.solids.covers import take_meshes
-from meshes.surfaces.files import read_triangles
-from meshes.surfaces.triangles import label_parts, merge_corners, normal_vectors, unit_vectors
 from tests.exact.spots import SpotLoad, touch_cylinder
 from tests.support.rotated_poses import rotated_pose
 from tests.support.rubber import make_cover, make_rubber
-from validation.derivation.cover_points import derive_points
-from validation.schema import parse
-from validation.schema.sensor import CurvedCoverTable
-from validation.sensor_file.curved_cover import build_solid
 
 RUBBER = make_rubber(model="linear-elastic")
 #: Shapes of the 40 presses, the angle about their y axis by which they are turned [rad], and the load [N].
@@ -101,6 +87,8 @@ NARROW: list[tuple[str, Indenter, float, tuple[float, float], float, tuple[float
     ("box 6 x 0.5 mm", Box(size=(6e-3, 0.5e-3, 6e-3)), 0.1, (0.3, 0.1), 0.0, (0.0, 0.0)),
     ("box 6 x 0.5 mm", Box(size=(6e-3, 0.5e-3, 6e-3)), 0.1, (0.3, 0.1), 30.0, (0.0, 0.0)),
 ]
+#: Quantities that `estimates` compares.
+QUANTITIES = ("misplaced_force", "peak_texel", "depth", "contact_area")
 #: A length [m] or relative error [-] that counts as zero.
 SMALL = 1e-9
 #: Places of the 40 presses: a point on the line of motion [mm], and the direction of motion.
@@ -148,34 +136,46 @@ def compare_estimates() -> None:
         f"phalanx, {len(inner)} texels of the middle column under point forces: error {100 * error:.2f} %, estimate "
         f"{100 * response.error_estimate['peak_texel']:.2f} %\n"
     )
-    cover = flat_pad(size=(14e-3, 14e-3), rows=3)
-    planar = make_cover(model="linear-elastic", size=(14e-3, 14e-3))
     print(
         "| shape | place [mm], yaw, tilts [deg] | misplaced force: error, estimate [%] | texel forces | depth | area |"
     )
     print("|---|---|---|---|---|---|")
-    for name, indenter, load, (x, y), yaw, tilts in FLAT + NARROW:
-        about_x, about_y = np.radians(tilts).tolist()
-        pose = Pose(point=(1e-3 * x, 1e-3 * y, 5e-3), yaw=float(np.radians(yaw)), tilt=(about_x, about_y))
-        found = press(take_meshes(cover.meshes(), material), cover.texels, indenter, pose, load=load)
-        exact = press(planar, cover.texels, indenter, pose, load=load)
-        difference = np.abs(found.texel_forces - exact.texel_forces)
-        errors = {
-            "misplaced_force": difference.sum() / (2 * load),
-            "texel_forces": difference.max() / exact.texel_forces.max(),
-            "depth": abs(found.depth / exact.depth - 1),
-            "contact_area": abs(found.contact_area / exact.contact_area - 1),
-        }
-        ratios.append([found.error_estimate[key] / max(error, SMALL) for key, error in errors.items()])
-        cells = " | ".join(f"{100 * each:.2f}, {100 * found.error_estimate[key]:.2f}" for key, each in errors.items())
-        place = f"{x:g}, {y:g}; {yaw:g}; {tilts[0]:g}, {tilts[1]:g}"
-        print(f"| {name}, {load:g} N | {place} | {cells} |", flush=True)
+    for number in range(len(FLAT + NARROW)):
+        line, ratio = compare_press(number)
+        ratios.append(ratio)
+        print(line, flush=True)
     known = [column[np.isfinite(column)] for column in np.array(ratios).T]  # nan: not resolved
     covered, median = [100 * (each >= 1).mean() for each in known], [np.median(each) for each in known]
     print(
         "\nestimate at least the error where there is one, and median of estimate over error: "
-        + "; ".join(f"{name} {a:.0f} %, {b:.1f}" for name, a, b in zip(errors, covered, median, strict=True))
+        + "; ".join(f"{name} {a:.0f} %, {b:.1f}" for name, a, b in zip(QUANTITIES, covered, median, strict=True))
     )
+
+
+@cache
+def mesh_pad() -> tuple[SolidCover, TexelArray, Cover]:
+    """Mesh a flat pad of 14 mm; return it, its texels, and the same pad for the planar solution."""
+    pad = flat_pad(size=(14e-3, 14e-3), rows=3)
+    return take_meshes(pad.meshes(), RUBBER), pad.texels, make_cover(model="linear-elastic", size=(14e-3, 14e-3))
+
+
+def compare_press(number: int) -> tuple[str, list[float]]:
+    """Compare a press of a flat pad with the planar solution; return a row of the table, and estimates over errors."""
+    name, indenter, load, (x, y), yaw, tilts = (FLAT + NARROW)[number]
+    cover, texels, planar = mesh_pad()
+    about_x, about_y = np.radians(tilts).tolist()
+    pose = Pose(point=(1e-3 * x, 1e-3 * y, 5e-3), yaw=float(np.radians(yaw)), tilt=(about_x, about_y))
+    found = press(cover, texels, indenter, pose, load=load)
+    exact = press(planar, texels, indenter, pose, load=load)
+    difference = np.abs(found.texel_forces - exact.texel_forces)
+    errors = (
+        difference.sum() / (2 * load), difference.max() / exact.texel_forces.max(),
+        abs(found.depth / exact.depth - 1), abs(found.contact_area / exact.contact_area - 1),
+    )  # fmt: skip
+    pairs = list(zip(QUANTITIES, errors, strict=True))
+    cells = " | ".join(f"{100 * each:.2f}, {100 * found.error_estimate[key]:.2f}" for key, each in pairs)
+    row = f"| {name}, {load:g} N | {x:g}, {y:g}; {yaw:g}; {tilts[0]:g}, {tilts[1]:g} | {cells} |"
+    return row, [found.error_estimate[key] / max(error, SMALL) for key, error in pairs]
 
 
 def list_presses() -> Iterator[tuple[str, str, Indenter, Pose, float]]:
@@ -190,6 +190,9 @@ def list_presses() -> Iterator[tuple[str, str, Indenter, Pose, float]]:
 
 def score_fast_model() -> None:
     """Score the fast model on the 40 presses."""
+    from fastmodel.contact.points import press_points as press_fast
+    from validation.derivation.cover_points import derive_points
+
     cover = fingertip()
     meshes = cover.meshes()
     start = time.process_time()
@@ -219,140 +222,15 @@ def score_fast_model() -> None:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Body:
-    """A body from CAD, with the keys of its table `[cover]`; public ones with source and licence.
-
-    Attributes:
-        files: Files of surface and, if there is one, base.
-        about: Source and licence.
-        keys: Other keys of the table `[cover]`.
-        places: Directions from the middle of the body to tip, side and pad.
-    """
-
-    files: tuple[Path, ...]
-    about: str
-    keys: dict[str, object]
-    places: tuple[tuple[float, float, float], ...]
-
-
-def list_bodies(folder: Path) -> dict[str, Body]:
-    """List the bodies; own ones are written to a folder."""
-    geometry = Path(os.environ.get("SOFTCOVER_GEOMETRY", "../shared/geometry"))
-    found = find_spec("gymnasium_robotics")
-    hands = Path(found.origin if found and found.origin else "gymnasium_robotics/none").parent / "envs/assets"
-    for name, low in (("saddle", 8.0), ("core", 5.5)):  # a waist, and round ends
-        along = np.linspace(-1, 1, 25)
-        radius = low * np.sqrt(np.maximum(1 - np.abs(along) ** 6, 0.0)) * (1 - 0.3 * np.exp(-((along / 0.45) ** 2)))
-        profile = np.column_stack([radius, (12 if name == "saddle" else 9.5) * along])
-        trimesh.creation.revolve(profile, sections=48).export(folder / f"{name}.stl")
-    shadow = "gymnasium-robotics 1.4.2, Shadow hand; licence in its LICENSE.md"
-    return {
-        "biotac": Body(
-            files=(geometry / "biotac/skin.tet", geometry / "biotac/core.obj"), keys={"unit": "m"},
-            about="NVlabs/biotac_sim, MIT style", places=((1, 0, -0.3), (0.2, 1, 0.3), (0, 0, 1)),
-        ),
-        "sharpa": Body(
-            files=(geometry / "sharpa/tactileSensor_4F.obj",), keys={"unit": "mm", "thickness": "2 mm"},
-            about="sharpa-robotics, Apache-2.0", places=((0, -1, 0.2), (1, 0, 0.3), (0, -0.2, -1)),
-        ),
-        "ellipsoid": Body(
-            files=(hands / "adroit_hand/resources/meshes/distal_ellipsoid.stl",), about=shadow,
-            keys={"unit": "mm", "thickness": "1.5 mm", "left_out": ["z < 8.1 mm"]},
-            places=((0, 0, 1), (1, 0, 0.1), (0, -1, 0.3)),
-        ),
-        "finger": Body(
-            files=(hands / "stls/hand/F1.stl",), keys={"unit": "mm", "thickness": "1.2 mm"}, about=shadow,
-            places=((0, 0, 1), (1, 0, 0.3), (0, -1, 0.4)),
-        ),
-        "thumb": Body(
-            files=(hands / "stls/hand/TH1_z.stl",), keys={"unit": "mm", "thickness": "1.2 mm"}, about=shadow,
-            places=((0, 0, 1), (1, 0, 0.3), (0, -1, 0.4)),
-        ),
-        "saddle": Body(
-            files=(folder / "saddle.stl", folder / "core.stl"), keys={"unit": "mm"},
-            about="own, for want of a public one", places=((0.3, 0, 1), (0, 1, 0.1), (1, 0, 0)),
-        ),
-    }  # fmt: skip
-
-
-def press_bodies(names: Sequence[str] = ()) -> None:
-    """Press bodies from CAD at three tessellations each, and compare them with the finest."""
-    import pyvista
-
-    print("| body | triangles | place | mesh, press [CPU s] | shape, depth [mm] | estimate, off | peak texel, off |")
-    print("|---|---|---|---|---|---|---|")
-    with tempfile.TemporaryDirectory() as folder:
-        for name, body in list_bodies(Path(folder)).items():
-            if names and name not in names:
-                continue
-            given = [keep_largest(read_triangles(path, 1.0)) for path in body.files]
-            known: dict[int, Indentation] = {}
-            for share in (1, 4, 16):
-                for path, triangles in zip(("outer.stl", "base.stl"), given, strict=False):
-                    part = trimesh.Trimesh(*merge_corners(triangles), process=False)
-                    coarse = pyvista.wrap(part).decimate(1 - 1 / share) if share > 1 else pyvista.wrap(part)
-                    coarse.save(Path(folder) / path)
-                keys = body.keys | {"surface": "outer.stl", "material": "dragon-skin-30"}
-                keys |= {"base": "base.stl"} if len(given) > 1 else {}
-                try:
-                    press_body(f"{name} | 1/{share}", parse(keys, CurvedCoverTable), Path(folder), body, known)
-                except (ValueError, UnsupportedError, ConvergenceError) as error:
-                    print(f"| {name} | 1/{share} | refused: {error} |", flush=True)
-
-
-def press_body(label: str, table: CurvedCoverTable, folder: Path, body: Body, known: dict[int, Indentation]) -> None:
-    """Mesh one tessellation of a body and press it; `known` keeps the presses of the finest tessellation."""
-    start = sum(os.times()[:4])
-    cover = build_solid(table, folder)
-    base = np.asarray(cover.base_triangles)
-    middles, normals = base.mean(axis=1), unit_vectors(normal_vectors(base))
-    chosen = []
-    for place in body.places:  # the point of the base that is farthest along a direction and nearest to its line
-        along, away = unit_vectors(np.array(place, dtype=float)), middles - middles.mean(axis=0)
-        chosen.append(int(np.argmax(away @ along - np.linalg.norm(np.cross(away, along), axis=1))))
-    grid = TexelArray.grid(1, len(chosen), 3e-3, name=label)
-    texels = replace(grid, centres=middles[chosen], normals=normals[chosen])
-    meshes = cover.meshes()
-    spent = sum(os.times()[:4]) - start
-    for number, name in enumerate(("tip", "side", "pad")):
-        start = sum(os.times()[:4])
-        outward = texels.normals[number]
-        pose = Pose.facing(texels.centres[number] + 30e-3 * outward, -outward)
-        found = press(take_meshes(meshes, RUBBER), texels, Sphere(radius=5e-3), pose, load=0.2)
-        exact = known.setdefault(number, found)
-        error, off = found.error_estimate, np.abs(found.texel_forces - exact.texel_forces).max()
-        print(
-            f"| {label} | {name} | {spent:.0f}, {sum(os.times()[:4]) - start:.0f} | "
-            f"{1e3 * meshes[-1].geometry_error:.3f}, {1e3 * found.depth:.3f} | "
-            f"{100 * error['depth']:.1f}, {100 * abs(found.depth / exact.depth - 1):.1f} % | "
-            f"{100 * error['peak_texel']:.1f}, {100 * off / exact.texel_forces.max():.1f} % |",
-            flush=True,
-        )
-
-
-def keep_largest(triangles: FloatArray) -> FloatArray:
-    """Return the triangles of the largest connected part of a surface, without doubled ones, shape (n, 3, 3)."""
-    points, faces = merge_corners(triangles)
-    faces = faces[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]]
-    part = label_parts(len(points), faces)[faces[:, 0]]
-    area = np.bincount(part, np.linalg.norm(normal_vectors(points[faces]), axis=1))
-    return points[faces[part == area.argmax()]]
-
-
 PARTS = {
     "responses": measure_responses,
     "estimates": compare_estimates,
     "scores": score_fast_model,
-    "bodies": press_bodies,
 }
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as store:
         os.environ["SOFTCOVER_STORE"] = store
-        if sys.argv[1:2] == ["bodies"]:
-            press_bodies(sys.argv[2:])
-        else:
-            for each in sys.argv[1:] or PARTS:
-                print(f"\n## {each}\n")
-                PARTS[each]()
+        for each in sys.argv[1:] or PARTS:
+            print(f"\n## {each}\n")
+            PARTS[each]()

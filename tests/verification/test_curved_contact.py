@@ -1,4 +1,4 @@
-"""Contacts on a spherical cover against the exact solution, and the same press at many places of the sphere."""
+"""Contacts on spheres and cylinders against exact solutions, and the same press at many places of a sphere."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from fem_reference import press
+from fem_reference.closed_form.cylinder import CylinderLayer
 from meshes import Box, Sphere, TexelArray
 from meshes.pose import Pose
 from meshes.solids.covers import take_meshes
-from meshes.solids.swept import join_grids, sweep
+from meshes.solids.swept import cylinder_surface, join_grids, sweep
+from tests.exact import cylinder_contact
 from tests.exact.sphere import SphereLayer
 from tests.exact.sphere_contact import press_ball
 from tests.support.rubber import make_rubber
@@ -62,6 +64,24 @@ def test_a_ball_on_a_spherical_cover_meets_the_exact_contact(radius, depth, plac
         assert error < found.error_estimate[name] + 0.003  # of the rings
     loaded = press(cover, ARRAY, ball, pose, load=known.force)
     assert loaded.depth == pytest.approx(depth, rel=0.005)
+
+
+@pytest.mark.slow
+def test_a_ball_on_a_cylindrical_cover_meets_the_exact_contact():
+    material, depth, ball = make_rubber(0.45), 0.1e-3, Sphere(radius=3e-3)
+    sizes = ((0.48, 3), (0.38, 3), (0.3, 4))
+    meshes = [
+        sweep(cylinder_surface(CORE, 2.1, 14e-3, size * THICKNESS), THICKNESS, layers=layers) for size, layers in sizes
+    ]
+    layer = CylinderLayer(core_radius=CORE, thickness=THICKNESS, material=material)
+    known = cylinder_contact.press_ball(layer, ball.radius, depth, cells=20)
+    pose = towards(0.1, 0.0)
+    found = press(take_meshes(meshes, material), ARRAY, ball, pose, depth=depth)
+    error = abs(found.total_force / known.force - 1)
+    assert error < min(0.005, found.error_estimate["total_force"])
+    assert abs(found.contact_area / known.area - 1) < found.error_estimate["contact_area"] + 0.01  # of the exact one
+    loaded = press(take_meshes(meshes, material), ARRAY, ball, pose, load=known.force)
+    assert abs(loaded.depth / depth - 1) < min(0.005, loaded.error_estimate["depth"])
 
 
 @pytest.mark.slow
