@@ -41,7 +41,12 @@ from fem_reference.finite_strain.indenter_surface import IndenterSurface
 from fem_reference.finite_strain.loading_path import Control, Units, name_part, report
 from fem_reference.grid_convergence import field_convergence
 from fem_reference.indentation.finite_strain import choose_solid_fillet, state_rounding
-from fem_reference.indentation.result import Indentation, PressProblem, warn_of_errors
+from fem_reference.indentation.result import (
+    Indentation,
+    PressProblem,
+    state_missed_accuracy,
+    warn_of_errors,
+)
 from meshes import Cover, Layer, Material, SolidCover
 from meshes.array_types import FloatArray
 from meshes.solids.facets import area_vectors, facet_shape
@@ -64,12 +69,19 @@ class SolidPressSettings:
     border: tuple[float, float] = (2.0, 0.25)
     #: Number of cells across the contact of a second solution on the finest mesh [-].
     rough: int = 96
-    #: Smallest order of convergence in error estimates: the order at a sharp edge [-].
-    order: float = 1.0
+    #: Smallest and largest order of convergence in error estimates: the smallest is that at a sharp edge [-].
+    order: tuple[float, float] = (1.0, 3.0)
+    #: The same for forces on texels, which are smooth functions of the contact [-].
+    texel_order: tuple[float, float] = (1.5, 2.5)
     #: Smallest ratio of the element sizes of two meshes in error estimates [-].
-    ratio: float = 1.1
-    #: Smallest estimated relative error of every quantity but the peak texel, from the elements' local error [-].
-    least: float = 1e-3
+    ratio: float = 1.4
+    #: Smallest estimated relative error, from the splines of the remainder and the elements' local error [-].
+    least: float = 3e-3
+    #: Smallest estimated relative error of the contact area, whose edge is located within cells [-].
+    least_area: float = 7e-3
+    #: Smallest estimated relative error of the sum of the texels, and the same over the error of the peak texel; the
+    #: change of the sum between two meshes may vanish by chance [-].
+    least_sum: tuple[float, float] = (5e-3, 0.25)
     #: Smallest cosine between the normal of the top and the axis of the indenter at points that can touch, at finite
     #: strain [-].
     least_cosine: float = 0.05
@@ -116,7 +128,7 @@ def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
     Raises:
         ValueError: If the cover cannot be meshed, or the indenter never touches.
         UnsupportedError: If friction is neither zero nor no slip, finite strain is requested with friction or tilt, or
-            an accuracy is requested.
+            no mesh reaches the accuracy.
         PiercedError: If the indenter would go through most of the cover.
         ConvergenceError: If the contact or the load is not found.
     """
@@ -133,21 +145,35 @@ def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
         raise UnsupportedError(
             "at finite strain the indenter moves along its own axis; turn it to look along the direction", "tilt"
         )
-    if problem.accuracy is not None:
-        raise UnsupportedError("the meshes of a curved cover are given; leave it out", "accuracy")
+    wanted = 1.0 if problem.accuracy is None else problem.accuracy
+    if wanted < (least := _SETTINGS.least_area):
+        raise UnsupportedError(f"no mesh reaches it: the smallest error that is stated here is {least:.2%}", "accuracy")
     meshes = cover.meshes(problem.progress)
-    out = []
+    found = _press_targets(meshes, cover.material, problem)
+    if (
+        problem.accuracy is not None
+        and cover.refine is not None
+        and max(max(each.error_estimate.values()) for each in found) > wanted
+    ):
+        report(problem.progress, f"{100 * wanted:.3g} % wanted: a finer mesh is added")
+        found = _press_targets((*meshes[1:], cover.refine(cover.thickness)), cover.material, problem)
+    return found if problem.accuracy is None else [state_missed_accuracy(each, wanted) for each in found]
+
+
+def _press_targets(meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem) -> list[Indentation]:
+    """Press a solid to every target of a problem, or read the results from the store."""
+    finite, out = problem.strain == "finite", []
     for target in problem.targets:
         started = time.perf_counter()
 
         def compute(target: float = target) -> tuple[int, Indentation]:
             solve = press_finite if finite else press_sticking if problem.friction else press_small
-            found = solve(meshes, cover.material, problem, target)
+            found = solve(meshes, material, problem, target)
             number = next(k for k, mesh in enumerate(meshes) if mesh is found.mesh)
             return number, replace(found, mesh=None)
 
         inputs = {
-            "meshes": [mesh.digest for mesh in meshes], "material": cover.material, "texels": problem.array,
+            "meshes": [mesh.digest for mesh in meshes], "material": material, "texels": problem.array,
             "indenter": problem.indenter, "pose": problem.pose, problem.control: target,
             "friction": problem.friction, "finite": finite,
         }  # fmt: skip
@@ -313,14 +339,19 @@ def _estimate(
         for k in range(len(sizes) - 2, -1, -1):
             sizes[k] = max(sizes[k], _SETTINGS.ratio * sizes[k + 1])
         for name, each in values.items():
-            error = field_convergence(each, sizes, least=_SETTINGS.order)
+            least, most = _SETTINGS.texel_order if "texel" in name else _SETTINGS.order
+            error = field_convergence(each, sizes, least=least, most=most)
             scale = scales[name] if name in scales else abs(float(each[-1]))
             factor, border = _SETTINGS.border if last.at_border else (1.0, 0.0)
             errors[name] = max(factor * error / scale, border * last.at_border, _SETTINGS.least)
         changes = np.abs(texel_forces[-1] - texel_forces[-2])
         widespread = float(changes.sum() / max(changes.max(), np.finfo(float).tiny)) / 2
         # The area follows the travel and the load.
-        errors["contact_area"] = max(errors["contact_area"], errors["depth"], errors["total_force"])
+        errors["contact_area"] = max(
+            errors["contact_area"], errors["depth"], errors["total_force"], _SETTINGS.least_area
+        )
+        least_sum, share = _SETTINGS.least_sum
+        errors["texel_sum"] = max(errors["texel_sum"], least_sum, share * errors["peak_texel"])
         errors["misplaced_force"] = errors["peak_texel"] * scales["peak_texel"] * max(widespread, 1.0) / last.load
     return errors | {"total_force" if control == "load" else "depth": 0.0}
 

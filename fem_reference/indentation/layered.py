@@ -36,7 +36,7 @@ from fem_reference.indentation.grid_solution import (
     estimate_spread,
     extrapolate_solutions,
 )
-from fem_reference.indentation.result import Indentation, PressProblem, warn_of_errors
+from fem_reference.indentation.result import Indentation, PressProblem, state_missed_accuracy, warn_of_errors
 from fem_reference.linear_response.surface_compliance import decay_length
 from fem_reference.materials import describe_instability, warn_of_instability
 from meshes import Cover, tilt_indenter
@@ -176,7 +176,7 @@ class LayerPress:
             if refinement < finest:
                 wanted = f"{100 * accuracy:.3g} % wanted"
                 report(self.progress, f"estimated error {100 * reached:.3g} %, {wanted}: a finer grid is added")
-        return [_state_missed_accuracy(each, accuracy) for each in best]
+        return [state_missed_accuracy(each, accuracy) for each in best]
 
     def solve_as_far(self, path: LoadingPath, refinement: int = 0) -> list[Indentation]:
         """Solve a loading path; if it stops early, solve the part that was reached and report both.
@@ -377,16 +377,6 @@ def is_far_from_sides(path: LoadingPath, place: Place, progress: Progress = None
     contact = small_strain.estimate_contact(replace(path, cover=wide), None, progress)
     nearest = min(edge / 2 - abs(at) for edge, at in zip(cover.size, place.pose.at, strict=True))
     return bool(nearest - np.hypot(*contact.T).max() > _FAR_SIDES[cover.base] * decay_length(wide))
-
-
-def _state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:
-    """Add a warning to a result whose estimated errors exceed the wanted accuracy on the finest grids."""
-    errors = result.error_estimate.items()
-    missed = [f"{name.replace('_', ' ')} {100 * value:.3g} %" for name, value in errors if value > accuracy]
-    if not missed:
-        return result
-    sentence = f"{100 * accuracy:.3g} % wanted, but the feasible grids reach {', '.join(missed)}"
-    return replace(result, warnings=(*result.warnings, sentence))
 
 
 def _shorten(path: LoadingPath, error: Exception, within: float) -> LoadingPath:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 from fem_reference.finite_strain.loading_path import Control
@@ -124,3 +124,13 @@ def warn_of_errors(errors: Mapping[str, float]) -> tuple[str, ...]:
     """Return a warning that names the estimated relative errors above 5 %, by name of the result; empty without any."""
     large = [f"{name.replace('_', ' ')} {value:.0%}" for name, value in errors.items() if value > _LARGE_ERROR]
     return (f"large estimated error: {', '.join(large)}",) if large else ()
+
+
+def state_missed_accuracy(result: Indentation, accuracy: float) -> Indentation:
+    """Add a warning to a result whose estimated errors exceed the wanted accuracy on the finest grids."""
+    errors = result.error_estimate.items()
+    missed = [f"{name.replace('_', ' ')} {100 * value:.3g} %" for name, value in errors if value > accuracy]
+    if not missed:
+        return result
+    sentence = f"{100 * accuracy:.3g} % wanted, but the feasible grids reach {', '.join(missed)}"
+    return replace(result, warnings=(*result.warnings, sentence))

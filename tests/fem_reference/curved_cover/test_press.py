@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -85,7 +87,7 @@ def test_an_oblique_motion_presses_with_the_same_face():
         ({"load": -1.0}, ValueError, "load must be positive"),
         ({"depth": 1.9e-3}, PiercedError, "most of the cover"),
         ({"load": 1e4}, PiercedError, "most of the cover"),
-        ({"load": 1.0, "accuracy": 0.01}, UnsupportedError, "the meshes of a curved cover are given"),
+        ({"load": 1.0, "accuracy": 0.001}, UnsupportedError, "no mesh reaches it"),
         ({"load": 1.0, "pose": Pose(point=(0, 0, 2e-2), direction=(0, 0, 1))}, ValueError, "never touches"),
         ({"load": 1.0, "friction": 0.4}, UnsupportedError, r"0\.4 is not computed on curved covers"),
         ({"load": 1.0, "friction": np.inf, "strain": "finite"}, UnsupportedError, "at small strain only"),
@@ -129,6 +131,17 @@ def test_how_high_a_shape_is_does_not_matter(height):
 def test_a_deep_press_warns():
     found = press(SOLID, COVER.texels, BALL, at_angle(0.0), depth=0.5e-3)
     assert "strains are not small" in found.warnings[0]
+
+
+def test_a_finer_mesh_is_added_for_an_accuracy_and_what_is_missed_is_stated():
+    meshes = [MESH, COVER.mesh(1.7e-3, layers=2)]
+    finer = COVER.mesh(1.4e-3, layers=2)
+    cover = dataclasses.replace(take_meshes(meshes, RUBBER), refine=lambda _: finer)
+    usual, refined = (press(cover, COVER.texels, BALL, at_angle(0.0), load=0.4, accuracy=each) for each in (0.9, 0.008))
+    assert usual.mesh is meshes[-1]
+    assert refined.mesh is finer
+    assert "0.8 % wanted, but the feasible grids reach" in refined.warnings[-1]
+    assert not any("wanted" in each for each in usual.warnings)
 
 
 @pytest.mark.parametrize("load", [2e-3, 1e-5])
