@@ -70,7 +70,6 @@ class FastIndentation:
         warnings: Sentences about reasons not to rely on the result.
         seconds: Wall-clock time of the simulation [s].
         force: Force of the indenter on the cover, shape (3,); None for a simulation [N].
-        points: Force on each of m points of the surface against its normal, shape (m,); None for a simulation [N].
     """
 
     contact_forces: FloatArray
@@ -84,7 +83,6 @@ class FastIndentation:
     warnings: tuple[str, ...]
     seconds: float
     force: FloatArray | None = None
-    points: FloatArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,10 +149,17 @@ def indent(
         return indent_together(parameters, [Placement(indenter=indenter, load=load, at=at, yaw=yaw)], contact=contact)
     started, array = time.perf_counter(), parameters.array
     found = press_points(surface, indenter, pose, load=load)
-    contact_forces = np.bincount(surface.find_texels(array), found.forces, array.count).astype(np.float64)
-    reading = Reading(contact_forces, found.texel_forces, load, np.array([found.depth]), fewest_cells=found.points)
+    pressed = found.pressure
+    below = surface.find_texels(array)[pressed.nearest]
+    reading = Reading(
+        np.bincount(below, pressed.forces, array.count).astype(np.float64),
+        found.texel_forces,
+        load,
+        np.array([found.depth]),
+        fewest_cells=int((pressed.forces > 0).sum()),
+    )
     result = _describe(parameters, name, reading, found.depth, started)
-    return replace(result, outside=0.0, force=found.force, points=found.forces)
+    return replace(result, outside=0.0, force=found.force)
 
 
 def indent_together(

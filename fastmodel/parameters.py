@@ -65,7 +65,7 @@ _CLASSES: dict[str, type] = {
 def _name_tables(kind: type) -> dict[str, str]:
     """Return the name of the table in the npz file for each field of a class that is an array, by field name."""
     section = next(name for name, each in _CLASSES.items() if each is kind)
-    return {each.name: f"{section}_{each.name}" for each in dataclasses.fields(kind) if "FloatArray" in str(each.type)}
+    return {each.name: f"{section}_{each.name}" for each in dataclasses.fields(kind) if "Array" in str(each.type)}
 
 
 #: Names of tables in the npz file that the format itself uses; tables of the user must not have these names.

@@ -7,8 +7,8 @@ Cells divide each texel pitch evenly.  Cell `[i, j]` of a texel
 lies i rows and j columns from the lowest, leftmost cell of that texel.  Near the free side edges of a cover the force
 at the base also depends on the position of the cell.  A table over all cells and texels then replaces the kernel of the
 influence.  A cover with a stiff foil becomes stiffer under load, because the foil stretches.  It has further
-compliances and influences, one of each for some loads.  A cover of any shape has two dense matrices over points of its
-top (`CoverPoints`).
+compliances and influences, one of each for some loads.  The response of a cover of any shape is that of a flat layer
+plus a smooth remainder, which is tabulated between loads on its top (`CoverPoints`).
 
 Kernels are smooth beyond one cell, so that a sum of few terms, K[i, j] = sum over r of u_r[i] v_r[j] from the singular
 value decomposition, approximates them well.  Each term acts along rows and columns separately.  For windows
@@ -29,6 +29,7 @@ from scipy.spatial import cKDTree
 from fastmodel.errors import FastModelError
 from meshes import TexelArray
 from meshes.array_types import FloatArray, IntArray
+from meshes.solids.facets import facet_shape, node_places, split_triangles
 
 #: Largest number of sizes of windows whose matrices are kept in memory [-].
 _KEPT = 32
@@ -90,6 +91,16 @@ def _build_toeplitz(factor: FloatArray, size: int) -> FloatArray:
     padded[:, : factor.shape[1]] = factor
     distance = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
     return np.ascontiguousarray(padded[:, distance].reshape(-1, size))
+
+
+def find_largest_stiffness(kernel: FloatArray) -> float:
+    """Return force over displacement of cells under a chequered pattern of alternating forces [N/m].
+
+    The compliance of a cover decreases with the wave number, so that this is the stiffest pattern.
+    """
+    signs = np.where(np.arange(max(kernel.shape)) % 2, -2.0, 2.0)
+    signs[0] = 1.0
+    return float(1 / (signs[: len(kernel)] @ kernel @ signs[: kernel.shape[1]]))
 
 
 #: Tolerance of the low-rank factorisation of the influence (force on a texel per force on a cell) [-]: singular values
@@ -316,32 +327,66 @@ class CoverCells:
 _SYMMETRIC = 1e-5
 
 
+#: Number of points of a flat triangle.
+_TRIANGLE = 3
+#: Number of cell edges per factor 2 [-].
+_PER_OCTAVE = 2
+
+
+def choose_edge(length: float) -> int:
+    """Return the number of the largest edge of a cell up to a length, over the thickness of the cover [-]."""
+    return int(np.floor(_PER_OCTAVE * np.log2(length)))
+
+
+def cell_edge(number: int) -> float:
+    """Return the edge of a cell, over the thickness of the cover, by its number, see `choose_edge` [-]."""
+    return float(2.0 ** (number / _PER_OCTAVE))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CoverPoints:
-    """Linear response of a cover of any shape at m points of its surface, over n texels.
+    """Linear response of a cover of any shape at its top, over n texels.
 
-    A force on a point is that of a pressure around it, which falls to zero at the neighbouring points.
+    The displacement of a point under a force on another is that of a flat layer at their distance, plus a remainder.
+    The remainder is smooth, and tabulated between m loads.  A force on a point is distributed among loads near it with
+    the same moments, and the displacement is interpolated with the same shares.
 
     Attributes:
-        points: Positions of the points on the undeformed top, in the array's frame, shape (m, 3) [m].
-        normals: Unit normals of the top at the points, outwards, shape (m, 3) [-].
-        influence: Force on each texel, along the texel's normal, per unit force on each point against its
-            normal, shape (n, m) [-].
-        compliance: Displacement around each point (weighted mean over its pressure) against its normal, per unit force
-            on each point, symmetric, shape (m, m) [m/N].
-        thickness: Mean thickness of the cover [m].
+        points: Positions of p points of the undeformed top, in the array's frame, shape (p, 3) [m].
+        normals: Unit normals of the top at the points, outwards, shape (p, 3) [-].
+        facets: Indices of the points of each facet of the top, quadratic quadrilaterals, quadratic triangles (see
+            `meshes.solids.facets`) or flat triangles, counterclockwise from outside, shape (f, 9), (f, 6) or (f, 3).
+        centres: Centres of the m loads, shape (m, 3) [m].
+        shared: Indices of q loads for each point, shape (p, q).
+        shares: Parts of a force on the point that these loads take, shape (p, q) [-].
+        influence: Force on each texel, along the texel's normal, per unit force on each point against its normal,
+            shape (n, p) [-].
+        remainder: Displacement averaged over a load per unit of each load, less that of the flat layer, symmetric,
+            shape (m, m) [m/N].
+        layer: Compliance of a flat layer of thickness `thickness` less that of a half space at the distances 0,
+            `layer_step`, 2 `layer_step` ..., shape (k,); the layer does not yield farther away [m/N].
+        layer_step: Distance between entries of `layer` [m].
+        top_compliance: Displacement times distance per unit force on a half space, see `CoverCells` [m2/N].
+        heights: Thickness of the flat layer at each point: that of the cover there, shape (p,) [m].
     """
 
     points: FloatArray
     normals: FloatArray
+    facets: IntArray
+    centres: FloatArray
+    shared: IntArray
+    shares: FloatArray
     influence: FloatArray
-    compliance: FloatArray
-    thickness: float
+    remainder: FloatArray
+    layer: FloatArray
+    layer_step: float
+    top_compliance: float
+    heights: FloatArray
 
     #: Section of `parameters.toml` that holds the fields that are not arrays.
     section: ClassVar[str] = "curved"
-    #: Type of the numbers of the arrays in the npz file.  The compliance is a large dense matrix; numbers of four
-    #: instead of eight bytes halve the size of the file, with a relative error of 1e-7.
+    #: Type of the numbers of the arrays in the npz file.  Numbers of four instead of eight bytes halve the size of the
+    #: remainder, with a relative error of 1e-7.
     number: ClassVar[type] = np.float32
     #: Contact methods that accept an array under this cover.  Plates and boxes do not follow a curved top.
     methods: ClassVar[tuple[str, ...]] = ("curved",)
@@ -352,28 +397,42 @@ class CoverPoints:
         """Check shapes and values.
 
         Raises:
-            FastModelError: If shapes do not fit.
-            ValueError: If a value is not finite, a normal is no unit vector, the compliance is not symmetric or has no
-                positive diagonal, or the thickness is not positive.
+            FastModelError: If shapes do not fit, or a facet or a share refers to no point or load.
+            ValueError: If a value is not finite, a normal is no unit vector, the shares of a point do not sum to 1, the
+                remainder is not symmetric, or a length or compliance is not positive.
         """
-        count = len(self.points)
-        shapes = {"points": (count, 3), "normals": (count, 3), "compliance": (count, count)}
-        for name, shape in shapes.items():
-            if getattr(self, name).shape != shape:
-                raise FastModelError(f"{name} of a cover has shape {getattr(self, name).shape}, not {shape}")
-        if self.influence.ndim != 2 or self.influence.shape[1] != count:  # noqa: PLR2004
-            raise FastModelError(f"influence of a cover has shape {self.influence.shape}, not (texels, {count})")
-        for name in ("points", "normals", "influence", "compliance"):
+        self._check_shapes()
+        for name in ("points", "normals", "centres", "shares", "influence", "remainder", "layer", "heights"):
             if not np.isfinite(getattr(self, name)).all():
                 raise ValueError(f"{name} of a cover has a value that is not finite")
         if np.abs(np.linalg.norm(self.normals, axis=1) - 1).max(initial=0.0) > _SYMMETRIC:
             raise ValueError("normals of a cover must be unit vectors")
-        if np.abs(self.compliance - self.compliance.T).max() > _SYMMETRIC * np.abs(self.compliance).max():
-            raise ValueError("the compliance of a cover must be symmetric")
-        if not (np.diag(self.compliance) > 0).all():
-            raise ValueError("the compliance of a cover must have a positive diagonal")
-        if not 0 < self.thickness < np.inf:
-            raise ValueError(f"thickness must be positive, not {self.thickness} m")
+        if np.abs(self.shares.sum(axis=1) - 1).max() > _SYMMETRIC:
+            raise ValueError("the shares of each point of a cover must sum to 1")
+        if np.abs(self.remainder - self.remainder.T).max() > _SYMMETRIC * np.abs(self.remainder).max():
+            raise ValueError("the remainder of the compliance of a cover must be symmetric")
+        for name in ("heights", "layer_step", "top_compliance"):
+            if not np.min(getattr(self, name)) > 0:
+                raise ValueError(f"{name} of a cover must be positive, not {np.min(getattr(self, name))}")
+
+    def _check_shapes(self) -> None:
+        """Check shapes and indices of the arrays."""
+        points, loads = len(self.points), len(self.centres)
+        for name in ("facets", "shared"):  # files hold all numbers as floating-point numbers
+            object.__setattr__(self, name, np.asarray(getattr(self, name)).astype(np.int64))
+        shapes = {
+            "points": (points, 3), "normals": (points, 3), "facets": (len(self.facets), self.facets.shape[-1]),
+            "shares": self.shared.shape, "shared": (points, *self.shared.shape[1:2]), "remainder": (loads, loads),
+            "centres": (loads, 3), "influence": (len(self.influence), points), "heights": (points,),
+            "layer": (self.layer.size,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise FastModelError(f"{name} of a cover has shape {getattr(self, name).shape}, not {shape}")
+        for name, most in (("facets", points), ("shared", loads)):
+            index = getattr(self, name)
+            if not index.size or index.min() < 0 or index.max() >= most:
+                raise FastModelError(f"{name} of a cover must hold indices from 0 to {most - 1}")
 
     def check(self, array: TexelArray) -> None:
         """Check that the cover is for the number of texels of an array.
@@ -390,16 +449,118 @@ class CoverPoints:
         return float(np.asarray(cKDTree(self.points).query(self.points, 2)[0])[:, 1].mean())
 
     @cached_property
-    def mean_compliance(self) -> float:
-        """Mean displacement of a point under unit force on it [m/N]."""
-        return float(np.diag(self.compliance).mean())
+    def thickness(self) -> float:
+        """Thickness of the cover at most of its points, for which `layer` holds [m]."""
+        return float(np.median(self.heights))
+
+    @cached_property
+    def triangles(self) -> IntArray:
+        """Indices of the points of the flat triangles between the points, those of a facet in a row, shape (t, 3)."""
+        return self.facets if self.facets.shape[1] == _TRIANGLE else split_triangles(self.facets)
+
+    def interpolate(self, triangles: IntArray, parts: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Find the points from which values at places on the top are interpolated.
+
+        Args:
+            triangles: Index of the triangle of each of k places, shape (k,).
+            parts: Weights of the corners of the triangle, shape (k, 3) [-].
+
+        Returns:
+            Indices of the a points of the facets, and their weights, shape (k, a) each [-].
+        """
+        count = self.facets.shape[1]
+        if count == _TRIANGLE:
+            return self.facets[triangles], parts
+        within = split_triangles(np.arange(count)[None])
+        facet, part = np.divmod(triangles, len(within))
+        place = np.einsum("kc,kcd->kd", parts, node_places(count)[within[part]])
+        return self.facets[facet], facet_shape(count, place)
+
+    def move_layer(self, distance: FloatArray, scale: FloatArray | float = 1.0) -> FloatArray:
+        """Compute the displacement of the flat layer at distances from a unit force, any shape [m/N].
+
+        Args:
+            distance: The distances [m].
+            scale: Thickness of the layer over `thickness`, of the same shape [-].
+        """
+        radius = self.layer_step * np.arange(len(self.layer))
+        away = np.maximum(distance, 1e-3 * self.layer_step)
+        moved = np.interp(away / scale, radius, self.layer) / scale + self.top_compliance / away
+        return np.asarray(np.where(away < scale * radius[-1], moved, 0.0))
+
+    def cells_of(self, numbers: tuple[int, int], size: int) -> LayerCells:
+        """Return the compliance of the flat layer on cells, for windows of up to `size` cells along each side.
+
+        Args:
+            numbers: Numbers of the edges of the cells along x and y, see `cell_edge`.
+            size: Number of cells.
+        """
+        key = (*numbers, size)
+        if key not in self._layers:
+            if len(self._layers) >= _KEPT:
+                self._layers.clear()
+            width, height = (self.thickness * cell_edge(each) for each in numbers)
+            self._layers[key] = self._build_cells(width, height, size)
+        return self._layers[key]
+
+    @cached_property
+    def _layers(self) -> dict[tuple[int, int, int], LayerCells]:
+        """Compliances of the flat layer on cells that were used."""
+        return {}
+
+    def _build_cells(self, width: float, height: float, size: int) -> LayerCells:
+        """Compute the compliance of the flat layer on cells with the given edges [m]."""
+        x, y = np.meshgrid(width * np.arange(size), height * np.arange(size))
+        a, b = width / 2, height / 2
+        # Displacement of a half space under a pressure on a rectangle (Love, Phil. Trans. R. Soc. A 228, 1929).
+        corners = [(x + a, y + b, 1), (x - a, y + b, -1), (x + a, y - b, -1), (x - a, y - b, 1)]
+        near = sum(sign * (u * np.arcsinh(v / np.abs(u)) + v * np.arcsinh(u / np.abs(v))) for u, v, sign in corners)
+        away = np.maximum(np.hypot(x, y), min(width, height) / 2)
+        smooth = self.move_layer(away) - self.top_compliance / away
+        smooth[0, 0] = self.layer[0]
+        square = 4 * float(np.arcsinh(1.0)) * self.top_compliance / np.sqrt(width * height)
+        # A patch of the layer as wide as a few thicknesses, whose displacement in the middle is nearly even.
+        radius = self.layer_step * np.arange(len(self.layer))
+        inside = radius <= _PATCH / 2 * self.thickness
+        moved = 2 * np.pi * (radius * self.layer + self.top_compliance)
+        return LayerCells(
+            kernel=self.top_compliance * near / (width * height) + smooth,
+            square=square,
+            stiffness=width * height / float(np.trapezoid(moved[inside], radius[inside])),
+        )
 
     def find_texels(self, array: TexelArray) -> IntArray:
-        """Find for each of m points the texel below it, shape (m,) [-].
+        """Find for each of p points the texel below it, shape (p,) [-].
 
         It is the texel whose centre, moved outwards by the thickness of the cover, is nearest to the point.
         """
         return np.asarray(cKDTree(array.centres + self.thickness * array.normals).query(self.points)[1])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LayerCells:
+    """Compliance of a flat layer on equal cells.
+
+    Attributes:
+        kernel: Displacement of a cell's centre per unit force distributed evenly over the cell that lies i rows and j
+            columns away, entry `[i, j]`, shape (size, size) [m/N].
+        square: Displacement at the centre of a cell on a half space under unit force on the cell [m/N].
+        stiffness: Stiffness of a cell of the elastic foundation with which the search for the pressure starts [N/m].
+    """
+
+    kernel: FloatArray
+    square: float
+    stiffness: float
+
+    @cached_property
+    def stiffest(self) -> float:
+        """Largest stiffness of the cells, see `find_largest_stiffness` [N/m]."""
+        return find_largest_stiffness(self.kernel)
+
+    @cached_property
+    def convolution(self) -> SymmetricConvolution:
+        """Convolution from forces on cells to displacements of their centres."""
+        return SymmetricConvolution(self.kernel)
 
 
 #: Response of a cover at its surface, for the contact methods that compute the cover.

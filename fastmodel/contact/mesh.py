@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 
 from fastmodel.contact.bodies import COLOUR, EVERY, check_box, find_geoms
 from fastmodel.contact.interface import Reading, TexelContact
-from fastmodel.contact.points import solve_pressure
+from fastmodel.contact.points import Footprint, solve_pressure
 from fastmodel.contact.reader import ArrayContact, PressureReader, Solved
 from fastmodel.errors import ParametersError
 from fastmodel.state import State, take_array
@@ -196,17 +196,20 @@ class MeshReader(PressureReader):
 
         The force on each texel acts at the point of the cover that is nearest to the texel.
         """
-        self._forces = np.zeros(len(self._cover.points))
+        #: Footprint of each body of the last solution, by the id of the body.
+        self._last: dict[int, Footprint] = {}
         nearest = self._points.query(self._array.centres + self._cover.thickness * self._array.normals)[1]
         return self._rest(contact_forces, np.asarray(self._cover.influence[:, nearest] @ contact_forces))
 
     def get_state(self) -> State:
-        """Return the last contact, its forces and its reading; see `ContactReader.get_state`."""
-        return {"forces": self._forces, **super().get_state()}
+        """Return the last contact, its footprints and its reading; see `ContactReader.get_state`."""
+        rows = [[body, *each.row] for body, each in self._last.items()]
+        return {"footprints": np.array(rows, dtype=float).reshape(-1, 8), **super().get_state()}
 
     def set_state(self, state: State) -> None:
         """Restore what `get_state` returned; see `ContactReader.set_state`."""
-        self._forces = take_array(state, "forces", self._forces)
+        rows = take_array(state, "footprints")
+        self._last = {int(row[0]): Footprint.of(row[1:]) for row in rows}
         super().set_state(state)
 
     def find_contact(self, data: mujoco.MjData) -> tuple[ArrayContact, None] | None:
@@ -238,39 +241,45 @@ class MeshReader(PressureReader):
 
         If the search does not converge, the forces of its last iteration are used.
         """
-        points, normals, kept = self._cover.points, self._cover.normals, list[int]()
-        pressing, owner = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
-        carried, fewest, depth = 0.0, None, 0.0
-        if contact.loads:
-            found = solve_pressure(self._cover, contact.poses, contact.loads, self._forces)
-            pressing, fewest = found.forces, int(found.points.min())
-            owner = (np.cumsum(found.points > 0) - 1)[found.owner]
-            touched = pressing > 0
-            depth = float((self._cover.compliance[np.ix_(touched, touched)] @ pressing[touched]).max(initial=0.0))
-            # A body so small that it fits between the points acts through its contact points.
-            kept = found.points.nonzero()[0].tolist()
-            contact = contact.select(kept)
-            carried = sum(load.force for load in contact.loads)
-        forces = pressing
+        cover = self._cover
+        found = solve_pressure(cover, contact.poses, contact.loads, [self._last.get(each) for each in contact.bodies])
+        # A body that no normal of the cover meets acts through its contact points.
+        kept = [number for number, each in enumerate(found) if each is not None]
+        solved = [each for each in found if each is not None]
+        contact = contact.select(kept)
+        self._last = {body: each.footprint for body, each in zip(contact.bodies, solved, strict=True)}
+        carried = sum(load.force for load in contact.loads)
+        owner = np.repeat(np.arange(len(solved)), [len(each.forces) for each in solved])
+        place = np.concatenate([np.zeros((0, 3)), *(each.place for each in solved)])
+        normal = np.concatenate([np.zeros((0, 3)), *(each.normal for each in solved)])
+        forces = np.concatenate([np.zeros(0), *(each.forces for each in solved)])
+        below = np.concatenate([np.zeros(0, dtype=np.int64), *(self._texel[each.nearest] for each in solved)])
+        empty = np.zeros((self._array.count, 0))
+        layout = (below, np.concatenate([empty, *(each.build_influence(cover) for each in solved)], axis=1))
+        contact_forces, texel_forces = self._sum_forces(layout, forces)
         if len(contact.points):
             # contacts without a convex shape act as forces on the nearest points
             nearest, pressure = self._points.query(contact.points[:, :3])[1], contact.points[:, 3:]
-            forces = pressing.copy()
-            np.add.at(forces, nearest, np.maximum((pressure * normals[nearest]).sum(axis=1), 0.0))
+            pressing = np.maximum((pressure * cover.normals[nearest]).sum(axis=1), 0.0)
+            contact_forces += np.bincount(self._texel[nearest], pressing, self._array.count)
+            texel_forces += cover.influence[:, nearest] @ pressing
             carried += float(np.linalg.norm(pressure, axis=1).sum())
-        self._forces = forces
-        contact_forces, texel_forces = self._sum_forces((), forces)
+        fewest = min((int((each.forces > 0).sum()) for each in solved), default=None)
         reading = Reading(contact_forces, texel_forces, carried, fewest_cells=fewest)
-        return self._conclude(contact, kept, reading, (owner, points, normals), pressing, depth=depth, layout=())
+        depth = max((each.depth for each in solved), default=0.0)
+        return self._conclude(contact, kept, reading, (owner, place, normal), forces, depth=depth, layout=layout)
 
     def _find_point_torque(self, points: FloatArray) -> FloatArray:
         """Return the torque of point forces, shape (3,) [N m]; see `PressureReader._find_point_torque`."""
         return np.asarray(-np.cross(points[:, :3], points[:, 3:]).sum(axis=0))
 
-    def _sum_forces(self, layout: tuple[npt.NDArray[Any], ...], forces: FloatArray) -> list[FloatArray]:  # noqa: ARG002
-        """Sum forces on the points over texels, see `PressureReader._sum_forces`; the layout is not used."""
-        sums = np.bincount(self._texel, forces, self._array.count).astype(np.float64)
-        return [sums, np.asarray(self._cover.influence @ forces)]
+    def _sum_forces(self, layout: tuple[npt.NDArray[Any], ...], forces: FloatArray) -> list[FloatArray]:
+        """Sum forces on the cells over texels, see `PressureReader._sum_forces`.
+
+        The layout holds the texel below each cell, and the matrix from forces on cells to forces on texels.
+        """
+        texels, influence = layout
+        return [np.bincount(texels, forces, self._array.count).astype(np.float64), np.asarray(influence @ forces)]
 
 
 def _find_mesh_frame(model: mujoco.MjModel, geom: int) -> tuple[FloatArray, FloatArray]:

@@ -1,7 +1,8 @@
 # ruff: noqa: PLR0917, PLR2004, PLR0912, C901 -- kernels take plain numbers by position, and their tolerances stand where they act
 """Compiled kernels that measure the gap between bodies and the undeformed cover; `fastmodel.pressure.gap` calls them.
 
-`sample_body` averages the gap along an array's normal over cells; `cross_lines` finds where any lines meet solids.
+`sample_body` averages the gap along an array's normal over cells, `sample_surface` that along the normals of a curved
+surface; `cross_lines` finds where any lines meet solids.
 
 All kernels are in one file, because numba's cache checks only the file of the called kernel for changes, not the files
 of the functions that this kernel calls.
@@ -39,6 +40,13 @@ Body = tuple[Shape, float, FloatArray, FloatArray]
 View = tuple[IntArray, IntArray, FloatArray, FloatArray]
 #: Vertical lines at the positions x[first:last] and y, as a tuple: x [m], y [m], first, last.
 Line = tuple[FloatArray, float, int, int]
+#: A curved surface, as a tuple: positions [m] and unit normals [-] of p points, shape (p, 3) each, and the indices of
+#: the points of each of f triangles, shape (f, 3).
+Surface = tuple[FloatArray, FloatArray, IntArray]
+#: Cells on a chart of a curved surface, as a tuple.  The entries are: origin of the chart, shape (3,) [m]; its axes x,
+#: y and z as rows, z along the normal at the origin, shape (3, 3) [-]; lowest corner of the cells, shape (2,) [m]; edge
+#: lengths of a cell, shape (2,) [m]; and smallest cosine between a normal of the surface and z on the chart [-].
+Chart = tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]
 #: The three components of a vector along x, y and z.
 Vector = tuple[float, float, float]
 
@@ -383,28 +391,220 @@ def cross_lines(
     """
     enter, leave = np.full((len(position), len(points)), np.inf), np.full((len(position), len(points)), -np.inf)
     for p in range(len(position)):
+        size, planes = (shape[1][p, 0], shape[1][p, 1], shape[1][p, 2]), shape[2][shape[3][p] : shape[3][p + 1]]
         for k in range(len(points)):
             x, y, z = points[k, 0] - position[p, 0], points[k, 1] - position[p, 1], points[k, 2] - position[p, 2]
             o = _turn_back(rotation[p], x, y, z)
             u = _turn_back(rotation[p], along[k, 0], along[k, 1], along[k, 2])
-            low, high = -np.inf, np.inf
-            if shape[0][p] != POLYTOPE:
-                size = (shape[1][p, 0], shape[1][p, 1], shape[1][p, 2])
-                low, high = _cross_round(shape[0][p], size, 0.0, o, u)
-            else:
-                for f in range(shape[3][p], shape[3][p + 1]):
-                    plane = shape[2][f]
-                    speed = plane[0] * u[0] + plane[1] * u[1] + plane[2] * u[2]
-                    room = plane[3] - (plane[0] * o[0] + plane[1] * o[1] + plane[2] * o[2])
-                    if speed < -_PARALLEL:
-                        low = max(low, room / speed)
-                    elif speed > _PARALLEL:
-                        high = min(high, room / speed)
-                    elif room < 0:
-                        high = -np.inf
+            low, high = _cross_line(shape[0][p], size, planes, o, u)
             if low <= high:
                 enter[p, k], leave[p, k] = low, high
     return enter, leave
+
+
+@called_by_kernels
+def _cross_line(kind: int, size: Vector, planes: FloatArray, o: Vector, u: Vector) -> tuple[float, float]:
+    """Find where a line enters and leaves a solid; it misses if the first distance is larger than the second.
+
+    Args:
+        kind: Kind of the solid, see `Solid`.
+        size: Size of the solid [m].
+        planes: Planes of the faces of a polytope, shape (f, 4) [-, m].
+        o: A point of the line in the frame of the solid [m].
+        u: Direction of the line in the frame of the solid, of unit length [-].
+    """
+    if kind != POLYTOPE:
+        return _cross_round(kind, size, 0.0, o, u)
+    low, high = -np.inf, np.inf
+    for f in range(len(planes)):
+        speed = planes[f, 0] * u[0] + planes[f, 1] * u[1] + planes[f, 2] * u[2]
+        room = planes[f, 3] - (planes[f, 0] * o[0] + planes[f, 1] * o[1] + planes[f, 2] * o[2])
+        if speed < -_PARALLEL:
+            low = max(low, room / speed)
+        elif speed > _PARALLEL:
+            high = min(high, room / speed)
+        elif room < 0:
+            high = -np.inf
+    return low, high
+
+
+def sample_surface(
+    body: Body, surface: Surface, chart: Chart, size: tuple[int, int], limits: tuple[float, float]
+) -> tuple[Cells, FloatArray, FloatArray, IntArray, FloatArray]:
+    """Kernel: measure the gap between a body and a curved surface, and average it over the cells of a chart.
+
+    The gap is measured along the normals of the surface.
+
+    Args:
+        body: The solids and their poses.
+        surface: The surface.
+        chart: The chart.
+        size: Numbers of rows and columns of cells.
+        limits: Gap above the smallest mean gap up to which cells are kept, with their eight neighbours, and distance
+            behind the surface within which a body that has passed it is detected [m].
+
+    Returns:
+        The k kept cells.  Positions of their centroids, shape (k, 3) [m], and unit normals there, shape (k, 3) [-].
+        Index of the triangle of the surface at the centroid, shape (k,), and the weights of its corners, shape (k, 3)
+        [-].
+    """
+    (points, normals, facets), (origin, axes, low, cell, least), (rows, columns) = surface, chart, size
+    places = _place_on_chart(points, normals, origin, axes, least)
+    # The middles of all cells are sampled first, and all points of cells at the border of the body or of the surface.
+    chosen, heights = np.ones((rows, columns), dtype=np.bool_), np.full((rows * POINTS, columns * POINTS), np.inf)
+    owner, lines = _place_samples(places, surface, low, cell, chosen, 1)
+    centres = _measure_gaps(body, owner, lines, limits[1])
+    highest = centres.min() + 1.5 * limits[0]
+    for r in range(rows):
+        for c in range(columns):
+            least_here, most_here = np.inf, -np.inf
+            for k in range(9):
+                beside = centres[min(max(r + k // 3 - 1, 0), rows - 1), min(max(c + k % 3 - 1, 0), columns - 1)]
+                least_here, most_here = min(least_here, beside), max(most_here, beside)
+            chosen[r, c] = least_here <= highest and most_here == np.inf
+            if least_here <= highest and most_here < np.inf:
+                heights[r * POINTS : (r + 1) * POINTS, c * POINTS : (c + 1) * POINTS] = centres[r, c]
+    finer, lines = _place_samples(places, surface, low, cell, chosen, POINTS)
+    heights = np.minimum(heights, _measure_gaps(body, finer, lines, limits[1]))
+    cells, _ = _average_over_cells(heights, np.array([0, 0, columns, rows]), low, cell, limits[0])
+    below = np.zeros(len(cells[0]), dtype=np.int64)
+    place, outward, parts = np.zeros((len(below), 3)), np.zeros((len(below), 3)), np.zeros((len(below), 3))
+    for k in range(len(below)):
+        r, c, x, y = cells[0][k], cells[1][k], cells[3][k], cells[4][k]
+        i, j = int((y - low[1]) / cell[1] * POINTS), int((x - low[0]) / cell[0] * POINTS)
+        facet = finer[i, j] if chosen[r, c] else owner[r, c]
+        # The centroid of a partly covered cell may lie beside the surface.
+        for n in range(POINTS**2 if facet < 0 else 0):
+            i, j = r * POINTS + n // POINTS, c * POINTS + n % POINTS
+            facet = finer[i, j] if heights[i, j] < np.inf else facet
+        below[k] = facet
+        _weigh_corners(places, facets[facet], x, y, parts[k])
+        _interpolate(surface, facets[facet], parts[k], place[k], outward[k])
+    return cells, place, outward, below, parts
+
+
+@called_by_kernels
+def _measure_gaps(body: Body, owner: IntArray, lines: FloatArray, behind: float) -> FloatArray:
+    """Measure gaps at sampled points along the normals, infinite beside body and surface, shape (rows, columns) [m].
+
+    Args:
+        body: The solids and their poses.
+        owner: Facet at each sampled point, negative beside the surface, shape (rows, columns).
+        lines: Position [m] and unit normal [-] of the surface at each sampled point, shape (rows, columns, 6).
+        behind: Distance behind the surface within which a body that has passed it is detected [m].
+    """
+    (shape, _, rotation, position), gaps = body, np.full(owner.shape, np.inf)
+    for p in range(len(position)):
+        size, planes = (shape[1][p, 0], shape[1][p, 1], shape[1][p, 2]), shape[2][shape[3][p] : shape[3][p + 1]]
+        kind, x, y, z, turn = shape[0][p], position[p, 0], position[p, 1], position[p, 2], rotation[p]
+        for i in range(owner.shape[0]):
+            for j in range(owner.shape[1]):
+                if owner[i, j] >= 0:
+                    o = _turn_back(turn, lines[i, j, 0] - x, lines[i, j, 1] - y, lines[i, j, 2] - z)
+                    u = _turn_back(turn, lines[i, j, 3], lines[i, j, 4], lines[i, j, 5])
+                    enter, leave = _cross_line(kind, size, planes, o, u)
+                    if enter <= leave and leave >= -behind:
+                        gaps[i, j] = min(gaps[i, j], enter)
+    return gaps
+
+
+@called_by_kernels
+def _place_on_chart(
+    points: FloatArray, normals: FloatArray, origin: FloatArray, axes: FloatArray, least: float
+) -> FloatArray:
+    """Compute the coordinates of points on a chart, shape (p, 2) [m]; infinite at points that face away.
+
+    The direction from the origin is that of the projection onto the tangent plane, the distance that in space.
+    """
+    places = np.full((len(points), 2), np.inf)
+    for k in range(len(points)):
+        if normals[k, 0] * axes[2, 0] + normals[k, 1] * axes[2, 1] + normals[k, 2] * axes[2, 2] > least:
+            x, y, square = 0.0, 0.0, 0.0
+            for n in range(3):
+                away = points[k, n] - origin[n]
+                x, y, square = x + axes[0, n] * away, y + axes[1, n] * away, square + away * away
+            flat = math.sqrt(x * x + y * y)
+            scale = math.sqrt(square) / flat if flat > 0 else 0.0
+            places[k, 0], places[k, 1] = scale * x, scale * y
+    return places
+
+
+@called_by_kernels
+def _place_samples(
+    places: FloatArray, surface: Surface, low: FloatArray, cell: FloatArray, chosen: BoolArray, parts: int
+) -> tuple[IntArray, FloatArray]:
+    """Find the surface at parts x parts points of some cells of a chart.
+
+    Returns:
+        Facet at each point, negative where there is none, shape (rows, columns) of points; and position [m] and unit
+        normal [-] of the surface, shape (rows, columns, 6).
+    """
+    facets, rows, columns = surface[2], chosen.shape[0] * parts, chosen.shape[1] * parts
+    owner, lines = np.full((rows, columns), -1), np.empty((rows, columns, 6))
+    weight, point, normal = np.zeros(3), np.zeros(3), np.zeros(3)
+    for f in range(len(facets) if chosen.any() else 0):
+        ax, ay = places[facets[f, 0], 0], places[facets[f, 0], 1]
+        bx, by = places[facets[f, 1], 0], places[facets[f, 1], 1]
+        cx, cy = places[facets[f, 2], 0], places[facets[f, 2], 1]
+        double = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if not 0 < double < np.inf:
+            continue
+        first = max(math.ceil((min(ax, bx, cx) - low[0]) / cell[0] * parts - 0.5 - 1e-6), 0)
+        last = min(math.floor((max(ax, bx, cx) - low[0]) / cell[0] * parts - 0.5 + 1e-6), columns - 1)
+        bottom = max(math.ceil((min(ay, by, cy) - low[1]) / cell[1] * parts - 0.5 - 1e-6), 0)
+        top = min(math.floor((max(ay, by, cy) - low[1]) / cell[1] * parts - 0.5 + 1e-6), rows - 1)
+        for i in range(bottom, top + 1):
+            y = low[1] + cell[1] * (i + 0.5) / parts
+            for j in range(first, last + 1):
+                if not chosen[i // parts, j // parts]:
+                    continue
+                _weigh_corners(places, facets[f], low[0] + cell[0] * (j + 0.5) / parts, y, weight)
+                if min(weight[0], weight[1], weight[2]) >= -1e-6:
+                    owner[i, j] = f
+                    _interpolate(surface, facets[f], weight, point, normal)
+                    for n in range(3):
+                        lines[i, j, n], lines[i, j, n + 3] = point[n], normal[n]
+    return owner, lines
+
+
+@called_by_kernels
+def _weigh_corners(places: FloatArray, corners: IntArray, x: float, y: float, weight: FloatArray) -> None:
+    """Compute the weights of the corners of a facet at a place of the chart, and write them to `weight`, shape (3,)."""
+    ax, ay, bx, by = places[corners[0], 0], places[corners[0], 1], places[corners[1], 0], places[corners[1], 1]
+    cx, cy = places[corners[2], 0], places[corners[2], 1]
+    double = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+    weight[0] = ((bx - x) * (cy - y) - (cx - x) * (by - y)) / double
+    weight[1] = ((cx - x) * (ay - y) - (ax - x) * (cy - y)) / double
+    weight[2] = 1 - weight[0] - weight[1]
+
+
+@called_by_kernels
+def _interpolate(
+    surface: Surface, corners: IntArray, weight: FloatArray, point: FloatArray, normal: FloatArray
+) -> None:
+    """Interpolate a surface on one facet; write position [m] and unit normal [-] to `point` and `normal`.
+
+    The point is halfway between the flat facet and the mean of its projections onto the planes tangent at the corners
+    (Boubekeur and Alexa, Phong tessellation, ACM Trans. Graphics 27, 2008), which is exact on quadratic surfaces.
+    """
+    points, normals, _ = surface
+    size, up_x, up_y, up_z = 0.0, 0.0, 0.0, 0.0
+    for n in range(3):
+        point[n] = normal[n] = 0.0
+        for k in range(3):
+            point[n] += weight[k] * points[corners[k], n]
+            normal[n] += weight[k] * normals[corners[k], n]
+    for k in range(3):
+        size += normal[k] * normal[k]
+        height = 0.0
+        for n in range(3):
+            height += 0.5 * weight[k] * (points[corners[k], n] - point[n]) * normals[corners[k], n]
+        up_x += height * normals[corners[k], 0]
+        up_y += height * normals[corners[k], 1]
+        up_z += height * normals[corners[k], 2]
+    point[0], point[1], point[2] = point[0] + up_x, point[1] + up_y, point[2] + up_z
+    for n in range(3):
+        normal[n] /= math.sqrt(size)
 
 
 @called_by_kernels

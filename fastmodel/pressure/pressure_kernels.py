@@ -16,9 +16,10 @@ from meshes.array_types import FloatArray, IntArray
 
 #: The compliance of the cover between the m cells under bodies.  The force on each cell is divided among four whole
 #: cells.  The entries are: row and column in the window of the first of the four whole cells, shape (2, m); shares of
-#: the four whole cells, shape (4, m) [-]; additional self compliance of each cell, shape (m,) [m/N]; and the two
-#: matrices of `SymmetricConvolution.matrices` [m/N].
-Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
+#: the four whole cells, shape (4, m) [-]; additional self compliance of each cell, shape (m,) [m/N]; the two matrices
+#: of `SymmetricConvolution.matrices` [m/N]; and the shares of k loads in a force on each cell, shape (k, m) [-], with
+#: the compliance between these loads that is added, shape (k, k) [m/N].  A flat cover has no such loads.
+Cover = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 @called_by_kernels
@@ -48,7 +49,7 @@ def _displace(
         room: Working memory: a window of whole cells, and two arrays for the products with the convolution matrices.
         moved: Displacement of each cell, written here, shape (m,) [m].
     """
-    corner, weight, own, first, second = cover
+    corner, weight, own, first, second, shares, remainder = cover
     window, half, beside = room
     rows, cols = window.shape
     _spread_on_window(corner, weight, forces, window)
@@ -76,6 +77,8 @@ def _displace(
         row, col = corner[0, i], corner[1, i]
         moved[i] = own[i] * forces[i] + weight[0, i] * window[row, col] + weight[1, i] * window[row, col + 1]
         moved[i] += weight[2, i] * window[row + 1, col] + weight[3, i] * window[row + 1, col + 1]
+    if len(shares):
+        moved += np.dot(np.dot(remainder, np.dot(shares, forces)), shares)
 
 
 @called_by_kernels
@@ -497,6 +500,37 @@ def spread_on_window(corner: IntArray, weight: FloatArray, forces: FloatArray, s
     window = np.zeros(shape)
     _spread_on_window(corner, weight, forces, window)
     return window
+
+
+def gather_shares(
+    corners: IntArray, parts: FloatArray, shared: IntArray, shares: FloatArray, count: int
+) -> tuple[IntArray, FloatArray]:
+    """Kernel: find the loads among which forces on k cells of a curved cover are distributed.
+
+    Args:
+        corners: Indices of the a points of the cover from which the cover is interpolated at each cell, shape (k, a).
+        parts: Weights of these points, shape (k, a) [-].
+        shared: Indices of q loads for each point of the cover, shape (p, q).
+        shares: Parts of a force on the point that these loads take, shape (p, q) [-].
+        count: Number of all loads.
+
+    Returns:
+        Indices of the j loads, shape (j,), and their parts of a force on each cell, shape (j, k) [-].
+    """
+    number, used = np.full(count, -1), 0
+    loads = np.empty(count, dtype=np.int64)
+    for k in range(len(corners)):
+        for n in range(corners.shape[1]):
+            for load in shared[corners[k, n]]:
+                if number[load] < 0:
+                    number[load], loads[used] = used, load
+                    used += 1
+    out = np.zeros((used, len(corners)))
+    for k in range(len(corners)):
+        for n in range(corners.shape[1]):
+            for q in range(shared.shape[1]):
+                out[number[shared[corners[k, n], q]], k] += parts[k, n] * shares[corners[k, n], q]
+    return loads[:used].copy(), out
 
 
 @called_by_kernels

@@ -41,7 +41,7 @@ from fastmodel.pressure.pressure_kernels import (
     spread_on_window,
 )
 from fastmodel.state import State, take_array
-from fastmodel.surface import CoverCells
+from fastmodel.surface import CoverCells, find_largest_stiffness
 from meshes.array_types import FloatArray, IntArray
 
 #: Compliance of the slack of a moment, over the compliance of one cell under a force on itself [-].  Per missed moment
@@ -55,6 +55,8 @@ SHIFT = 400.0
 STEEP = 0.2
 
 
+#: Loads of a flat cover, see `pressure_kernels.Cover`.
+_NONE = np.zeros((0, 0))
 #: The normal of a plate, the only direction in which a body presses on the plate; and the turns of a body that is free
 #: to tilt, about -y and x: the moments about them are the sums of force times x and of force times y.
 _UPWARDS, _TILTS = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
@@ -293,7 +295,7 @@ class CoverSolver(PressureSolver):
         self._tolerance, self._steps, self._cells = tolerance, steps, cells
         self._square, self._near = cells.square_compliance, [each.near for each in cells.under_loads]
         kernels = [each.compliance / (cells.cell[0] * cells.cell[1]) for each in cells.under_loads]
-        self._stiffest = [_find_largest_stiffness(each) for each in kernels]
+        self._stiffest = [find_largest_stiffness(each) for each in kernels]
         self._place, self._start = compile_kernel(place_cells), compile_kernel(find_start)
         self._minimise = compile_kernel(minimise_energy)
         self._scratch = np.zeros((grid.rows, grid.columns))
@@ -355,7 +357,7 @@ class CoverSolver(PressureSolver):
         """
         cells = (samples.row, samples.column, samples.coverage, samples.x, samples.y)
         origin, shape, corner, weight, own = self._place(cells, self.grid.arrays, self._near[nearest], self._square)
-        cover = (corner, weight, own, *self._cells.under_loads[nearest].convolution.matrices(*shape))
+        cover = (corner, weight, own, *self._cells.under_loads[nearest].convolution.matrices(*shape), _NONE, _NONE)
         wanted = np.array([load.force for load in loads])
         known = len(self._last[0]) > 0
         start = self._start(
@@ -396,16 +398,6 @@ class CoverSolver(PressureSolver):
         if not share:
             return found
         return (1 - share) * found + share * self.bases[int(index) + 1].from_window(forces, origin)
-
-
-def _find_largest_stiffness(kernel: FloatArray) -> float:
-    """Return force over displacement of cells under a chequered pattern of alternating forces [N/m].
-
-    The compliance of a cover decreases with the wave number, so that this is the stiffest pattern.
-    """
-    signs = np.where(np.arange(max(kernel.shape)) % 2, -2.0, 2.0)
-    signs[0] = 1.0
-    return float(1 / (signs[: len(kernel)] @ kernel @ signs[: kernel.shape[1]]))
 
 
 def join_constraints(  # noqa: PLR0917 -- one call per reading

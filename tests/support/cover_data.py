@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+from scipy.spatial import Delaunay
 
 from fastmodel import WTS_0614_34, Butterworth, CoverCells, CoverPoints, Gaussian, Parameters, Tabulated
 from meshes import TexelArray
@@ -44,19 +45,35 @@ def parameters(array=WTS, **changes):
     return Parameters(**(settings | changes))
 
 
-def make_dome(side=17):
-    """A cover of springs that also push down their neighbours, on the top of a ball of 10 mm, with 4 texels."""
-    x, y = (each.ravel() for each in np.meshgrid(*[np.linspace(-6e-3, 6e-3, side)] * 2))
-    normals = np.stack([x, y, np.sqrt(1e-4 - x**2 - y**2)], axis=1) / 10e-3
-    apart = np.linalg.norm(normals[:, None] - normals, axis=2) * 10
+def make_half_space(points, normals, *, contact_modulus=1e6, thickness=2e-3):
+    """A half space that is bent to a surface of given points over x and y, with 4 texels, one per quarter."""
+    x, y = points[:, 0], points[:, 1]
     quarter = (x >= 0).astype(int) + 2 * (y >= 0)
+    facets = Delaunay(points[:, :2]).simplices
+    along, across = (points[facets[:, k], :2] - points[facets[:, 0], :2] for k in (1, 2))
+    turned = along[:, 0] * across[:, 1] < along[:, 1] * across[:, 0]
+    facets[turned] = facets[turned, ::-1]
     return CoverPoints(
-        points=10e-3 * normals,
+        points=points,
         normals=normals,
+        facets=facets,
+        centres=points,
+        shared=np.arange(len(points))[:, None],
+        shares=np.ones((len(points), 1)),
         influence=0.8 * (quarter == np.arange(4)[:, None]),
-        compliance=1e-3 * np.exp(-apart / 0.5),
-        thickness=2e-3,
+        remainder=np.zeros((len(points), len(points))),
+        layer=np.zeros(101),
+        layer_step=0.5e-3,
+        top_compliance=1 / (np.pi * contact_modulus),
+        heights=np.full(len(points), thickness),
     )
+
+
+def make_dome(side=17, half=6e-3, **options):
+    """A half space on the top of a ball of 10 mm, with 4 texels."""
+    x, y = (each.ravel() for each in np.meshgrid(*[np.linspace(-half, half, side)] * 2))
+    normals = np.stack([x, y, np.sqrt(1e-4 - x**2 - y**2)], axis=1) / 10e-3
+    return make_half_space(10e-3 * normals, normals, **options)
 
 
 def dome_parameters(cover):

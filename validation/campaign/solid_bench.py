@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 #: Names of the scored models of a curved cover, with a description of each for tables.
 CURVED_MODELS: Mapping[str, str] = {
-    "fast": "the fast model: contact by the compliance of the surface, an operator from its points to the texels",
+    "fast": "the fast model: contact by the compliance of the surface, an operator from its cells to the texels",
     "gaussian": "the contact of the fast model, spread by one fitted Gaussian in surface coordinates",
     "rigid": "the 2015 report's form: the points that rigid bodies touch first, the same Gaussian",
     "no-spread": "null: the same points, their forces on the nearest texels without spread",
@@ -55,11 +55,11 @@ class SolidBench(Bench):
         "campaign": (
             "What the scores compare. Fast model and reference share their assumptions of contact (along the normals "
             "of the undeformed cover, frictionless, small strain), and the mesh of the fast model is one of the "
-            "reference's. The reference states contact on average over pressures between nodes, the fast model at "
-            "single points. So the scores show what the fast model loses by its mesh and its points, not the error of "
-            "the common assumptions; the error of the reference is estimated beside each score and checked in the "
-            "verification. Texel forces on a curved base do not sum to the load; misplaced force is half the sum of "
-            "the differences over the load. Distances (centre of pressure, Wasserstein) are straight lines in space."
+            "reference's. Both solve the contact on cells; the reference on more of them, and with the finest mesh. So "
+            "the scores show what the fast model loses by its mesh and its cells, not the error of the common "
+            "assumptions; the error of the reference is estimated beside each score and checked in the verification. "
+            "Texel forces on a curved base do not sum to the load; misplaced force is half the sum of the differences "
+            "over the load. Distances (centre of pressure, Wasserstein) are straight lines in space."
         ),
         "cases": (
             "Forces are along the normal of each texel. The maps unroll the surface about the middle texel; y points "
@@ -73,11 +73,11 @@ class SolidBench(Bench):
         ),
         "responses": (
             "The Gaussian in surface coordinates is the report's form of the response: two numbers for the whole "
-            "cover. The fast model has an operator of its own for every point of the surface."
+            "cover. The fast model has an operator of its own for every place on the surface."
         ),
         "calibration": (
-            "The fast model: compliance and influence of points of the top by finite elements, before any case was "
-            "pressed; nothing is fitted. The Gaussian: least squares to uniform loads over all texels."
+            "The fast model: compliance and influence of the top by finite elements, before any case was pressed; "
+            "nothing is fitted. The Gaussian: least squares to uniform loads over all texels."
         ),
         "limits": (
             "The cover has free sides and is bonded to a rigid base. The indenter is guided along its direction and "
@@ -175,8 +175,8 @@ class SolidBench(Bench):
 
         cover, array, gaussian = self.require_fast_model(), self.parameters.array, self.derivation.gaussian
         fast = press_points(cover, case.indenter, case.pose, load=case.load)
-        pressed = np.flatnonzero(fast.forces)
-        spread = gaussian.spread(array, cover.points[pressed], cover.normals[pressed])
+        pressed = fast.pressure
+        spread = gaussian.spread(array, pressed.place, pressed.normal)
         first = find_first_contact(cover, case.indenter, case.pose, case.pose.towards, within=_FIRST * cover.thickness)
         points, normals = cover.points[first], cover.normals[first]
         # Equal forces along the normals whose components against the motion sum to the load.
@@ -185,7 +185,7 @@ class SolidBench(Bench):
         nearest = np.bincount(apart.argmin(axis=1), minlength=array.count)
         forces = {
             "fast": fast.texel_forces,
-            "gaussian": fast.forces[pressed] @ spread,
+            "gaussian": pressed.forces @ spread,
             "rigid": share * gaussian.spread(array, points, normals).sum(axis=0),
             "no-spread": share * nearest * array.active,
             "zeros": np.zeros(array.count),

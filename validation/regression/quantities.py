@@ -96,7 +96,8 @@ def compare_shipped(subject: Subject) -> Readings:
         "spread": lambda each: each.spread.operator(array),
     }
     if shipped.surface is not None and derived.surface is not None:
-        parts["compliance of the cover"] = lambda each: each.surface.compliance if each.surface else 0.0
+        table = "compliance" if shipped.surface.cells else "remainder"
+        parts["compliance of the cover"] = lambda each: getattr(each.surface, table, 0.0)
         parts["influence of the cover"] = lambda each: each.surface.influence if each.surface else 0.0
     same = (
         dataclasses.replace(shipped.electronics, tip_share=None)
