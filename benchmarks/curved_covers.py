@@ -192,7 +192,6 @@ def list_presses() -> Iterator[tuple[str, str, Indenter, Pose, float]]:
 def score_fast_model() -> None:
     """Score the fast model on the 40 presses."""
     from fastmodel.contact.points import press_points as press_fast
-    from validation.derivation.cover_points import derive_points
 
     cover = fingertip()
     meshes = cover.meshes()
