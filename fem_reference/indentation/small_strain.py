@@ -27,6 +27,8 @@ from meshes.pose import Place, Pose
 #: Number of cells across the contact on all grids, coarsest first [-].  Three neighbouring grids give a result and its
 #: error.  The numbers are multiples of 16, the smallest number of cells of the pattern that all grids repeat.
 CELLS = (64, 96, 144, 224, 336)
+#: Number of cells across the contact under several layers, to choose element sizes [-].
+_FEW_CELLS = 16
 #: Smallest estimated relative error on a wide cover, due to the table of the compliance of the top [-].
 _LEAST_ERROR = 1e-4
 #: Smallest estimated relative error on a cover of limited size, due to the additional compliance of its sides [-].  All
@@ -66,8 +68,8 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
         parts = [replace(path, targets=(path.cover.thickness,), control="depth")]
     solutions = [
         [
-            _build_solution(_solve_contact(part, place, progress, grid), path.indenter, response)
-            for grid in range(refinement, refinement + 3)
+            _build_solution(_solve_contact(part, place, progress, cells), path.indenter, response)
+            for cells in CELLS[refinement : refinement + 3]
         ]
         for part in parts
     ]
@@ -98,17 +100,20 @@ def solve_coarse(path: LoadingPath, progress: Progress) -> list[GridSolution]:
     """
     response = point_spread(path.cover, progress=progress)
     each = (replace(path, targets=(target,)) for target in path.targets)
-    return [_build_solution(_solve_contact(one, None, progress, 0), path.indenter, response) for one in each]
+    return [_build_solution(_solve_contact(one, None, progress, CELLS[0]), path.indenter, response) for one in each]
 
 
 def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress) -> FloatArray:
-    """Solve the contact at the target for which a path is meshed, on the coarsest grid, to choose element sizes.
+    """Solve the contact at the target for which a path is meshed, on one coarse grid, to choose element sizes.
+
+    Under several layers `_FEW_CELLS` suffice, because a grid gets more cells the thinner the top layer is.
 
     Returns:
         Centres of the m cells in contact, in the frame of the indenter, shape (m, 2) [m].
     """
     target = path.targets[-1] if path.meshed_for is None else path.meshed_for
-    patch = _solve_contact(replace(path, targets=(target,)), place, progress, 0)
+    cells = CELLS[0] if len(path.cover.layers) == 1 else _FEW_CELLS
+    patch = _solve_contact(replace(path, targets=(target,)), place, progress, cells)
     return np.column_stack([patch.x, patch.y])
 
 
@@ -163,9 +168,9 @@ def _require_place(place: Place | None) -> Place:
     return place
 
 
-def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, grid: int) -> ContactPatch:
+def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, cells: int) -> ContactPatch:
     """Solve the contact of a loading path with one target on one grid, or read it from the result store."""
-    cover, indenter, cells = path.cover, path.indenter, CELLS[grid]
+    cover, indenter = path.cover, path.indenter
     target = path.targets[0]
     load, depth = (target, None) if path.control == "load" else (None, target)
 

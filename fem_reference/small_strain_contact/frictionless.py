@@ -68,7 +68,7 @@ class GridSettings:
     #: Largest number of cells along an axis in the pattern that all grids of a contact repeat [-].
     most: int = 96
     #: Largest number of cells in the pattern that all grids of a contact repeat, to limit the computing time [-].
-    most_in_all: int = 3600
+    most_in_all: int = 1600
     #: Largest number of cells along an axis that is tried, over the wanted number [-].  Edges of the face may coincide
     #: with edges of cells only on a finer grid.
     finer: float = 1.2
@@ -508,8 +508,8 @@ def _guess_from_coarser(
 ) -> BoolArray | None:
     """Guess the cells in contact from solutions on coarser grids of the same rectangle, the coarsest first.
 
-    A guess is larger than the contact of the coarser grid by one of its cells on each side.  Surplus cells are removed
-    in few exchanges; with cells too few, a stiff top layer would overlap the indenter nearly everywhere.
+    Under a stiff top layer a guess that is one coarse cell larger on each side doubles the number of exchanges, because
+    each of them removes one ring of cells.
 
     Args:
         surface: Compliance of the top of a wide cover; free side edges do not matter for a guess.
@@ -537,7 +537,6 @@ def _guess_from_coarser(
             touching = _solve(compliance, gap, coarse.area, before, load=load, depth=depth)[0] > 0
         except ConvergenceError:
             continue
-        touching = ndimage.binary_dilation(touching, np.ones((3, 3), dtype=bool))
         rows, columns = (np.arange(n) * m // n for n, m in zip(finer, counts, strict=True))
         guess = touching[np.ix_(rows, columns)]
     return guess
