@@ -93,7 +93,7 @@ class Plan:
         depths: Expected depth of each case over the thickness; 0 where it is not known [-].
         shares: Index of the first case whose solution each case shares; its own index if there is none.
         rest: Expected time of everything besides the cases [s].
-        spent: Times that finished cases took, by the index of the case [s].
+        spent: Processor times that finished cases took, by the index of the case [s].
     """
 
     missing: tuple[bool, ...]
@@ -112,17 +112,17 @@ class Plan:
     def describe(self) -> str:
         """State in one line how many solutions are missing and how long the evaluation takes."""
         count, cases = sum(self.missing), len(self.missing)
-        what = f"{cases} cases, {count} reference solutions missing from the store"
-        if not count:
-            what = f"all reference solutions of {cases} cases are in the store"
+        stored = f"all reference solutions of {cases} cases are in the store"
+        what = f"{cases} cases, {count} reference solutions missing from the store" if count else stored
         return f"{what}; about {format_time(self.total)}"
 
     def expect(self, case: int) -> float:
         """Return the time of a case: the expected one, times what finished cases took over what was expected [s].
 
-        Finished cases of the same kind are asked first, then all.
+        Finished cases of the same kind are asked first, then all whose solution was missing.
         """
-        same = [i for i in self.spent if self.kinds and self.kinds[i] == self.kinds[case]] or list(self.spent)
+        same = [i for i in self.spent if self.kinds and self.kinds[i] == self.kinds[case]]
+        same = same or [i for i in self.spent if self.missing[i]]
         expected = sum(self.seconds[i] for i in same)
         return self.seconds[case] * (sum(self.spent[i] for i in same) / expected if expected else 1.0)
 

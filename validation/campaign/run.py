@@ -47,7 +47,7 @@ def run_campaign(
     """Compute every case by finite elements and by all models of a bench, and score the models.
 
     With a budget the cases that are expected to take least come first, so that a case that takes longer than expected
-    costs no other one.
+    costs no other one.  A case that shares its solution follows the one that pays for it.
 
     Args:
         bench: Sensor with its models, already fitted; the campaign changes no model.
@@ -73,11 +73,12 @@ def run_campaign(
     tell = progress or (lambda *_: None)
     results: dict[int, CaseResult] = {}
     skipped: dict[int, SkippedCase] = {}
-    order = sorted(range(len(cases)), key=lambda i: plan.seconds[i] if budget else i)
+    owners = plan.shares or range(len(cases))
+    order = sorted(range(len(cases)), key=lambda i: (plan.seconds[owners[i]] if budget else 0, i))
     left, interrupted = list(order), False
     try:
         for number in order:
-            case, started = cases[number], time.perf_counter()
+            case, started = cases[number], time.process_time()
             shown = plan.describe_left(left, case.name)
 
             def report(line: str, shown: str = shown, done: int = len(cases) - len(left)) -> None:
@@ -93,7 +94,7 @@ def run_campaign(
                 converged = not isinstance(error, ConvergenceError)
                 skipped[number] = SkippedCase.of(case, str(error), converged=converged)
             left.remove(number)
-            plan.spent[number] = time.perf_counter() - started
+            plan.spent[number] = time.process_time() - started
     except KeyboardInterrupt:
         if not results:
             raise
