@@ -1,6 +1,7 @@
 """Press a rigid indenter into a solid cover from any direction: the solver of `SolidCover`.
 
-At small strain the contact is frictionless or without slip (`local_contact`).  It is solved on every mesh.
+At small strain the contact is frictionless, with friction or without slip (`local_contact`).  It is solved on every
+mesh.
 
 At finite strain it is frictionless.  The mesh is rotated into the frame of the indenter, with the point of first touch
 at the origin, so that elements, contact at quadrature points and loading path are those of flat covers
@@ -95,9 +96,9 @@ class SolidPressSettings:
     #: Safety factor in the error of the effect of finite strain, on the difference of the effect between two meshes
     #: [-].
     safety: float = 1.5
-    #: The same for the effect of no slip [-].
+    #: The same for the effect of friction [-].
     sticking: float = 1.5
-    #: Numbers of cells along each axis and of steps of contacts without slip; the second solution only tells the error
+    #: Numbers of cells along each axis and of steps of contacts with friction; the second solution only tells the error
     #: of the first [-].
     rubbing: tuple[tuple[int, int], ...] = ((64, 16), (48, 8))
     #: Gap in place of an infinite one at points that the indenter misses, over the thickness [-].
@@ -127,19 +128,14 @@ def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
 
     Raises:
         ValueError: If the cover cannot be meshed, or the indenter never touches.
-        UnsupportedError: If friction is neither zero nor no slip, finite strain is requested with friction or tilt, or
-            no mesh reaches the accuracy.
+        UnsupportedError: If finite strain is requested with friction or tilt, or no mesh reaches the accuracy.
         PiercedError: If the indenter would go through most of the cover.
         ConvergenceError: If the contact or the load is not found.
     """
     finite = problem.strain == "finite"
-    if problem.friction not in {0.0, np.inf}:
-        raise UnsupportedError(
-            f"{problem.friction:g} is not computed on curved covers; accepted: 0 and no-slip", "friction"
-        )
     if problem.friction and finite:
         raise UnsupportedError(
-            "on curved covers no slip is computed at small strain only; write --strain small", "friction"
+            "on curved covers friction is computed at small strain only; write --strain small", "friction"
         )
     if finite and any(problem.pose.tilt):
         raise UnsupportedError(
@@ -167,7 +163,7 @@ def _press_targets(meshes: tuple[SolidMesh, ...], material: Material, problem: P
         started = time.perf_counter()
 
         def compute(target: float = target) -> tuple[int, Indentation]:
-            solve = press_finite if finite else press_sticking if problem.friction else press_small
+            solve = press_finite if finite else press_rubbing if problem.friction else press_small
             found = solve(meshes, material, problem, target)
             number = next(k for k, mesh in enumerate(meshes) if mesh is found.mesh)
             return number, replace(found, mesh=None)
@@ -391,24 +387,25 @@ def press_finite(
     return _combine(accurate, pairs, problem, assumptions)
 
 
-def press_sticking(
+def press_rubbing(
     meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float
 ) -> Indentation:
-    """Press a solid without slip to one target load or depth at small strain.
+    """Press a solid with friction or without slip to one target load or depth at small strain.
 
-    The effect of sticking, from contacts without and with friction on the same cells, is added to the accurate contact
+    The effect of friction, from contacts without and with friction on the same cells, is added to the accurate contact
     without friction.
     """
     accurate = press_small(meshes, material, replace(problem, friction=0.0), target)
     found: list[tuple[_Full, _Full]] = []
     for mesh in meshes:
-        report(problem.progress, f"contact without slip, {build_solid(mesh, material).unknowns} unknowns")
+        report(problem.progress, f"contact with friction, {build_solid(mesh, material).unknowns} unknowns")
         press = _begin(mesh, material, problem, target, _SETTINGS.cells[0])
         grids = _SETTINGS.rubbing if mesh is meshes[-1] else _SETTINGS.rubbing[:1]
         describe = partial(_describe, mesh, material, problem)
         found.extend((describe(smooth), describe(rubs)) for smooth, rubs in press.rub(problem.friction, grids))
     *found, rough = found
-    return _combine(accurate, found, problem, {"friction": "no slip"}, rough=rough)
+    law = "no slip" if np.isinf(problem.friction) else f"Coulomb, coefficient {problem.friction:g}"
+    return _combine(accurate, found, problem, {"friction": law}, rough=rough)
 
 
 def _describe(mesh: SolidMesh, material: Material, problem: PressProblem, contact: CellContact) -> _Full:
@@ -551,7 +548,7 @@ def _combine(
     *,
     rough: tuple[_Full, _Full] | None = None,
 ) -> Indentation:
-    """Correct a press at finite strain or without slip for its discretisation error, and estimate the remaining error.
+    """Correct a press at finite strain or with friction for its discretisation error, and estimate the remaining error.
 
     Args:
         accurate: Result without friction at small strain, from the finest mesh.
@@ -611,7 +608,7 @@ def _compare(small: _Full, full: _Full) -> tuple[FloatArray, float, float]:
 
 
 def _estimate_effect(values: FloatArray, safety: float, *, summed: bool = False) -> float:
-    """Estimate the error of the effect of finite strain or of no slip on the finest mesh.
+    """Estimate the error of the effect of finite strain or of friction on the finest mesh.
 
     Args:
         values: Effect on one or n quantities on each mesh on which it was solved, coarsest first, shape

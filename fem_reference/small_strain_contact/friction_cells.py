@@ -7,8 +7,8 @@ indenter is followed in steps of about equal growth of the contact.  The time of
 estimated from the rate at which the gap closed in the previous step.
 
 In each step the open, sticking and sliding cells are found by exchanges.  The shear of sliding cells follows from a
-return mapping (Simo and Laursen 1992): the slip, as a traction on the cell alone, is added to the last shear, which is
-then shortened to the limit of friction.
+return mapping (Simo and Laursen 1992): the slip, as a traction on the cell alone or less, is added to the last shear,
+which is then shortened to the limit of friction.
 """
 
 from __future__ import annotations
@@ -43,6 +43,8 @@ class FrictionSettings:
     floor: float = 1e-5
     #: Change of the shear of sliding cells over the largest pressure at which a step is solved [-].
     settled: float = 1e-3
+    #: Ratio of two successive changes of the shear above which the return mapping is made softer [-].
+    shrinks: float = 0.9
     #: Tolerance of the travel in the search for a load, over the last step [-].
     depth: float = 1e-4
 
@@ -194,33 +196,47 @@ class RubbingContact:
         Raises:
             ConvergenceError: If the open, sticking and sliding cells are not found.
         """
-        gap, rubs = self.gap(travel), self.friction > 0
+        gap, slips = self.gap(travel), np.isfinite(self.friction)
         allowed = np.isfinite(gap)
         gap = np.where(allowed, gap, 0.0)
         record = self._predict_touch(last, gap, travel)
         goal = np.concatenate([-gap[None], record + travel * self.motion[1:]])
         least = _SETTINGS.negligible * float(gap.min(initial=0.0))
         touching, traction = allowed & (last.touching | (gap < 0)), last.traction
-        slides, exchange = np.zeros_like(touching), Exchange(gap.size, _SETTINGS.patience)
+        # Cells that touch in this step first slide without shear: those at the border would pull if they stuck.
+        slides, exchange = slips & ~last.touching, Exchange(gap.size, _SETTINGS.patience)
+        softness, before = self.compliance.own, np.inf
         for _ in range(_SETTINGS.exchanges):
-            sticks = touching & ~slides & rubs
-            fixed = np.where(touching & slides, traction, 0.0) * np.array([0.0, 1.0, 1.0])[:, None, None]
+            sticks = touching & ~slides
+            fixed = np.concatenate([0 * traction[:1], np.where(touching & slides, traction[1:], 0.0)])
             wanted = goal - self.compliance.displace(fixed) if slides.any() else goal
             held = np.stack([touching, sticks, sticks])
             traction = fixed + solve_displacement(self.compliance, wanted, held, traction, _SETTINGS.residual)
             moved = self.compliance.displace(traction)
-            wrong = np.where(touching, traction[0] < 0, allowed & (gap + moved[0] < least))
-            change = 0.0
-            if rubs and np.isfinite(self.friction):
-                traction, slides, change = self._slide(traction, goal - moved, touching)
-            if not wrong.any() and change <= _SETTINGS.settled:
-                record = np.where(touching & ~slides & rubs, record, moved[1:] - travel * self.motion[1:])
-                return RubbingState(
-                    travel=travel, traction=traction, moved=moved, touching=touching, record=record, before=last
-                )
-            if wrong.any():
-                touching = touching ^ exchange.choose(wrong)
-        raise ConvergenceError(f"contact and slip did not settle in {_SETTINGS.exchanges} exchanges")
+            pulls, overlaps = touching & (traction[0] < 0), allowed & ~touching & (gap + moved[0] < least)
+            if (pulls | overlaps).any():
+                wrong = exchange.choose(pulls | overlaps)
+                # A sticking cell that pulls slides without shear before it opens.
+                freed = wrong & sticks & slips
+                slides |= wrong & slips
+                traction = np.where(freed, traction[:1] * np.array([1.0, 0.0, 0.0])[:, None, None], traction)
+                touching = touching ^ (wrong & ~freed)
+                continue
+            if not slips:
+                break
+            traction, slides, change = self._slide(traction, (goal - moved) / softness, touching, slides)
+            if change <= _SETTINGS.settled:
+                break
+            if change > _SETTINGS.shrinks * before:  # The shear oscillates, because neighbours slide together.
+                softness *= 2
+            before = change
+            exchange = Exchange(gap.size, _SETTINGS.patience)
+        else:
+            raise ConvergenceError(f"contact and slip did not settle in {_SETTINGS.exchanges} exchanges")
+        record = np.where(touching & ~slides, record, moved[1:] - travel * self.motion[1:])
+        return RubbingState(
+            travel=travel, traction=traction, moved=moved, touching=touching, record=record, before=last
+        )
 
     def _predict_touch(self, last: RubbingState, gap: FloatArray, travel: float) -> FloatArray:
         """Return the record of every cell at the end of a step, shape (2, rows, columns) [m].
@@ -238,21 +254,22 @@ class RubbingContact:
         return np.where(last.touching, last.record, predicted)
 
     def _slide(
-        self, traction: FloatArray, miss: FloatArray, touching: BoolArray
+        self, traction: FloatArray, excess: FloatArray, touching: BoolArray, slides: BoolArray
     ) -> tuple[FloatArray, BoolArray, float]:
-        """Return the shear to the limit of friction where it exceeds this limit.
+        """Return the shear to the limit of friction where it exceeds this limit or the cell slides on.
 
         Args:
             traction: Tractions, shape (3, rows, columns) [Pa].
-            miss: Displacements to where the cells would stick, same shape [m].
+            excess: Displacements to where the cells would stick, as tractions, same shape [Pa].
             touching: Whether each cell is in contact, shape (rows, columns).
+            slides: Whether each cell was assumed to slide, same shape.
 
         Returns:
             Tractions, whether each cell slides, and the largest change of a shear over the largest pressure [-].
         """
-        trial = np.where(touching, traction[1:] + miss[1:] / self.compliance.own, 0.0)
+        trial = np.where(touching, traction[1:] + excess[1:], 0.0)
         size, limit = np.linalg.norm(trial, axis=0), self.friction * np.maximum(traction[0], 0.0)
-        slides = touching & (size > limit)
-        shear = trial * np.where(slides, limit / np.where(slides, size, 1.0), 1.0)
+        slides = touching & ((size > limit) | (slides & ((excess * traction)[1:].sum(axis=0) > 0)))
+        shear = trial * np.where(slides, limit / np.maximum(size, np.finfo(float).tiny), 1.0)
         change = float(np.abs(shear - traction[1:])[:, touching].max(initial=0.0) / traction[0].max())
         return np.concatenate([traction[:1], shear]), slides, change

@@ -16,7 +16,6 @@ from validation.cover_meshes import make_meshes
 from validation.derivation import cover_points
 from validation.derivation.cover_points import choose_mesh
 from validation.derivation.derive import derive
-from validation.errors import InputError
 from validation.json_values import json_text
 from validation.places import SolidPlaces
 from validation.press_files import write_press
@@ -82,12 +81,6 @@ def test_the_friction_of_the_file_or_the_option_reaches_the_finite_elements(pres
     case = Case(name="ball", indenter=Sphere(radius=4e-3), shape="ball", load=0.5, pose=press.case.pose)
     kept = press_reference(sticky.cover, sticky.array, case, friction=np.inf)
     np.testing.assert_array_equal(kept.texel_forces, found.texel_forces)
-    rough = dataclasses.replace(small_pad, friction=0.4)
-    said = r"contact\.friction: 0\.4 is not computed on curved covers; accepted: 0 and"
-    with pytest.raises(InputError, match=said):
-        validation.press(rough, BALL, load="0.5 N", models=("fem",))
-    with pytest.raises(InputError, match=said):
-        press_reference(rough.cover, rough.array, case, friction=0.4)
 
 
 def test_a_pose_by_names_is_that_of_a_campaign_file(small_pad):

@@ -68,14 +68,20 @@ def test_displacements_are_reciprocal():
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 0.49])
-@pytest.mark.parametrize("friction", [0.0, np.inf])
+@pytest.mark.parametrize("friction", [0.0, 0.05, 0.2, np.inf])
 def test_a_ball_on_cells_bears_the_force_on_rings(ratio, friction):
     known = press(make_cover(ratio), ARRAY, BALL, depth=0.2e-3, friction=friction)
     half = 1.1 * np.sqrt(known.contact_area / np.pi)
     contact, state = solve(BALL, ratio, 0.2e-3, half, friction=friction)
     assert contact.measure_load(state) == pytest.approx(known.total_force, rel=5e-3)
     assert state.touching.sum() * contact.area == pytest.approx(known.contact_area, rel=0.03)
-    assert (state.traction[0, state.touching] >= 0).all()
+    pressure, shear = state.traction[0], np.hypot(*state.traction[1:])
+    assert (pressure[state.touching] >= 0).all()
+    assert not shear[~state.touching].any()
+    if friction < np.inf:
+        assert (shear <= friction * (pressure + 1e-3 * pressure.max()) + 1e-9)[state.touching].all()
+    rubbed = np.hypot(*known.contact_forces[:, :2].T).sum()
+    assert shear.sum() * contact.area == pytest.approx(rubbed, rel=0.06, abs=1e-12)
 
 
 def test_twice_the_steps_change_the_force_little():

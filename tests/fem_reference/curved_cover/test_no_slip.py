@@ -1,4 +1,4 @@
-"""Indenters that do not slip on curved covers."""
+"""Indenters that rub on curved covers, or do not slip."""
 
 import numpy as np
 import pytest
@@ -52,15 +52,28 @@ def test_a_thin_rubber_cover_is_stiffer_without_slip():
     assert 1.3 < loads[1] / loads[0] < 4
 
 
+def test_friction_carries_a_part_of_the_shear_without_slip():
+    """Forces in Coulomb's cone, and a total force between those without friction and without slip."""
+    loads, material = [], make_rubber(0.3)
+    for friction in (0.0, 0.1, np.inf):
+        found = press(take_meshes([MESH], material), PAD.texels, BALL, ABOVE, depth=0.1e-3, friction=friction)
+        loads.append(found.total_force)
+        across = np.linalg.norm(found.contact_forces[:, :2], axis=1)
+        assert (across <= friction * -found.contact_forces[:, 2] * (1 + 1e-3) + 1e-12).all()
+    assert loads[0] < loads[1] < loads[2]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("ratio", "load"), [(0.3, 0.3), (0.0, 0.02), (0.49, 1.0)])
-def test_a_ball_on_a_wide_pad_sticks_as_on_a_flat_cover(ratio, load):
+@pytest.mark.parametrize(
+    ("ratio", "load", "friction"), [(0.3, 0.3, np.inf), (0.0, 0.02, np.inf), (0.49, 1.0, np.inf), (0.3, 0.3, 0.1)]
+)
+def test_a_ball_on_a_wide_pad_rubs_as_on_a_flat_cover(ratio, load, friction):
     """The flat cover is solved on rings in the r-z plane."""
     pad, material, at = flat_pad(size=(14e-3, 14e-3), rows=2), make_rubber(ratio, "linear-elastic"), (0.3e-3, 0.2e-3)
     flat = Cover(layers=(Layer(thickness=2e-3, material=material),))
     pose = Pose.facing([*at, 5e-3], DOWN)
-    ours = press(take_meshes(pad.meshes(), material), pad.texels, BALL, pose, load=load, friction=np.inf)
-    known = press(flat, pad.texels, BALL, Pose.planar(at=at), load=load, friction=np.inf)
+    ours = press(take_meshes(pad.meshes(), material), pad.texels, BALL, pose, load=load, friction=friction)
+    known = press(flat, pad.texels, BALL, Pose.planar(at=at), load=load, friction=friction)
     assert abs(ours.depth / known.depth - 1) < ours.error_estimate["depth"] + known.error_estimate["depth"] < 0.02
     peak = np.abs(ours.texel_forces - known.texel_forces).max() / known.texel_forces.max()
     assert peak < ours.error_estimate["peak_texel"] + known.error_estimate["peak_texel"] < 0.03

@@ -12,7 +12,6 @@ from meshes import Material
 from meshes.bounded_file import parse_toml
 from validation.campaign.bench import prepare_bench
 from validation.campaign.campaign_file import Criterion, Inputs, parse_campaign
-from validation.campaign.evaluation import evaluate
 from validation.campaign.plan import plan_cases
 from validation.campaign.reference_press import press_reference
 from validation.campaign.results import judge
@@ -22,7 +21,6 @@ from validation.credibility import verification as evidence
 from validation.credibility.evidence import gather_evidence
 from validation.credibility.verification import check_shell
 from validation.derivation.derive import derive
-from validation.errors import InputError
 from validation.places import find_places
 from validation.report.figures import find_outline
 
@@ -174,13 +172,6 @@ def test_uncertain_inputs_change_the_image_as_they_should(bench, plan):
     assert bench.propagate(ball, Inputs(**one | {"yaw": 0.1})).misplaced_total < 1e-2
     stiff = bench.propagate(ball, Inputs(**one | {"modulus": 0.1}))
     assert stiff.effects["modulus [relative]"][np.argmax(stiff.image)] > 0
-
-
-def test_friction_of_the_file_that_is_not_computed_is_refused_before_anything_is_derived(small_pad, plan, monkeypatch):
-    monkeypatch.setattr("validation.campaign.evaluation.derive", None)
-    rough = dataclasses.replace(small_pad, friction=0.4, source="mine.toml")
-    with pytest.raises(InputError, match=r"^mine\.toml: contact\.friction: 0\.4 is not computed on curved covers"):
-        evaluate(rough, campaign=plan)
 
 
 def test_the_outline_of_a_contact_is_that_of_the_points_that_bear_force(small_pad, result):
