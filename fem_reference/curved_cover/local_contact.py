@@ -269,6 +269,8 @@ class ChartedContact:
             x, y = np.meshgrid(*axes, indexing="ij")
             rate = np.maximum(self.rate(x, y), _SETTINGS.least_cosine / 2)
             travel = place.travel + place.gap(x, y) / rate
+            if not np.isfinite(travel).any():
+                raise ConvergenceError("the indenter is too narrow for the contact to be found; use a wider one")
             touch = float(travel.min())
             place = replace(place, travel=touch)
             best = np.unravel_index(np.argmin(travel), travel.shape)
@@ -511,8 +513,8 @@ class CellPress:
             below = (middle - half < low + short) & (low > most[0] - most[1])
             above = (middle + half > high - short) & (high < most[0] + most[1])
             if not (below | above).any():
-                break
-        return cls(solid=solid, place=place, layer=layer, load=load, patch=patch)
+                return cls(solid=solid, place=place, layer=layer, load=load, patch=patch)
+        raise ConvergenceError(f"the extent of the contact was not found in {_SETTINGS.windows} steps; use less load")
 
     def solve(self, cells: int | None = None) -> CellContact:
         """Solve the contact without friction on a number of cells across the contact; None for the first ones."""

@@ -215,7 +215,7 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
         error_estimate=errors,
         assumptions=_ASSUMPTIONS | {"friction": "none"},
         warnings=(
-            *((large,) if share > _SETTINGS.warn_depth else ()),
+            *((large,) if share > _SETTINGS.warn_depth and problem.strain != "finite" else ()),
             *warn_of_shape(mesh, depth),
             *((_CUT_OFF,) if contact.is_cut else ()),
             *warn_of_errors(errors),
@@ -583,6 +583,7 @@ def _combine(
         added["depth" if by_load else "total_force"] += abs(stiff - stiffer[-1])
         added["contact_area"] += abs(wide - wider[-1])
     errors = {name: error + added.get(name, 0.0) for name, error in accurate.error_estimate.items()}
+    kept = [each for each in accurate.warnings if each not in warn_of_errors(accurate.error_estimate)]
     forces = ("force", "moment", "base_force", "base_moment", "contact_forces")
     scaled = {name: load / last.load * last.arrays[name] for name in forces}
     return replace(
@@ -597,7 +598,7 @@ def _combine(
         energy=None,
         error_estimate=errors,
         assumptions={**accurate.assumptions, **assumptions},
-        warnings=warn_of_errors(errors),
+        warnings=(*kept, *warn_of_errors(errors)),
     )
 
 
