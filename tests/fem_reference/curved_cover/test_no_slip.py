@@ -75,7 +75,11 @@ def test_a_ball_on_a_wide_pad_rubs_as_on_a_flat_cover(ratio, load, friction):
     ours = press(take_meshes(pad.meshes(), material), pad.texels, BALL, pose, load=load, friction=friction)
     known = press(flat, pad.texels, BALL, Pose.planar(at=at), load=load, friction=friction)
     assert abs(ours.depth / known.depth - 1) < ours.error_estimate["depth"] + known.error_estimate["depth"] < 0.02
-    peak = np.abs(ours.texel_forces - known.texel_forces).max() / known.texel_forces.max()
+    # The free sides of the pad change texel forces by 0.5 % at a Poisson ratio of 0.49, without friction too.
+    ours_smooth = press(take_meshes(pad.meshes(), material), pad.texels, BALL, pose, load=load)
+    smooth = press(flat, pad.texels, BALL, Pose.planar(at=at), load=load)
+    effects = ours.texel_forces - ours_smooth.texel_forces, known.texel_forces - smooth.texel_forces
+    peak = np.abs(effects[0] - effects[1]).max() / known.texel_forces.max()
     assert peak < ours.error_estimate["peak_texel"] + known.error_estimate["peak_texel"] < 0.03
     area = abs(ours.contact_area / known.contact_area - 1)
     assert area < ours.error_estimate["contact_area"] + known.error_estimate["contact_area"]
