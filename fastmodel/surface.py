@@ -368,6 +368,7 @@ class CoverPoints:
         layer_step: Distance between entries of `layer` [m].
         top_compliance: Displacement times distance per unit force on a half space, see `CoverCells` [m2/N].
         heights: Thickness of the flat layer at each point: that of the cover there, shape (p,) [m].
+        thickness: Mean thickness of the cover, for which `layer` holds [m].
     """
 
     points: FloatArray
@@ -382,6 +383,7 @@ class CoverPoints:
     layer_step: float
     top_compliance: float
     heights: FloatArray
+    thickness: float
 
     #: Section of `parameters.toml` that holds the fields that are not arrays.
     section: ClassVar[str] = "curved"
@@ -411,7 +413,7 @@ class CoverPoints:
             raise ValueError("the shares of each point of a cover must sum to 1")
         if np.abs(self.remainder - self.remainder.T).max() > _SYMMETRIC * np.abs(self.remainder).max():
             raise ValueError("the remainder of the compliance of a cover must be symmetric")
-        for name in ("heights", "layer_step", "top_compliance"):
+        for name in ("heights", "thickness", "layer_step", "top_compliance"):
             if not np.min(getattr(self, name)) > 0:
                 raise ValueError(f"{name} of a cover must be positive, not {np.min(getattr(self, name))}")
 
@@ -447,11 +449,6 @@ class CoverPoints:
     def spacing(self) -> float:
         """Mean distance of a point to the nearest other point [m]."""
         return float(np.asarray(cKDTree(self.points).query(self.points, 2)[0])[:, 1].mean())
-
-    @cached_property
-    def thickness(self) -> float:
-        """Thickness of the cover at most of its points, for which `layer` holds [m]."""
-        return float(np.median(self.heights))
 
     @cached_property
     def triangles(self) -> IntArray:

@@ -39,6 +39,9 @@ class ActiveSetSettings:
     #: Overlap at a cell, over the largest penetration of the undeformed surface, below which the cell is free of
     #: overlap [-].
     negligible: float = 1e-8
+    #: Pressure of the wrong sign over the largest pressure, and overlap over the largest penetration, up to which a
+    #: single cell that is wrong in contact and out of it is left as it is [-].
+    flicker: float = 1e-4
     #: Largest number of iterations of conjugate gradients [-].
     iterations: int = 1000
     #: Norm of the residual displacement over that of the given displacement at which the iteration stops [-].
@@ -207,8 +210,12 @@ def find_pressures(
         if residual > _SETTINGS.residual and (count == 0 or count >= exchange.fewest):
             residual, exchange = _SETTINGS.residual, Exchange(gap.size, _SETTINGS.patience)
             continue
-        # A cell that is wrong in contact and out of it is wrong by less than the residual.
-        if count == 0 or (count == 1 and np.array_equal(wrong, last)):
+        # One cell that is wrong both in contact and out of it, by less than the residual, would change for ever.
+        slight = min(
+            pressure[wrong].min(initial=0.0) + _SETTINGS.flicker * np.abs(pressure).max(),
+            overlap[wrong].min(initial=0.0) + _SETTINGS.flicker * deepest,
+        )
+        if count == 0 or (count == 1 and np.array_equal(wrong, last) and slight >= 0):
             system.check_balance(pressure)
             return pressure, motion
         last = exchange.choose(wrong)

@@ -66,6 +66,7 @@ def make_half_space(points, normals, *, contact_modulus=1e6, thickness=2e-3):
         layer_step=0.5e-3,
         top_compliance=1 / (np.pi * contact_modulus),
         heights=np.full(len(points), thickness),
+        thickness=thickness,
     )
 
 

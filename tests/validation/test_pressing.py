@@ -9,7 +9,6 @@ import pytest
 import validation
 from meshes import Pose, Sphere
 from meshes.solids import flat_pad
-from meshes.solids.tetrahedra import label_mesh
 from validation.campaign.case import Case
 from validation.campaign.reference_press import press_reference
 from validation.cover_meshes import make_meshes
@@ -77,7 +76,7 @@ def test_the_friction_of_the_file_or_the_option_reaches_the_finite_elements(pres
     assert found.assumptions["friction"] == "no slip"
     np.testing.assert_array_equal(smooth.texel_forces, press.fem.texel_forces)
     assert np.abs(found.texel_forces - smooth.texel_forces).max() > 1e-4
-    assert np.abs(found.contact_forces[:, :2]).max() > 1e-4
+    assert np.abs(found.contact_forces[:, :2]).sum() > 1e-3
     case = Case(name="ball", indenter=Sphere(radius=4e-3), shape="ball", load=0.5, pose=press.case.pose)
     kept = press_reference(sticky.cover, sticky.array, case, friction=np.inf)
     np.testing.assert_array_equal(kept.texel_forces, found.texel_forces)
@@ -131,9 +130,14 @@ def test_derived_parameters_hold_the_cover(small_pad):
     assert parameters.surface.thickness == pytest.approx(2e-3)
 
 
-def test_the_mesh_of_the_fast_model_is_the_second_or_a_smaller_one():
+def limit_loads(monkeypatch, most):
+    monkeypatch.setattr(cover_points, "_SETTINGS", dataclasses.replace(cover_points.LatticeSettings(), most=most))
+
+
+def test_the_mesh_of_the_fast_model_is_the_second_or_a_smaller_one(monkeypatch):
     pad = flat_pad(size=(9e-3, 9e-3))
     coarse, middle, fine = (pad.mesh(size, layers=2) for size in (3e-3, 1.5e-3, 0.5e-3))
+    limit_loads(monkeypatch, 200)
     assert choose_mesh((coarse, middle, fine)) is middle
     assert choose_mesh((coarse,)) is coarse
     huge = flat_pad(size=(60e-3, 60e-3)).mesh(1.5e-3, layers=2)
@@ -141,19 +145,10 @@ def test_the_mesh_of_the_fast_model_is_the_second_or_a_smaller_one():
     assert choose_mesh((huge,)) is None
 
 
-def test_nodes_between_the_corners_of_tetrahedra_count(monkeypatch):
-    """They carry displacements too, and are three times as many as corners."""
-    nodes = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) * 1e-3
-    mesh = label_mesh(nodes, np.array([[0, 1, 2, 3]]), np.array([1, 0, 0, 0]), source="one", settings={})
-    for most, found in ((10, mesh), (9, None)):
-        monkeypatch.setattr(cover_points, "MOST_NODES", most)
-        assert choose_mesh((mesh,)) is found
-
-
 def test_where_the_meshes_are_too_fine_the_fast_model_is_left_out_and_said(
     small_pad, read_pad, monkeypatch, softcover, tmp_path
 ):
-    monkeypatch.setattr(cover_points, "MOST_NODES", 10)
+    limit_loads(monkeypatch, 5)
     monkeypatch.setattr("validation.scene.draw.write_scene", lambda *_: ())  # `scene/test_draw.py` draws
     status, _, err = softcover("derive", "flat-pad", "--out", str(tmp_path / "derived"))
     assert status == 0

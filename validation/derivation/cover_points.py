@@ -18,7 +18,7 @@ from fem_reference.linear_response.surface_compliance import surface_compliance
 from meshes import Cover, Layer, Material, TexelArray
 from meshes.array_types import FloatArray, IntArray
 from meshes.solids.facets import QUADRILATERAL, facet_shape, split_facet, split_triangles
-from meshes.solids.solid_mesh import SolidMesh
+from meshes.solids.solid_mesh import SolidMesh, measure_height
 from meshes.solids.texels import tangent_axes
 
 
@@ -46,7 +46,8 @@ class LatticeSettings:
     #: Distance over the thickness to which the compliance of the flat layer is tabulated, and points of the table per
     #: thickness [-].
     table: tuple[int, int] = (10, 20)
-    #: Smallest local thickness of the layer over its median; the cover tapers off where its top is bonded [-].
+    #: Smallest local thickness of the layer over that of most of the cover, which tapers off where its top is bonded
+    #: [-].
     thinnest: float = 0.5
     #: Integral of the reciprocal distance less its sum over all other points of a lattice, over the root of the area of
     #: a point: for squares and for equal-sided triangles (numerically; for squares -4 zeta(1/2) beta(1/2)) [-].
@@ -155,9 +156,8 @@ def derive_points(mesh: SolidMesh, texels: TexelArray, material: Material) -> Co
     """
     responses = texel_responses([mesh], texels, material)
     top, base = responses.finest.top, FacetSurface.part_of(mesh.nodes, mesh.base)
-    heights = base.locate(top.nodes)[1]
-    thickness = float(np.median(heights))
-    heights = np.maximum(heights, _SETTINGS.thinnest * thickness)
+    thickness = measure_height(mesh)
+    heights = np.maximum(base.locate(top.nodes)[1], _SETTINGS.thinnest * thickness)
     centres, sizes = place_loads(mesh)
     reach, per_thickness = _SETTINGS.table
     layer = surface_compliance(Cover(layers=(Layer(thickness=thickness, material=material),)), reach * thickness)
@@ -192,6 +192,7 @@ def derive_points(mesh: SolidMesh, texels: TexelArray, material: Material) -> Co
         layer_step=float(radii[1]),
         top_compliance=layer.half_space,
         heights=heights,
+        thickness=thickness,
     )
 
 

@@ -133,6 +133,7 @@ def test_bad_presses_are_named(at, load, error, message):
     ("change", "message"),
     [
         ({"heights": np.zeros(625)}, "heights of a cover must be positive"),
+        ({"thickness": 0.0}, "thickness of a cover must be positive"),
         ({"layer_step": 0.0}, "layer_step of a cover must be positive"),
         ({"remainder": np.triu(np.ones((625, 625)))}, "symmetric"),
         ({"normals": 2 * dome().normals}, "unit vectors"),
