@@ -47,7 +47,7 @@ class ChartSettings:
     #: Gap above the smallest up to which cells are solved, over the approach [-].
     reach: float = 1.5
     #: Largest ratio of the edges of a cell [-].
-    slender: float = 16.0
+    slender: float = 64.0
     #: Largest size of the cells at the start, over the thickness [-].
     largest: float = 12.0
     #: Numbers of rows or columns of cells for which the compliance is tabulated [-].
