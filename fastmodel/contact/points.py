@@ -301,8 +301,11 @@ class ChartCells:
             (reach, cover.thickness),
         )
         owner = np.zeros(len(row), dtype=np.int64)
+        # The remainder is so smooth that it is interpolated on flat triangles; the influence on quadratic facets.
+        loads, shares = compile_kernel(gather_shares)(
+            cover.triangles[below], parts, cover.shared, cover.shares, len(cover.centres)
+        )
         corners, parts = cover.interpolate(below, parts)
-        loads, shares = compile_kernel(gather_shares)(corners, parts, cover.shared, cover.shares, len(cover.centres))
         return ChartContact(
             cover=cover,
             cells=self,

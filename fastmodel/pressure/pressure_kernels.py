@@ -508,8 +508,8 @@ def gather_shares(
     """Kernel: find the loads among which forces on k cells of a curved cover are distributed.
 
     Args:
-        corners: Indices of the a points of the cover from which the cover is interpolated at each cell, shape (k, a).
-        parts: Weights of these points, shape (k, a) [-].
+        corners: Indices of the three points of the cover around each cell, shape (k, 3).
+        parts: Weights of these points, shape (k, 3) [-].
         shared: Indices of q loads for each point of the cover, shape (p, q).
         shares: Parts of a force on the point that these loads take, shape (p, q) [-].
         count: Number of all loads.
@@ -520,14 +520,14 @@ def gather_shares(
     number, used = np.full(count, -1), 0
     loads = np.empty(count, dtype=np.int64)
     for k in range(len(corners)):
-        for n in range(corners.shape[1]):
+        for n in range(3):
             for load in shared[corners[k, n]]:
                 if number[load] < 0:
                     number[load], loads[used] = used, load
                     used += 1
     out = np.zeros((used, len(corners)))
     for k in range(len(corners)):
-        for n in range(corners.shape[1]):
+        for n in range(3):
             for q in range(shared.shape[1]):
                 out[number[shared[corners[k, n], q]], k] += parts[k, n] * shares[corners[k, n], q]
     return loads[:used].copy(), out
