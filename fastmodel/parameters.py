@@ -198,6 +198,9 @@ def load(sensor: str | Path) -> Parameters:
                     for key, value in document.take(name).items()
                 }
                 stored = {key: tables.pop(table) for key, table in _name_tables(kind).items() if table in tables}
+                needed = {each.name for each in dataclasses.fields(kind) if each.default is dataclasses.MISSING}
+                if lacks := sorted(needed & _name_tables(kind).keys() - stored.keys()):
+                    raise ValueError(f"{NPZ_NAME} holds no {', '.join(lacks)}; derive these parameters anew")
                 parts["surface" if kind in (CoverCells, CoverPoints) else name] = kind(**values, **stored)
     with document.section("parameters"):
         provenance = dict(document.values.get("provenance", {}))

@@ -1,7 +1,7 @@
-"""Contact method for points of a cover in MuJoCo: rigid mesh geoms, and the contact pressure on the curved surface.
+"""Contact method for curved covers in MuJoCo: rigid mesh geoms, and the contact pressure on the curved surface.
 
 MuJoCo collides the convex hull of the cover's top, or of parts of it where it has dents, which gives the force of each
-body.  The forces on the points of the surface follow from the shapes of the bodies and the compliance of the cover.
+body.  The pressure on the surface follows from the shapes of the bodies and the compliance of the cover.
 Friction is not used: the tangential force of a contact acts on no point.  Net force, net torque and tangential forces
 of frames are not computed.
 

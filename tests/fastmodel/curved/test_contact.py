@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import re
 
 import mujoco
 import numpy as np
@@ -13,9 +15,10 @@ import fastmodel
 import meshes
 from fastmodel.contact.mesh import list_hulls
 from fastmodel.contact.points import pose_indenter, press_points, solve_pressure
-from fastmodel.errors import FastModelError
+from fastmodel.errors import FastModelError, ParametersError
 from fastmodel.pressure.solvers import Load
 from meshes import Sphere
+from meshes.bounded_file import pack_npz
 from meshes.pose import Pose
 from tests.support.contact_forces import sum_pushes
 from tests.support.cover_data import dome_parameters, make_dome, make_half_space
@@ -146,6 +149,18 @@ def test_parameters_keep_the_cover(parameters, tmp_path):
     found = fastmodel.load(tmp_path).surface
     for name in ("points", "normals", "facets", "shares", "influence", "remainder", "layer", "heights"):
         np.testing.assert_allclose(getattr(found, name), getattr(COVER, name), rtol=1e-6, atol=1e-12)
+
+
+def test_parameters_of_another_version_are_derived_anew(parameters, tmp_path):
+    parameters.save(tmp_path)
+    packed, text = tmp_path / "cover.npz", (tmp_path / "parameters.toml").read_text()
+    tables = dict(np.load(packed))
+    del tables["curved_facets"], tables["curved_layer"]
+    packed.write_bytes(pack_npz(tables))
+    changed = re.sub('sha256 = "[0-9a-f]+"', f'sha256 = "{hashlib.sha256(packed.read_bytes()).hexdigest()}"', text)
+    (tmp_path / "parameters.toml").write_text(changed)
+    with pytest.raises(ParametersError, match=r"\[curved\] cover.npz holds no facets, layer; derive .* anew"):
+        fastmodel.load(tmp_path)
 
 
 def make_saddle(radius):
