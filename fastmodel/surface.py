@@ -473,17 +473,12 @@ class CoverPoints:
         place = np.einsum("kc,kcd->kd", parts, node_places(count)[within[part]])
         return self.facets[facet], facet_shape(count, place)
 
-    def move_layer(self, distance: FloatArray, scale: FloatArray | float = 1.0) -> FloatArray:
-        """Compute the displacement of the flat layer at distances from a unit force, any shape [m/N].
-
-        Args:
-            distance: The distances [m].
-            scale: Thickness of the layer over `thickness`, of the same shape [-].
-        """
+    def move_layer(self, distance: FloatArray) -> FloatArray:
+        """Compute the displacement of the flat layer at distances from a unit force, any shape [m/N]."""
         radius = self.layer_step * np.arange(len(self.layer))
         away = np.maximum(distance, 1e-3 * self.layer_step)
-        moved = np.interp(away / scale, radius, self.layer) / scale + self.top_compliance / away
-        return np.asarray(np.where(away < scale * radius[-1], moved, 0.0))
+        moved = np.interp(away, radius, self.layer) + self.top_compliance / away
+        return np.asarray(np.where(away < radius[-1], moved, 0.0))
 
     def cells_of(self, numbers: tuple[int, int], size: int) -> LayerCells:
         """Return the compliance of the flat layer on cells, for windows of up to `size` cells along each side.

@@ -56,7 +56,7 @@ class ChartSettings:
     settled: float = 1e-3
     #: Largest numbers of solutions for one body, and of rounds over all bodies [-].
     steps: tuple[int, int] = (16, 8)
-    #: Change of the displacements by other bodies over the thickness at which the rounds end [-].
+    #: Change of the travel of a body over the thickness at which the rounds over all bodies end [-].
     coupled: float = 1e-4
     #: Sum of changes of forces in a step over the load at which the solution for the pressure stops, and largest number
     #: of its steps [-].
@@ -186,11 +186,10 @@ def _press_body(
     x /= np.linalg.norm(x)
     axes = np.stack([x, np.cross(normal, x), normal])
     if last is None:
-        turned = np.abs(axes[:2] @ body.rotation) @ body.shape.halves[..., None]
-        middle, half = (
-            axes[:2] @ beside,
-            np.minimum(2 * turned[..., 0].max(axis=0), _SETTINGS.largest * cover.thickness),
-        )
+        # The half edges of a plane are infinite.
+        largest = _SETTINGS.largest * cover.thickness
+        turned = np.abs(axes[:2] @ body.rotation) @ np.minimum(body.shape.halves, largest)[..., None]
+        middle, half = axes[:2] @ beside, np.minimum(2 * turned[..., 0].max(axis=0), largest)
         reach = cover.thickness
     else:
         middle, half = axes[:2] @ (last.middle - origin), last.half

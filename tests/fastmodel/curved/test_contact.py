@@ -111,6 +111,19 @@ def test_a_stored_state_continues_bit_for_bit(parameters):
     assert sensor.frame().texel_forces.sum() > 0.1 * LOAD
 
 
+def test_a_finger_that_stands_on_the_floor_feels_its_weight(parameters):
+    """A plane has no end."""
+    spec = make_spec()
+    finger = spec.worldbody.add_body(name="finger", pos=[0, 0, 10.2e-3], quat=[0, 1, 0, 0])
+    finger.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[7e-3, 0, 0], mass=0.05, contype=0, conaffinity=0)
+    finger.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], condim=1)
+    sensor = fastmodel.attach(spec, "finger", parameters)
+    simulate(spec, sensor, 600)
+    assert sensor.carried() == pytest.approx(0.05 * 9.81, rel=1e-2)
+    assert sensor.frame().texel_forces.sum() == pytest.approx(0.8 * sensor.carried(), rel=0.02)
+
+
 def test_a_body_without_a_convex_shape_presses_with_its_contact_points(parameters):
     spec = make_spec()
     sensor = fastmodel.attach(spec, "world", parameters)
