@@ -50,6 +50,14 @@ class ModelForces(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
+class Verification(NamedTuple):
+    """Name of a verified quantity, function that verifies it, and expected processor time [s]."""
+
+    name: str
+    check: Callable[[], Sequence[Check]]
+    seconds: float = 0.0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bench(ABC):
     """Interface between a campaign and a sensor: reference, models, verification and classes of cases.
@@ -106,8 +114,8 @@ class Bench(ABC):
         """
 
     @abstractmethod
-    def verify(self, results: Sequence[CaseResult]) -> Iterator[tuple[str, Callable[[], Sequence[Check]]]]:
-        """Yield the checks of the solvers: name of the verified quantity, and function that verifies it."""
+    def verify(self, results: Sequence[CaseResult]) -> Iterator[Verification]:
+        """Yield the checks of the solvers."""
 
     @abstractmethod
     def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
@@ -201,11 +209,12 @@ class LayeredBench(Bench):
     def verify(
         self,
         results: Sequence[CaseResult],  # noqa: ARG002 -- other covers press a case
-    ) -> Iterator[tuple[str, Callable[[], Sequence[Check]]]]:
+    ) -> Iterator[Verification]:
         """Yield the checks of the codes against closed forms on this cover."""
         from validation.credibility.verification import verify_code
 
-        yield "code verification", partial(verify_code, replace(self.cover, size=None), self.parameters.array)
+        wide = replace(self.cover, size=None)
+        yield Verification("code verification", partial(verify_code, wide, self.parameters.array))
 
     def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
         """Propagate the uncertain inputs to the image of a case."""

@@ -17,7 +17,7 @@ from meshes import Cover, SolidCover, TexelArray
 from validation.campaign.campaign_file import Campaign
 from validation.campaign.case import Case
 from validation.campaign.reference_press import find_stored_reference
-from validation.derivation.contact_range import DEEP, bear, has_foil
+from validation.derivation.contact_range import DEEP, bear
 from validation.errors import InputError
 from validation.text.quantity import read_quantity
 
@@ -40,13 +40,15 @@ class Costs:
     response: float = 25.0
     #: A body of revolution at finite strain, pressed to 30 % of the thickness [s].
     round: float = 4.0
-    #: A block in three dimensions at finite strain, symmetric in both planes, as long and as wide as eight thicknesses,
-    #: pressed to 30 % of the thickness [s].
+    #: A block of one layer in three dimensions at finite strain, symmetric in both planes, as long and as wide as eight
+    #: thicknesses, pressed to 30 % of the thickness [s].
     block: float = 60.0
+    #: What the steps and meshes of any block add [s].
+    blocks: float = 15.0
     #: A solution with friction over one without.
     friction: float = 5.0
-    #: A solution at finite strain on a cover with a foil, over one without.
-    foil: float = 10.0
+    #: What several layers add to the contact of a flat face at small strain [s].
+    layers: float = 12.0
     #: A case on a solid cover [s].
     solid: float = 8.0
     #: Everything besides a missing solution, for each case and on the whole, on layers [s].
@@ -55,11 +57,15 @@ class Costs:
     #: Everything besides the cases on a solid cover, with and without texel responses in the store [s].
     stored_solid_rest: float = 60.0
     solid_rest: float = 150.0
+    #: The comparison of two cases on a solid cover with a finer mesh [s].
+    finer: float = 300.0
 
 
-_COSTS = Costs()
+COSTS = Costs()
 #: Share of the time of a press to `DEEP` that does not depend on the depth [-].
-_FIRST_STEPS = 0.3
+_FIRST_STEPS = 0.7
+#: Elements that each further layer adds to a block, over those of one layer [-].
+_LAYER = 0.5
 #: Width of a mesh beyond the indenter, and width of that of `Costs.block`, over the thickness [-].
 _AROUND, _SPAN = 4.0, 8.0
 #: Number of radii at which the surface of a body of revolution is measured [-].
@@ -68,8 +74,8 @@ _RADII = 32
 _FAR = 4.0
 #: Area of the cover of `Costs.response` over the squared thickness [-].
 _AREA = 300.0
-#: Exponent with which times grow with the unknowns [-].
-_GROWTH = 1.2
+#: Exponents with which the times of the response of a cover and of a block grow with the unknowns [-].
+_GROWTH, _BLOCK_GROWTH = 1.2, 2.5
 #: Fewest cases that decide a run with a budget, and most cases of `--quick` [-].
 FEWEST, QUICK = 5, 6
 #: Share of a budget that is planned, because the expected times are right within a factor of 1.5 [-].
@@ -101,7 +107,7 @@ class Plan:
     kinds: tuple[str, ...] = ()
     depths: tuple[float, ...] = ()
     shares: tuple[int, ...] = ()
-    rest: float = _COSTS.rest
+    rest: float = COSTS.rest
     spent: dict[int, float] = field(default_factory=dict)
 
     @property
@@ -140,21 +146,21 @@ def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Cas
         cases: The indentations.
         friction: Coulomb friction coefficient between indenter and cover, inf for no slip [-].
     """
-    missing, seconds, kinds, depths, shares, rest = [], [], [], [], [], _COSTS.rest + _measure_sides(cover)
+    missing, seconds, kinds, depths, shares, rest = [], [], [], [], [], COSTS.rest + _measure_sides(cover)
     if isinstance(cover, Cover) and not cover.small_strain_only:
-        rest += _COSTS.fit
+        rest += COSTS.fit
     for number, case in enumerate(cases):
         estimate = estimate_cost(cover, case, friction)
         absent = find_stored_reference(cover, array, case, friction=friction) is None
         if isinstance(cover, SolidCover):
-            rest = max(rest, _COSTS.solid_rest if absent else _COSTS.stored_solid_rest)
+            rest = max(rest, COSTS.solid_rest if absent else COSTS.stored_solid_rest)
         shares.append(
             next((i for i, other in enumerate(cases[:number]) if _share_solution(cover, case, other)), number)
         )
         absent = absent and shares[-1] == number
         missing.append(absent)
         kinds.append(estimate.kind if absent else "stored")
-        seconds.append(_COSTS.case + (estimate.seconds if absent else 0.0))
+        seconds.append(COSTS.case + (estimate.seconds if absent else 0.0))
         depths.append(estimate.depth)
     return Plan(
         missing=tuple(missing), seconds=tuple(seconds), kinds=tuple(kinds), depths=tuple(depths),
@@ -181,40 +187,39 @@ def estimate_cost(cover: object, case: Case, friction: float) -> Estimate:
         friction: Coulomb friction coefficient between indenter and cover [-].
     """
     del cover, case, friction
-    return Estimate(kind="solid cover", seconds=_COSTS.solid)
+    return Estimate(kind="solid cover", seconds=COSTS.solid)
 
 
 @estimate_cost.register
 def _(cover: Cover, case: Case, friction: float) -> Estimate:
     from fem_reference.linear_response.surface_compliance import decay_length
 
-    indenter, thickness = case.turned.indenter, cover.thickness
+    indenter, thickness, further = case.turned.indenter, cover.thickness, len(cover.layers) - 1
     depth = DEEP * (case.load / bear(cover, indenter)) ** (1 if indenter.is_flat else 2 / 3)
-    edges = _COSTS.sides if cover.size is not None else 0.0
-    if edges and not (indenter.is_flat or cover.small_strain_only):
+    near = cover.size is not None
+    if cover.size is not None and not (indenter.is_flat or cover.small_strain_only):
         # The contact of a round body stays within the radius at which its surface is as high as its depth.
         half = np.linspace(0, max(indenter.footprint), _RADII)
         reached = half[indenter.gap(half, 0 * half) <= depth * thickness].max()
-        room = min(edge / 2 - abs(at) for edge, at in zip(cover.size or (), case.pose.at, strict=True))
-        edges *= bool(room - reached < _FAR * decay_length(replace(cover, size=None)))
+        room = min(edge / 2 - abs(at) for edge, at in zip(cover.size, case.pose.at, strict=True))
+        near = bool(room - reached < _FAR * decay_length(replace(cover, size=None)))
+    alone = COSTS.sides * near + COSTS.layers * (further > 0 and indenter.is_flat)
     if cover.small_strain_only and not friction:
-        return Estimate(kind="small strain", seconds=_COSTS.small + edges, depth=depth)
-    edges += _COSTS.stages
-    factor = (_COSTS.friction if friction else 1.0) * (_COSTS.foil if has_foil(cover) else 1.0)
-    factor *= _FIRST_STEPS + (1 - _FIRST_STEPS) * depth / DEEP
+        return Estimate(kind="small strain", seconds=COSTS.small + alone, depth=depth)
+    factor = (COSTS.friction if friction else 1.0) * (_FIRST_STEPS + (1 - _FIRST_STEPS) * depth / DEEP)
     if indenter.axisymmetric:
-        return Estimate(
-            kind="round" + " near sides" * (edges > _COSTS.stages), seconds=_COSTS.round * factor + edges, depth=depth
-        )
-    unknowns = float(np.prod([2 * half / thickness + _AROUND for half in indenter.footprint])) / _SPAN**2
-    return Estimate(kind="block", seconds=_COSTS.block * factor * unknowns**_GROWTH + edges, depth=depth)
+        kind, steps = "round" + " near sides" * near, COSTS.round
+    else:
+        unknowns = float(np.prod([2 * half / thickness + _AROUND for half in indenter.footprint])) / _SPAN**2
+        kind, steps = "block", COSTS.block * (unknowns * (1 + _LAYER * further)) ** _BLOCK_GROWTH + COSTS.blocks
+    return Estimate(kind=kind, seconds=alone + COSTS.stages + factor * steps, depth=depth)
 
 
 def _measure_sides(cover: Cover | SolidCover) -> float:
     """Return the expected time of the response of a cover of limited size [s]."""
     if cover.size is None:
         return 0.0
-    return float(_COSTS.response * (np.prod(cover.size) / cover.thickness**2 / _AREA) ** _GROWTH)
+    return float(COSTS.response * (np.prod(cover.size) / cover.thickness**2 / _AREA) ** _GROWTH)
 
 
 def format_time(seconds: float) -> str:
@@ -269,15 +274,20 @@ class Budget:
         traits = [_list_traits(case) for case in campaign.cases]
         if any(plan.depths):
             traits[int(np.argmax(plan.depths))].add("deepest")
-        alone = [_COSTS.case] * len(traits)
+        alone = [COSTS.case] * len(traits)
         chosen: list[int] = []
         spent, within, stop = plan.rest, max(_PLANNED * self.seconds, least), -1
         while True:
             paid, seen = {plan.shares[i] for i in chosen}, {each for i in chosen for each in traits[i]}
             cost = [each if i in paid else plan.seconds[i] for i, each in zip(plan.shares, alone, strict=True)]
-            fits = [i for i in range(len(cost)) if i not in chosen and spent + cost[i] <= within]
+            left = sorted((i for i in range(len(cost)) if i not in chosen), key=cost.__getitem__)
+            fits = [i for i in left if spent + cost[i] <= within]
             full = stop < 0 and len(chosen) == self.most
             if fits and not full:
+                # A dear case is not chosen instead of several others, as long as there are few.
+                others = max(min(self.most, QUICK) - len(chosen), 1)
+                enough = [i for i in fits if spent + cost[i] + sum(cost[j] for j in left[:others] if j != i) <= within]
+                fits = enough or fits[:1]
                 new = [len(each - seen) for each in traits]
                 marked = [case.name in campaign.quick for case in campaign.cases]
                 chosen.append(max(fits, key=lambda i: (marked[i], new[i], -cost[i])))

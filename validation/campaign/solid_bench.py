@@ -12,12 +12,13 @@ import numpy as np
 
 from fem_reference.curved_cover.responses import find_top
 from meshes.array_types import FloatArray
-from validation.campaign.bench import Bench, ModelForces, prepare_bench
+from validation.campaign.bench import Bench, ModelForces, Verification, prepare_bench
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
+from validation.campaign.plan import COSTS
 from validation.campaign.results import CaseResult
 from validation.credibility.uncertainty import InputUncertainty
-from validation.credibility.verification import Check, check_finer_mesh, check_shell
+from validation.credibility.verification import check_finer_mesh, check_shell
 from validation.derivation.solid import SolidDerivation
 from validation.errors import InputError
 
@@ -116,14 +117,15 @@ class SolidBench(Bench):
             )
         return surface
 
-    def verify(self, results: Sequence[CaseResult]) -> Iterator[tuple[str, Callable[[], Sequence[Check]]]]:
+    def verify(self, results: Sequence[CaseResult]) -> Iterator[Verification]:
         """Yield the checks of the elements: a shell with a closed form, and a finer mesh of the cover."""
         material, thickness = self.cover.material, self.cover.thickness
         meshes = tuple(grid.mesh for grid in self.derivation.responses.grids)
-        yield "verification of the elements on a shell", lambda: [check_shell(material, thickness)]
-        yield (
+        yield Verification("verification of the elements on a shell", lambda: [check_shell(material, thickness)])
+        yield Verification(
             "verification on a finer mesh",
             partial(check_finer_mesh, self.cover, self.parameters.array, meshes, results, self.friction),
+            seconds=COSTS.finer,
         )
 
     def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:

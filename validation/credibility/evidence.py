@@ -82,10 +82,10 @@ def gather_evidence(
     inputs: dict[str, InputUncertainty] = {}
     stages: StageErrors | None = None
 
-    def attempt(what: str, compute: Callable[[], T]) -> T | None:
+    def attempt(what: str, compute: Callable[[], T], seconds: float = 0.0) -> T | None:
         from fem_reference import ConvergenceError
 
-        if budget is not None and budget.left < 0:
+        if budget is not None and budget.left < seconds:
             failed.append(f"{what}: {OUT_OF_BUDGET}")
             return None
         try:
@@ -97,9 +97,9 @@ def gather_evidence(
     if result.interrupted:
         failed.append("interrupted: codes are not verified, inputs not propagated, stages not scored")
     else:
-        for what, check in bench.verify(result.cases):
-            tell(what)
-            checks += attempt(what, check) or ()
+        for name, check, seconds in bench.verify(result.cases):
+            tell(name)
+            checks += attempt(name, check, seconds) or ()
         for number, each in enumerate(result.cases):
             tell(f"input uncertainty, case {number + 1} of {len(result.cases)}")
             name = each.case.name

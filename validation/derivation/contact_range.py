@@ -493,12 +493,6 @@ DEEP = 0.3
 _CELLS = 32
 
 
-def has_foil(cover: Cover) -> bool:
-    """Return whether a layer of a cover is so much stiffer than another one that it is a foil."""
-    moduli = [layer.material.youngs_modulus for layer in cover.layers]
-    return max(moduli) > _FOIL * min(moduli)
-
-
 @lru_cache(maxsize=256)
 def bear(cover: Cover, indenter: Indenter, share: float = DEEP) -> float:
     """Return the load that presses a cover to a share of its thickness [N].
