@@ -42,9 +42,9 @@ class Costs:
     round: float = 4.0
     #: A block of one layer in three dimensions at finite strain, symmetric in both planes, as long and as wide as eight
     #: thicknesses, pressed to 30 % of the thickness [s].
-    block: float = 60.0
+    block: float = 55.0
     #: What the steps and meshes of any block add [s].
-    blocks: float = 15.0
+    blocks: float = 25.0
     #: A solution with friction over one without.
     friction: float = 5.0
     #: What several layers add to the contact of a flat face at small strain [s].
