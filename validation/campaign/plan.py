@@ -281,13 +281,12 @@ class Budget:
             paid, seen = {plan.shares[i] for i in chosen}, {each for i in chosen for each in traits[i]}
             cost = [each if i in paid else plan.seconds[i] for i, each in zip(plan.shares, alone, strict=True)]
             left = sorted((i for i in range(len(cost)) if i not in chosen), key=cost.__getitem__)
-            fits = [i for i in left if spent + cost[i] <= within]
+            room = sum(spent + np.cumsum([cost[i] for i in left]) <= within)
             full = stop < 0 and len(chosen) == self.most
-            if fits and not full:
+            if room and not full:
                 # A dear case is not chosen instead of several others, as long as there are few.
-                others = max(min(self.most, QUICK) - len(chosen), 1)
-                enough = [i for i in fits if spent + cost[i] + sum(cost[j] for j in left[:others] if j != i) <= within]
-                fits = enough or fits[:1]
+                others = left[: min(room, max(min(self.most, QUICK) - len(chosen), 1))]
+                fits = [i for i in left if spent + cost[i] + sum(cost[j] for j in others[:-1] if j != i) <= within]
                 new = [len(each - seen) for each in traits]
                 marked = [case.name in campaign.quick for case in campaign.cases]
                 chosen.append(max(fits, key=lambda i: (marked[i], new[i], -cost[i])))
