@@ -18,8 +18,6 @@ from scipy.optimize import brentq
 
 from fem_reference import press
 from fem_reference.closed_form import LayerContact, indent
-from fem_reference.small_strain_contact.no_slip import FACE_GRIDS
-from fem_reference.small_strain_contact.no_slip import press_face as press_solid
 from meshes import Box, Cover, Cylinder, FlatPunch, Indenter, Nut, Roller, TexelArray, tilt_indenter
 from meshes.array_types import FloatArray
 from meshes.pose import Pose
@@ -28,6 +26,8 @@ from tests.exact.boundary import PressedCells, measure_areas, pressed_shape, tab
 from tests.exact.no_slip import stuck_punch, stuck_shape
 from tests.exact.outline import assemble_compliance, press_face, split_face
 from tests.exact.rings import RingContact, press_with_friction
+from tests.exact.stuck_face import FACE_GRIDS
+from tests.exact.stuck_face import press_face as press_solid
 
 #: Cells of the boundary elements on the successive grids: rectangles and nuts, other faces, and rollers [-].
 BOX_CELLS, FACE_CELLS, ROLLER_CELLS = (8, 12, 18, 27), (6, 9, 14, 21), (15, 22, 33)

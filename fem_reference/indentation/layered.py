@@ -250,17 +250,16 @@ class LayerPress:
         """Return how often the grids of a loading path can be refined."""
         if _is_linear(path):
             return len(small_strain.CELLS) - 3
-        from fem_reference.indentation import finite_strain
-        from fem_reference.small_strain_contact import friction_rings
+        from fem_reference.indentation import finite_strain, rubbing
 
-        small, cover = path.cover.small_strain_only, path.cover
-        if small and np.isinf(path.friction) and path.indenter.is_flat:
-            return 0  # The grids of a flat face without slip are fixed.
+        cover = path.cover
+        if cover.small_strain_only:
+            return len(rubbing.GRIDS) - 3
         if is_far_from_sides(path, self.place, self.progress):
             cover = replace(cover, size=None)
         if not replace(path, cover=cover).is_in_plane:
             return 0  # Finer grids are not feasible in three dimensions.
-        return len(friction_rings.GRIDS if small else finite_strain.GRIDS) - 3
+        return len(finite_strain.GRIDS) - 3
 
 
 def find_least_error(path: LoadingPath) -> float:
@@ -269,11 +268,11 @@ def find_least_error(path: LoadingPath) -> float:
     Every solution contains one at small strain without friction, and its error.
     """
     least = small_strain.least_error(path.cover)
-    if _is_linear(path) or not path.cover.small_strain_only or not path.is_in_plane:
+    if _is_linear(path) or not path.cover.small_strain_only:
         return least
-    from fem_reference.small_strain_contact import friction_rings
+    from fem_reference.indentation import rubbing
 
-    return max(least, friction_rings.least_area_error(path.indenter, len(friction_rings.GRIDS) - 3))
+    return max(least, rubbing.least_area_error(path, len(rubbing.GRIDS) - 3))
 
 
 def study_nonlinear(
@@ -293,8 +292,7 @@ def study_nonlinear(
         refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
         start: Part of this path that was solved before, for initial guesses.
     """
-    from fem_reference.indentation import finite_strain
-    from fem_reference.small_strain_contact import friction_rings, no_slip
+    from fem_reference.indentation import finite_strain, rubbing
 
     if is_far_from_sides(path, place, progress):
         wide = replace(path, cover=replace(path.cover, size=None))
@@ -304,19 +302,13 @@ def study_nonlinear(
             least_error=max(study.least_error, _SIDES_ERROR),
             assumptions=study.assumptions | {"sides": "too far from the contact to matter"},
         )
-    small, in_plane = path.cover.small_strain_only, path.is_in_plane
-    rubbing = None
-    # In three dimensions at finite strain, the correction of a solution without slip would contain a larger effect of
-    # rounded edges.
-    if np.isinf(path.friction) and path.indenter.is_flat and (small or in_plane):
-        rubbing = no_slip.study_path(path, place, progress)
-    if rubbing is None and path.friction and in_plane:
-        rubbing = friction_rings.study_path(path, progress, refinement)
-    if rubbing is not None and small:
-        return rubbing
-    if rubbing is not None and max(each.depth for each in rubbing.solutions[-1]) >= path.cover.thickness:
-        rubbing = None  # Rubber bears loads at which the small-strain solution pierces the cover.
-    return finite_strain.study_path(path, place, progress, refinement, rubbing, start=start)
+    if path.cover.small_strain_only:
+        return rubbing.study_path(path, place, progress, refinement)
+    # In three dimensions the correction of a solution with friction would contain a larger effect of rounded edges.
+    rubbed = rubbing.study_path(path, place, progress, refinement) if path.friction and path.is_in_plane else None
+    if rubbed is not None and max(each.depth for each in rubbed.solutions[-1]) >= path.cover.thickness:
+        rubbed = None  # Rubber bears loads at which the small-strain solution pierces the cover.
+    return finite_strain.study_path(path, place, progress, refinement, rubbed, start=start)
 
 
 def superpose_sides(path: LoadingPath, place: Place, progress: Progress, refinement: int = 0) -> GridStudy:
@@ -506,7 +498,9 @@ def _find_fields(
     missing = state_missing_fields(path, place.pose)
     fields = finest.fields
     if not missing and fields is None:
-        fields = solve_linear_fields(path, finest.contact * [1, 1, scale], place, depth=finest.depth)
+        contact = np.column_stack([finest.contact, *([] if finest.shear is None else finest.shear.T)])
+        contact *= [1, 1, *[scale] * (contact.shape[1] - 2)]
+        fields = solve_linear_fields(path, contact, place, depth=finest.depth)
     elif fields is not None and path.cover.size is None:
         fields = fields.to_array(place.pose)
     return fields, [missing] if missing else []

@@ -55,20 +55,13 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
     Returns:
         For each target the solutions on the three grids, coarsest first, and how they converge.
     """
-    flat = path.indenter.is_flat
-    response: TexelInfluence
-    if path.cover.size is None:
-        response = point_spread(path.cover, progress=progress)
-    else:
-        from fem_reference.linear_response.finite_cover import solid_influence
-
-        response = solid_influence(path.cover, _require_place(place).array, progress=progress)
+    flat, response = path.indenter.is_flat, respond(path.cover, place, progress)
     parts = [replace(path, targets=(target,)) for target in path.targets]
     if flat:
         parts = [replace(path, targets=(path.cover.thickness,), control="depth")]
     solutions = [
         [
-            _build_solution(_solve_contact(part, place, progress, cells), path.indenter, response)
+            build_solution(press_cells(part, place, progress, cells), path.indenter, response)
             for cells in CELLS[refinement : refinement + 3]
         ]
         for part in parts
@@ -81,6 +74,15 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
         extrapolate=flat,
         least_error=least_error(path.cover),
     )
+
+
+def respond(cover: Cover, place: Place | None, progress: Progress) -> TexelInfluence:
+    """Solve for the texel forces per unit load on the top; on a cover of limited size for the array of a place."""
+    if cover.size is None:
+        return point_spread(cover, progress=progress)
+    from fem_reference.linear_response.finite_cover import solid_influence
+
+    return solid_influence(cover, require_place(place).array, progress=progress)
 
 
 def least_error(cover: Cover) -> float:
@@ -100,7 +102,7 @@ def solve_coarse(path: LoadingPath, progress: Progress) -> list[GridSolution]:
     """
     response = point_spread(path.cover, progress=progress)
     each = (replace(path, targets=(target,)) for target in path.targets)
-    return [_build_solution(_solve_contact(one, None, progress, CELLS[0]), path.indenter, response) for one in each]
+    return [build_solution(press_cells(one, None, progress, CELLS[0]), path.indenter, response) for one in each]
 
 
 def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress) -> FloatArray:
@@ -113,7 +115,7 @@ def estimate_contact(path: LoadingPath, place: Place | None, progress: Progress)
     """
     target = path.targets[-1] if path.meshed_for is None else path.meshed_for
     cells = CELLS[0] if len(path.cover.layers) == 1 else _FEW_CELLS
-    patch = _solve_contact(replace(path, targets=(target,)), place, progress, cells)
+    patch = press_cells(replace(path, targets=(target,)), place, progress, cells)
     return np.column_stack([patch.x, patch.y])
 
 
@@ -122,7 +124,8 @@ class PressedCells(Base):
     """Load on the base of a cover under contact forces on cells of its top.
 
     Attributes:
-        contact: Columns x, y in the frame of the indenter [m] and force [N] of m cells, shape (m, 3).
+        contact: Columns x, y in the frame of the indenter [m] and force [N] of m cells, shape (m, 3); with friction
+            the shear along x and y as well, shape (m, 5).
         response: Texel forces per unit point load on the cover.
     """
 
@@ -144,9 +147,10 @@ class PressedCells(Base):
         return grid_convergence([*coarse, share], self.response.sizes, most=most) / abs(share) if share else 0.0
 
 
-def _build_solution(patch: ContactPatch, indenter: Indenter, response: TexelInfluence) -> GridSolution:
+def build_solution(patch: ContactPatch, indenter: Indenter, response: TexelInfluence) -> GridSolution:
     """Build the solution on one grid from the solved contact of an indenter and the response of the base."""
-    contact = np.column_stack([patch.x, patch.y, patch.force])
+    shear = np.empty((0, len(patch.x))) if patch.shear is None else patch.shear
+    contact = np.column_stack([patch.x, patch.y, patch.force, *shear])
     gap = indenter.gap(patch.x, patch.y)
     # The middles of scaled cells may lie outside a flat face, where the gap is inf.
     work = patch.depth - np.where(np.isfinite(gap), gap, 0.0)
@@ -155,20 +159,21 @@ def _build_solution(patch: ContactPatch, indenter: Indenter, response: TexelInfl
         total_force=patch.total_force,
         depth=patch.depth,
         area=patch.area,
-        contact=contact,
+        contact=contact[:, :3],
         base=PressedCells(contact=contact, response=response),
-        energy=float(patch.force @ work) / 2,
+        energy=(float(patch.force @ work) + patch.shear_work) / 2,
+        shear=None if patch.shear is None else patch.shear.T,
     )
 
 
-def _require_place(place: Place | None) -> Place:
+def require_place(place: Place | None) -> Place:
     """Return the place of an indenter; raise a ValueError if it is None."""
     if place is None:
         raise ValueError("the solution on a cover of limited size depends on the place: give the indenter's pose")
     return place
 
 
-def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, cells: int) -> ContactPatch:
+def press_cells(path: LoadingPath, place: Place | None, progress: Progress, cells: int) -> ContactPatch:
     """Solve the contact of a loading path with one target on one grid, or read it from the result store."""
     cover, indenter = path.cover, path.indenter
     target = path.targets[0]
@@ -182,12 +187,12 @@ def _solve_contact(path: LoadingPath, place: Place | None, progress: Progress, c
         with np.errstate(over="ignore", invalid="ignore"):
             if cover.size is None:
                 return solve_contact(surface, indenter, cells=cells, load=load, depth=depth)
-            pose = _require_place(place).pose
+            pose = require_place(place).pose
             return _touch_near_sides(surface, path, pose, cells=cells, load=load, depth=depth)
 
     inputs = {"cover": cover, "indenter": indenter, path.control: target, "cells": cells}
     if cover.size is not None:
-        inputs["pose"] = _require_place(place).pose
+        inputs["pose"] = require_place(place).pose
     return result_store.fetch("contact", inputs, compute)
 
 

@@ -2,7 +2,8 @@
 
 The adjoint problem is solved: the base under one texel is displaced upwards by a unit while the top is free.  By
 reciprocity (Betti) the upward displacement of a point of the top is the force on this texel per unit normal load on
-this point.  One solution per texel is therefore sufficient for all loads.  The prescribed displacement is the L2
+this point, and the displacement against x or y that per unit shear along x or y.  One solution per texel is therefore
+sufficient for all loads.  The prescribed displacement is the L2
 projection of the indicator function of the texel (1 on the texel, 0 elsewhere) onto the shape functions of the base;
 the result equals the integral, over the texel, of the continuous base pressure recovered from the reactions.  The
 forces on all texels and on the rest of the base add up to the load except for rounding.
@@ -217,6 +218,11 @@ def constrain_parity(
     return sp.csr_matrix((values, upper.indices, upper.indptr), shape=upper.shape), constrained
 
 
+def turn_parity(parity: tuple[int, int], component: int) -> tuple[int, int]:
+    """Return the parity of a component of a displacement: 0 along z, 1 along x, 2 along y; that along z is given."""
+    return parity[0] ^ (component == 1), parity[1] ^ (component == 2)  # noqa: PLR2004 -- number of the component
+
+
 def _grade_side(cover: Cover, array: TexelArray, axis: int, across: float) -> FloatArray:
     """Place element edges from the middle of the cover to its side; elements are small near texel edges [thicknesses].
 
@@ -261,8 +267,8 @@ class AdjointSolution:
     Attributes:
         x: Line elements along x, from the middle of the cover to its side [thicknesses].
         y: Line elements along y, from the middle of the cover to its side [thicknesses].
-        texels: Displacement at every top node for each of the 4 parities and each of k groups of texels that are mirror
-            images of one another, shape (4, k, nodes along x, nodes along y) [-].
+        texels: Displacement at every top node, upwards and against x and y, for each of the 4 parities and each of k
+            groups of texels that are mirror images of one another, shape (3, 4, k, nodes along x, nodes along y) [-].
         whole: Displacement at every top node when the whole base is displaced, 1 except for rounding, shape (nodes
             along x, nodes along y) [-].
     """
@@ -330,13 +336,17 @@ class SolidInfluence(TexelInfluence):
 
         The texels of `array` are those that were solved for; its mask may differ.
         """
-        rows, columns = np.nonzero(loads)
-        places, force = np.column_stack([x[rows], y[columns]]), loads[rows, columns]
-        blocks = np.array_split(np.arange(len(force)), max(1, len(force) // _SETTINGS.block))
-        texels = sum(force[block] @ self.texel_influence(array, places[block]) for block in blocks)
-        grid = self.grids[-1]
+        self._check_array(array)
+        loads = loads.reshape(-1, *loads.shape[-2:])
+        rows, columns = np.nonzero(loads.any(axis=0))
+        places, grid = self._check_positions(np.column_stack([x[rows], y[columns]])), self.grids[-1]
+        blocks = np.array_split(np.arange(len(rows)), max(1, len(rows) // _SETTINGS.block))
+        texels = np.where(array.active, sum(
+            force[rows[block], columns[block]] @ self._evaluate(grid, places[block], component)
+            for block in blocks for component, force in enumerate(loads)
+        ), 0.0)  # fmt: skip
         at_x, at_y = (line.at(np.abs(each) / self.thickness) for line, each in ((grid.x, x), (grid.y, y)))
-        whole = np.einsum("ax,by,ab,xy->", at_x, at_y, loads, grid.whole, optimize=True)
+        whole = np.einsum("ax,by,ab,xy->", at_x, at_y, loads[0], grid.whole, optimize=True)
         return np.append(texels, whole - np.sum(texels))
 
     @property
@@ -381,15 +391,19 @@ class SolidInfluence(TexelInfluence):
         first = int(np.argmax(value < value[0] / 2))
         return float(np.interp(-value[0] / 2, -value[[first - 1, first]], distance[[first - 1, first]]))
 
-    def _evaluate(self, grid: AdjointSolution, places: FloatArray) -> FloatArray:
-        """Compute the force on each of n texels, active or not, per unit load at k positions [m], shape (k, n) [-]."""
+    def _evaluate(self, grid: AdjointSolution, places: FloatArray, component: int = 0) -> FloatArray:
+        """Compute the force on each of n texels, active or not, per unit load at k positions [m], shape (k, n) [-].
+
+        The load is normal (component 0), or a shear along x (1) or y (2).
+        """
         texels = MirroredTexels.group(self.array, self.thickness)
         at_places = interpolation_matrix(grid.x, grid.y, *np.abs(places / self.thickness).T)
         side = np.where(places < 0, -1.0, 1.0)
         out = np.zeros((len(places), self.array.count))
-        for parity, solution in zip(PARITIES, grid.texels, strict=True):
+        for parity, solution in zip(PARITIES, grid.texels[component], strict=True):
             value = at_places @ solution.reshape(len(solution), -1).T
-            sign = (side**parity).prod(axis=1)[:, None] * (texels.side**parity).prod(axis=1)
+            own = turn_parity(parity, component)
+            sign = (side**own).prod(axis=1)[:, None] * (texels.side**parity).prod(axis=1)
             out += sign * value[:, texels.pair]
         return out
 
@@ -485,11 +499,11 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
     swapped = texels.swapped if np.array_equal(x.edges, y.edges) else None
     upper = solid.assemble_upper()
     factors = SymmetricFactors()
-    out = np.zeros((len(PARITIES), len(texels.pairs), x.count, y.count))
+    out = np.zeros((3, len(PARITIES), len(texels.pairs), x.count, y.count))
     whole = np.ones((x.count, y.count))
     for number, parity in enumerate(PARITIES):
         if parity == (1, 0) and swapped is not None:
-            out[number] = out[PARITIES.index((0, 1))][swapped].transpose(0, 2, 1)
+            out[:, number] = out[[0, 2, 1], PARITIES.index((0, 1))][:, swapped].transpose(0, 1, 3, 2)
             continue
         base = [_project_indicators(line, texels.spans[axis], parity[axis]) for axis, line in enumerate((x, y))]
         chosen = np.arange(len(texels.pairs))
@@ -507,14 +521,18 @@ def solve_adjoint(cover: Cover, array: TexelArray, resolution: Resolution) -> Ad
         for start in range(0, len(displaced[0]), _SETTINGS.columns):
             load = -solid.compute_base_forces(*(part[start : start + _SETTINGS.columns] for part in displaced))
             load[constrained] = 0.0
-            normal = factors.solve(load)[solid.offsets[2] : solid.offsets[3]].reshape(*solid.field_shape(2), -1)
-            tops.append(normal[:, :, -1].transpose(2, 0, 1))
-        top = np.concatenate(tops)
+            moved = factors.solve(load)
+            fields = [
+                moved[solid.offsets[axis] : solid.offsets[axis + 1]].reshape(*solid.field_shape(axis), -1)[:, :, -1]
+                for axis in (2, 0, 1)
+            ]
+            tops.append(np.array([[[1.0]], [[-1.0]], [[-1.0]]])[..., None] * np.moveaxis(np.array(fields), -1, 1))
+        top = np.concatenate(tops, axis=1)
         if parity == (0, 0):
-            whole = top[-1]
-        out[number, chosen] = top[: len(chosen)]
+            whole = top[0, -1]
+        out[:, number, chosen] = top[:, : len(chosen)]
         if swapped is not None and parity[0] == parity[1]:
-            out[number, swapped[chosen]] = top[: len(chosen)].transpose(0, 2, 1)
+            out[:, number, swapped[chosen]] = top[[0, 2, 1], : len(chosen)].transpose(0, 1, 3, 2)
     return AdjointSolution(x=x, y=y, texels=out, whole=whole)
 
 

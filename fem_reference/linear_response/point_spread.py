@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, Literal
 
@@ -60,6 +60,8 @@ class PointSpreadSettings:
     grid_step: float = 1 / 8
     #: Number of grid points along each axis to which one contact force is distributed [-].
     stencil: int = 6
+    #: Half the distance between the two opposite loads that stand for a shear force, over the cover thickness [-].
+    dipole: float = 1e-3
 
 
 _SETTINGS = PointSpreadSettings()
@@ -101,7 +103,7 @@ class TexelInfluence(ABC):
             array: Planar array with n texels; inactive texels get 0.
             x: Positions of the loads along x in the frame of the array, shape (m,) [m].
             y: Positions of the loads along y, shape (p,) [m].
-            loads: Load at each position, shape (m, p) [N].
+            loads: Load at each position, shape (m, p), or this load and the shear along x and y, shape (3, m, p) [N].
 
         Returns:
             Force on each texel, then the force outside the active texels, shape (n + 1,) [N].
@@ -139,6 +141,7 @@ class PointSpread(TexelInfluence):
         reaction: Sum of the base reactions per unit load, 1 except for rounding [-].
         thickness: Thickness of the cover [m].
         coarse: Point spread functions of the coarser grids, coarsest first, for the error estimate.
+        shear: Potential of the base pressure under a shear (`vector_compliance.spread_shear`); None without shear.
     """
 
     radius: FloatArray
@@ -146,6 +149,7 @@ class PointSpread(TexelInfluence):
     reaction: float
     thickness: float
     coarse: tuple[PointSpread, ...] = ()
+    shear: PointSpread | None = None
     points_per_thickness: ClassVar[int] = 6
 
     @property
@@ -177,7 +181,18 @@ class PointSpread(TexelInfluence):
         return np.where(array.active, _difference(corner, texel), 0.0)
 
     def base_forces(self, array: TexelArray, x: FloatArray, y: FloatArray, loads: FloatArray) -> FloatArray:
-        """Integrate the base pressure over the texels and along their outline, see `TexelInfluence.base_forces`."""
+        """Integrate the base pressure over the texels and along their outline, see `TexelInfluence.base_forces`.
+
+        The pressure under a shear is the derivative of the potential, which two opposite loads give.
+        """
+        if loads.ndim > 2:  # noqa: PLR2004 -- with shear
+            out, step = self.base_forces(array, x, y, loads[0]), _SETTINGS.dipole * self.thickness
+            if self.shear is not None:
+                for move, rise, force in ((step, 0.0, loads[1]), (0.0, step, loads[2])):
+                    for sign in (-1, 1):
+                        part = -sign * force / (2 * step)
+                        out += self.shear.base_forces(array, x + sign * move, y + sign * rise, part)
+            return out
         edges_x, edges_y, texel = _find_edges(array)
         corner = self._corners.sum_loads((edges_x, edges_y), (x, y, loads))
         texels = np.where(array.active, _difference(corner, texel), 0.0)
@@ -443,16 +458,18 @@ def superpose(contact: FloatArray, base_response: TexelInfluence, array: TexelAr
     """Compute the forces on n texels and then the force outside them due to all contact forces, shape (n + 1,) [N].
 
     Args:
-        contact: Columns x, y in the frame of the indenter [m] and force [N] of m cells, shape (m, 3).
+        contact: Columns x, y in the frame of the indenter [m] and force [N] of m cells, shape (m, 3); with friction
+            the shear along x and y as well, shape (m, 5).
         base_response: Base forces per unit point load.
         array: Array with n texels.
         pose: Pose of the indenter in the frame of the array.
     """
-    x, y, force = contact.T
+    x, y, force, *shear = contact.T
     step = base_response.thickness * _SETTINGS.grid_step
     (grid_x, along), (grid_y, across) = (_interpolate(each, step) for each in pose.to_array(x, y))
-    loads = (along.T @ sp.diags_array(force) @ across).toarray()
-    return base_response.base_forces(array, grid_x, grid_y, loads)
+    forces = [force, *(replace(pose, point=(0.0, 0.0, 0.0)).to_array(*shear) if shear else ())]
+    loads = np.array([(along.T @ sp.diags_array(each) @ across).toarray() for each in forces])
+    return base_response.base_forces(array, grid_x, grid_y, loads if shear else loads[0])
 
 
 def _interpolate(places: FloatArray, step: float) -> tuple[FloatArray, sp.csr_array]:

@@ -41,6 +41,9 @@ class SurfaceSettings:
     first_panel: float = 0.25
     #: Largest length of a panel of the integral over the wave number k, over k, at larger k [-].
     panel_ratio: float = 0.3
+    #: Smallest wave number times the reach of the table, where shear moves the cover along its base [-].  Longer waves
+    #: move it as a whole.
+    longest_wave: float = 1e-2
     #: Gauss points in each panel of the integral over the wave number [-].
     panel_points: int = 12
     #: Number of points of the table of compliance over distance, per thickness of the thinnest layer [-].
@@ -105,6 +108,7 @@ class WaveResponse:
             per shear sin(k x) along x, shape (m,) [m/Pa].
         along: Displacement along x per shear along x, shape (m,) [m/Pa].
         across: Displacement along y per shear along y, shape (m,) [m/Pa].
+        tilting: Pressure cos(k x) on the base per shear sin(k x) along x, over k, shape (m,) [m].
     """
 
     compliance: FloatArray
@@ -112,6 +116,7 @@ class WaveResponse:
     coupling: FloatArray
     along: FloatArray
     across: FloatArray
+    tilting: FloatArray
 
 
 def decay_length(cover: Cover) -> float:
@@ -170,14 +175,15 @@ def solve_waves(cover: Cover, wave_number: FloatArray, *, elements_per_layer: in
     # The displacement along y has the shear stiffness of U over z and that of W over x.
     held = slice(int(cover.base == "bonded"), nodes)
     bend, shear = constant[held, held], square[nodes:, nodes:][held, held]
-    out = np.empty((5, len(wave_number)))
+    out = np.empty((6, len(wave_number)))
     for i, k in enumerate(wave_number):
         matrix = constant + k * linear + k**2 * square
         solution = np.linalg.solve(matrix[np.ix_(free, free)], load)
         (along, coupling), (_, compliance) = load.T @ solution
         across = np.linalg.solve(bend + k**2 * shear, np.eye(len(bend))[-1])[-1]
-        out[:, i] = compliance, matrix[base[1], free] @ solution[:, 1], coupling, along, across
-    return WaveResponse(compliance=out[0], base=out[1], coupling=out[2], along=out[3], across=out[4])
+        tilting, below = matrix[base[1], free] @ solution
+        out[:, i] = compliance, below, coupling, along, across, tilting / k
+    return WaveResponse(compliance=out[0], base=out[1], coupling=out[2], along=out[3], across=out[4], tilting=out[5])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -289,16 +295,19 @@ class Waves:
         cover: Cover; its layers have their linear elastic properties at zero load.
         reach: Largest distance of interest [m].
         elements_per_layer: Number of quadratic elements through each layer [-].
+        floats: Whether shear moves the cover along its base, so that the displacement does not decay.
 
     Attributes:
         reach: Largest distance of the tables [m].
         decayed: Whether the displacement has decayed to zero at `reach`.
     """
 
-    def __init__(self, cover: Cover, reach: float, elements_per_layer: int = _SETTINGS.elements) -> None:
-        farthest = _SETTINGS.decay * max(decay_length(cover), membrane_length(cover))
+    def __init__(
+        self, cover: Cover, reach: float, elements_per_layer: int = _SETTINGS.elements, *, floats: bool = False
+    ) -> None:
+        farthest = np.inf if floats else _SETTINGS.decay * max(decay_length(cover), membrane_length(cover))
         self.decayed, self.reach = reach >= farthest, min(reach, farthest)
-        k, weight = _wave_numbers(cover, self.reach)
+        k, weight = _wave_numbers(cover, self.reach, _SETTINGS.longest_wave if floats else 0.0)
         # The compliance times the wave number is smooth over the logarithm of the wave number, and constant for a half
         # space, so that it is solved at few wave numbers and interpolated.
         first, last = np.log(k[[0, -1]])
@@ -336,19 +345,19 @@ class Waves:
         return CubicSpline(self._radius, table, bc_type=(start, "not-a-knot"))
 
 
-def _wave_numbers(cover: Cover, reach: float) -> tuple[FloatArray, FloatArray]:
+def _wave_numbers(cover: Cover, reach: float, least: float) -> tuple[FloatArray, FloatArray]:
     """Compute Gauss points and weights in the wave number k for integrals that contain J0(k r) with r up to `reach`.
+
+    The integrals begin at `least` over the reach; if it is not 0, a part of the integrand grows with 1 / k.
 
     Returns:
         Points and weights, shape (m,) each [1/m].
     """
     end = _SETTINGS.short_waves / cover.layers[-1].thickness
     longest = np.pi / reach * _SETTINGS.panel_periods
-    edges = [0.0]
+    edges, first = [least / reach], 0.0 if least else _SETTINGS.first_panel / cover.thickness
     while edges[-1] < end:
-        edges.append(
-            edges[-1] + min(longest, max(_SETTINGS.first_panel / cover.thickness, _SETTINGS.panel_ratio * edges[-1]))
-        )
+        edges.append(edges[-1] + min(longest, max(first, _SETTINGS.panel_ratio * edges[-1])))
     return gauss_points(np.array(edges), _SETTINGS.panel_points)
 
 

@@ -14,17 +14,21 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import j0, j1
 
-from fem_reference.errors import UnsupportedError
+from fem_reference.linear_response.point_spread import PointSpread
 from fem_reference.linear_response.surface_compliance import (
     SurfaceCompliance,
     Waves,
     cut_triangular,
+    decay_length,
     difference_twice,
+    membrane_length,
     surface_compliance,
 )
 from meshes import Cover
 from meshes.array_types import FloatArray
 
+#: Distance at which the base pressure under a shear counts as zero, over the distance over which it decays [-].
+_REACH = 16.0
 #: Distance added to avoid a division by zero [m].
 _TINY = 1e-300
 
@@ -40,6 +44,8 @@ class VectorCompliance:
         mean: Regular part of the mean of the displacements along a shear force at points along and across it [m/N].
         turning: Half the difference of these displacements, regular part [m/N].
         coupling: Displacement away from a downward force, regular part [m/N].
+        reach: Largest distance of these tables [m].
+        floats: Whether shear moves the cover along its base, so that displacements do not decay.
     """
 
     normal: SurfaceCompliance
@@ -48,17 +54,17 @@ class VectorCompliance:
     mean: CubicSpline
     turning: CubicSpline
     coupling: CubicSpline
+    reach: float
+    floats: bool
 
     @classmethod
     def tabulate(cls, cover: Cover, reach: float) -> VectorCompliance:
         """Tabulate the compliance of a cover to a distance [m].
 
-        Raises:
-            UnsupportedError: If the cover slides on its base, which bears no shear.
+        A cover that slides on its base bears no resultant shear.  Its displacement as a whole is large, not infinite.
         """
-        if cover.base != "bonded":
-            raise UnsupportedError("a cover that slides on its base bears no shear; bond it", "friction")
-        material, waves = cover.layers[-1].material, Waves(cover, reach)
+        material, floats = cover.layers[-1].material, cover.base == "sliding"
+        waves = Waves(cover, reach, floats=floats)
         ratio, mu = material.poisson_ratio, material.shear_modulus
         along, across = (waves.invert(name, value / mu) for name, value in (("along", 1 - ratio), ("across", 1.0)))
         along_2, across_2 = (
@@ -71,6 +77,8 @@ class VectorCompliance:
             mean=CubicSpline(along.x, (along(along.x) + across(along.x)) / 2),
             turning=CubicSpline(along.x, (across_2(along.x) - along_2(along.x)) / 2),
             coupling=waves.invert("coupling", -(1 - 2 * ratio) / (2 * mu), j1),
+            reach=waves.reach,
+            floats=floats,
         )
 
     def average_over_cells(self, x: FloatArray, y: FloatArray, width: float, height: float) -> FloatArray:
@@ -104,7 +112,7 @@ class VectorCompliance:
             for rise, part in zip(*rules[1], strict=True):
                 distance = np.hypot(x + move, y + rise) + _TINY
                 c, s = (x + move) / distance, (y + rise) / distance
-                within = np.minimum(distance, self.normal.reach)
+                within = np.minimum(distance, self.reach)
                 mean, turn, away = (
                     area * share * part * each(within) for each in (self.mean, self.turning, self.coupling)
                 )
@@ -114,9 +122,23 @@ class VectorCompliance:
                 out[1, 0] += away * c
                 out[2, 0] += away * s
         out[2, 1], out[0, 1:] = out[1, 2], -out[1:, 0]
-        if self.normal.decayed:
-            out[:, :, np.hypot(x, y) > self.normal.reach] = 0.0
+        if self.normal.decayed and not self.floats:
+            out[:, :, np.hypot(x, y) > self.reach] = 0.0
         return out
+
+
+def spread_shear(cover: Cover) -> PointSpread:
+    """Tabulate the potential of the base pressure under a point shear on a wide cover, over the distance.
+
+    The base pressure is the divergence of the shear force times the potential, whose unit is 1/m.  It stands in the
+    attribute `pressure_per_force` of the result.
+
+    Args:
+        cover: Laterally wide cover; hyperelastic materials are linearised at zero load.
+    """
+    waves = Waves(cover, _REACH * max(decay_length(cover), membrane_length(cover)))
+    table = waves.invert("tilting", 0.0)
+    return PointSpread(radius=table.x, pressure_per_force=table(table.x), reaction=0.0, thickness=cover.thickness)
 
 
 def _bessel_2(values: FloatArray) -> FloatArray:

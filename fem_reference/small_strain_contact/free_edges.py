@@ -10,7 +10,7 @@ meshes agree under the cover, so the singularity and most of the discretisation 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -19,7 +19,7 @@ import numpy as np
 from fem_reference.elements.grading import fill_by_spacing, layer_heights
 from fem_reference.elements.line import Line
 from fem_reference.elements.tensor_product import TensorSolid
-from fem_reference.linear_response.finite_cover import PARITIES, build_solid, constrain_parity
+from fem_reference.linear_response.finite_cover import PARITIES, build_solid, constrain_parity, turn_parity
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, decay_length
 from fem_reference.small_strain_contact.constrained_solver import ComplianceOperator
 from fem_reference.sparse_solver import SymmetricFactors
@@ -87,12 +87,14 @@ class SideEdges:
         pose: Position and rotation of the indenter in the frame of the array.
         half: Half widths of a rectangle around the axis of the indenter that contains the contact, in the frame of the
             indenter [m].
+        components: 1 for pressure alone, 3 for pressure and shear along x and y of the indenter [-].
     """
 
     cover: Cover
     indenter: Indenter
     pose: Pose
     half: FloatArray
+    components: int = 1
 
     @cached_property
     def window(self) -> tuple[FloatArray, FloatArray]:
@@ -146,7 +148,8 @@ class SideEdges:
             y: y coordinates of the points in the frame of the indenter, shape (m,) [m].
 
         Returns:
-            Function from forces, shape (m,) [N], to downward displacements, shape (m,) [m].
+            Function from forces to displacements in the same components, downwards and along x and y of the indenter,
+            shape (m,) or (3, m) [N, m].
         """
         if not self.near:
             return np.zeros_like
@@ -154,17 +157,24 @@ class SideEdges:
         lines, chosen, flexibilities = self._difference
         along = [line.at(np.abs(places[:, i]) / self.cover.thickness)[:, chosen[i]] for i, line in enumerate(lines)]
         side = np.where(places < 0, -1.0, 1.0)
-        signs = [(side**parity).prod(axis=1) for parity in self._parities]
+        signs = [
+            np.array([(side ** turn_parity(parity, i)).prod(axis=1) for i in range(self.components)])
+            for parity in self._parities
+        ]
         unit = self.cover.thickness * self.cover.layers[-1].material.shear_modulus
+        turn = replace(self.pose, point=(0.0, 0.0, 0.0))
 
         def displace(force: FloatArray) -> FloatArray:
             """Compute additional displacements [m] from forces [N] as the sum over the parities of the forces."""
-            out = np.zeros_like(force)
+            # Forces on the cover and displacements are upwards in the meshes.
+            given = np.stack([-force[0], *turn.to_array(*force[1:])]) if force.ndim > 1 else -force[None]
+            out = np.zeros_like(given)
             for sign, flexibility in zip(signs, flexibilities, strict=True):
-                load = along[0].T @ (along[1] * (sign * force)[:, None])
+                load = along[0].T @ (along[1] * (sign * given)[..., None])
                 moved = (flexibility @ load.ravel()).reshape(load.shape)
-                out += sign * ((along[0] @ moved) * along[1]).sum(axis=1)
-            return out / (4 * unit)
+                out += sign * ((along[0] @ moved) * along[1]).sum(axis=-1)
+            out /= 4 * unit
+            return np.stack([-out[0], *turn.to_indenter(*out[1:])]) if force.ndim > 1 else -out[0]
 
         return displace
 
@@ -205,7 +215,7 @@ class SideEdges:
 
         Returns:
             Line elements of the mesh along x and y, indices of the k nodes around the contact, and for each parity the
-            displacements of these nodes per forces on them, shape (k, k) [-].
+            displacements of these nodes per forces on them, shape (k, k), or (3 k, 3 k) with shear [-].
         """
         unit = self.cover.thickness
         spans = [_mirror_span(ends / unit) for ends in self._box]
@@ -235,6 +245,7 @@ class SideEdges:
                 build_solid(self.cover, (x, y, heights / unit), layer, breaks=breaks),
                 chosen,
                 self._parities,
+                self.components,
                 sliding=self.cover.base == "sliding",
             )
             for (x, y), breaks in ((inner, ((), ())), (outer, ends))
@@ -281,32 +292,41 @@ def _grade_cover(low: float, high: float, end: float, size: float, *, sharp: boo
 
 
 def _solve_flexibility(
-    solid: TensorSolid, chosen: list[IntArray], parities: tuple[tuple[int, int], ...], *, sliding: bool
+    solid: TensorSolid,
+    chosen: list[IntArray],
+    parities: tuple[tuple[int, int], ...],
+    components: int,
+    *,
+    sliding: bool,
 ) -> list[FloatArray]:
-    """Solve for the downward displacements of k top nodes under unit forces on these nodes, for each parity.
+    """Solve for the displacements of k top nodes along unit forces on these nodes, for each parity.
 
     Args:
         solid: Quarter of a block.
         chosen: Indices of the nodes along x and along y whose grid forms the k nodes.
-        parities: Parities of the forces in x and y.
+        parities: Parities of the forces along z in x and y.
+        components: 1 for forces along z, 3 for those along x and y too [-].
         sliding: Whether the base slides.
 
     Returns:
-        Displacements per force for each parity, shape (k, k) each.
+        Displacements per force for each parity, the component first, shape (k, k) or (3 k, 3 k) each.
     """
     upper = solid.assemble_upper()
-    _, rows, last = solid.field_shape(2)
-    node = chosen[0][:, None] * rows + chosen[1]
-    unknown = (solid.offsets[2] + (node + 1) * last - 1).ravel()
+    parts = []
+    for axis in (2, 0, 1)[:components]:
+        _, rows, last = solid.field_shape(axis)
+        node = chosen[0][:, None] * rows + chosen[1]
+        parts.append((solid.offsets[axis] + (node + 1) * last - 1).ravel())
+    unknown = np.concatenate(parts)
     factors = SymmetricFactors()
     out = []
     for parity in parities:
         matrix, constrained = constrain_parity(solid, upper, parity, sliding=sliding)
         factors.factorise(matrix)
-        parts = []
+        columns = []
         for block in np.array_split(unknown, max(1, len(unknown) // _SETTINGS.block)):
             load = np.zeros((upper.shape[0], len(block)))
             load[block, np.arange(len(block))] = ~constrained[block]
-            parts.append(factors.solve(load)[unknown])
-        out.append(np.hstack(parts))
+            columns.append(factors.solve(load)[unknown])
+        out.append(np.hstack(columns))
     return out

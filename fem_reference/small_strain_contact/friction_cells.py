@@ -23,24 +23,18 @@ from scipy.optimize import brentq
 
 from fem_reference.errors import ConvergenceError
 from fem_reference.linear_response.vector_compliance import VectorCompliance
-from fem_reference.small_strain_contact.constrained_solver import Exchange, solve_displacement
+from fem_reference.small_strain_contact.constrained_solver import (
+    ActiveSetSettings,
+    Exchange,
+    solve_displacement,
+)
 from meshes.array_types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrictionSettings:
-    """Limits and tolerances of the contact with friction on cells."""
+class FrictionSettings(ActiveSetSettings):
+    """Limits and tolerances of the contact with friction on cells; exchanges are counted in each step."""
 
-    #: Largest number of exchanges in a step [-].
-    exchanges: int = 300
-    #: Successive exchanges of all wrong cells without a new minimum of their number, before single exchanges [-].
-    patience: int = 10
-    #: Overlap of a cell without contact, over the deepest overlap of the undeformed top, that is neglected [-].
-    negligible: float = 1e-7
-    #: Residual of conjugate gradients over the given displacement [-].
-    residual: float = 1e-6
-    #: Smallest eigenvalue of the spectrum of the compliance over the largest one [-].
-    floor: float = 1e-5
     #: Change of the shear of sliding cells over the largest pressure at which a step is solved [-].
     settled: float = 1e-3
     #: Ratio of two successive changes of the shear above which the return mapping is made softer [-].
@@ -49,7 +43,7 @@ class FrictionSettings:
     depth: float = 1e-4
 
 
-_SETTINGS = FrictionSettings()
+_SETTINGS = FrictionSettings(exchanges=300, negligible=1e-7, residual=1e-6)
 
 
 class VectorOperator:
@@ -82,9 +76,12 @@ class VectorOperator:
         self.own = float(kernel[1, 1, 0, 0] + kernel[2, 2, 0, 0]) / 2
         spectrum = np.moveaxis(fft.rfft2(kernel), (0, 1), (2, 3))
         value, vector = np.linalg.eigh(spectrum)
-        value = np.maximum(value, _SETTINGS.floor * value.max())
-        turned = vector.conj().swapaxes(-1, -2)
-        self._spectrum = np.moveaxis(vector * value[..., None, :] @ turned, (2, 3), (0, 1))
+        least, turned = _SETTINGS.spectrum_floor * value.max(), vector.conj().swapaxes(-1, -2)
+        # The spectrum of a cover that slides has negative values, because its periodic kernel jumps.  On the cells,
+        # which are fewer than a period, the compliance is positive.
+        kept = value if layer.floats else np.maximum(value, least)
+        value = np.maximum(value, least)
+        self._spectrum = np.moveaxis(vector * kept[..., None, :] @ turned, (2, 3), (0, 1))
         self._inverse = np.moveaxis(vector * (value.min() / value)[..., None, :] @ turned, (2, 3), (0, 1))
 
     def displace(self, traction: FloatArray) -> FloatArray:
@@ -150,7 +147,9 @@ class RubbingContact:
         """Compute the force along the motion of the indenter [N]."""
         return float((state.traction * self.motion).sum()) * self.area
 
-    def follow(self, touch: float, depth: float, steps: int, load: float | None = None) -> RubbingState:
+    def follow(
+        self, touch: float, depth: float, steps: int, load: float | None = None, first: BoolArray | None = None
+    ) -> RubbingState:
         """Follow the indenter from first touch to a depth or to a load.
 
         Steps of the root of the depth make the contact of a round body grow evenly, because its width is proportional
@@ -161,14 +160,14 @@ class RubbingContact:
             depth: Depth after the given number of steps [m].
             steps: Number of steps [-].
             load: Load at which the path ends [N]; None to end at the depth.
+            first: Cells that are in contact at first touch, an initial guess, shape (rows, columns); None for none.
 
         Raises:
             ConvergenceError: If the open, sticking and sliding cells of a step are not found.
         """
         zero = np.zeros_like(self.motion)
-        last = RubbingState(
-            travel=touch, traction=zero, moved=zero, touching=zero[0].astype(bool), record=-touch * self.motion[1:]
-        )
+        touching = zero[0].astype(bool) if first is None else first
+        last = RubbingState(travel=touch, traction=zero, moved=zero, touching=touching, record=-touch * self.motion[1:])
         for number in itertools.count(1):
             ahead = self._advance(last, touch + depth * (number / steps) ** 2)
             if load is None and number == steps:
@@ -202,7 +201,10 @@ class RubbingContact:
         record = self._predict_touch(last, gap, travel)
         goal = np.concatenate([-gap[None], record + travel * self.motion[1:]])
         least = _SETTINGS.negligible * float(gap.min(initial=0.0))
-        touching, traction = allowed & (last.touching | (gap < 0)), last.traction
+        guess = last.touching | (gap + last.moved[0] < 0)
+        if last.before is None and last.touching.any():
+            guess = last.touching
+        touching, traction = allowed & guess, last.traction
         # Cells that touch in this step first slide without shear: those at the border would pull if they stuck.
         slides, exchange = slips & ~last.touching, Exchange(gap.size, _SETTINGS.patience)
         softness, before = self.compliance.own, np.inf
@@ -214,8 +216,14 @@ class RubbingContact:
             traction = fixed + solve_displacement(self.compliance, wanted, held, traction, _SETTINGS.residual)
             moved = self.compliance.displace(traction)
             pulls, overlaps = touching & (traction[0] < 0), allowed & ~touching & (gap + moved[0] < least)
-            if (pulls | overlaps).any():
-                wrong = exchange.choose(pulls | overlaps)
+            wrong = pulls | overlaps
+            # Single cells that are wrong by less than the residual would change for ever.
+            slight = (
+                traction[0].min(initial=0.0, where=pulls) + _SETTINGS.flicker * traction[0].max() >= 0
+                and (gap + moved[0]).min(initial=0.0, where=overlaps) >= _SETTINGS.flicker * gap.min()
+            )
+            if wrong.any() and not (exchange.is_single and slight):
+                wrong = exchange.choose(wrong)
                 # A sticking cell that pulls slides without shear before it opens.
                 freed = wrong & sticks & slips
                 slides |= wrong & slips
@@ -271,5 +279,6 @@ class RubbingContact:
         size, limit = np.linalg.norm(trial, axis=0), self.friction * np.maximum(traction[0], 0.0)
         slides = touching & ((size > limit) | (slides & ((excess * traction)[1:].sum(axis=0) > 0)))
         shear = trial * np.where(slides, limit / np.maximum(size, np.finfo(float).tiny), 1.0)
-        change = float(np.abs(shear - traction[1:])[:, touching].max(initial=0.0) / traction[0].max())
+        largest = traction[0].max(initial=np.finfo(float).tiny)
+        change = float(np.abs(shear - traction[1:])[:, touching].max(initial=0.0) / largest)
         return np.concatenate([traction[:1], shear]), slides, change

@@ -357,6 +357,8 @@ class ContactPatch:
         cell: Edge lengths of a cell along x and y [m].
         depth: Approach of the indenter from first touch of the undeformed cover [m].
         area: Contact area; the edge of the contact is located within the cells [m2].
+        shear: Frictional force on each of these cells along x and y, shape (2, m) [N]; None without friction.
+        shear_work: Sum of these forces times the displacements of the cells [J].
     """
 
     x: FloatArray
@@ -365,6 +367,8 @@ class ContactPatch:
     cell: tuple[float, float]
     depth: float
     area: float
+    shear: FloatArray | None = None
+    shear_work: float = 0.0
 
     @property
     def total_force(self) -> float:

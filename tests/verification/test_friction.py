@@ -70,8 +70,8 @@ def test_a_thin_incompressible_layer_is_nearly_four_times_stiffer_without_slip()
 
 
 @pytest.mark.slow
-def test_friction_at_finite_strain_tends_to_the_solution_on_rings():
-    """A loading path alone is up to 1.7 % off on stiff layers over soft ones; it corrects the solution on rings."""
+def test_friction_at_finite_strain_tends_to_the_solution_on_cells():
+    """A loading path alone is up to 1.7 % off on stiff layers over soft ones; it corrects the solution on cells."""
     array, ball = TexelArray.grid(4, 4, pitch=3.4e-3), Sphere(radius=4e-3)
     soft = Material(name="foam", model="neo-hookean", parameters={"shear_modulus": 2e4}, poisson_ratio=0.3)
     cover = rubber(0.45)
@@ -130,7 +130,7 @@ def test_a_ball_pressed_almost_to_its_rim_without_slip(bonded):
 
 
 @pytest.mark.parametrize("friction", [0.5, pytest.param(np.inf, marks=pytest.mark.slow)])
-def test_rings_end_at_the_rim_of_a_ball(bonded, friction):
+def test_cells_end_at_the_rim_of_a_ball(bonded, friction):
     ball, array = Sphere(radius=0.5e-3), TexelArray.grid(3, 3, 3.4e-3)
     found = press(bonded(0.49), array, ball, depth=1.8e-3, friction=friction)
     assert 0.98 < found.contact_area / (np.pi * 0.5e-3**2) < 1.001

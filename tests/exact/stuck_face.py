@@ -1,19 +1,17 @@
-"""Solve a flat punch without slip on a cover at small strain: in the r-z plane, or in three dimensions.
+"""Solve a flat punch without slip on a cover at small strain in three dimensions, by finite elements of the cover.
 
 The contact area is the whole face, and every point of the cover under it moves down by the depth and not sideways, so
-the problem is linear and one factorisation solves it.
+the problem is linear and one factorisation solves it.  It shares no code with the contact on cells, whose ratio of
+forces with and without slip it verifies.
 
-In the r-z plane elements shrink geometrically towards the edge of the punch, where the stress is singular.
-
-In three dimensions the same mesh is solved without friction, where only the displacement along z is prescribed.  Both
-solutions have nearly the same discretisation error, so their ratio is much more accurate than each of them (a control
-variate).  Where the sides of the face run along x and y they lie on mesh lines, towards which the elements shrink.  Any
-other face is represented by the nodes that it covers, on a mesh of equal elements under the face.
+The same mesh is solved without friction, where only the displacement along z is prescribed.  Both solutions have nearly
+the same discretisation error, so their ratio is much more accurate than each of them (a control variate).  Where the
+sides of the face run along x and y they lie on mesh lines, towards which the elements shrink.  Any other face is
+represented by the nodes that it covers, on a mesh of equal elements under the face.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -21,41 +19,24 @@ from itertools import pairwise
 import numpy as np
 import scipy.sparse as sp
 
-from fem_reference import result_store
-from fem_reference.elements.grading import fill_by_spacing, grade_around_edge
+from fem_reference.elements.grading import fill_by_spacing
 from fem_reference.elements.tensor_product import TensorSolid
 from fem_reference.finite_strain.block_path import BlockReactions, mark_constrained
-from fem_reference.finite_strain.contact import divide_rings
-from fem_reference.finite_strain.loading_path import LoadingPath, Progress, Units, report
-from fem_reference.indentation import small_strain
-from fem_reference.indentation.grid_solution import (
-    GridSolution,
-    GridStudy,
-    RadialBase,
-    correct_solution,
-    extrapolate_solutions,
-    scale_to_target,
-)
-from fem_reference.linear_response.axisymmetric import RadialCover
+from fem_reference.finite_strain.loading_path import Units
+from fem_reference.indentation.grid_solution import GridSolution
 from fem_reference.linear_response.surface_compliance import choose_friction_reach
 from fem_reference.small_strain_contact.free_edges import find_mirror_planes
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Box, Cover, FlatPunch
 from meshes.array_types import FloatArray, IntArray
 from meshes.indenters.shapes import PolygonalPunch
-from meshes.pose import Place, Pose
+from meshes.pose import Pose
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoSlipSettings:
     """Constants of the meshes under a flat face without slip."""
 
-    #: Element size at the edge of a punch of revolution over the smaller of its radius and the thickness of the top
-    #: layer [-].
-    disk_edge: float = 1e-4
-    #: Size ratio of neighbouring elements in the r-z plane, minus one, times the number of elements through the cover
-    #: [-].
-    disk_growth: float = 1.2
     #: Increase of the element size per distance from the face [-].
     outward: float = 0.6
     #: Increase of the element size per distance from the sides of the face inside it, where the sides are farther than
@@ -77,65 +58,12 @@ class NoSlipSettings:
     thin_top: float = 4.0
     #: Factor on the number of elements across a face without mirror symmetry, to limit the computing time [-].
     unsymmetric: float = 0.6
-    #: Tensile part of the contact force, over the whole force, above which a face separates from the cover [-].
-    separates: float = 2e-3
-    #: Smallest estimated relative error of the force under a round punch without slip, solved in the r-z plane [-].
-    least_disk: float = 5e-5
-    #: Smallest estimated relative error of the force under a face without slip in three dimensions, if all sides of the
-    #: face lie on mesh lines [-].
-    least_on_lines: float = 1.5e-3
-    #: Smallest estimated relative error of the force under a face without slip in three dimensions, if the face is
-    #: represented by the nodes that it covers, because its sides do not lie on mesh lines [-].
-    least_off_lines: float = 3e-3
     #: Distance from the outline of a face, over the smaller of its half width and the cover thickness, within which
     #: tensile forces count as discretisation error of the singular stress at the edge [-].
     at_edge: float = 0.1
 
 
 _SETTINGS = NoSlipSettings()
-
-
-def press_stuck_disk(cover: Cover, radius: float, *, elements_per_thickness: int) -> tuple[GridSolution, float]:
-    """Press a flat-ended rigid cylinder without slip into a laterally wide cover by a depth of 1 m.
-
-    Args:
-        cover: Cover; its layers have their linear elastic properties at zero load.
-        radius: Radius of the cylinder [m].
-        elements_per_thickness: Number of elements through the cover away from the punch; each layer gets at least
-            two [-].
-
-    Returns:
-        The solution, and the tensile part of the contact force away from the edge, over the whole force [-].
-    """
-    units = Units.of(cover)
-    unit, rim, n = units.length, radius / units.length, elements_per_thickness
-    fine = _SETTINGS.disk_edge * min(radius, cover.layers[-1].thickness) / unit
-    reach = choose_friction_reach(cover, radius) / unit
-    radii = grade_around_edge(fine, min(1.0, rim) / n, rim, reach, 1 + _SETTINGS.disk_growth / n)
-    radial = RadialCover.mesh(cover, n, radii, surface_size=fine)
-    r = radial.elements.nodes[:, 0]
-    under = radial.top[r[radial.top] < rim * (1 + _SETTINGS.same)]
-    displacement = np.zeros(radial.stiffness.shape[0])
-    displacement[2 * under + 1] = -1.0
-    fixed = np.unique(np.concatenate([radial.constrained, 2 * under, 2 * under + 1]))
-    system = ConstrainedSystem(fixed).factorise(radial.stiffness)
-    load = np.zeros_like(displacement)
-    reaction = system.reaction(system.solve(load, displacement[fixed]), load)
-    per_depth = units.force / unit
-    rings = np.column_stack([r[under] * unit, -reaction[2 * under + 1] * per_depth, reaction[2 * under] * per_depth])
-    points, force = divide_rings(rings), float(rings[:, 1].sum())
-    spread = radial.recover_base(reaction, force / per_depth)
-    solution = GridSolution(
-        size=1 / n,
-        total_force=force,
-        depth=1.0,
-        area=float(np.pi * radius**2),
-        contact=points[:, :3],
-        shear=points[:, 3:],
-        energy=force / 2,
-        base=RadialBase(spread=spread, force=force),
-    )
-    return solution, measure_tension(rings[:, 1], radius - rings[:, 0], min(radius, unit))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,8 +86,6 @@ class FaceGrid:
     order: int = 2
 
 
-#: Number of elements through the cover on the three axisymmetric grids for a round punch without slip [-].
-DISK_GRIDS = (3, 4, 6)
 #: The three grids for a flat face without slip in three dimensions, coarsest first.
 FACE_GRIDS = (
     FaceGrid(through=2, edge=0.04, growth=1.2, across=8),
@@ -395,73 +321,3 @@ def measure_tension(forces: FloatArray, inside: FloatArray, size: float) -> floa
     """
     away = inside > _SETTINGS.at_edge * size
     return float(-np.minimum(forces[away], 0.0).sum() / forces.sum())
-
-
-def study_path(path: LoadingPath, place: Place, progress: Progress) -> GridStudy | None:
-    """Solve a loading path of a flat face without slip on three grids.
-
-    Args:
-        path: Cover, indenter with a flat face, and target loads or depths.
-        place: Array, and pose of the indenter.
-        progress: Called with a line of text before each solve.
-
-    Returns:
-        The solutions of every target, or None if a part of the face would separate from the cover, so that the contact
-        area is not known beforehand.
-    """
-    cover, face = path.cover, path.indenter
-    wide = cover.size is None
-    if wide and face.axisymmetric:
-        return _study_disk(path, progress)
-    assert isinstance(face, FlatPunch)  # noqa: S101 -- for the type checker
-    pose = Pose() if wide else place.pose
-    accurate = small_strain.study_path(path, None if wide else place, progress)
-
-    def compute() -> list[list[tuple[GridSolution, float]]]:
-        pairs = []
-        for grid in FACE_GRIDS:
-            report(progress, f"no slip, {grid.through} elements through the cover")
-            pairs.append(press_face(cover, face, pose, grid))
-        return pairs
-
-    inputs = {"cover": cover, "indenter": face, "pose": pose, "grids": FACE_GRIDS}
-    pairs = result_store.fetch("no-slip-face", inputs, compute)
-    if max(tension for pair in pairs for _, tension in pair) > _SETTINGS.separates:
-        return None
-
-    def correct(limit: GridSolution, pair: Sequence[tuple[GridSolution, float]], target: float) -> GridSolution:
-        """Multiply an accurate frictionless solution at a target by the effect of no slip on one grid."""
-        baseline, full = (scale_to_target(each, target, path.control) for each, _ in pair)
-        return correct_solution(limit, baseline=baseline, full=full, control=path.control, area=limit.area)
-
-    on_lines = lies_on_lines(face, pose)
-    return GridStudy(
-        solutions=[
-            [correct(extrapolate_solutions(grids), pair, target) for pair in pairs]
-            for target, grids in zip(path.targets, accurate.solutions, strict=True)
-        ],
-        # The singular stress at the sides of a face limits the order of convergence.
-        most_order=1.0 if on_lines else 4.0,
-        least_error=_SETTINGS.least_on_lines if on_lines else _SETTINGS.least_off_lines,
-        accurate=accurate,
-    )
-
-
-def _study_disk(path: LoadingPath, progress: Progress) -> GridStudy | None:
-    """Solve a loading path of a round flat punch without slip on a wide cover on three grids, see `study_path`."""
-    cover, radius = path.cover, path.indenter.footprint[0]
-
-    def compute() -> list[tuple[GridSolution, float]]:
-        out = []
-        for count in DISK_GRIDS:
-            report(progress, f"no slip, {count} elements through the cover")
-            out.append(press_stuck_disk(cover, radius, elements_per_thickness=count))
-        return out
-
-    found = result_store.fetch("no-slip-disk", {"cover": cover, "radius": radius, "grids": DISK_GRIDS}, compute)
-    if max(tension for _, tension in found) > _SETTINGS.separates:
-        return None
-    return GridStudy(
-        solutions=[[scale_to_target(each, target, path.control) for each, _ in found] for target in path.targets],
-        least_error=_SETTINGS.least_disk,
-    )
