@@ -149,8 +149,9 @@ def _solve_axisymmetric(path: LoadingPath, contact: FloatArray, sticks: _Stuck) 
     load = np.zeros(elements.displacements + elements.pressures)
     shapes = Line(edges=radii, order=2).at(r).T / units.force
     load[2 * top + 1] = -shapes @ contact[:, 2]
-    if path.friction:
-        load[2 * top] = shapes @ ((contact[:, :2] * contact[:, 3:]).sum(axis=1) / (r * units.length))
+    x, y, _, *shear = contact.T
+    if shear:
+        load[2 * top] = shapes @ ((x * shear[0] + y * shear[1]) / (r * units.length))
     at = elements.nodes[top, 0] * units.length
     return _solve(path, elements, load, radial.constrained, top=top, moved=sticks(at, 0 * at))
 
