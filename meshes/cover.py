@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
@@ -14,6 +14,8 @@ from meshes.material import Material
 if TYPE_CHECKING:
     from meshes.solids import SolidMesh
 
+#: Remedy where a cover cannot have several layers.
+ONE_LAYER = "several layers need a mesh of hexahedra swept from the base, as of the built-in covers"
 #: Support of the bottom layer on the rigid base.
 Base = Literal["bonded", "sliding"]
 
@@ -41,6 +43,18 @@ class Layer:
             raise ValueError(f"thickness must be positive, not {self.thickness} m")
         if not isinstance(self.material, Material):
             raise TypeError(f"material must be a Material, for example MATERIALS['tpu'], not {self.material!r}")
+
+
+#: Material of a whole cover, or its layers from base to top, of whose thicknesses only the ratios count.
+Layers = Material | tuple[Layer, ...]
+
+
+def scale_layers(layers: Layers, thickness: float) -> tuple[Layer, ...]:
+    """Return layers, or the one layer of a material, with a total thickness [m]."""
+    if isinstance(layers, Material):
+        return (Layer(thickness=thickness, material=layers),)
+    factor = thickness / sum(each.thickness for each in layers)
+    return tuple(replace(each, thickness=factor * each.thickness) for each in layers)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,16 +117,19 @@ class Cover:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolidCover:
-    """A cover of any shape and of one layer, bonded to its base, with free sides, solved on meshes of its solid.
+    """A cover of any shape, bonded to its base, with free sides, solved on meshes of its solid.
 
     Attributes:
-        layers: The one layer.  Its thickness is the thickness along the normals of the base, or the mean thickness.
+        layers: The layers, from base to top, bonded to one another.  Their thickness is that along the normals of the
+            base, or the mean thickness.
         source: Origin of the solid, in words.
-        make: Function that makes meshes for a thickness [m], coarsest first, and reports its progress.
+        make: Function that makes meshes for the thicknesses of the layers [m], coarsest first, and reports its
+            progress.
         assumed: Whether thickness and material are assumed and were never measured, which reports state.
         notes: Sentences on repairs of the shape and assumptions about it.
-        given_thickness: Thickness that follows from the given shape [m]; None if any thickness can be made.
-        refine: Function that makes, for a thickness [m], a mesh finer than all of `make`; None if there is none.
+        given: Thicknesses of the layers that follow from the given shape [m]; None if any can be made.
+        refine: Function that makes, for the thicknesses of the layers [m], a mesh finer than all of `make`; None if
+            there is none.
         base_triangles: Triangles of the base, facing into the cover, shape (b, 3, 3) [m]; None for the base of the
             finest mesh.
     """
@@ -122,45 +139,48 @@ class SolidCover:
 
     layers: tuple[Layer, ...]
     source: str
-    make: Callable[[float, Callable[[str], None]], tuple[SolidMesh, ...]]
+    make: Callable[[tuple[float, ...], Callable[[str], None]], tuple[SolidMesh, ...]]
     assumed: bool = False
     notes: tuple[str, ...] = ()
-    given_thickness: float | None = None
-    refine: Callable[[float], SolidMesh] | None = None
+    given: tuple[float, ...] | None = None
+    refine: Callable[[tuple[float, ...]], SolidMesh] | None = None
     base_triangles: FloatArray | None = None
-    _made: dict[float, tuple[SolidMesh, ...]] = field(default_factory=dict, repr=False)
+    _made: dict[tuple[float, ...], tuple[SolidMesh, ...]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
-        """Check the layer.
+        """Check the layers.
 
         Raises:
-            ValueError: If the number of layers is not one, or the thickness differs from that of the given shape.
+            ValueError: If there is no layer, or number and thickness of the layers are not those of the given shape.
         """
-        if len(self.layers) != 1:
-            raise ValueError(f"a solid cover has one layer, not {len(self.layers)}")
-        if self.given_thickness not in {None, self.thickness}:
+        if not self.layers:
+            raise ValueError("a cover needs at least one layer")
+        if self.given is not None and len(self.layers) != len(self.given):
+            count = f"{len(self.given)} layer" + "s" * (len(self.given) > 1)
+            raise ValueError(f"{self.source} has {count}, not {len(self.layers)}: {ONE_LAYER}")
+        if self.given not in {None, self.thicknesses}:
             raise ValueError(f"the thickness follows from {self.source}; leave it out")
 
     @property
     def thickness(self) -> float:
         """Thickness of the cover along the normals of its base, or the mean thickness if it varies [m]."""
-        return self.layers[0].thickness
+        return sum(self.thicknesses)
 
     @property
-    def material(self) -> Material:
-        """Material of the layer."""
-        return self.layers[0].material
+    def thicknesses(self) -> tuple[float, ...]:
+        """Thicknesses of the layers, from base to top [m]."""
+        return tuple(layer.thickness for layer in self.layers)
 
     @property
     def small_strain_only(self) -> bool:
-        """Whether the material is valid at small strain only."""
-        return self.material.small_strain_only
+        """Whether the materials of all layers are valid at small strain only."""
+        return all(layer.material.small_strain_only for layer in self.layers)
 
     def meshes(self, progress: Callable[[str], None] | None = None) -> tuple[SolidMesh, ...]:
         """Return the meshes of the cover, coarsest first.
 
         The meshes are made in the first call.  Later calls return the same meshes, also for a copy of this cover with
-        another material.
+        other materials.
 
         Args:
             progress: Function that receives a line of text before each step; None for no progress.
@@ -169,6 +189,6 @@ class SolidCover:
             ValueError: If the solid cannot be meshed, with one line per fault.
             ModuleNotFoundError: If the mesher is not installed.
         """
-        if self.thickness not in self._made:
-            self._made[self.thickness] = self.make(self.thickness, progress or (lambda _: None))
-        return self._made[self.thickness]
+        if self.thicknesses not in self._made:
+            self._made[self.thicknesses] = self.make(self.thicknesses, progress or (lambda _: None))
+        return self._made[self.thicknesses]

@@ -348,11 +348,12 @@ class SolidPlaces(Places):
     def scale_loads(self, table: LoadsForTable, source: str) -> float:
         """Return the factor on a campaign's loads: E t^2 of this cover over that of the campaign's cover; see `Places`.
 
-        E is Young's modulus and t the thickness.
+        E is Young's modulus, of several layers under one pressure, and t the thickness.
         """
         del source
         cover = self.sensor.cover
-        return cover.layers[0].material.youngs_modulus * cover.thickness**2 / (table.modulus * table.thickness**2)
+        yielding = sum(layer.thickness / layer.material.youngs_modulus for layer in cover.layers)
+        return cover.thickness**3 / yielding / (table.modulus * table.thickness**2)
 
     def _touch(self, at: tuple[float, ...] | None, prefix: str) -> tuple[FloatArray, FloatArray]:
         """Find the point of first touch on the top of the cover, and the unit normal there.

@@ -33,8 +33,9 @@ from fem_reference.linear_response.vector_compliance import VectorCompliance
 from fem_reference.small_strain_contact.constrained_solver import Compliance, ComplianceOperator
 from fem_reference.small_strain_contact.friction_cells import RubbingContact, VectorOperator
 from fem_reference.small_strain_contact.frictionless import CellGrid, ContactPatch, measure_area, solve_contact
-from meshes import Cover, Indenter, Layer
+from meshes import Cover, Indenter
 from meshes.array_types import BoolArray, FloatArray
+from meshes.cover import scale_layers
 from meshes.pose import Pose
 from meshes.solids.facets import node_normals
 
@@ -569,10 +570,10 @@ class CellPress:
 
 
 def _find_layer(solid: CoverSolid, chart: Chart) -> Cover:
-    """Return the flat layer that has the thickness of a cover at the origin of a chart."""
+    """Return the flat layers of a cover, scaled to the thickness of the cover at the origin of a chart."""
     base = FacetSurface.part_of(solid.nodes, solid.layout.base)
     thickness = float(base.locate(chart.origin[None])[1][0])
-    return Cover(layers=(Layer(thickness=thickness, material=solid.material),))
+    return Cover(layers=scale_layers(solid.layers, thickness))
 
 
 def _describe(

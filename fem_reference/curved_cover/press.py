@@ -28,7 +28,6 @@ from fem_reference.curved_cover.rays import explain_miss, find_touch, measure_ga
 from fem_reference.curved_cover.responses import (
     build_solid,
     find_top,
-    lay_out,
     project_texels,
     texel_responses,
 )
@@ -48,8 +47,9 @@ from fem_reference.indentation.result import (
     state_missed_accuracy,
     warn_of_errors,
 )
-from meshes import Cover, Layer, Material, SolidCover
+from meshes import Cover, SolidCover
 from meshes.array_types import FloatArray
+from meshes.cover import Layers, scale_layers
 from meshes.solids.facets import area_vectors, facet_shape
 from meshes.solids.solid_mesh import SolidMesh, measure_thickness
 
@@ -145,18 +145,18 @@ def press_solid(cover: SolidCover, problem: PressProblem) -> list[Indentation]:
     if wanted < (least := _SETTINGS.least_area):
         raise UnsupportedError(f"no mesh reaches it: the smallest error that is stated here is {least:.2%}", "accuracy")
     meshes = cover.meshes(problem.progress)
-    found = _press_targets(meshes, cover.material, problem)
+    found = _press_targets(meshes, cover.layers, problem)
     if (
         problem.accuracy is not None
         and cover.refine is not None
         and max(max(each.error_estimate.values()) for each in found) > wanted
     ):
         report(problem.progress, f"{100 * wanted:.3g} % wanted: a finer mesh is added")
-        found = _press_targets((*meshes[1:], cover.refine(cover.thickness)), cover.material, problem)
+        found = _press_targets((*meshes[1:], cover.refine(cover.thicknesses)), cover.layers, problem)
     return found if problem.accuracy is None else [state_missed_accuracy(each, wanted) for each in found]
 
 
-def _press_targets(meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem) -> list[Indentation]:
+def _press_targets(meshes: tuple[SolidMesh, ...], layers: Layers, problem: PressProblem) -> list[Indentation]:
     """Press a solid to every target of a problem, or read the results from the store."""
     finite, out = problem.strain == "finite", []
     for target in problem.targets:
@@ -164,12 +164,12 @@ def _press_targets(meshes: tuple[SolidMesh, ...], material: Material, problem: P
 
         def compute(target: float = target) -> tuple[int, Indentation]:
             solve = press_finite if finite else press_rubbing if problem.friction else press_small
-            found = solve(meshes, material, problem, target)
+            found = solve(meshes, layers, problem, target)
             number = next(k for k, mesh in enumerate(meshes) if mesh is found.mesh)
             return number, replace(found, mesh=None)
 
         inputs = {
-            "meshes": [mesh.digest for mesh in meshes], "material": material, "texels": problem.array,
+            "meshes": [mesh.digest for mesh in meshes], "layers": layers, "texels": problem.array,
             "indenter": problem.indenter, "pose": problem.pose, problem.control: target,
             "friction": problem.friction, "finite": finite,
         }  # fmt: skip
@@ -178,20 +178,20 @@ def _press_targets(meshes: tuple[SolidMesh, ...], material: Material, problem: P
     return out
 
 
-def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float) -> Indentation:
+def press_small(meshes: tuple[SolidMesh, ...], layers: Layers, problem: PressProblem, target: float) -> Indentation:
     """Press a solid to one target load or depth at small strain on every mesh; return the result of the finest mesh.
 
     Args:
         meshes: One mesh, or two or three from coarse to fine for an error estimate.
-        material: Material; hyperelastic materials are linearised at zero load.
+        layers: Layers of the cover; hyperelastic materials are linearised at zero load.
         problem: Texels, indenter, pose and friction.
         target: Load [N] or depth [m].
     """
     mesh, texels = meshes[-1], problem.array
-    contact, texel_forces, depth, errors = _press_meshes(meshes, material, problem, target)
+    contact, texel_forces, depth, errors = _press_meshes(meshes, layers, problem, target)
     share = depth / measure_thickness(mesh)
     large = f"the depth is {100 * share:.3g} % of the thickness: strains are not small; solve at finite strain"
-    carried = _carry(mesh, material, contact.nodal)
+    carried = _carry(mesh, layers, contact.nodal)
     displacement, force, base_force = (carried[name] for name in ("displacement", "force", "base_force"))
     check_penetration(mesh, displacement, problem.indenter, problem.pose, travel=contact.travel, depth=depth)
     for name, part in (
@@ -223,13 +223,13 @@ def press_small(meshes: tuple[SolidMesh, ...], material: Material, problem: Pres
     )
 
 
-def _carry(mesh: SolidMesh, material: Material, nodal: FloatArray) -> dict[str, Any]:
+def _carry(mesh: SolidMesh, layers: Layers, nodal: FloatArray) -> dict[str, Any]:
     """Solve a mesh under forces on the m nodes of its top, shape (m, 3) [N].
 
     Returns:
         Attributes of the result by name: displacements, and forces and moments on the cover and on its base.
     """
-    solid, top = build_solid(mesh, material), find_top(mesh)
+    solid, top = build_solid(mesh, layers), find_top(mesh)
     forces = np.zeros_like(solid.nodes)
     forces[top.index] = nodal
     displacement, reaction = solid.solve_fully(forces)
@@ -244,7 +244,7 @@ def _carry(mesh: SolidMesh, material: Material, nodal: FloatArray) -> dict[str, 
 
 
 def _press_meshes(
-    meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float
+    meshes: tuple[SolidMesh, ...], layers: Layers, problem: PressProblem, target: float
 ) -> tuple[CellContact, FloatArray, float, dict[str, float]]:
     """Solve the contact without friction on every mesh.
 
@@ -252,12 +252,12 @@ def _press_meshes(
         Contact, forces on the texels [N] and depth [m] on the finest mesh, extrapolated to cells of size zero, and
         estimated relative errors by name.
     """
-    control, responses = problem.control, texel_responses(meshes, problem.array, material, progress=problem.progress)
+    control, responses = problem.control, texel_responses(meshes, problem.array, layers, progress=problem.progress)
     found, texel_forces, depths = [], [], []
     counts = _SETTINGS.cells[-len(meshes) :]
     for mesh, grid, cells in zip(meshes, responses.grids, counts, strict=True):
-        report(problem.progress, f"contact on {cells} cells across, {build_solid(mesh, material).unknowns} unknowns")
-        press = _begin(mesh, material, problem, target, cells)
+        report(problem.progress, f"contact on {cells} cells across, {build_solid(mesh, layers).unknowns} unknowns")
+        press = _begin(mesh, layers, problem, target, cells)
         contact = press.solve()
         found.append(contact)
         depths.append(contact.depth)
@@ -285,9 +285,9 @@ def _press_meshes(
     return contact, factor * texel_forces[-1], depths[-1] + moved, errors
 
 
-def _begin(mesh: SolidMesh, material: Material, problem: PressProblem, target: float, cells: int) -> CellPress:
+def _begin(mesh: SolidMesh, layers: Layers, problem: PressProblem, target: float, cells: int) -> CellPress:
     """Solve the contact without friction on a number of cells across the contact on one mesh."""
-    solid, top = build_solid(mesh, material), find_top(mesh)
+    solid, top = build_solid(mesh, layers), find_top(mesh)
     return CellPress.begin(
         solid, top, problem.indenter, problem.pose, _require_touch(top, problem),
         target=target, control=problem.control, deepest=_SETTINGS.largest_depth * measure_thickness(mesh), cells=cells,
@@ -360,62 +360,59 @@ def measure_balance(force: FloatArray, base_force: FloatArray) -> float:
     return float((base_force - force) @ force / (force @ force))
 
 
-def press_finite(
-    meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float
-) -> Indentation:
+def press_finite(meshes: tuple[SolidMesh, ...], layers: Layers, problem: PressProblem, target: float) -> Indentation:
     """Press a solid to one target load or depth at finite strain, along the axis of the indenter and without friction.
 
     The arrays of the result are those of the finest mesh solved at finite strain, the second finest of several meshes.
     Texel forces, and depth or load, are corrected for its discretisation error.
     """
-    accurate = press_small(meshes, material, problem, target)
+    accurate = press_small(meshes, layers, problem, target)
     pairs = []
     for number, mesh in enumerate(meshes[: max(1, len(meshes) - 1)], start=1):
         parts = [name_part(problem.progress, f"{each} strain, mesh {number}") for each in ("small", "finite")]
         small, full = (
-            _press_mesh(mesh, material, replace(problem, progress=tell), target, accurate.depth, linear=linear)
+            _press_mesh(mesh, layers, replace(problem, progress=tell), target, accurate.depth, linear=linear)
             for tell, linear in zip(parts, (True, False), strict=True)
         )
         pairs.append((small, full))
-    name = f"neo-Hookean with the moduli of {material.name}" if material.small_strain_only else material.name
+    materials = [each.material for each in scale_layers(layers, 1.0)]
+    names = [f"neo-Hookean with the moduli of {m.name}" if m.small_strain_only else m.name for m in materials]
     thickness = measure_thickness(meshes[-1])
     assumptions = {
-        "strain": f"finite strain, {name}; corrected for the mesh at small strain",
+        "strain": f"finite strain, {' under '.join(dict.fromkeys(names))}; corrected for the mesh at small strain",
         "contact": "at quadrature points of the deformed top, along the normals of the indenter",
         **state_rounding(problem.indenter, choose_solid_fillet(thickness, problem.indenter)),
     }
     return _combine(accurate, pairs, problem, assumptions)
 
 
-def press_rubbing(
-    meshes: tuple[SolidMesh, ...], material: Material, problem: PressProblem, target: float
-) -> Indentation:
+def press_rubbing(meshes: tuple[SolidMesh, ...], layers: Layers, problem: PressProblem, target: float) -> Indentation:
     """Press a solid with friction or without slip to one target load or depth at small strain.
 
     The effect of friction, from contacts without and with friction on the same cells, is added to the accurate contact
     without friction.
     """
-    accurate = press_small(meshes, material, replace(problem, friction=0.0), target)
+    accurate = press_small(meshes, layers, replace(problem, friction=0.0), target)
     found: list[tuple[_Full, _Full]] = []
     for mesh in meshes:
-        report(problem.progress, f"contact with friction, {build_solid(mesh, material).unknowns} unknowns")
-        press = _begin(mesh, material, problem, target, _SETTINGS.cells[0])
+        report(problem.progress, f"contact with friction, {build_solid(mesh, layers).unknowns} unknowns")
+        press = _begin(mesh, layers, problem, target, _SETTINGS.cells[0])
         grids = _SETTINGS.rubbing if mesh is meshes[-1] else _SETTINGS.rubbing[:1]
-        describe = partial(_describe, mesh, material, problem)
+        describe = partial(_describe, mesh, layers, problem)
         found.extend((describe(smooth), describe(rubs)) for smooth, rubs in press.rub(problem.friction, grids))
     *found, rough = found
     law = "no slip" if np.isinf(problem.friction) else f"Coulomb, coefficient {problem.friction:g}"
     return _combine(accurate, found, problem, {"friction": law}, rough=rough)
 
 
-def _describe(mesh: SolidMesh, material: Material, problem: PressProblem, contact: CellContact) -> _Full:
+def _describe(mesh: SolidMesh, layers: Layers, problem: PressProblem, contact: CellContact) -> _Full:
     """Describe a contact on the cells of one mesh."""
     return _Full(
-        texel_forces=texel_responses([mesh], problem.array, material).finest.texel_forces(contact.nodal),
+        texel_forces=texel_responses([mesh], problem.array, layers).finest.texel_forces(contact.nodal),
         load=contact.load,
         depth=contact.depth,
         area=contact.area,
-        arrays=_carry(mesh, material, contact.nodal)
+        arrays=_carry(mesh, layers, contact.nodal)
         | {"contact_points": contact.points, "contact_forces": contact.forces},
     )
 
@@ -440,24 +437,25 @@ class _Full:
 
 
 def _press_mesh(
-    mesh: SolidMesh, material: Material, problem: PressProblem, target: float, expected: float, *, linear: bool
+    mesh: SolidMesh, layers: Layers, problem: PressProblem, target: float, expected: float, *, linear: bool
 ) -> _Full:
     """Solve one press on one mesh with contact at quadrature points, at finite or at small strain.
 
     Args:
         mesh: Mesh of the cover.
-        material: Material of the cover.
+        layers: Layers of the cover.
         problem: Indenter, pose and texels.
         target: Load [N] or depth [m].
         expected: Depth at small strain [m], whose part is the first step.
         linear: Whether to solve at small strain, as `press_small` but with the contact condition of finite strain.
     """
     indenter, pose = problem.indenter, problem.pose
-    units = Units(length=measure_thickness(mesh), stress=material.shear_modulus)
+    cover = Cover(layers=scale_layers(layers, measure_thickness(mesh)))
+    units = Units.of(cover)
     surface, turn = find_top(mesh), pose.rotation.T
     touch = find_touch(surface, indenter, pose)
     origin = pose.position - touch * pose.rotation[:, 2]
-    layout = DisplacementNodes.on(replace(mesh, nodes=(mesh.nodes - origin) @ turn.T / units.length))
+    layout = DisplacementNodes.on(replace(mesh, nodes=(mesh.nodes - origin) @ turn.T / units.length), layers)
     elements, count = layout.elements, layout.elements.nodes.size
     points, areas, normals = _place_points(layout)
     base = np.unique(layout.base)
@@ -469,7 +467,7 @@ def _press_mesh(
         gaps = measure_gaps(indenter, places, normals.reshape(-1, 3), behind=deepest).reshape(areas.shape)
         return np.where(np.isfinite(gaps), gaps, _SETTINGS.far * units.length) / units.length / normals[..., 2]
 
-    solid = Solid.from_cover(elements, Cover(layers=(Layer(thickness=1.0, material=material),)), units)
+    solid = Solid.from_cover(elements, cover, units)
     top = IndenterSurface(
         indenter=indenter, fillet=choose_solid_fillet(units.length, indenter) / units.length, unit=units.length
     )
@@ -487,7 +485,7 @@ def _press_mesh(
     first = least + _SETTINGS.first_step * (expected / units.length - least)
     reached = path.follow([goal], control=problem.control, first=first, progress=problem.progress)[0]
     contact = reached.contact
-    nodes = lay_out(mesh).elements.nodes
+    nodes = mesh.nodes
     displacement, reaction, pressing = (
         each[:count].reshape(-1, 3) @ turn * unit
         for each, unit in (
@@ -498,7 +496,7 @@ def _press_mesh(
     vectors = -(contact.pressure * contact.weight)[..., None] * (contact.normal @ turn) * units.force
     touching = contact.pressure > 0
     places = points.position[touching] * units.length @ turn + origin
-    below = FacetSurface.part_of(nodes, lay_out(mesh).base)
+    below = FacetSurface.part_of(nodes, mesh.base)
     texels = problem.array
     return _Full(
         texel_forces=np.einsum("nb,bc,nc->n", project_texels(below, texels), reaction[base], texels.normals),

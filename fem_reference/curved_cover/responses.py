@@ -24,11 +24,12 @@ import scipy.sparse.linalg as spla
 
 from fem_reference import result_store
 from fem_reference.curved_cover.facet_surface import FacetSurface
-from fem_reference.curved_cover.solid import CoverSolid, DisplacementNodes
+from fem_reference.curved_cover.solid import CoverSolid
 from fem_reference.finite_strain.loading_path import Progress, report
 from fem_reference.grid_convergence import field_convergence
-from meshes import Material, TexelArray
+from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray
+from meshes.cover import Layers
 from meshes.solids.facets import facet_shape, split_facet
 from meshes.solids.solid_mesh import SolidMesh, check_quality, check_texels, measure_thickness
 from meshes.solids.texels import covered_share
@@ -111,12 +112,12 @@ class TexelResponses:
 
     Attributes:
         texels: Array of n texels.
-        material: Material of the cover.
+        layers: Material of the cover, or its layers.
         grids: Responses on one to three meshes, coarsest first; results are those of the finest.
     """
 
     texels: TexelArray
-    material: Material
+    layers: Layers
     grids: tuple[GridResponse, ...]
 
     @property
@@ -189,7 +190,7 @@ class TexelResponses:
 def texel_responses(
     meshes: Sequence[SolidMesh],
     texels: TexelArray,
-    material: Material,
+    layers: Layers,
     *,
     progress: Progress = None,
 ) -> TexelResponses:
@@ -198,7 +199,7 @@ def texel_responses(
     Args:
         meshes: One mesh of the cover, or two or three from coarse to fine for an error estimate.
         texels: Texels on the base of the meshes.
-        material: Material; hyperelastic materials are linearised at zero load.
+        layers: Material of the cover, or its layers; hyperelastic materials are linearised at zero load.
         progress: Called with a line of text before each solution.
 
     Raises:
@@ -211,14 +212,14 @@ def texel_responses(
         places = {"centres": texels.centres, "normals": texels.normals, "size": texels.texel_size}
 
         def compute(mesh: SolidMesh = mesh) -> FloatArray:
-            solid = build_solid(mesh, material)
+            solid = build_solid(mesh, layers)
             report(progress, f"{texels.count} texels, {solid.unknowns} unknowns")
             return solve_texels(solid, texels)
 
-        inputs = {"mesh": mesh.digest, "texels": places, "material": material}
+        inputs = {"mesh": mesh.digest, "texels": places, "material": layers}
         influence = result_store.fetch("curved-responses", inputs, compute)
         grids.append(GridResponse(mesh=mesh, top=find_top(mesh), influence=influence))
-    return TexelResponses(texels=texels, material=material, grids=tuple(grids))
+    return TexelResponses(texels=texels, layers=layers, grids=tuple(grids))
 
 
 def solve_texels(solid: CoverSolid, texels: TexelArray) -> FloatArray:
@@ -307,18 +308,12 @@ def check_meshes(meshes: Sequence[SolidMesh]) -> None:
 
 
 @lru_cache(maxsize=3)
-def build_solid(mesh: SolidMesh, material: Material) -> CoverSolid:
+def build_solid(mesh: SolidMesh, layers: Layers) -> CoverSolid:
     """Build the linear elastic solid of a mesh; the last three solids stay in memory with their factorisations."""
-    return CoverSolid(mesh, material)
+    return CoverSolid(mesh, layers)
 
 
 @lru_cache(maxsize=3)
 def find_top(mesh: SolidMesh) -> FacetSurface:
     """Return the top surface of a mesh with its displacement nodes; the last three surfaces stay in memory."""
     return FacetSurface.part_of(mesh.nodes, mesh.top)
-
-
-@lru_cache(maxsize=3)
-def lay_out(mesh: SolidMesh) -> DisplacementNodes:
-    """Place the displacement nodes on a mesh; the last three layouts stay in memory."""
-    return DisplacementNodes.on(mesh)

@@ -2,8 +2,8 @@
 
 Displacements are quadratic and the mean stress is linear and continuous (Taylor-Hood), on hexahedra or tetrahedra with
 quadratic geometry.  Poisson ratios up to 0.5 are therefore possible.  The matrix is assembled with lengths divided by
-the thickness and stresses divided by the shear modulus.  With SI units the pivots of the mean stress would be lost in
-rounding.
+the thickness and stresses divided by the shear modulus of the top layer.  With SI units the pivots of the mean stress
+would be lost in rounding.
 """
 
 from __future__ import annotations
@@ -15,10 +15,12 @@ import numpy as np
 import skfem
 
 from fem_reference.elements.taylor_hood import MixedElements, assemble_linear, prepare_elements
+from fem_reference.finite_strain.loading_path import Units
 from fem_reference.sparse_solver import ConstrainedSystem
-from meshes import Material
+from meshes import Cover
 from meshes.array_types import FloatArray, IntArray
-from meshes.solids.solid_mesh import SolidMesh, measure_thickness
+from meshes.cover import Layers, scale_layers
+from meshes.solids.solid_mesh import SolidMesh, assign_layers, measure_thickness
 
 #: Number of right-hand sides that are solved at once, to limit the memory [-].
 _COLUMNS = 64
@@ -39,9 +41,9 @@ class DisplacementNodes:
     top: IntArray
 
     @classmethod
-    def on(cls, mesh: SolidMesh) -> DisplacementNodes:
-        """Place the displacement nodes, which are the nodes of the mesh."""
-        return cls(elements=_prepare_elements(mesh), base=mesh.base, top=mesh.top)
+    def on(cls, mesh: SolidMesh, layers: Layers) -> DisplacementNodes:
+        """Place the displacement nodes, which are the nodes of the mesh; the layers are the regions of the elements."""
+        return cls(elements=_prepare_elements(mesh, assign_layers(mesh, layers)), base=mesh.base, top=mesh.top)
 
 
 class CoverSolid:
@@ -49,16 +51,16 @@ class CoverSolid:
 
     Args:
         mesh: Mesh of the cover.
-        material: Material; hyperelastic materials are linearised at zero load.
+        layers: Material or layers; hyperelastic materials are linearised at zero load.
     """
 
-    def __init__(self, mesh: SolidMesh, material: Material) -> None:
-        self.mesh, self.material = mesh, material
-        self.layout = DisplacementNodes.on(mesh)
+    def __init__(self, mesh: SolidMesh, layers: Layers) -> None:
+        self.mesh = mesh
+        self.layers = scale_layers(layers, measure_thickness(mesh))
+        self.layout = DisplacementNodes.on(mesh, self.layers)
         self.nodes = self.layout.elements.nodes
         self.base, self.top = np.unique(self.layout.base), np.unique(self.layout.top)
-        self._length = measure_thickness(mesh)
-        self._force = material.shear_modulus * self._length**2
+        self._units = Units.of(Cover(layers=self.layers))
         self._system = ConstrainedSystem((3 * self.base[:, None] + np.arange(3)).ravel())
 
     @property
@@ -68,16 +70,16 @@ class CoverSolid:
 
     @cached_property
     def _factors(self) -> ConstrainedSystem:
-        """Factorised stiffness matrix, with lengths over the thickness and stresses over the shear modulus."""
+        """Factorised stiffness matrix, with lengths and stresses in units of the cover."""
         elements = self.layout.elements
         elements = replace(
             elements,
-            nodes=elements.nodes / self._length,
-            slope=elements.slope * self._length,
-            weight=elements.weight / self._length**3,
+            nodes=elements.nodes / self._units.length,
+            slope=elements.slope * self._units.length,
+            weight=elements.weight / self._units.length**3,
         )
-        ratio = self.material.shear_modulus / self.material.bulk_modulus
-        return self._system.factorise(assemble_linear(elements, np.ones(1), np.array([ratio])))
+        moduli = self._units.scale_moduli(Cover(layers=self.layers))
+        return self._system.factorise(assemble_linear(elements, *moduli))
 
     def solve(self, nodes: IntArray, *, forces: FloatArray | None = None, base: FloatArray | None = None) -> FloatArray:
         """Solve for the displacements of some nodes under k loads or motions of the base.
@@ -96,9 +98,9 @@ class CoverSolid:
             part = slice(start, min(start + _COLUMNS, cases))
             count = part.stop - start
             load = self._load(np.zeros((count, *self.nodes.shape)) if forces is None else forces[part])
-            motion = 0.0 if base is None else base[part].reshape(count, -1).T / self._length
+            motion = 0.0 if base is None else base[part].reshape(count, -1).T / self._units.length
             moved = self._factors.solve(load, motion)[: self.nodes.size]
-            out[part] = moved.T.reshape(count, -1, 3)[:, nodes] * self._length
+            out[part] = moved.T.reshape(count, -1, 3)[:, nodes] * self._units.length
         return out
 
     def solve_fully(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -116,16 +118,16 @@ class CoverSolid:
         displacement, reaction = (
             each[: self.nodes.size].reshape(-1, 3) for each in (moved, self._factors.reaction(moved, load))
         )
-        return displacement * self._length, reaction[self.base] * self._force
+        return displacement * self._units.length, reaction[self.base] * self._units.force
 
     def _load(self, forces: FloatArray) -> FloatArray:
         """Convert forces on all n nodes, shape (k, n, 3) [N], to scaled right-hand sides, shape (unknowns, k)."""
         load = np.zeros((self.nodes.size + self.layout.elements.pressures, len(forces)))
-        load[: self.nodes.size] = forces.reshape(len(forces), -1).T / self._force
+        load[: self.nodes.size] = forces.reshape(len(forces), -1).T / self._units.force
         return load
 
 
-def _prepare_elements(mesh: SolidMesh) -> MixedElements:
+def _prepare_elements(mesh: SolidMesh, region: IntArray) -> MixedElements:
     """Prepare elements with quadratic geometry whose displacement nodes are the nodes of the mesh."""
     if mesh.is_hexahedral:
         linear, quadratic = skfem.MeshHex1, skfem.MeshHex2
@@ -144,5 +146,5 @@ def _prepare_elements(mesh: SolidMesh) -> MixedElements:
     cells = mesh.cells[:, order]
     places = np.empty_like(curved.doflocs)
     places[:, curved.dofs.element_dofs.ravel()] = mesh.nodes[cells.T.ravel()].T
-    elements = prepare_elements(replace(curved, doflocs=places))
+    elements = prepare_elements(replace(curved, doflocs=places), region=region)
     return replace(elements, nodes=mesh.nodes, cells=cells)

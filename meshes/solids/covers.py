@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from meshes.cover import Layer, SolidCover
+from meshes.cover import Layer, Layers, SolidCover, scale_layers
 from meshes.material import Material
 from meshes.solids.shell import Shell
-from meshes.solids.solid_mesh import ARRAYS, LIMITS, SolidMesh, check_quality, measure_thickness
+from meshes.solids.solid_mesh import ARRAYS, LIMITS, SolidMesh, assign_layers, check_quality, measure_thickness
 from meshes.solids.swept import SweptCover
 from meshes.solids.tetrahedra import count_elements, fill_with_tetrahedra, refine
 
@@ -40,7 +39,7 @@ Keep = Callable[[Mapping[str, Any], Callable[[], Mapping[str, Any]]], Mapping[st
 
 
 def make_swept_cover(swept: SweptCover, material: Material, source: str, *, assumed: bool = False) -> SolidCover:
-    """Make a cover of hexahedra that are swept from its base.
+    """Make a cover of hexahedra that are swept from its base, of one layer; its layers can be replaced by several.
 
     Args:
         swept: Base and thickness.
@@ -49,32 +48,32 @@ def make_swept_cover(swept: SweptCover, material: Material, source: str, *, assu
         assumed: Whether thickness and material were never measured.
     """
 
-    def make(thickness: float, progress: Progress) -> tuple[SolidMesh, ...]:
+    def make(thicknesses: tuple[float, ...], progress: Progress) -> tuple[SolidMesh, ...]:
         progress("hexahedra swept from the base")
-        return replace(swept, thickness=thickness).meshes()
+        return swept.divide(thicknesses).meshes()
 
-    def refine(thickness: float) -> SolidMesh:
-        return replace(swept, thickness=thickness).mesh(_FINER * thickness, layers=_FINER_LAYERS)
+    def refine(thicknesses: tuple[float, ...]) -> SolidMesh:
+        return swept.divide(thicknesses).mesh(_FINER * sum(thicknesses), layers=_FINER_LAYERS)
 
     layer = Layer(thickness=swept.thickness, material=material)
     return SolidCover(layers=(layer,), source=source, make=make, refine=refine, assumed=assumed)
 
 
 def make_shell_cover(
-    shell: Shell, material: Material, source: str, keep: Keep, *, element_size: float | None = None
+    shell: Shell, layers: Layers, source: str, keep: Keep, *, element_size: float | None = None
 ) -> SolidCover:
     """Make a cover of tetrahedra in a closed surface: a coarse mesh and its regular refinement.
 
     Args:
         shell: The closed surface.
-        material: Material of the cover.
+        layers: Material of the cover.
         source: Origin of the cover, in words.
         keep: Function that stores the coarse mesh for later runs, because the mesher gives a different mesh at every
             call.
         element_size: Element size of the finer mesh [m]; chosen by the thickness and the volume if None.
     """
 
-    def make(_: float, progress: Progress) -> tuple[SolidMesh, ...]:
+    def make(_given: tuple[float, ...], progress: Progress) -> tuple[SolidMesh, ...]:
         if element_size is None:
             size = _SIZE * shell.thickness
             size *= max(1.0, (count_elements(shell, size) / _MOST_TETRAHEDRA[0]) ** (1 / 3))
@@ -94,31 +93,35 @@ def make_shell_cover(
         return coarse, refine(coarse)
 
     return SolidCover(
-        layers=(Layer(thickness=shell.thickness, material=material),),
+        layers=scale_layers(layers, shell.thickness),
         source=source,
         make=make,
-        given_thickness=shell.thickness,
+        given=(shell.thickness,),
         notes=shell.notes,
         base_triangles=shell.base,
     )
 
 
 def take_meshes(
-    meshes: Sequence[SolidMesh], material: Material, source: str = "given meshes", notes: tuple[str, ...] = ()
+    meshes: Sequence[SolidMesh], layers: Layers, source: str = "given meshes", notes: tuple[str, ...] = ()
 ) -> SolidCover:
     """Make a cover of given meshes, coarsest first.
 
     Args:
         meshes: One mesh, or two or three of the same shape.
-        material: Material of the cover.
+        layers: Material of the cover, or its layers, between which all meshes have edges of elements.
         source: Origin of the cover, in words.
         notes: Sentences on what was repaired or assumed.
+
+    Raises:
+        ValueError: If there are several layers and a mesh has no edges of elements between them.
     """
-    thickness = measure_thickness(meshes[-1])
-    layer = Layer(thickness=thickness, material=material)
-    return SolidCover(
-        layers=(layer,), source=source, make=lambda *_: tuple(meshes), given_thickness=thickness, notes=notes
-    )
+    if isinstance(layers, Material):
+        layers = (Layer(thickness=measure_thickness(meshes[-1]), material=layers),)
+    for mesh in meshes:
+        assign_layers(mesh, layers)
+    given = tuple(each.thickness for each in layers)
+    return SolidCover(layers=layers, source=source, make=lambda *_: tuple(meshes), given=given, notes=notes)
 
 
 def _fill(shell: Shell, source: str, size: float, keep: Keep, progress: Progress) -> SolidMesh:

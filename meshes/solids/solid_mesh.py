@@ -16,6 +16,7 @@ from meshes.array import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.atomic_file import replace
 from meshes.bounded_file import FileLimitError, pack_npz, parse_json, read_bytes, unpack_npz
+from meshes.cover import ONE_LAYER, Layers, scale_layers
 from meshes.solids.facets import (
     QUADRATIC_TRIANGLE,
     QUADRILATERAL,
@@ -63,6 +64,8 @@ class MeshLimits:
     through: float = 1.5
     #: Smallest and largest accepted length of a cover's largest edge [m].  Other lengths indicate a wrong unit.
     sizes: tuple[float, float] = (1e-3, 0.3)
+    #: Largest distance of edges of elements from the interface between two layers, over the thickness [-].
+    off_interface: float = 1e-3
     #: Largest distance of a texel's centre from the base, over the mean thickness [-]; chosen by judgement.
     off_base: float = 0.1
     #: Smallest cosine of the angle between a texel's normal and that of the base [-]; 30 degrees, chosen by judgement.
@@ -254,6 +257,37 @@ def describe_size(length: float, name: str) -> str:
         f"{name} would be {1e3 * length:.4g} mm long, outside {1e3 * low:g}..{1e3 * high:g} mm; state the unit of the "
         "surface (were millimetres taken for metres?)"
     )
+
+
+def assign_layers(mesh: SolidMesh, layers: Layers) -> IntArray:
+    """Return the index of the layer in which each element lies, or of the first layer of its material, shape (e,).
+
+    Args:
+        mesh: Mesh of the cover.
+        layers: Material of the cover, or its layers.
+
+    Raises:
+        ValueError: If there are several layers and the mesh is not swept, or has no edges of elements between them.
+    """
+    given = scale_layers(layers, 1.0)
+    ends = np.cumsum([each.thickness for each in given])
+    if len(ends) == 1:
+        return np.zeros(len(mesh.cells), dtype=np.int64)
+    rows = len(mesh.cells) // len(mesh.base)
+    if not mesh.is_hexahedral or rows * len(mesh.base) != len(mesh.cells):
+        raise ValueError(f"{mesh.source}: it has one layer, not {len(ends)}: {ONE_LAYER}")
+    below, above = (mesh.nodes[mesh.cells[:, node]].reshape(rows, -1, 3) for node in (4, 22))
+    height = np.cumsum(np.linalg.norm(above - below, axis=2), axis=0)
+    height /= height[-1]
+    for end in ends:
+        if np.abs(height - end).min(axis=0).max() > LIMITS.off_interface:
+            raise ValueError(
+                f"{mesh.source}: no edges of elements lie at {100 * end:.4g} % of the thickness, between two layers; "
+                "sweep the mesh with these interfaces"
+            )
+    materials = [each.material for each in given]
+    first = np.array([materials.index(each) for each in materials])
+    return np.repeat(first[np.searchsorted(ends, height.mean(axis=1) - LIMITS.off_interface)], len(mesh.base))
 
 
 @lru_cache(maxsize=4)

@@ -6,8 +6,9 @@ In the frame of the array y runs along the axis of a finger, and z out of the pa
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -214,7 +215,14 @@ def _count(length: float, element_size: float) -> int:
     return max(1, int(np.ceil(count - _NUMBERS.same)))
 
 
-def sweep(surface: BaseSurface, thickness: npt.ArrayLike, *, layers: int = LAYERS, inward: bool = False) -> SolidMesh:
+def sweep(
+    surface: BaseSurface,
+    thickness: npt.ArrayLike,
+    *,
+    layers: int = LAYERS,
+    inward: bool = False,
+    interfaces: Sequence[float] = (),
+) -> SolidMesh:
     """Make the mesh of a cover between a base surface and the surface at a distance along its normals.
 
     The same input gives the same mesh bit by bit.  The nodes on the base are those of the surface.
@@ -222,8 +230,10 @@ def sweep(surface: BaseSurface, thickness: npt.ArrayLike, *, layers: int = LAYER
     Args:
         surface: Base of the cover; its outer surface if `inward`.
         thickness: Thickness of the cover, one number or one per point of the surface, shape (p,) [m].
-        layers: Number of layers of elements, which are thinner towards base and top [-].
+        layers: Number of layers of elements, which are thinner towards base and top [-].  With interfaces it is that
+            through the whole thickness if none is thinner than an even share; each material has at least two.
         inward: Whether the surface is the outer surface; the base then lies below it.
+        interfaces: Heights of the interfaces between materials, over the thickness, ascending [-].
 
     Raises:
         ValueError: If a thickness is not positive or there are too few layers.
@@ -235,7 +245,8 @@ def sweep(surface: BaseSurface, thickness: npt.ArrayLike, *, layers: int = LAYER
         raise ValueError(f"a cover needs at least {_NUMBERS.least_layers} layers of elements, not {layers}")
     step = height[:, None] * surface.normals
     base = surface.points - step if inward else surface.points
-    levels = grade_heights(layers)
+    levels = grade_heights(layers, interfaces)
+    layers = len(levels) - 1
     levels = np.sort(np.concatenate([levels, (levels[1:] + levels[:-1]) / 2]))
     nodes = base + levels[:, None, None] * step
     if inward:
@@ -259,12 +270,15 @@ def sweep(surface: BaseSurface, thickness: npt.ArrayLike, *, layers: int = LAYER
     )
 
 
-def grade_heights(layers: int) -> FloatArray:
-    """Return the heights of the element edges over the thickness, from 0 to 1, shape (layers + 1,) [-]."""
-    size = _NUMBERS.grading + (1 - _NUMBERS.grading) * np.sin(np.pi * (np.arange(layers) + 0.5) / layers)
-    edges = np.concatenate([[0.0], np.cumsum(size) / size.sum()])
-    edges[-1] = 1.0
-    return np.asarray(edges)
+def grade_heights(layers: int, interfaces: Sequence[float] = ()) -> FloatArray:
+    """Return the heights of the element edges over the thickness, from 0 to 1, shape (e + 1,); see `sweep` [-]."""
+    edges, ends = [np.zeros(1)], [0.0, *interfaces, 1.0]
+    for low, high in pairwise(ends):
+        count = max(round(layers * (high - low)), _NUMBERS.least_layers)
+        size = _NUMBERS.grading + (1 - _NUMBERS.grading) * np.sin(np.pi * (np.arange(count) + 0.5) / count)
+        edges.append(low + (high - low) * np.cumsum(size) / size.sum())
+        edges[-1][-1] = high
+    return np.concatenate(edges)
 
 
 def _border_edges(quads: IntArray) -> IntArray:
@@ -282,11 +296,18 @@ class SweptCover:
         texels: Texels on the base.
         thickness: Thickness of the cover, along the normals of the base [m].
         surface: Function that meshes the base surface with a largest element size [m].
+        interfaces: Heights of the interfaces between materials, over the thickness, ascending [-].
     """
 
     texels: TexelArray
     thickness: float
     surface: Callable[[float], BaseSurface]
+    interfaces: tuple[float, ...] = ()
+
+    def divide(self, thicknesses: Sequence[float]) -> SweptCover:
+        """Return the cover with layers of other thicknesses, from base to top [m]."""
+        heights = np.cumsum(thicknesses)
+        return replace(self, thickness=float(heights[-1]), interfaces=tuple((heights[:-1] / heights[-1]).tolist()))
 
     def mesh(self, element_size: float | None = None, *, layers: int = LAYERS) -> SolidMesh:
         """Mesh the cover by hexahedra.
@@ -296,7 +317,7 @@ class SweptCover:
             layers: Number of layers of elements through the thickness [-].
         """
         size = _NUMBERS.element_size * self.thickness if element_size is None else element_size
-        return sweep(self.surface(size), self.thickness, layers=layers)
+        return sweep(self.surface(size), self.thickness, layers=layers, interfaces=self.interfaces)
 
     def meshes(self, size: float = 1.0) -> tuple[SolidMesh, SolidMesh, SolidMesh]:
         """Make three meshes from coarse to fine, with 3, 3 and 4 layers, from which errors are estimated.

@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import expm
 
 from fem_reference.closed_form.cylinder import HarmonicTransfer, cross_layer, place_points, stack_rows
 from meshes import Material
@@ -312,10 +313,16 @@ def transfer_sphere(degrees: FloatArray, core: float, outer: float, material: Ma
         material: Material, with its linear elastic properties at zero load.
     """
     n = np.asarray(degrees, dtype=float)
+    k = n + 0.5
+    return cross_layer(state_matrix(n, material), k, -0.5, (core, outer), material.shear_modulus * k)
+
+
+def state_matrix(n: FloatArray, material: Material) -> FloatArray:
+    """Return the matrices A of the state (u, r sigma / (mu (n + 1/2))): dy / d(log r) = A y, shape (n, 4, 4) [-]."""
     nu = material.poisson_ratio
     c, b, g = nu / (1 - nu), (1 - 2 * nu) / (2 * (1 - nu)), 2 * (1 + nu) / (1 - nu)
     k, q, one = n + 0.5, n * (n + 1), np.ones_like(n)
-    matrix = stack_rows(
+    return stack_rows(
         [
             [-2 * c * one, c * q / k, b * k, 0 * one],
             [-k, one, 0 * one, k],
@@ -323,4 +330,33 @@ def transfer_sphere(degrees: FloatArray, core: float, outer: float, material: Ma
             [-2 * (2 * c + 1) * one, 2 * ((c + 1) * q - 1) / k, -c * k, -2 * one],
         ]
     )
-    return cross_layer(matrix, k, -0.5, (core, outer), material.shear_modulus * k)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SphereLayers(SphereLayer):
+    """Two layers on a rigid sphere; `material` is that of the upper one.
+
+    Attributes:
+        below: Material of the lower layer.
+        interface: Radius of the interface [m].
+    """
+
+    below: Material
+    interface: float
+
+    def transfer(self, degrees: npt.ArrayLike) -> HarmonicTransfer:
+        """Compute the response as the product of the crossings of both layers, or of the upper one for high degrees."""
+        n = np.asarray(degrees, dtype=float)
+        inner, outer = np.log(self.interface / self.core_radius), np.log(self.outer_radius / self.interface)
+        high = transfer_sphere(n, self.interface, self.outer_radius, self.material)
+        low = n * (inner + outer) < 300  # above, products overflow, and the core moves the top by exp(-2 n outer)
+        k, radius = n[low] + 0.5, self.outer_radius
+        lower, upper = self.below.shear_modulus, self.material.shear_modulus
+        crossing = expm(state_matrix(n[low], self.below) * inner)
+        crossing[:, 2:] *= lower / upper
+        crossing = expm(state_matrix(n[low], self.material) * outer) @ crossing
+        inverse = np.linalg.inv(crossing[:, 2:, 2:])
+        base, compliance = np.zeros_like(high.base), high.compliance.copy()
+        base[low] = lower / upper * radius / self.core_radius * inverse
+        compliance[low] = (radius / (upper * k))[:, None, None] * (crossing[:, :2, 2:] @ inverse)
+        return HarmonicTransfer(base=base, compliance=compliance)

@@ -26,15 +26,15 @@ def test_a_solid_of_given_thickness_keeps_it_and_its_meshes():
     """The meshes depend on the shape alone, so another material takes the same ones."""
     made = []
     solid = SolidCover(
-        layers=(LAYER,), source="a pad", make=lambda thickness, _: made.append(thickness) or (), given_thickness=2e-3
+        layers=(LAYER,), source="a pad", make=lambda thickness, _: made.append(thickness) or (), given=(2e-3,)
     )
     soft = dataclasses.replace(solid, layers=(Layer(thickness=2e-3, material=SILICONE),))
     assert solid.meshes() == soft.meshes() == ()
-    assert made == [2e-3]
+    assert made == [(2e-3,)]
     assert not soft.small_strain_only
     with pytest.raises(ValueError, match="the thickness follows from a pad; leave it out"):
         dataclasses.replace(solid, layers=(Layer(thickness=1e-3, material=RUBBER),))
-    with pytest.raises(ValueError, match="a solid cover has one layer, not 2"):
+    with pytest.raises(ValueError, match="a pad has 1 layer, not 2: several layers need a mesh of hexahedra swept"):
         dataclasses.replace(solid, layers=(LAYER, LAYER))
 
 

@@ -119,7 +119,7 @@ class SolidBench(Bench):
 
     def verify(self, results: Sequence[CaseResult]) -> Iterator[Verification]:
         """Yield the checks of the elements: a shell with a closed form, and a finer mesh of the cover."""
-        material, thickness = self.cover.material, self.cover.thickness
+        material, thickness = self.cover.layers[0].material, self.cover.thickness
         meshes = tuple(grid.mesh for grid in self.derivation.responses.grids)
         yield Verification("verification of the elements on a shell", lambda: [check_shell(material, thickness)])
         yield Verification(

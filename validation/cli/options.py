@@ -78,7 +78,8 @@ class CoverChanges:
         Parameter(
             name="--layer",
             negative=(),
-            help="Changes one layer of the cover, 1 being the bottom one: 2:thickness=1mm,youngs_modulus=3GPa. "
+            help="Changes one layer of the cover, 1 being the bottom one, or adds one on top: "
+            "2:thickness=1mm,youngs_modulus=3GPa. "
             "Keys: thickness, material, youngs_modulus, poisson_ratio, hardness, model and its parameters. "
             "May be given several times.",
         ),

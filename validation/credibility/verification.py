@@ -341,11 +341,11 @@ def check_finer_mesh(
         raise ValueError("there is none, because the mesh of this cover was given or made of tetrahedra")
     if len(meshes) == 1:
         return []
-    finer = cover.refine(cover.thickness)
+    finer = cover.refine(cover.thicknesses)
     kinds = ([each for each in results if each.case.indenter.axisymmetric == wanted] for wanted in (True, False))
     out = []
     for result in (min(each, key=lambda result: result.reference.contact_area) for each in kinds if each):
-        alone = (take_meshes((mesh,), cover.material) for mesh in (finer, *meshes))
+        alone = (take_meshes((mesh,), cover.layers) for mesh in (finer, *meshes))
         exact, *found = (press_reference(each, array, result.case, friction=friction).texel_forces for each in alone)
         errors = tuple(float(np.abs(each - exact).max() / np.abs(exact).max()) for each in found)
         name = result.case.name

@@ -15,8 +15,9 @@ from fem_reference.curved_cover import texel_responses
 from fem_reference.curved_cover.facet_surface import FacetSurface
 from fem_reference.curved_cover.responses import build_solid, find_top
 from fem_reference.linear_response.surface_compliance import surface_compliance
-from meshes import Cover, Layer, Material, TexelArray
+from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray, IntArray
+from meshes.cover import Layers, scale_layers
 from meshes.solids.facets import QUADRILATERAL, facet_shape, split_facet, split_triangles
 from meshes.solids.solid_mesh import SolidMesh, measure_height
 from meshes.solids.texels import tangent_axes
@@ -44,7 +45,7 @@ class LatticeSettings:
     #: Loads or quadrature points that are treated at once, to limit the memory [-].
     block: int = 64
     #: Distance over the thickness to which the compliance of the flat layer is tabulated, and points of the table per
-    #: thickness [-].
+    #: thickness of the top layer [-].
     table: tuple[int, int] = (10, 20)
     #: Smallest local thickness of the layer over that of most of the cover, which tapers off where its top is bonded
     #: [-].
@@ -139,7 +140,7 @@ class SurfaceLoads:
         return cls(points=points, weights=weights, nodal=nodal, omitted=omitted / areas)
 
 
-def derive_points(mesh: SolidMesh, texels: TexelArray, material: Material) -> CoverPoints:
+def derive_points(mesh: SolidMesh, texels: TexelArray, layers: Layers) -> CoverPoints:
     """Compute the arrays of the fast model on the top of one mesh, or read them from the store.
 
     The compliance of the solid less that of a flat layer is smooth.  It is tabulated between loads that the elements
@@ -149,24 +150,26 @@ def derive_points(mesh: SolidMesh, texels: TexelArray, material: Material) -> Co
     Args:
         mesh: Mesh of the cover.
         texels: Texels on the base of the mesh.
-        material: Material; hyperelastic materials are linearised at zero load.
+        layers: Material of the cover, or its layers; hyperelastic materials are linearised at zero load.
 
     Raises:
         ValueError: If the mesh cannot be used or a texel is not on its base.
     """
-    responses = texel_responses([mesh], texels, material)
+    responses = texel_responses([mesh], texels, layers)
     top, base = responses.finest.top, FacetSurface.part_of(mesh.nodes, mesh.base)
     thickness = measure_height(mesh)
     heights = np.maximum(base.locate(top.nodes)[1], _SETTINGS.thinnest * thickness)
     centres, sizes = place_loads(mesh)
-    reach, per_thickness = _SETTINGS.table
-    layer = surface_compliance(Cover(layers=(Layer(thickness=thickness, material=material),)), reach * thickness)
-    radii: FloatArray = np.linspace(0, reach * thickness, reach * per_thickness + 1)
+    flat_layers = scale_layers(layers, thickness)
+    reach, points = _SETTINGS.table
+    layer = surface_compliance(Cover(layers=flat_layers), reach * thickness)
+    count = int(np.ceil(reach * points * thickness / flat_layers[-1].thickness))
+    radii: FloatArray = np.linspace(0, reach * thickness, count + 1)
     table = np.asarray(layer.regular(np.minimum(radii, layer.reach)))
     loads = SurfaceLoads.on(top, centres, sizes, _SETTINGS.parts[0])
 
     def compute() -> dict[str, FloatArray]:
-        solid, found = build_solid(mesh, material), np.empty((len(centres), len(centres)))
+        solid, found = build_solid(mesh, layers), np.empty((len(centres), len(centres)))
         for start in range(0, len(centres), _SETTINGS.block):
             part = slice(start, min(start + _SETTINGS.block, len(centres)))
             forces = np.zeros((part.stop - start, len(solid.nodes), 3))
@@ -177,7 +180,7 @@ def derive_points(mesh: SolidMesh, texels: TexelArray, material: Material) -> Co
         scale = np.maximum(base.locate(flat.points)[1] / thickness, _SETTINGS.thinnest)
         return {"remainder": (found + found.T) / 2 - _load_layer(flat, scale, radii, table, layer.half_space)}
 
-    inputs = {"mesh": mesh.digest, "material": material, "code": result_store.hash_file(__file__)}
+    inputs = {"mesh": mesh.digest, "material": layers, "code": result_store.hash_file(__file__)}
     shared, shares = _share_forces(top, centres, sizes, loads)
     return CoverPoints(
         points=top.nodes,

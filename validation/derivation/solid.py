@@ -119,7 +119,7 @@ class SolidDerivation:
 
         sensor = self.sensor
         mesh = choose_mesh(tuple(grid.mesh for grid in self.responses.grids))
-        surface = None if mesh is None else derive_points(mesh, sensor.array, sensor.cover.layers[0].material)
+        surface = None if mesh is None else derive_points(mesh, sensor.array, sensor.cover.layers)
         provenance = describe_provenance(sensor) | {"mesh": self.mesh.digest}
         return Parameters(
             array=sensor.array,
@@ -187,5 +187,5 @@ def _(cover: SolidCover, sensor: SensorDescription, progress: Progress | None = 
     from fem_reference.curved_cover import texel_responses
 
     started = time.perf_counter()
-    responses = texel_responses(make_meshes(sensor, progress), sensor.array, cover.material, progress=progress)
+    responses = texel_responses(make_meshes(sensor, progress), sensor.array, cover.layers, progress=progress)
     return SolidDerivation(sensor=sensor, responses=responses, seconds=time.perf_counter() - started)

@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from fastmodel.signal.electronics import TEXEL_FORCE
-from meshes import Cover, Layer
+from meshes import Cover
+from meshes.cover import ONE_LAYER, Layers
 from meshes.surfaces.files import SURFACES, TETRAHEDRA
 from meshes.surfaces.smooth import CREASE
 from validation.errors import InputError, shorten
@@ -162,8 +163,7 @@ class FlatCoverTable(Table):
 
     def make(self) -> Cover:
         """Make the cover that the table describes."""
-        layers = tuple(Layer(thickness=each.thickness, material=each.material) for each in self.layer)
-        return Cover(layers=layers, base=self.base, size=self.size)
+        return Cover(layers=tuple(each.make() for each in self.layer), base=self.base, size=self.size)
 
 
 #: A cover of flat layers.
@@ -171,10 +171,11 @@ FlatCover = Annotated[Cover, types.TableOr(FlatCoverTable, lambda value, read_ta
 
 
 class CurvedCoverTable(Table):
-    """A cover of one material whose shape is in files.
+    """A cover whose shape is in files: of one material, or of layers in a swept mesh.
 
     Attributes:
         material: Name of a material of the catalogue, or a table of a material model and its parameters.
+        layer: Layers from base to top of a mesh of hexahedra, instead of a material.
         surface: File of the outer surface.
         base: File of the surface to which the cover is bonded.
         mesh: File of tetrahedra, instead of surfaces.
@@ -186,7 +187,8 @@ class CurvedCoverTable(Table):
         crease_angle: Angle in degrees from which an edge of a surface stays sharp; 0 keeps all facets.
     """
 
-    material: types.AnyMaterial = Field(examples=["dragon-skin-30"])
+    material: types.AnyMaterial | None = None
+    layer: list[types.LayerTable] | None = None
     surface: str | None = None
     base: str | None = None
     mesh: str | None = None
@@ -197,9 +199,15 @@ class CurvedCoverTable(Table):
     left_out: list[Annotated[HalfSpace, types.Read(_read_half_space)]] | None = None
     crease_angle: Annotated[float, types.number(0, 180)] = CREASE
 
+    @property
+    def layers(self) -> Layers:
+        """The material of the cover, or its layers."""
+        return self.material or tuple(each.make() for each in self.layer or ())
+
     def list_faults(self) -> Iterator[tuple[str, str]]:
         """Yield faults of missing keys and of keys that exclude each other."""
         own = self.mesh is not None and self.mesh.lower().endswith(".npz")
+        yield from self._list_layer_faults(swept=own)
         if self.mesh is not None:
             replaced = ("surface", "thickness", "element_size", *(("left_out",) if own else ()))
             if given := [name for name in replaced if getattr(self, name) is not None]:
@@ -217,6 +225,13 @@ class CurvedCoverTable(Table):
             value = getattr(self, name)
             if value is not None and not value.lower().endswith(kinds):
                 yield name, f"{shorten(value)} has an unknown ending; accepted: {', '.join(kinds)}"
+
+    def _list_layer_faults(self, *, swept: bool) -> Iterator[tuple[str, str]]:
+        """Yield faults of a missing material, and of layers beside a material or without a mesh that may be swept."""
+        if self.layer is not None and (self.material is not None or not swept):
+            yield "layer", f'replaces material, and needs mesh = "mesh.npz": {ONE_LAYER}'
+        elif not (self.material or self.layer):
+            yield "material", 'is missing; write for example material = "dragon-skin-30"'
 
 
 class ContactTable(Table):

@@ -17,6 +17,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from meshes.array import MOST_TEXELS
 from meshes.catalogue import MATERIALS
+from meshes.cover import Layer
 from meshes.hardness import HardnessModulus
 from meshes.material import MODELS, Material
 from validation.errors import InputError, match_name, nearest, shorten
@@ -427,3 +428,7 @@ class LayerTable(Table):
 
     thickness: Length = Field(examples=["2 mm"])
     material: AnyMaterial = Field(examples=["dragon-skin-30"])
+
+    def make(self) -> Layer:
+        """Make the layer that the table describes."""
+        return Layer(thickness=self.thickness, material=self.material)

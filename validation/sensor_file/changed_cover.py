@@ -32,7 +32,7 @@ _Change: Any = create_model("_Change", __base__=Table, **_OPTIONAL)
 def change_cover(
     cover: Cover | SolidCover, *, material: str | None = None, thickness: str | None = None, layers: Sequence[str] = ()
 ) -> Cover | SolidCover:
-    """Replace a cover by one layer if a material or a thickness is given, then change single layers.
+    """Replace a cover by one layer if a material or a thickness is given, then change single layers or add some on top.
 
     The result is no longer labelled as assumed if every layer has a new thickness and a new material.
 
@@ -61,11 +61,18 @@ def change_cover(
         assumed = assumed and len(replaced) == 1
     changes: dict[int, dict[str, str]] = {}
     for text in layers:
-        if change := faults.read(read_change, text, len(kept)):
+        if change := faults.read(read_change, text, max([len(kept), *changes])):
             changes.setdefault(change[0], {}).update(change[1])
     changed = list(kept)
-    for number, values in changes.items():
-        changed[number - 1] = faults.read(_change_layer, kept[number - 1], values, f"--layer {number}: ")
+    for number, values in sorted(changes.items()):
+        if number > len(changed):
+            changed.append(kept[-1])
+            if not _is_known(values):
+                faults.append(
+                    f"--layer: the cover has no layer {number}; a new one on top needs thickness and material: "
+                    f"--layer {number}:thickness=0.2mm,material=pet"
+                )
+        changed[number - 1] = faults.read(_change_layer, changed[number - 1], values, f"--layer {number}: ")
     faults.refuse()
     known = len(changes) == len(changed) and all(map(_is_known, changes.values()))
     with at("--thickness: "):
@@ -76,7 +83,8 @@ def read_change(text: str, count: int) -> tuple[int, dict[str, str]]:
     """Parse one change of a layer, for example `2:thickness=1mm,material=pet`.
 
     Args:
-        text: The change: the number of the layer, 1 for the bottom one, and its new values by their keys.
+        text: The change: the number of the layer, 1 for the bottom one, and its new values by their keys; a layer above
+            the top one is new.
         count: Number of layers of the cover [-].
 
     Returns:
@@ -88,7 +96,7 @@ def read_change(text: str, count: int) -> tuple[int, dict[str, str]]:
     number, colon, rest = text[:_LONGEST].partition(":")
     if len(text) > _LONGEST or not colon or not re.fullmatch(r"\s*\d{1,4}\s*", number):
         raise InputError(f"--layer: {text[:80]!r} is not a layer's number, a colon and KEY=VALUE; {_EXAMPLE}")
-    if not 1 <= int(number) <= count:
+    if not 1 <= int(number) <= count + 1:
         known = "only layer 1" if count == 1 else f"layers 1 (bottom) to {count} (top)"
         raise InputError(f"--layer: the cover has no layer {int(number)}, {known}; {_EXAMPLE}")
     faults, change = Faults(), {}

@@ -51,6 +51,8 @@ _MOUNTING = 0.06
 _UPRIGHT = 0.02
 #: Largest distance over which a texel is moved onto the base of a cover, over the cover's mean thickness [-].
 _FARTHEST = 2.5
+#: Tolerance of the thickness of layers against that of the mesh [-].
+_SAME_HEIGHT = 0.02
 #: Tolerance of the total volume of tetrahedra, over the volume [-].
 _SAME = 1e-6
 
@@ -81,7 +83,7 @@ def build_solid(table: CurvedCoverTable, folder: Path) -> SolidCover:
     from fem_reference import result_store
 
     keep = partial(result_store.fetch, "cover-mesh")
-    return make_shell_cover(shell, table.material, source, keep, element_size=table.element_size)
+    return make_shell_cover(shell, table.layers, source, keep, element_size=table.element_size)
 
 
 def project_texels(texels: TexelArray, cover: SolidCover) -> TexelArray:
@@ -229,7 +231,9 @@ def _take_mesh(table: CurvedCoverTable, folder: Path) -> SolidCover:
             "; ".join(quality.faults) + f': write surface = "{table.mesh}" instead of mesh, and its boundary is meshed'
         )
     source = f"{path.name}, {quality.elements} {quality.kind}"
-    return take_meshes((mesh,), table.material, source, tuple(notes))
+    if table.layer and abs(sum(each.thickness for each in table.layer) / quality.thickness - 1) > _SAME_HEIGHT:
+        raise ValueError(f"layer: the thicknesses do not sum to {1e3 * quality.thickness:.4g} mm, that of {path.name}")
+    return take_meshes((mesh,), table.layers, source, tuple(notes))
 
 
 def _refuse_overlap(corners: FloatArray, boundary: FloatArray, name: str) -> None:
