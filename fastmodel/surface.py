@@ -109,6 +109,8 @@ _INFLUENCE_TOLERANCE = 1e-7
 #: Edge of the square patch on which the modulus of the elastic foundation is matched to the cover, over the thickness
 #: of the cover [-].
 _PATCH = 4
+#: Parts of a cell along each side over which the compliance of the flat layer is averaged [-].
+_PARTS = 8
 #: Number of dimensions of a matrix.
 _MATRIX = 2
 
@@ -507,9 +509,10 @@ class CoverPoints:
         # Displacement of a half space under a pressure on a rectangle (Love, Phil. Trans. R. Soc. A 228, 1929).
         corners = [(x + a, y + b, 1), (x - a, y + b, -1), (x + a, y - b, -1), (x - a, y - b, 1)]
         near = sum(sign * (u * np.arcsinh(v / np.abs(u)) + v * np.arcsinh(u / np.abs(v))) for u, v, sign in corners)
-        away = np.maximum(np.hypot(x, y), min(width, height) / 2)
-        smooth = self.move_layer(away) - self.top_compliance / away
-        smooth[0, 0] = self.layer[0]
+        # Cells may be wider than the top layer is thick.
+        part = (np.arange(_PARTS) + 0.5) / _PARTS - 0.5
+        away = np.hypot(x[..., None, None] + width * part, y[..., None, None] + height * part[:, None])
+        smooth = (self.move_layer(away) - self.top_compliance / away).mean(axis=(2, 3))
         square = 4 * float(np.arcsinh(1.0)) * self.top_compliance / np.sqrt(width * height)
         # A patch of the layer as wide as a few thicknesses, whose displacement in the middle is nearly even.
         radius = self.layer_step * np.arange(len(self.layer))
