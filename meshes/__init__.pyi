@@ -1,7 +1,7 @@
 # The public names of `meshes`.  A module is imported when one of its names is first used.
 
 from .array import TexelArray as TexelArray
-from .cover import Cover as Cover, Layer as Layer, SolidCover as SolidCover
+from .cover import Cover as Cover, SolidCover as SolidCover
 from .indenters.shapes import (
     Box as Box,
     Cone as Cone,
@@ -17,6 +17,7 @@ from .indenters.shapes import (
     Sphere as Sphere,
 )
 from .indenters.triangle_mesh import TriangleMesh as TriangleMesh
+from .layer import Layer as Layer
 from .material import Material as Material
 from .pose import Pose as Pose
 from .surfaces.files import read_stl as read_stl

@@ -8,7 +8,8 @@ from types import MappingProxyType
 import numpy as np
 
 from meshes.array import TexelArray
-from meshes.cover import Cover, Layer
+from meshes.cover import Cover
+from meshes.layer import Layer
 from meshes.material import Material
 
 #: Distance between the centres of neighbouring texels, along x and y, of the arrays in `ARRAYS` [m].

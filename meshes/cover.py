@@ -3,58 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
 
 from meshes.array_types import FloatArray, is_positive
-from meshes.material import Material
+from meshes.layer import ONE_LAYER, Layer
 
 if TYPE_CHECKING:
     from meshes.solids import SolidMesh
 
-#: Remedy where a cover cannot have several layers.
-ONE_LAYER = "several layers need a mesh of hexahedra swept from the base, as of the built-in covers"
 #: Support of the bottom layer on the rigid base.
 Base = Literal["bonded", "sliding"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Layer:
-    """One elastic layer of a cover.
-
-    Attributes:
-        thickness: Thickness of the layer [m].
-        material: Material of the layer.
-    """
-
-    thickness: float
-    material: Material
-
-    def __post_init__(self) -> None:
-        """Check the thickness and the material.
-
-        Raises:
-            ValueError: If the thickness is not positive and finite.
-            TypeError: If the material is not a `Material`.
-        """
-        if not is_positive(self.thickness):
-            raise ValueError(f"thickness must be positive, not {self.thickness} m")
-        if not isinstance(self.material, Material):
-            raise TypeError(f"material must be a Material, for example MATERIALS['tpu'], not {self.material!r}")
-
-
-#: Material of a whole cover, or its layers from base to top, of whose thicknesses only the ratios count.
-Layers = Material | tuple[Layer, ...]
-
-
-def scale_layers(layers: Layers, thickness: float) -> tuple[Layer, ...]:
-    """Return layers, or the one layer of a material, with a total thickness [m]."""
-    if isinstance(layers, Material):
-        return (Layer(thickness=thickness, material=layers),)
-    factor = thickness / sum(each.thickness for each in layers)
-    return tuple(replace(each, thickness=factor * each.thickness) for each in layers)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -35,7 +35,7 @@ from fem_reference.small_strain_contact.friction_cells import RubbingContact, Ve
 from fem_reference.small_strain_contact.frictionless import CellGrid, ContactPatch, measure_area, solve_contact
 from meshes import Cover, Indenter
 from meshes.array_types import BoolArray, FloatArray
-from meshes.cover import scale_layers
+from meshes.layer import scale_layers
 from meshes.pose import Pose
 from meshes.solids.facets import node_normals
 

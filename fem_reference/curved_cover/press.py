@@ -49,7 +49,7 @@ from fem_reference.indentation.result import (
 )
 from meshes import Cover, SolidCover
 from meshes.array_types import FloatArray
-from meshes.cover import Layers, scale_layers
+from meshes.layer import Layers, scale_layers
 from meshes.solids.facets import area_vectors, facet_shape
 from meshes.solids.solid_mesh import SolidMesh, measure_thickness
 

@@ -29,7 +29,7 @@ from fem_reference.finite_strain.loading_path import Progress, report
 from fem_reference.grid_convergence import field_convergence
 from meshes import TexelArray
 from meshes.array_types import BoolArray, FloatArray
-from meshes.cover import Layers
+from meshes.layer import Layers
 from meshes.solids.facets import facet_shape, split_facet
 from meshes.solids.solid_mesh import SolidMesh, check_quality, check_texels, measure_thickness
 from meshes.solids.texels import covered_share

@@ -19,7 +19,7 @@ from fem_reference.finite_strain.loading_path import Units
 from fem_reference.sparse_solver import ConstrainedSystem
 from meshes import Cover
 from meshes.array_types import FloatArray, IntArray
-from meshes.cover import Layers, scale_layers
+from meshes.layer import Layers, scale_layers
 from meshes.solids.solid_mesh import SolidMesh, assign_layers, measure_thickness
 
 #: Number of right-hand sides that are solved at once, to limit the memory [-].

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from meshes.cover import Layer, Layers, SolidCover, scale_layers
+from meshes.cover import SolidCover
+from meshes.layer import Layer, Layers, scale_layers
 from meshes.material import Material
 from meshes.solids.shell import Shell
 from meshes.solids.solid_mesh import ARRAYS, LIMITS, SolidMesh, assign_layers, check_quality, measure_thickness

@@ -16,7 +16,7 @@ from meshes.array import TexelArray
 from meshes.array_types import BoolArray, FloatArray, IntArray
 from meshes.atomic_file import replace
 from meshes.bounded_file import FileLimitError, pack_npz, parse_json, read_bytes, unpack_npz
-from meshes.cover import ONE_LAYER, Layers, scale_layers
+from meshes.layer import ONE_LAYER, Layers, scale_layers
 from meshes.solids.facets import (
     QUADRATIC_TRIANGLE,
     QUADRILATERAL,

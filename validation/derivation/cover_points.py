@@ -17,7 +17,7 @@ from fem_reference.curved_cover.responses import build_solid, find_top
 from fem_reference.linear_response.surface_compliance import surface_compliance
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray, IntArray
-from meshes.cover import Layers, scale_layers
+from meshes.layer import Layers, scale_layers
 from meshes.solids.facets import QUADRILATERAL, facet_shape, split_facet, split_triangles
 from meshes.solids.solid_mesh import SolidMesh, measure_height
 from meshes.solids.texels import tangent_axes

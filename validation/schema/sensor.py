@@ -10,7 +10,7 @@ from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, mode
 
 from fastmodel.signal.electronics import TEXEL_FORCE
 from meshes import Cover
-from meshes.cover import ONE_LAYER, Layers
+from meshes.layer import ONE_LAYER, Layers
 from meshes.surfaces.files import SURFACES, TETRAHEDRA
 from meshes.surfaces.smooth import CREASE
 from validation.errors import InputError, shorten

@@ -17,8 +17,8 @@ from pydantic_core import CoreSchema, core_schema
 
 from meshes.array import MOST_TEXELS
 from meshes.catalogue import MATERIALS
-from meshes.cover import Layer
 from meshes.hardness import HardnessModulus
+from meshes.layer import Layer
 from meshes.material import MODELS, Material
 from validation.errors import InputError, match_name, nearest, shorten
 from validation.schema import Table
