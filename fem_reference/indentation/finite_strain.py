@@ -313,9 +313,9 @@ def _needs_no_correction(path: LoadingPath, accurate: Sequence[Sequence[GridSolu
 def _find_limit(path: LoadingPath, grids: Sequence[GridSolution]) -> GridSolution:
     """Return the accurate small-strain solution of one target.
 
-    Under a flat face without friction it is extrapolated to element size zero, else it is that of the finest grid.
+    Under a flat face it is extrapolated to element size zero, else it is that of the finest grid.
     """
-    return extrapolate_solutions(grids) if path.indenter.is_flat and not path.baseline_friction else grids[-1]
+    return extrapolate_solutions(grids) if path.indenter.is_flat else grids[-1]
 
 
 def pair_grids(solved: Sequence[Sequence[Sequence[GridSolution]]]) -> SolvedPair:

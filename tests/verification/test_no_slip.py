@@ -136,6 +136,7 @@ def reactions(monkeypatch):
     return seen
 
 
+@pytest.mark.slow
 def test_a_face_that_would_pull_a_stiff_foil_separates_from_it():
     silicone, film = cover(0.49).layers[0], cover(0.38, thickness=1e-4).layers[0]
     foil = replace(film, material=replace(film.material, parameters={"youngs_modulus": 3e9}))
