@@ -512,10 +512,11 @@ class CoverPoints:
         # Cells may be wider than the top layer is thick.
         part = (np.arange(_PARTS) + 0.5) / _PARTS - 0.5
         away = np.hypot(x[..., None, None] + width * part, y[..., None, None] + height * part[:, None])
-        smooth = (self.move_layer(away) - self.top_compliance / away).mean(axis=(2, 3))
+        radius = self.layer_step * np.arange(len(self.layer))
+        within = np.interp(away, radius, self.layer)
+        smooth = np.where(away < radius[-1], within, -self.top_compliance / away).mean(axis=(2, 3))
         square = 4 * float(np.arcsinh(1.0)) * self.top_compliance / np.sqrt(width * height)
         # A patch of the layer as wide as a few thicknesses, whose displacement in the middle is nearly even.
-        radius = self.layer_step * np.arange(len(self.layer))
         inside = radius <= _PATCH / 2 * self.thickness
         moved = 2 * np.pi * (radius * self.layer + self.top_compliance)
         return LayerCells(
