@@ -19,6 +19,7 @@ from tests.exact.sphere_contact import press_ball
 SIZE = (14e-3, 14e-3)
 PAD = flat_pad(size=SIZE, rows=3)
 CORE, THICKNESS = 6e-3, 2e-3
+BALL = Sphere(radius=4e-3)
 
 
 def elastic(modulus, ratio):
@@ -40,19 +41,18 @@ def solid_pad(layers, pad=PAD):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "layers",
+    ("layers", "indenter"),
     [
-        stack((1.6e-3, SOFT), (0.4e-3, elastic(5e6, 0.45))),
-        stack((1.5e-3, elastic(4e6, 0.45)), (0.5e-3, SOFT)),
-        stack((1.95e-3, SOFT), (0.05e-3, elastic(3e9, 0.38))),
+        (stack((1.6e-3, SOFT), (0.4e-3, elastic(5e6, 0.45))), BALL),
+        (stack((1.5e-3, elastic(4e6, 0.45)), (0.5e-3, SOFT)), Box(size=(3e-3, 3e-3, 5e-3))),
+        (stack((1.95e-3, SOFT), (0.05e-3, elastic(3e9, 0.38))), BALL),
     ],
 )
-@pytest.mark.parametrize("indenter", [Sphere(radius=4e-3), Box(size=(3e-3, 3e-3, 5e-3))])
 def test_a_layered_pad_is_the_flat_cover_of_the_same_layers(layers, indenter):
     pose = Pose.facing([0.3e-3, 0.2e-3, 5e-3], [0, 0, -1])
     found = press(solid_pad(layers), PAD.texels, indenter, pose, load=0.5)
     known = press(Cover(layers=layers, size=SIZE), PAD.texels, indenter, pose, load=0.5)
-    error = {name: found.error_estimate[name] + known.error_estimate[name] for name in found.error_estimate}
+    error = {name: found.error_estimate[name] + known.error_estimate[name] for name in ("depth", "peak_texel")}
     assert found.depth == pytest.approx(known.depth, rel=min(error["depth"], 0.003))
     peak = np.abs(known.texel_forces).max()
     np.testing.assert_allclose(found.texel_forces, known.texel_forces, atol=min(error["peak_texel"], 0.005) * peak)
