@@ -98,7 +98,10 @@ def read_change(text: str, count: int) -> tuple[int, dict[str, str]]:
         raise InputError(f"--layer: {text[:80]!r} is not a layer's number, a colon and KEY=VALUE; {_EXAMPLE}")
     if not 1 <= int(number) <= count + 1:
         known = "only layer 1" if count == 1 else f"layers 1 (bottom) to {count} (top)"
-        raise InputError(f"--layer: the cover has no layer {int(number)}, {known}; {_EXAMPLE}")
+        raise InputError(
+            f"--layer: the cover has no layer {int(number)}, {known}; a new one on top has the number "
+            f"{count + 1}; {_EXAMPLE}"
+        )
     faults, change = Faults(), {}
     for part in rest.split(","):
         key, equals, value = (piece.strip() for piece in part.partition("="))

@@ -81,7 +81,7 @@ def test_a_layer_of_a_replaced_cover_can_be_changed():
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("4:thickness=1mm", "no layer 4, layers 1 (bottom) to 2 (top)"),
+        ("4:thickness=1mm", "no layer 4, layers 1 (bottom) to 2 (top); a new one on top has the number 3"),
         ("thickness=1mm", "is not a layer's number"),
         ("²:thickness=1mm", "is not a layer's number"),
         ("1:", '"": unknown key'),
