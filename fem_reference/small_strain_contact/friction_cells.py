@@ -39,6 +39,8 @@ class FrictionSettings(ActiveSetSettings):
     settled: float = 1e-3
     #: Ratio of two successive changes of the shear above which the return mapping is made softer [-].
     shrinks: float = 0.9
+    #: As `patience`, without slip, before cells at the border may slide [-].
+    sticking_patience: int = 3
     #: Tolerance of the travel in the search for a load, over the last step [-].
     depth: float = 1e-4
 
@@ -195,7 +197,7 @@ class RubbingContact:
         Raises:
             ConvergenceError: If the open, sticking and sliding cells are not found.
         """
-        gap, slips = self.gap(travel), np.isfinite(self.friction)
+        gap, slips = self.gap(travel), bool(np.isfinite(self.friction))
         allowed = np.isfinite(gap)
         gap = np.where(allowed, gap, 0.0)
         record = self._predict_touch(last, gap, travel)
@@ -206,17 +208,23 @@ class RubbingContact:
             guess = last.touching
         touching, traction = allowed & guess, last.traction
         # Cells that touch in this step first slide without shear: those at the border would pull if they stuck.
-        slides, exchange = slips & ~last.touching, Exchange(gap.size, _SETTINGS.patience)
+        slides = slips & ~last.touching
+        # Without slip they do only if they would otherwise pull in contact and overlap out of it in turn.
+        yields, residual = slips, _SETTINGS.residual if slips else _SETTINGS.loose_residual
+        exchange = Exchange(gap.size, _SETTINGS.patience if slips else _SETTINGS.sticking_patience)
         softness, before = self.compliance.own, np.inf
         for _ in range(_SETTINGS.exchanges):
             sticks = touching & ~slides
             fixed = np.concatenate([0 * traction[:1], np.where(touching & slides, traction[1:], 0.0)])
             wanted = goal - self.compliance.displace(fixed) if slides.any() else goal
             held = np.stack([touching, sticks, sticks])
-            traction = fixed + solve_displacement(self.compliance, wanted, held, traction, _SETTINGS.residual)
+            traction = fixed + solve_displacement(self.compliance, wanted, held, traction, residual)
             moved = self.compliance.displace(traction)
             pulls, overlaps = touching & (traction[0] < 0), allowed & ~touching & (gap + moved[0] < least)
             wrong = pulls | overlaps
+            if residual > _SETTINGS.residual and not 0 < wrong.sum() < exchange.fewest:
+                residual, exchange = _SETTINGS.residual, Exchange(gap.size, _SETTINGS.sticking_patience)
+                continue
             # Single cells that are wrong by less than the residual would change for ever.
             slight = (
                 traction[0].min(initial=0.0, where=pulls) + _SETTINGS.flicker * traction[0].max() >= 0
@@ -224,9 +232,11 @@ class RubbingContact:
             )
             if wrong.any() and not (exchange.is_single and slight):
                 wrong = exchange.choose(wrong)
+                if exchange.is_single and not yields:
+                    yields, slides, exchange = True, slides | ~touching, Exchange(gap.size, _SETTINGS.patience)
                 # A sticking cell that pulls slides without shear before it opens.
-                freed = wrong & sticks & slips
-                slides |= wrong & slips
+                freed = wrong & sticks & yields
+                slides |= wrong & yields
                 traction = np.where(freed, traction[:1] * np.array([1.0, 0.0, 0.0])[:, None, None], traction)
                 touching = touching ^ (wrong & ~freed)
                 continue
