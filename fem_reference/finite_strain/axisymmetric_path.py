@@ -131,7 +131,7 @@ def press_axisymmetric(
             record=steps.append,
         )
     except PathConvergenceError as error:
-        error.solved = SolvedPath(elements=elements, equilibria=(), steps=steps)
+        error.solved = SolvedPath(elements=elements, equilibria=(), steps=steps, coarse=coarse)
         raise
     solved = SolvedPath(elements=elements, equilibria=reached, steps=steps, coarse=coarse)
     states = [_describe_state(solid, path, each, radial) for each in reached]

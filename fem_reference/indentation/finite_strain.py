@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from fem_reference.errors import PathConvergenceError
 from fem_reference.finite_strain.axisymmetric_path import DEEP, press_axisymmetric
 from fem_reference.finite_strain.block_path import Block, is_rectangular, lay_out_block, lay_out_cover, press_paired
 from fem_reference.finite_strain.contact_problem import OVERLAP, SolvedPath
-from fem_reference.finite_strain.loading_path import LoadingPath, Progress, name_grid
+from fem_reference.finite_strain.loading_path import LoadingPath, Progress, name_grid, report
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import (
     GridSolution,
@@ -395,21 +396,30 @@ def study_path(
     accurate, approach = None, 0.0
     if in_plane and not indenter.is_flat and rubbing is None:
         contact = small_strain.estimate_contact(path, None, progress)
-        solutions = _solve_axisymmetric(path.at_model_strain, contact, progress, refinement, start=start)
-        assumptions = state_rounding(indenter, choose_fillet(cover.thickness, indenter))
+        fillet = choose_fillet(cover.thickness, indenter)
+        solutions = _solve_axisymmetric(path.at_model_strain, contact, progress, refinement, fillet, start=start)
+        assumptions = state_rounding(indenter, fillet)
     else:
         accurate = rubbing or small_strain.study_path(path, None if cover.size is None else place, progress)
         contact, approach = accurate.solutions[-1][0].contact[:, :2], accurate.solutions[-1][-1].depth
         fillet = choose_fillet(cover.thickness, indenter, approach) if in_plane else min(grid.fillet for grid in grids)
 
         def solve(part: LoadingPath, approaches: Sequence[float]) -> SolvedPair:
-            """Solve a loading path and its baseline on three grids."""
-            if in_plane:
-                baseline = _solve_axisymmetric(part.baseline, contact, progress, refinement, approach=approach)
-                return baseline, _solve_axisymmetric(
-                    part, contact, progress, refinement, approach=approach, start=start
-                )
-            return _solve_block_pair(part, approaches, grids=grids, contact=contact, pose=pose, progress=progress)
+            """Solve a loading path and its baseline on three grids; if a finer one fails, with a wider edge."""
+            nonlocal fillet
+            if not in_plane:
+                return _solve_block_pair(part, approaches, grids=grids, contact=contact, pose=pose, progress=progress)
+            run = partial(_solve_axisymmetric, contact=contact, progress=progress, refinement=refinement)
+            try:
+                baseline = run(part.baseline, fillet=fillet, approach=approach)
+                return baseline, run(part, fillet=fillet, approach=approach, start=start)
+            except PathConvergenceError as error:
+                wider = choose_fillet(cover.thickness, indenter, _DEEPEST * cover.thickness)
+                if error.solved is None or error.solved.coarse is None or fillet == wider:
+                    raise
+                report(progress, f"edge rounded with {1e3 * wider:.2g} mm, because the cover does not follow it else")
+                fillet = wider
+                return solve(part, approaches)
 
         solutions = correct_path(path, accurate.solutions, solve)
         assumptions = state_correction(path, accurate.solutions, fillet)
@@ -492,6 +502,7 @@ def _solve_axisymmetric(
     contact: FloatArray,
     progress: Progress,
     refinement: int,
+    fillet: float,
     *,
     approach: float = 0.0,
     start: SolvedPath | None = None,
@@ -503,6 +514,7 @@ def _solve_axisymmetric(
         contact: m points of the largest small-strain contact, columns x, y [m], shape (m, 2).
         progress: Called with a line of text after each step.
         refinement: Number of grids that are skipped at the coarse end and added at the fine end [-].
+        fillet: Radius of rounded edges on the finest of the first three grids [m].
         approach: Small-strain depth at the last target under a flat face [m].
         start: Part of this path that was solved before, for initial guesses.
 
@@ -511,7 +523,6 @@ def _solve_axisymmetric(
     """
     cover, indenter = path.cover, path.indenter
     grids = GRIDS[refinement : refinement + 3]
-    fillet = choose_fillet(cover.thickness, indenter, approach)
 
     def compute() -> list[list[GridSolution]]:
         radius = max(indenter.footprint) if indenter.is_flat else float(np.hypot(*contact[:, :2].T).max())
