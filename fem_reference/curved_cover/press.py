@@ -23,7 +23,7 @@ import numpy as np
 from fem_reference import result_store
 from fem_reference.curved_cover.facet_surface import FacetSurface, quadrature
 from fem_reference.curved_cover.local_contact import CellContact, CellPress
-from fem_reference.curved_cover.penetration import check_penetration, shape_error, warn_of_shape
+from fem_reference.curved_cover.penetration import check_penetration, measure_penetration, shape_error, warn_of_shape
 from fem_reference.curved_cover.rays import explain_miss, find_touch, measure_gaps
 from fem_reference.curved_cover.responses import (
     build_solid,
@@ -310,7 +310,10 @@ def _require_touch(top: FacetSurface, problem: PressProblem) -> float:
         ValueError: If the indenter never touches.
     """
     touch = find_touch(top, problem.indenter, problem.pose)
-    if not -np.ptp(top.nodes @ problem.pose.towards) <= touch < np.inf:  # missed, or passed by the whole cover
+    # An indenter that begins beyond the top has passed it, unless it overlaps the top, as a tilted one may.
+    passed = touch < -np.ptp(top.nodes @ problem.pose.towards)
+    inside = measure_penetration(problem.indenter, problem.pose.points_to_indenter(top.nodes)).max()
+    if touch == np.inf or (passed and inside <= 0):
         raise ValueError(explain_miss(top, problem.pose))
     return touch
 

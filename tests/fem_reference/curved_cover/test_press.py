@@ -117,6 +117,20 @@ def test_an_indenter_that_fits_between_the_points_of_the_mesh_is_told_so():
         press(SOLID, COVER.texels, Sphere(radius=1e-5), at_angle(0.0, y=7e-3), load=1e-3)
 
 
+def test_a_tilted_box_may_start_inside_a_flat_pad():
+    """Its edge lies below the point that it is placed at; a pad, unlike a curved cover, has no height to spare."""
+    pad = flat_pad(size=(8e-3, 8e-3), rows=2)
+    solid = take_meshes([pad.mesh(1.5e-3, layers=2)], RUBBER)
+    box, above = Box(size=(3e-3, 4e-3, 3e-3)), Pose(point=(0, 0, 2e-3), tilt=(0.0, np.pi / 4))
+    inside, free = (
+        press(solid, pad.texels, box, dataclasses.replace(above, point=(0, 0, z)), load=0.05) for z in (2e-3, 6e-3)
+    )
+    assert inside.depth == pytest.approx(free.depth, rel=1e-6)
+    behind = dataclasses.replace(above, point=(0, 0, -20e-3))
+    with pytest.raises(ValueError, match=r"never touches|passes between"):
+        press(solid, pad.texels, box, behind, load=0.05)
+
+
 @pytest.mark.parametrize("height", [0.2e-3, 1e-3])
 def test_how_high_a_shape_is_does_not_matter(height):
     """A plate less high than the largest depth passes points on its way to it, one of 0.2 mm those that it presses."""
