@@ -16,6 +16,7 @@ error of a fraction of a percent is acceptable, and three grids would take too l
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -405,21 +406,19 @@ def study_path(
         fillet = choose_fillet(cover.thickness, indenter, approach) if in_plane else min(grid.fillet for grid in grids)
 
         def solve(part: LoadingPath, approaches: Sequence[float]) -> SolvedPair:
-            """Solve a loading path and its baseline on three grids; if a finer one fails, with a wider edge."""
+            """Solve a loading path and its baseline on three grids."""
             nonlocal fillet
             if not in_plane:
                 return _solve_block_pair(part, approaches, grids=grids, contact=contact, pose=pose, progress=progress)
-            run = partial(_solve_axisymmetric, contact=contact, progress=progress, refinement=refinement)
-            try:
-                baseline = run(part.baseline, fillet=fillet, approach=approach)
-                return baseline, run(part, fillet=fillet, approach=approach, start=start)
-            except PathConvergenceError as error:
-                wider = choose_fillet(cover.thickness, indenter, _DEEPEST * cover.thickness)
-                if error.solved is None or error.solved.coarse is None or fillet == wider:
-                    raise
-                report(progress, f"edge rounded with {1e3 * wider:.2g} mm, because the cover does not follow it else")
-                fillet = wider
-                return solve(part, approaches)
+
+            def run(radius: float) -> SolvedPair:
+                press = partial(_solve_axisymmetric, contact=contact, progress=progress, refinement=refinement)
+                baseline = press(part.baseline, fillet=radius, approach=approach)
+                return baseline, press(part, fillet=radius, approach=approach, start=start)
+
+            wider = choose_fillet(cover.thickness, indenter, _DEEPEST * cover.thickness)
+            found, fillet = _widen_edge(run, fillet, wider, progress)
+            return found
 
         solutions = correct_path(path, accurate.solutions, solve)
         assumptions = state_correction(path, accurate.solutions, fillet)
@@ -434,6 +433,31 @@ def study_path(
         assumptions=assumptions,
         warnings=warn_of_boundary(cover) if cover.size is None else (),
     )
+
+
+def _widen_edge(
+    run: Callable[[float], SolvedPair], fillet: float, wider: float, progress: Progress
+) -> tuple[SolvedPair, float]:
+    """Solve with rounded edges of one radius, or with a wider one where a finer grid does not converge.
+
+    Args:
+        run: Function that solves with edges of a radius [m].
+        fillet: The radius [m].
+        wider: The wider radius [m].
+        progress: Called with a line of text before the second attempt.
+
+    Returns:
+        Solutions and radius [m].  Those with the wider radius are read from the result store if they are there.
+    """
+    with contextlib.suppress(result_store.NotStoredError), result_store.stored_only():
+        return run(wider), wider
+    try:
+        return run(fillet), fillet
+    except PathConvergenceError as error:
+        if error.solved is None or error.solved.coarse is None or fillet == wider:
+            raise
+        report(progress, f"edge rounded with {1e3 * wider:.2g} mm: no convergence with a sharper one")
+        return run(wider), wider
 
 
 def _solve_block_pair(

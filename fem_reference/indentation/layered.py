@@ -37,7 +37,7 @@ from fem_reference.indentation.grid_solution import (
     extrapolate_solutions,
 )
 from fem_reference.indentation.result import Indentation, PressProblem, state_missed_accuracy, warn_of_errors
-from fem_reference.linear_response.surface_compliance import decay_length
+from fem_reference.linear_response.surface_compliance import decay_length, membrane_length
 from fem_reference.materials import describe_instability, warn_of_instability
 from meshes import Cover, tilt_indenter
 from meshes.array_types import FloatArray
@@ -368,7 +368,8 @@ def is_far_from_sides(path: LoadingPath, place: Place, progress: Progress = None
     wide = replace(cover, size=None)
     contact = small_strain.estimate_contact(replace(path, cover=wide), None, progress)
     nearest = min(edge / 2 - abs(at) for edge, at in zip(cover.size, place.pose.at, strict=True))
-    return bool(nearest - np.hypot(*contact.T).max() > _FAR_SIDES[cover.base] * decay_length(wide))
+    length = max(decay_length(wide), membrane_length(wide) if path.friction else 0.0)
+    return bool(nearest - np.hypot(*contact.T).max() > _FAR_SIDES[cover.base] * length)
 
 
 def _shorten(path: LoadingPath, error: Exception, within: float) -> LoadingPath:

@@ -16,13 +16,14 @@ from functools import lru_cache, partial
 import numpy as np
 
 from fem_reference import result_store
+from fem_reference.errors import UnsupportedError
 from fem_reference.finite_strain.loading_path import LoadingPath, Progress, report
 from fem_reference.indentation import small_strain
 from fem_reference.indentation.grid_solution import GridSolution, GridStudy, correct_solution, scale_to_target
 from fem_reference.linear_response.point_spread import PointSpread
-from fem_reference.linear_response.surface_compliance import decay_length
+from fem_reference.linear_response.surface_compliance import decay_length, membrane_length
 from fem_reference.linear_response.vector_compliance import VectorCompliance, spread_shear
-from fem_reference.small_strain_contact.free_edges import SideEdges
+from fem_reference.small_strain_contact.free_edges import SideEdges, find_mirror_planes
 from fem_reference.small_strain_contact.friction_cells import RubbingContact, RubbingState, VectorOperator
 from fem_reference.small_strain_contact.frictionless import (
     CellGrid,
@@ -37,13 +38,17 @@ from meshes.pose import Place
 #: Number of cells across the contact of a curved indenter on all grids [-].  Three neighbouring grids give a result and
 #: its error.
 GRIDS = (32, 48, 64, 96, 144)
-#: Steps from first touch per cell across the contact, with slip and without [-].  Slip forgets the way to a load; cells
-#: that stick keep the error of every step.
+#: Steps from first touch per cell across the contact, with slip and without [-].  Cells that stick keep the error of
+#: every step, and cells that slip do not.
 _STEPS = (0.5, 1.0)
 #: Half width of the cells under a curved indenter, over that of the contact without friction [-].
 _MARGIN = 1.12
-#: Smallest estimated relative error under a curved indenter, due to the tolerance of the slip [-].
+#: Smallest estimated relative error with slip or under a curved indenter, due to the tolerance of the slip [-].
 _LEAST_ERROR = 5e-4
+
+#: Decay length of the stretch of a stiff top over that of the response above which sides are not solved [-]; they are
+#: surrounded by 6 to 8 decay lengths of the response.
+_STRETCHED = 2.0
 
 _tabulate = lru_cache(maxsize=4)(VectorCompliance.tabulate)
 
@@ -62,8 +67,10 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
 
     Raises:
         ConvergenceError: If contact and slip are not found.
+        UnsupportedError: If the shear would move the cover, or reaches farther than the surroundings of its sides.
     """
     cover, indenter, finest = path.cover, path.indenter, refinement + 3
+    _check_shear(path, place)
     response, least = small_strain.respond(cover, place, progress), small_strain.least_error(cover)
     if isinstance(response, PointSpread):
         shear = spread_shear(cover)
@@ -75,6 +82,7 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
             build(_press(part, place, progress, (cells, 1))[-1]) for cells in small_strain.CELLS[refinement:finest]
         ]
         solutions = [[scale_to_target(each, target, path.control) for each in faces] for target in path.targets]
+        least = least if np.isinf(path.friction) else max(least, _LEAST_ERROR)
         return GridStudy(solutions=solutions, most_order=1.0, extrapolate=True, least_error=least)
 
     accurate = small_strain.study_path(path, place, progress)
@@ -97,6 +105,25 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
         least_area_error=least_area_error(path, refinement),
         accurate=accurate,
     )
+
+
+def _check_shear(path: LoadingPath, place: Place | None) -> None:
+    """Refuse friction on covers whose shear is not resolved; see `study_path`."""
+    cover, indenter = path.cover, path.indenter
+    mirrors = indenter.mirror_symmetry if place is None else find_mirror_planes(indenter, place.pose)
+    if cover.base == "sliding" and not all(mirrors):
+        raise UnsupportedError(
+            "a cover that slides on its base moves away under friction, unless the press mirrors in both middle "
+            "planes; bond its base, or press without friction",
+            "friction",
+        )
+    wide = replace(cover, size=None)
+    if cover.size is not None and membrane_length(wide) > _STRETCHED * decay_length(wide):
+        raise UnsupportedError(
+            "the top layer is so stiff that friction stretches it up to the sides of the cover; leave out the size of "
+            "the cover, or press without friction",
+            "friction",
+        )
 
 
 def least_area_error(path: LoadingPath, refinement: int) -> float:

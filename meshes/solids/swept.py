@@ -231,7 +231,7 @@ def sweep(
         surface: Base of the cover; its outer surface if `inward`.
         thickness: Thickness of the cover, one number or one per point of the surface, shape (p,) [m].
         layers: Number of layers of elements, which are thinner towards base and top [-].  With interfaces it is that
-            through the whole thickness if none is thinner than an even share; each material has at least two.
+            through the whole thickness, but each material has at least two layers, and at least `layers` - 1.
         inward: Whether the surface is the outer surface; the base then lies below it.
         interfaces: Heights of the interfaces between materials, over the thickness, ascending [-].
 
@@ -273,8 +273,11 @@ def sweep(
 def grade_heights(layers: int, interfaces: Sequence[float] = ()) -> FloatArray:
     """Return the heights of the element edges over the thickness, from 0 to 1, shape (e + 1,); see `sweep` [-]."""
     edges, ends = [np.zeros(1)], [0.0, *interfaces, 1.0]
+    if not (np.diff(ends) > 0).all():
+        raise ValueError(f"interfaces must ascend between 0 and 1, not {list(interfaces)}")
     for low, high in pairwise(ends):
-        count = max(round(layers * (high - low)), _NUMBERS.least_layers)
+        # Every layer has more elements on a finer mesh, so that the estimate of the error sees all of them.
+        count = max(round(layers * (high - low)), layers - 1 if interfaces else layers, _NUMBERS.least_layers)
         size = _NUMBERS.grading + (1 - _NUMBERS.grading) * np.sin(np.pi * (np.arange(count) + 0.5) / count)
         edges.append(low + (high - low) * np.cumsum(size) / size.sum())
         edges[-1][-1] = high

@@ -29,8 +29,9 @@ class Costs:
     The time of a solution is multiplied by the steps and the unknowns of its problem over those that are named here.
     """
 
-    #: A solution at small strain on a wide cover [s].
+    #: A solution at small strain on a wide cover, without and with friction [s].
     small: float = 2.0
+    rubbing: float = 8.0
     #: What finite strain adds to a case, for its stages, and to the fit of the comparison models [s].
     stages: float = 2.0
     fit: float = 8.0
@@ -45,7 +46,7 @@ class Costs:
     block: float = 55.0
     #: What the steps and meshes of any block add [s].
     blocks: float = 25.0
-    #: A solution with friction over one without.
+    #: A solution with friction at finite strain over one without.
     friction: float = 5.0
     #: What several layers add to the contact of a flat face at small strain [s].
     layers: float = 12.0
@@ -204,8 +205,9 @@ def _(cover: Cover, case: Case, friction: float) -> Estimate:
         room = min(edge / 2 - abs(at) for edge, at in zip(cover.size, case.pose.at, strict=True))
         near = bool(room - reached < _FAR * decay_length(replace(cover, size=None)))
     alone = COSTS.sides * near + COSTS.layers * (further > 0 and indenter.is_flat)
-    if cover.small_strain_only and not friction:
-        return Estimate(kind="small strain", seconds=COSTS.small + alone, depth=depth)
+    if cover.small_strain_only:
+        seconds = alone + (COSTS.rubbing if friction else COSTS.small)
+        return Estimate(kind="small strain", seconds=seconds, depth=depth)
     factor = (COSTS.friction if friction else 1.0) * (_FIRST_STEPS + (1 - _FIRST_STEPS) * depth / DEEP)
     if indenter.axisymmetric:
         kind, steps = "round" + " near sides" * near, COSTS.round
@@ -284,7 +286,7 @@ class Budget:
             room = sum(spent + np.cumsum([cost[i] for i in left]) <= within)
             full = stop < 0 and len(chosen) == self.most
             if room and not full:
-                # A dear case is not chosen instead of several others, as long as there are few.
+                # An expensive case is not chosen instead of several others, as long as there are few.
                 others = left[: min(room, max(min(self.most, QUICK) - len(chosen), 1))]
                 fits = [i for i in left if spent + cost[i] + sum(cost[j] for j in others[:-1] if j != i) <= within]
                 new = [len(each - seen) for each in traits]

@@ -86,7 +86,7 @@ def gather_evidence(
         from fem_reference import ConvergenceError
 
         if budget is not None and budget.left < seconds:
-            failed.append(f"{what}: {OUT_OF_BUDGET}")
+            failed.append(f"{what}: {OUT_OF_BUDGET if budget.left < 0 else 'the budget of time leaves no room for it'}")
             return None
         try:
             return compute()
