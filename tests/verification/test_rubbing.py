@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fem_reference import press
+from fem_reference.errors import UnsupportedError
 from fem_reference.linear_response.surface_compliance import solve_waves
 from fem_reference.small_strain_contact.free_edges import SideEdges
 from meshes import Box, Cone, Cylinder, RoundedTip, Sphere, TexelArray
@@ -117,3 +118,19 @@ def test_shear_near_free_sides_is_reciprocal_and_turns_with_the_indenter():
     displace, turned = place(0.0), place(np.pi / 2)
     assert (one * displace(other)).sum() == pytest.approx((other * displace(one)).sum(), rel=1e-9)
     np.testing.assert_allclose(turned(one), displace(one), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("cover", "indenter", "at"),
+    [
+        (replace(SOFT, base="sliding"), Box(size=(3e-3, 4e-3, 3e-3)), None),
+        (replace(SOFT, base="sliding", size=(20e-3, 20e-3)), BALL, (4e-3, 0.0)),
+        (replace(stack_layers((2e-3, 1.5e5, 0.49), (50e-6, 3e9, 0.4)), size=(40e-3, 40e-3)), BALL, (0.0, 0.0)),
+    ],
+    ids=["tilted box that slides", "ball beside the middle of a sliding pad", "foil to the sides"],
+)
+def test_friction_whose_shear_is_not_resolved_is_refused(cover, indenter, at):
+    pose = Pose(tilt=(0.05, 0.02)) if at is None else Pose.planar(at=at)
+    with pytest.raises(UnsupportedError, match=r"slides on its base|so stiff") as refused:
+        press(cover, ARRAY, indenter, pose, load=0.1, friction=0.4)
+    assert refused.value.argument == "friction"

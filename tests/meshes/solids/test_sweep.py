@@ -10,7 +10,7 @@ from meshes.bounded_file import pack_npz
 from meshes.solids import check_quality, check_texels, fingertip, flat_pad, phalanx, read_mesh, sweep, write_mesh
 from meshes.solids.facets import node_normals
 from meshes.solids.solid_mesh import compute_volume, measure_area
-from meshes.solids.swept import cylinder_surface, flat_surface, join_grids
+from meshes.solids.swept import cylinder_surface, flat_surface, grade_heights, join_grids
 from meshes.solids.texels import covered_share, tangent_axes
 
 R, H, L = 6e-3, 2e-3, 14.4e-3
@@ -156,3 +156,15 @@ def test_a_mesh_in_one_point_has_no_quality(tmp_path):
     write_mesh(tmp_path / "mesh.npz", dataclasses.replace(mesh, nodes=0 * mesh.nodes))
     with np.errstate(all="ignore"), pytest.raises(ValueError, match="has no area; mesh again"):
         check_quality(read_mesh(tmp_path / "mesh.npz"))
+
+
+def test_every_layer_has_more_elements_on_finer_meshes():
+    """Otherwise no estimate of the error contains that of the layers."""
+    for inner in ([0.5], [0.3, 0.7], [0.9]):
+        counts = [np.diff(np.searchsorted(grade_heights(n, inner), [0.0, *inner, 1.0])) for n in (3, 4, 5)]
+        assert (np.diff(counts, axis=0) >= 0).all()
+        assert (counts[2] > counts[0]).all()
+        assert (counts[0] >= 2).all()
+    for wrong in ([0.8, 0.3], [1.2], [0.0]):
+        with pytest.raises(ValueError, match="ascend between 0 and 1"):
+            grade_heights(3, wrong)
