@@ -65,8 +65,7 @@ def list_boxes(parameters: Parameters, *, method: str = "default") -> tuple[Rigi
     model = spec.compile()
     if (model.geom_type != mujoco.mjtGeom.mjGEOM_BOX).any():
         raise FastModelError(
-            "a curved cover is a mesh in MuJoCo, which a model of boxes cannot hold; export it for MuJoCo, or take the "
-            "method boxes, a box per texel without the cover"
+            "a curved cover is a mesh in MuJoCo, which a model of boxes cannot hold; export it for MuJoCo, as mjcf"
         )
     return tuple(
         RigidBox(
