@@ -49,6 +49,9 @@ _LEAST_ERROR = 5e-4
 #: Decay length of the stretch of a stiff top over that of the response above which sides are not solved [-]; they are
 #: surrounded by 6 to 8 decay lengths of the response.
 _STRETCHED = 2.0
+#: Membrane length over thickness above which a face separates from a stiff foil [-].  The edge of its contact jumps by
+#: whole cells, so that results are not extrapolated; a face then has the cells of a curved indenter.
+_FOIL = 4.0
 
 _tabulate = lru_cache(maxsize=4)(VectorCompliance.tabulate)
 
@@ -78,12 +81,12 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
     build = partial(small_strain.build_solution, indenter=indenter, response=response)
     if indenter.is_flat:
         part = replace(path, targets=(cover.thickness,), control="depth")
-        faces = [
-            build(_press(part, place, progress, (cells, 1))[-1]) for cells in small_strain.CELLS[refinement:finest]
-        ]
+        foil = membrane_length(cover) > _FOIL * cover.thickness
+        grids = (GRIDS if foil else small_strain.CELLS)[refinement:finest]
+        faces = [build(_press(part, place, progress, (cells, 1))[-1]) for cells in grids]
         solutions = [[scale_to_target(each, target, path.control) for each in faces] for target in path.targets]
         least = least if np.isinf(path.friction) else max(least, _LEAST_ERROR)
-        return GridStudy(solutions=solutions, most_order=1.0, extrapolate=True, least_error=least)
+        return GridStudy(solutions=solutions, most_order=1.0, extrapolate=not foil, least_error=least)
 
     accurate = small_strain.study_path(path, place, progress)
 

@@ -250,7 +250,10 @@ class RubbingContact:
             before = change
             exchange = Exchange(gap.size, _SETTINGS.patience)
         else:
-            raise ConvergenceError(f"contact and slip did not settle in {_SETTINGS.exchanges} exchanges")
+            raise ConvergenceError(
+                f"contact and slip did not settle in {_SETTINGS.exchanges} exchanges; "
+                "solve the bounds, no friction and no slip"
+            )
         record = np.where(touching & ~slides, record, moved[1:] - travel * self.motion[1:])
         return RubbingState(
             travel=travel, traction=traction, moved=moved, touching=touching, record=record, before=last
