@@ -154,7 +154,7 @@ def test_uniform_pressure_on_a_sliding_cover_gives_uniform_base_pressure(bonded,
     solution = one_grid(cover, SMALL)
     x, y = solution.grids[-1].x, solution.grids[-1].y
     whole = [line.integral(0, line.edges[-1]) / line.edges[-1] for line in (x, y)]
-    share = np.einsum("x,y,pxy->p", *whole, solution.grids[-1].texels[0])
+    share = np.einsum("x,y,pxy->p", *whole, solution.grids[-1].texels[0, 0])
     assert share == pytest.approx(np.full(len(share), 9e-6 / (11e-3 * 8e-3)), rel=1e-9)
 
 

@@ -192,8 +192,12 @@ def test_solid_elements_of_order_three_stiffen_alike_without_slip(size, at):
     )
     assert sticks.error_estimate["total_force"] < 0.01
     if size is not None:
-        texels = held.base.forces(ARRAY, pose)[:-1] / held.total_force
-        np.testing.assert_allclose(sticks.texel_forces / sticks.total_force, texels, atol=4e-3 * texels.max())
+        # On one coarse grid of elements, so that most of its error cancels in the change of the texels' shares.
+        (free, _), (held, _) = press_face(layer, box, pose, stuck_face.FACE_GRIDS[0])
+        ours = [each.texel_forces / each.total_force for each in (sticks, slides)]
+        theirs = [each.base.forces(ARRAY, pose)[:-1] / each.total_force for each in (held, free)]
+        limit = sticks.error_estimate["peak_texel"] * ours[0].max()
+        np.testing.assert_allclose(ours[0] - ours[1], theirs[0] - theirs[1], atol=limit)
 
 
 @pytest.mark.parametrize("nu", [0.3, pytest.param(0.49, marks=pytest.mark.slow)])
