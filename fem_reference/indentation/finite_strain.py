@@ -243,7 +243,7 @@ def correct_path(
     accurate: Sequence[Sequence[GridSolution]],
     solve: Callable[[LoadingPath, Sequence[float]], SolvedPair],
 ) -> list[list[GridSolution]]:
-    """Solve a loading path by correcting its small-strain solution without friction or, under flat faces, without slip.
+    """Solve a loading path by correcting its small-strain solution, without friction or with that of the path.
 
     Under a flat face with the friction of the baseline, small loads are corrected by the scaled effect at a larger
     load, which the grids can resolve, or not at all at depths so small that the effect is negligible.  The contact area

@@ -33,7 +33,7 @@ from fem_reference.small_strain_contact.frictionless import (
     choose_counts,
     measure_area,
 )
-from meshes.pose import Place
+from meshes.pose import Place, Pose
 
 #: Number of cells across the contact of a curved indenter on all grids [-].  Three neighbouring grids give a result and
 #: its error.
@@ -113,8 +113,8 @@ def study_path(path: LoadingPath, place: Place | None, progress: Progress, refin
 def _check_shear(path: LoadingPath, place: Place | None) -> None:
     """Refuse friction on covers whose shear is not resolved; see `study_path`."""
     cover, indenter = path.cover, path.indenter
-    mirrors = indenter.mirror_symmetry if place is None else find_mirror_planes(indenter, place.pose)
-    if cover.base == "sliding" and not all(mirrors):
+    pose = Pose() if cover.size is None else small_strain.require_place(place).pose
+    if cover.base == "sliding" and not all(find_mirror_planes(indenter, pose)):
         raise UnsupportedError(
             "a cover that slides on its base moves away under friction, unless the press mirrors in both middle "
             "planes; bond its base, or press without friction",

@@ -120,6 +120,13 @@ def test_shear_near_free_sides_is_reciprocal_and_turns_with_the_indenter():
     np.testing.assert_allclose(turned(one), displace(one), rtol=1e-9)
 
 
+def test_friction_on_a_wide_sliding_cover_does_not_depend_on_the_place():
+    cover = replace(SOFT, base="sliding")
+    poses = Pose(), Pose.planar(at=(2e-3, 1e-3))
+    one, other = (press(cover, ARRAY, BALL, pose, load=0.1, friction=0.4) for pose in poses)
+    assert other.depth == one.depth
+
+
 @pytest.mark.parametrize(
     ("cover", "indenter", "at"),
     [
