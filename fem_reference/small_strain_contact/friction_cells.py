@@ -104,6 +104,53 @@ class VectorOperator:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class SlipAxes:
+    """Compliance of cells in tangential axes along and across the shear, where slip adds to that across the shear.
+
+    Slip is parallel to the shear, whose size is given by friction.  A small shear across turns both: it adds the slip
+    over the shear to the compliance in this direction.
+
+    Attributes:
+        compliance: Map from tractions to displacements in the axes of the grid.
+        along: Unit vector along the shear of each cell, shape (2, rows, columns) [-].
+        softness: Compliance that is added across the shear, shape (rows, columns) [m/Pa]; inf where no shear is free.
+    """
+
+    compliance: VectorOperator
+    along: FloatArray
+    softness: FloatArray
+
+    @classmethod
+    def of(cls, compliance: VectorOperator, shear: FloatArray, softness: FloatArray) -> SlipAxes:
+        """Choose the axes of shear tractions [Pa], shape (2, rows, columns); those of the grid where it is zero."""
+        size = np.linalg.norm(shear, axis=0)
+        along = np.where(size > 0, shear / np.where(size > 0, size, 1.0), np.array([1.0, 0.0])[:, None, None])
+        return cls(compliance=compliance, along=along, softness=softness)
+
+    def turn_to(self, values: FloatArray) -> FloatArray:
+        """Turn vectors from the axes of the grid to these, shape (3, rows, columns)."""
+        (x, y), (normal, first, second) = self.along, values
+        return np.stack([normal, x * first + y * second, x * second - y * first])
+
+    def turn_from(self, values: FloatArray) -> FloatArray:
+        """Turn vectors from these axes to those of the grid, shape (3, rows, columns)."""
+        (x, y), (normal, first, second) = self.along, values
+        return np.stack([normal, x * first - y * second, y * first + x * second])
+
+    def displace(self, traction: FloatArray) -> FloatArray:
+        """Compute the displacements of all cells under tractions, shape (3, rows, columns) [m, Pa]."""
+        moved = self.turn_to(self.compliance.displace(self.turn_from(traction)))
+        moved[2] += np.where(np.isfinite(self.softness), self.softness, 0.0) * traction[2]
+        return moved
+
+    def precondition(self, residual: FloatArray) -> FloatArray:
+        """Multiply residual displacements by the scaled approximate inverse."""
+        scale = np.ones_like(residual)
+        scale[2] = 1 / np.sqrt(1 + np.where(np.isfinite(self.softness), self.softness, 0.0) / self.compliance.own)
+        return scale * self.turn_to(self.compliance.precondition(self.turn_from(scale * residual)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RubbingState:
     """Contact with friction after a step.
 
@@ -212,13 +259,15 @@ class RubbingContact:
         # Without slip they do only if they would otherwise pull in contact and overlap out of it in turn.
         yields, residual = slips, _SETTINGS.residual if slips else _SETTINGS.loose_residual
         exchange = Exchange(gap.size, _SETTINGS.patience if slips else _SETTINGS.sticking_patience)
-        softness, before = self.compliance.own, np.inf
+        softness = np.full(gap.shape, np.inf)
         for _ in range(_SETTINGS.exchanges):
             sticks = touching & ~slides
+            axes = SlipAxes.of(self.compliance, traction[1:], np.where(sticks, 0.0, softness))
             fixed = np.concatenate([0 * traction[:1], np.where(touching & slides, traction[1:], 0.0)])
-            wanted = goal - self.compliance.displace(fixed) if slides.any() else goal
-            held = np.stack([touching, sticks, sticks])
-            traction = fixed + solve_displacement(self.compliance, wanted, held, traction, residual)
+            wanted = axes.turn_to(goal - self.compliance.displace(fixed) if slides.any() else goal)
+            held = np.stack([touching, sticks, touching & np.isfinite(axes.softness)])
+            free = solve_displacement(axes, wanted, held, axes.turn_to(traction), residual)
+            traction = fixed + axes.turn_from(free)
             moved = self.compliance.displace(traction)
             pulls, overlaps = touching & (traction[0] < 0), allowed & ~touching & (gap + moved[0] < least)
             wrong = pulls | overlaps
@@ -237,17 +286,15 @@ class RubbingContact:
                 # A sticking cell that pulls slides without shear before it opens.
                 freed = wrong & sticks & yields
                 slides |= wrong & yields
+                softness = np.where(wrong, np.inf, softness)
                 traction = np.where(freed, traction[:1] * np.array([1.0, 0.0, 0.0])[:, None, None], traction)
                 touching = touching ^ (wrong & ~freed)
                 continue
             if not slips:
                 break
-            traction, slides, change = self._slide(traction, (goal - moved) / softness, touching, slides)
+            traction, slides, softness, change = self._slide(traction, goal - moved, touching, slides)
             if change <= _SETTINGS.settled:
                 break
-            if change > _SETTINGS.shrinks * before:  # The shear oscillates, because neighbours slide together.
-                softness *= 2
-            before = change
             exchange = Exchange(gap.size, _SETTINGS.patience)
         else:
             raise ConvergenceError(
@@ -276,22 +323,25 @@ class RubbingContact:
 
     def _slide(
         self, traction: FloatArray, excess: FloatArray, touching: BoolArray, slides: BoolArray
-    ) -> tuple[FloatArray, BoolArray, float]:
+    ) -> tuple[FloatArray, BoolArray, FloatArray, float]:
         """Return the shear to the limit of friction where it exceeds this limit or the cell slides on.
 
         Args:
             traction: Tractions, shape (3, rows, columns) [Pa].
-            excess: Displacements to where the cells would stick, as tractions, same shape [Pa].
+            excess: Displacements to where the cells would stick, same shape [m].
             touching: Whether each cell is in contact, shape (rows, columns).
             slides: Whether each cell was assumed to slide, same shape.
 
         Returns:
-            Tractions, whether each cell slides, and the largest change of a shear over the largest pressure [-].
+            Tractions, whether each cell slides, slip over shear of each sliding cell [m/Pa], inf where it has no shear,
+            and the largest change of a shear over the largest pressure [-].
         """
-        trial = np.where(touching, traction[1:] + excess[1:], 0.0)
+        trial = np.where(touching, traction[1:] + excess[1:] / self.compliance.own, 0.0)
         size, limit = np.linalg.norm(trial, axis=0), self.friction * np.maximum(traction[0], 0.0)
         slides = touching & ((size > limit) | (slides & ((excess * traction)[1:].sum(axis=0) > 0)))
-        shear = trial * np.where(slides, limit / np.maximum(size, np.finfo(float).tiny), 1.0)
-        largest = traction[0].max(initial=np.finfo(float).tiny)
-        change = float(np.abs(shear - traction[1:])[:, touching].max(initial=0.0) / largest)
-        return np.concatenate([traction[:1], shear]), slides, change
+        tiny = np.finfo(float).tiny
+        shear = trial * np.where(slides, limit / np.maximum(size, tiny), 1.0)
+        slip = np.maximum((excess[1:] * trial).sum(axis=0) / np.maximum(size, tiny), 0.0)
+        softness = np.where(slides & (limit > 0) & (size > 0), slip / np.maximum(limit, tiny), np.inf)
+        change = np.abs(shear - traction[1:])[:, touching].max(initial=0.0) / traction[0].max(initial=tiny)
+        return np.concatenate([traction[:1], shear]), slides, softness, float(change)
