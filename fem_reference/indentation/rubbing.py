@@ -166,16 +166,16 @@ def _press(
 
 
 def _solve(
-    path: LoadingPath, place: Place | None, grid: tuple[int, int], smooth: GridSolution | None
+    path: LoadingPath, place: Place | None, grid: tuple[int, int], smooth: GridSolution | None, margin: float = _MARGIN
 ) -> list[ContactPatch]:
-    """Solve a path with one target on one grid, see `_press`."""
+    """Solve a path with one target on one grid, see `_press`; with a wider margin if the contact reaches the edge."""
     cover, indenter = path.cover, path.indenter
     most = np.array(bound_contact(indenter, cover.thickness))
     layer = _tabulate(replace(cover, size=None), max(3.0 * float(np.hypot(*most)), 4 * decay_length(cover)))
     low, high = -most, most
     if smooth is not None:
         ends = [pick(smooth.contact[:, :2], axis=0) for pick in (np.min, np.max)]
-        middle, half = (ends[0] + ends[1]) / 2, _MARGIN * (ends[1] - ends[0]) / 2 + smooth.size
+        middle, half = (ends[0] + ends[1]) / 2, margin * (ends[1] - ends[0]) / 2 + smooth.size
         low, high = np.maximum(middle - half, low), np.minimum(middle + half, high)
     window, measure_gap, sides = ((low + high) / 2, (high - low) / 2), indenter.gap, None
     if cover.size is not None:
@@ -221,4 +221,8 @@ def _solve(
         return [describe(contact.follow(0.0, path.targets[0], 1, first=first))]
     slides = replace(contact, friction=0.0).follow(0.0, smooth.depth, 1)
     load = contact.measure_load(slides) if path.control == "load" else None
-    return [describe(slides), describe(contact.follow(0.0, smooth.depth, grid[1], load))]
+    full = contact.follow(0.0, smooth.depth, grid[1], load)
+    cut = np.stack([low > -most, high < most], axis=1)
+    if (cut & [full.touching[[0, -1]].any(axis=1), full.touching[:, [0, -1]].any(axis=0)]).any():
+        return _solve(path, place, grid, smooth, margin * _MARGIN)
+    return [describe(slides), describe(full)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -21,10 +22,15 @@ from tests.support.rubber import stack_layers
 ARRAY, DEPTH, BALL = TexelArray.grid(5, 5, 3.4e-3), 0.2e-3, Sphere(radius=5e-3)
 SOFT = stack_layers((2e-3, 1e6, 0.3))
 STIFF_ON_SOFT = stack_layers((0.6e-3, 2e6, 0.1), (0.6e-3, 3e6, 0.4), (0.8e-3, 1e5, 0.45), base="sliding")
+SKIN = stack_layers((2e-3, 2e5, 0.45), (0.1e-3, 20e6, 0.45))
+
+_ROUND = [
+    *itertools.product((SOFT, STIFF_ON_SOFT), (BALL, Cone(angle=2.4, radius=8e-3), Cylinder(radius=1.5e-3))),
+    pytest.param(SKIN, BALL, marks=pytest.mark.slow),
+]
 
 
-@pytest.mark.parametrize("cover", [SOFT, STIFF_ON_SOFT], ids=["one-layer", "stiff-on-soft"])
-@pytest.mark.parametrize("indenter", [BALL, Cone(angle=2.4, radius=8e-3), Cylinder(radius=1.5e-3)])
+@pytest.mark.parametrize(("cover", "indenter"), _ROUND)
 def test_friction_agrees_with_boundary_elements(cover, indenter):
     expected = press_with_friction(cover, indenter, DEPTH, 0.4, rings=48 if indenter.is_flat else 64)
     found = press(cover, ARRAY, indenter, depth=DEPTH, friction=0.4)
