@@ -7,8 +7,9 @@ indenter is followed in steps of about equal growth of the contact.  The time of
 estimated from the rate at which the gap closed in the previous step.
 
 In each step the open, sticking and sliding cells are found by exchanges.  The shear of sliding cells follows from a
-return mapping (Simo and Laursen 1992): the slip, as a traction on the cell alone or less, is added to the last shear,
-which is then shortened to the limit of friction.
+return mapping (Simo and Laursen 1992): the slip, as a traction on the cell alone, is added to the last shear, which is
+then shortened to the limit of friction.  The directions of all sliding cells are found together by Newton's method
+(Alart and Curnier 1991), with the limits of the last pressures; see `SlipAxes`.
 """
 
 from __future__ import annotations
@@ -37,8 +38,6 @@ class FrictionSettings(ActiveSetSettings):
 
     #: Change of the shear of sliding cells over the largest pressure at which a step is solved [-].
     settled: float = 1e-3
-    #: Ratio of two successive changes of the shear above which the return mapping is made softer [-].
-    shrinks: float = 0.9
     #: As `patience`, without slip, before cells at the border may slide [-].
     sticking_patience: int = 3
     #: Tolerance of the travel in the search for a load, over the last step [-].
