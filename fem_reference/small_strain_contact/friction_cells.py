@@ -338,9 +338,9 @@ class RubbingContact:
         trial = np.where(touching, traction[1:] + excess[1:] / self.compliance.own, 0.0)
         size, limit = np.linalg.norm(trial, axis=0), self.friction * np.maximum(traction[0], 0.0)
         slides = touching & ((size > limit) | (slides & ((excess * traction)[1:].sum(axis=0) > 0)))
-        tiny = np.finfo(float).tiny
-        shear = trial * np.where(slides, limit / np.maximum(size, tiny), 1.0)
-        slip = np.maximum((excess[1:] * trial).sum(axis=0) / np.maximum(size, tiny), 0.0)
-        softness = np.where(slides & (limit > 0) & (size > 0), slip / np.maximum(limit, tiny), np.inf)
-        change = np.abs(shear - traction[1:])[:, touching].max(initial=0.0) / traction[0].max(initial=tiny)
+        rubs = slides & (size > 0) & (limit > 0)
+        shear = trial * np.where(slides, np.divide(limit, size, out=np.zeros_like(size), where=rubs), 1.0)
+        slip = np.divide((excess[1:] * trial).sum(axis=0), size * limit, out=np.full_like(size, np.inf), where=rubs)
+        softness, largest = np.maximum(slip, 0.0), traction[0].max(initial=np.finfo(float).tiny)
+        change = np.abs(shear - traction[1:])[:, touching].max(initial=0.0) / largest
         return np.concatenate([traction[:1], shear]), slides, softness, float(change)

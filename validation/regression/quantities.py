@@ -17,7 +17,9 @@ import numpy.typing as npt
 
 import fastmodel
 from fastmodel import Parameters
+from meshes import Cylinder, Material, Sphere
 from validation.campaign.results import CaseResult
+from validation.places import PoseText, find_places
 from validation.regression import experiments
 from validation.regression.reading import Reading, Readings, Subject, Value, find_unit, read
 from validation.sensor_file import BUILT_IN
@@ -36,6 +38,8 @@ _DERIVED: Mapping[str, tuple[str, float | str]] = {
     "range of the fast model": ("N", "5 % of each"),
     "estimated error": ("%", "20 % of each"),
 }
+#: Depth of the presses with friction over the thickness of the cover [-].
+_FRICTION_DEPTH = 0.02
 #: Tolerance of the guarded metrics in their units, see `find_unit`.
 _METRICS: Mapping[str, float] = {
     "misplaced_force": 0.05,
@@ -154,6 +158,57 @@ def measure_accuracy(subject: Subject) -> Readings:
     }
 
 
+def measure_friction(subject: Subject) -> Readings:
+    """Press a ball with friction and a face without slip into the middle of the cover at small strain."""
+    found = subject.derivation
+    if found is None:
+        return {}
+    from fem_reference import press
+    from fem_reference.errors import UnsupportedError
+
+    sensor = found.sensor
+    layers = tuple(
+        dataclasses.replace(
+            layer,
+            material=Material(
+                name=layer.material.name,
+                model="linear-elastic",
+                parameters={"youngs_modulus": layer.material.youngs_modulus},
+                poisson_ratio=layer.material.poisson_ratio,
+            ),
+        )
+        for layer in sensor.cover.layers
+    )
+    cover = dataclasses.replace(sensor.cover, layers=layers)
+    thickness = sum(layer.thickness for layer in layers)
+    pose = find_places(sensor.cover, sensor).find(PoseText())
+    shapes = {
+        "ball, coefficient 0.1": (Sphere(radius=20 * thickness), 0.1),
+        "face, no slip": (Cylinder(radius=thickness), math.inf),
+    }
+    try:
+        pressed = {
+            name: press(cover, sensor.array, shape, pose, depth=_FRICTION_DEPTH * thickness, friction=friction)
+            for name, (shape, friction) in shapes.items()
+        }
+    except UnsupportedError:  # Covers whose shear is not resolved; `press` says why.
+        return {}
+    return {
+        "load": read({name: each.total_force for name, each in pressed.items()}, "N", "0.1 % of each"),
+        "largest texel force": read(
+            {name: float(each.texel_forces.max()) for name, each in pressed.items()}, "mN", "0.2 % of each"
+        ),
+        "shear": read(
+            {
+                name: float(np.hypot(*each.contact_forces[:, :2].T).sum()) / each.total_force
+                for name, each in pressed.items()
+            },
+            "% of load",
+            "1 % of each",
+        ),
+    }
+
+
 #: Experiments by the group of quantities that each one gives.
 EXPERIMENTS: Mapping[str, Callable[[Subject], Readings]] = MappingProxyType(
     {
@@ -174,6 +229,7 @@ EXPERIMENTS: Mapping[str, Callable[[Subject], Readings]] = MappingProxyType(
         "shipped parameters": compare_shipped,
         "reference": measure_reference,
         "accuracy": measure_accuracy,
+        "friction": measure_friction,
     }
 )
 

@@ -25,6 +25,7 @@ from fastmodel.pressure.cell_grid import CellGrid
 from fastmodel.pressure.solvers import FoundationSolver
 from fastmodel.sensor import Sensor
 from fem_reference.indentation import press
+from fem_reference.small_strain_contact.friction_cells import RubbingContact, VectorOperator
 from validation.regression import experiments as fixed_images
 from validation.text import indenter
 
@@ -290,5 +291,15 @@ REFERENCE = {
     "metric 5 % small": (
         scale_result(validation.metrics, "misplaced_force", 0.5),
         {"accuracy: mean misplaced force of each method"},
+    ),
+}
+FRICTION = {
+    "coefficient of friction +10 %": (
+        edit(RubbingContact, "_slide", "self.friction * np.maximum", "1.1 * self.friction * np.maximum"),
+        {"friction: shear"},
+    ),
+    "the cover is stiffer across than it is": (
+        edit(VectorOperator, "__init__", "(x, y, *cell)", "(x, y, *cell) * np.diag([1, 0.9, 0.9])[..., None, None]"),
+        {"friction: shear"},
     ),
 }

@@ -8,7 +8,7 @@ import pytest
 import fastmodel
 from fastmodel import Butterworth
 from fem_reference import point_spread
-from tests.validation.regression.planted import NEIGHBOURS, REFERENCE, REQUIRED
+from tests.validation.regression.planted import FRICTION, NEIGHBOURS, REFERENCE, REQUIRED
 from validation.campaign import evaluation
 from validation.campaign.bench import LayeredBench
 from validation.campaign.case import Case
@@ -153,3 +153,13 @@ def test_another_cover_moves_the_accuracy(wts_derivation, campaign):
     changes = compare(campaign, measured_reference(spoilt, ["reference", "accuracy"]), {})
     assert "accuracy: misplaced force" in {each.quantity for each in changes}
     assert not any(each.quantity.startswith("reference") for each in changes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FRICTION)
+def test_changes_of_friction_are_named(name, wts_derivation, monkeypatch, tmp_path):
+    before = measured_reference(wts_derivation, ["friction"])
+    plant, titles = FRICTION[name]
+    monkeypatch.setenv("SOFTCOVER_STORE", str(tmp_path))  # The store tells codes apart by their files.
+    plant(monkeypatch, wts_derivation.parameters)
+    assert titles <= {each.quantity for each in compare(before, measured_reference(wts_derivation, ["friction"]), {})}
