@@ -38,6 +38,8 @@ class FrictionSettings(ActiveSetSettings):
 
     #: Change of the shear of sliding cells over the largest pressure at which a step is solved [-].
     settled: float = 1e-3
+    #: Ratio of two successive changes of the shear above which the return mapping is made softer [-].
+    shrinks: float = 0.9
     #: As `patience`, without slip, before cells at the border may slide [-].
     sticking_patience: int = 3
     #: Tolerance of the travel in the search for a load, over the last step [-].
@@ -249,16 +251,15 @@ class RubbingContact:
         record = self._predict_touch(last, gap, travel)
         goal = np.concatenate([-gap[None], record + travel * self.motion[1:]])
         least = _SETTINGS.negligible * float(gap.min(initial=0.0))
-        guess = last.touching | (gap + last.moved[0] < 0)
-        if last.before is None and last.touching.any():
-            guess = last.touching
-        touching, traction = allowed & guess, last.traction
+        is_given = last.before is None and last.touching.any()
+        touching = allowed & (last.touching | (not is_given) & (gap + last.moved[0] < 0))
+        traction = last.traction
         # Cells that touch in this step first slide without shear: those at the border would pull if they stuck.
         slides = slips & ~last.touching
         # Without slip they do only if they would otherwise pull in contact and overlap out of it in turn.
         yields, residual = slips, _SETTINGS.residual if slips else _SETTINGS.loose_residual
         exchange = Exchange(gap.size, _SETTINGS.patience if slips else _SETTINGS.sticking_patience)
-        softness = np.full(gap.shape, np.inf)
+        softness, own, before = np.full(gap.shape, np.inf), self.compliance.own, np.inf
         for _ in range(_SETTINGS.exchanges):
             sticks = touching & ~slides
             axes = SlipAxes.of(self.compliance, traction[1:], np.where(sticks, 0.0, softness))
@@ -291,9 +292,14 @@ class RubbingContact:
                 continue
             if not slips:
                 break
-            traction, slides, softness, change = self._slide(traction, goal - moved, touching, slides)
-            if change <= _SETTINGS.settled:
+            traction, slides, share, change = self._slide(traction, (goal - moved) / own, touching, slides)
+            softness = own * share
+            # A soft return mapping moves the shear by less than it is wrong.
+            if change * own <= _SETTINGS.settled * self.compliance.own:
                 break
+            if change > _SETTINGS.shrinks * before:  # The shear oscillates, because neighbours slide together.
+                own *= 2
+            before = change
             exchange = Exchange(gap.size, _SETTINGS.patience)
         else:
             raise ConvergenceError(
@@ -327,20 +333,19 @@ class RubbingContact:
 
         Args:
             traction: Tractions, shape (3, rows, columns) [Pa].
-            excess: Displacements to where the cells would stick, same shape [m].
+            excess: Displacements to where the cells would stick, as tractions, same shape [Pa].
             touching: Whether each cell is in contact, shape (rows, columns).
             slides: Whether each cell was assumed to slide, same shape.
 
         Returns:
-            Tractions, whether each cell slides, slip over shear of each sliding cell [m/Pa], inf where it has no shear,
-            and the largest change of a shear over the largest pressure [-].
+            Tractions, whether each cell slides, slip as a traction over the shear of each sliding cell [-], inf where
+            it has no shear, and the largest change of a shear over the largest pressure [-].
         """
-        trial = np.where(touching, traction[1:] + excess[1:] / self.compliance.own, 0.0)
+        trial = np.where(touching, traction[1:] + excess[1:], 0.0)
         size, limit = np.linalg.norm(trial, axis=0), self.friction * np.maximum(traction[0], 0.0)
         slides = touching & ((size > limit) | (slides & ((excess * traction)[1:].sum(axis=0) > 0)))
-        rubs = slides & (size > 0) & (limit > 0)
+        rubs, largest = slides & (size > 0) & (limit > 0), traction[0].max(initial=np.finfo(float).tiny)
         shear = trial * np.where(slides, np.divide(limit, size, out=np.zeros_like(size), where=rubs), 1.0)
-        slip = np.divide((excess[1:] * trial).sum(axis=0), size * limit, out=np.full_like(size, np.inf), where=rubs)
-        softness, largest = np.maximum(slip, 0.0), traction[0].max(initial=np.finfo(float).tiny)
+        softness = np.maximum(np.divide(size, limit, out=np.full_like(size, np.inf), where=rubs) - 1, 0.0)
         change = np.abs(shear - traction[1:])[:, touching].max(initial=0.0) / largest
         return np.concatenate([traction[:1], shear]), slides, softness, float(change)

@@ -75,6 +75,15 @@ def test_friction_stiffens_up_to_no_slip():
     assert loads[-1] == pytest.approx(stuck_punch(SOFT, 1.5e-3).stiffness * DEPTH, rel=1e-4)
 
 
+@pytest.mark.slow
+def test_a_face_on_a_stiff_foil_rubs_between_no_friction_and_no_slip():
+    foil = stack_layers((2e-3, 2e5, 0.45), (0.1e-3, 2e9, 0.4))
+    loads = [
+        press(foil, ARRAY, Cylinder(radius=2e-3), depth=0.1e-3, friction=each).total_force for each in (0, 0.4, np.inf)
+    ]
+    assert loads == sorted(loads)
+
+
 def test_a_load_is_met_and_leads_back_to_its_depth():
     by_depth = press(SOFT, ARRAY, BALL, depth=DEPTH, friction=0.3)
     by_load = press(SOFT, ARRAY, BALL, load=by_depth.total_force, friction=0.3)
