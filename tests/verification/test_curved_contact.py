@@ -89,7 +89,7 @@ def test_a_ball_on_a_cylindrical_cover_meets_the_exact_contact():
 def test_a_box_is_pressed_alike_at_all_places_of_a_sphere(tilt):
     """On one mesh: places, and turns of the elements below the box."""
     cover, box = take_meshes(MESHES[-1:], make_rubber(0.49)), Box(size=(4e-3, 4e-3, 6e-3))
-    places = [(0, 0), (0.05, 0.02), (0.1, -0.07), (0.2, 0.1), (-0.15, 0.2), (0.02, 0.3), (0.3, 0.0), (-0.25, -0.2)]
+    places = [(0, 0), (0.1, -0.07), (0.02, 0.3), (-0.25, -0.2)]
     depths = [
         press(cover, ARRAY, box, towards(x, y, turn, tilt), load=0.3).depth
         for (x, y), turn in zip(places, np.linspace(0, 1.5, len(places)), strict=True)

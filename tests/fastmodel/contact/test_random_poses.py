@@ -123,7 +123,7 @@ def test_random_bodies_in_random_poses_never_break(method):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(("count", "seed"), [(3000, 1), pytest.param(30_000, 2, marks=pytest.mark.bench)])
+@pytest.mark.parametrize(("count", "seed"), [(1000, 1), pytest.param(30_000, 2, marks=pytest.mark.bench)])
 def test_thousands_of_random_poses_never_break(method, count, seed):
     # Shallow bodies may stand between two texels' boxes, or beside the array, and touch nothing.
     assert press_at_random(method, count, seed) > 0.7 * count

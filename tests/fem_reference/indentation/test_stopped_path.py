@@ -10,7 +10,7 @@ from fem_reference import IncompletePathError, press_path
 from fem_reference.errors import ConvergenceError, PathConvergenceError, TooShallowError
 from fem_reference.finite_strain.loading_path import LoadingPath
 from fem_reference.indentation.layered import LayerPress
-from meshes import Cylinder, Sphere
+from meshes import Cone, Cylinder, Sphere
 from tests.support.rubber import make_cover
 
 
@@ -30,7 +30,7 @@ def solve_as_far(path, solve, *, finer=0):
 @pytest.mark.slow
 def test_a_path_that_stops_returns_its_results(wts):
     with pytest.raises(IncompletePathError, match="of the thickness") as stopped:
-        press_path(make_cover(0.5), wts, Cylinder(radius=1e-3), loads=[0.1, 100.0])
+        press_path(make_cover(0.5), wts, Cone(angle=2.0, radius=2e-3), loads=[0.1, 100.0])
     first, last = stopped.value.reached
     assert first.total_force == 0.1
     assert 0.1 < last.total_force < 100.0
