@@ -95,12 +95,11 @@ def test_mirrored_pose_mirrors_the_contact(bonded):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("x", "y"), [(-1, 1), (1, -1), (-1, -1)])
-def test_mirrored_pose_mirrors_the_texel_forces(bonded, x, y):
+def test_mirrored_pose_mirrors_the_texel_forces(bonded):
     array = TexelArray.grid(2, 3, 2.5e-3)
     here = press(pad(bonded), array, BALL, load=0.5, pose=Pose.planar(at=(2.9e-3, 1.7e-3)))
-    there = press(pad(bonded), array, BALL, load=0.5, pose=Pose.planar(at=(x * 2.9e-3, y * 1.7e-3)))
-    assert array.image(there.texel_forces)[::y, ::x] == pytest.approx(array.image(here.texel_forces), abs=1e-7)
+    there = press(pad(bonded), array, BALL, load=0.5, pose=Pose.planar(at=(-2.9e-3, -1.7e-3)))
+    assert array.image(there.texel_forces)[::-1, ::-1] == pytest.approx(array.image(here.texel_forces), abs=1e-7)
 
 
 @pytest.mark.slow
@@ -133,14 +132,13 @@ def soft(base="bonded"):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("nu", [0.0, 0.45, 0.5])
-def test_forces_balance_and_a_large_cover_is_a_wide_one(bonded, nu):
+def test_forces_balance_and_a_large_cover_is_a_wide_one(bonded):
     array = TexelArray.grid(2, 3, 3.4e-3)
-    wide = press(bonded(nu), array, BALL, load=1.0, pose=Pose.planar(at=(1e-3, 0.0)))
-    large = press(bonded(nu, size=(30e-3, 30e-3)), array, BALL, load=1.0, pose=Pose.planar(at=(1e-3, 0.0)))
+    wide = press(bonded(0.45), array, BALL, load=1.0, pose=Pose.planar(at=(1e-3, 0.0)))
+    large = press(bonded(0.45, size=(30e-3, 30e-3)), array, BALL, load=1.0, pose=Pose.planar(at=(1e-3, 0.0)))
     assert np.abs(large.texel_forces - wide.texel_forces).max() < 2e-3
     assert large.depth == pytest.approx(wide.depth, rel=1e-3)
-    covered = press(bonded(nu, size=(10.2e-3, 6.8e-3)), array, BALL, load=1.0, pose=Pose.planar(at=(1e-3, 0.0)))
+    covered = press(bonded(0.45, size=(10.2e-3, 6.8e-3)), array, BALL, load=1.0, pose=Pose.planar(at=(1e-3, 0.0)))
     assert covered.texel_forces.sum() == pytest.approx(1.0, rel=1e-6)
     assert covered.outside == pytest.approx(0.0, abs=1e-6)
 
@@ -190,12 +188,11 @@ def test_sides_far_from_a_ball_on_rubber_are_left_out(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("x", "load"), [(5e-3, 1.5), (6.5e-3, 3.0)])
-def test_sides_and_finite_strain_superposed_agree_with_both_at_once(x, load):
+def test_sides_and_finite_strain_superposed_agree_with_both_at_once():
     """A ball near a side: what the two effects change together is inside the stated errors."""
     cover, array = make_cover(0.49, size=(16e-3, 12e-3)), TexelArray.grid(3, 4, 3.4e-3)
     added, solid = (
-        press_path(cover, array, Sphere(radius=4e-3), Pose.planar((x, 0.0)), loads=[load], superposed=superposed)[0]
+        press_path(cover, array, Sphere(radius=4e-3), Pose.planar((6.5e-3, 0.0)), loads=[3.0], superposed=superposed)[0]
         for superposed in (True, False)
     )
     assert "added" in added.assumptions["sides"]
@@ -204,4 +201,4 @@ def test_sides_and_finite_strain_superposed_agree_with_both_at_once(x, load):
     assert added.depth == pytest.approx(solid.depth, rel=stated["depth"])
     assert added.texel_forces.max() == pytest.approx(solid.texel_forces.max(), rel=stated["peak_texel"])
     apart = np.append(added.texel_forces - solid.texel_forces, added.outside - solid.outside)
-    assert np.abs(apart).sum() / 2 / load < 5e-3
+    assert np.abs(apart).sum() / 2 / 3.0 < 5e-3
