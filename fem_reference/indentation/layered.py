@@ -129,7 +129,7 @@ def press_layers(cover: Cover, problem: PressProblem) -> list[Indentation]:
     if problem.accuracy is not None and problem.accuracy < (least := find_least_error(path)):
         raise UnsupportedError(f"no grid reaches it: the smallest error that is stated here is {least:.2%}", "accuracy")
     place = Place(array=problem.array, pose=replace(pose, tilt=(0.0, 0.0)))
-    press = LayerPress(place=place, progress=problem.progress, superposed=problem.superposed)
+    press = LayerPress(place=place, progress=problem.progress, superposed=problem.superposed, as_far=problem.as_far)
     return press.solve_as_far(path) if problem.accuracy is None else press.refine(path, problem.accuracy)
 
 
@@ -141,12 +141,14 @@ class LayerPress:
         place: Array, and pose of the indenter.
         progress: Called with a line of text before each step.
         superposed: Whether finite strain and the sides of the cover are solved apart and added, see `superpose_sides`.
+        as_far: Whether a path that stops early is solved again as far as all grids reach.
         start: Part of the path that an earlier attempt solved, for initial guesses.
     """
 
     place: Place
     progress: Progress = None
     superposed: bool = False
+    as_far: bool = True
     start: SolvedPath | None = None
 
     def refine(self, path: LoadingPath, accuracy: float) -> list[Indentation]:
@@ -201,7 +203,7 @@ class LayerPress:
                 return self.solve(path, refinement + 1)
             except (ConvergenceError, np.linalg.LinAlgError):
                 pass  # The failure on the coarser grids is reported below.
-        part, shares = path, _WITHIN[path.control]
+        part, shares = path, _WITHIN[path.control] if self.as_far else ()
         again = replace(self, start=getattr(first, "solved", None))
         for within in shares if path.indenter.axisymmetric else shares[:1]:
             part = _shorten(part, failure, within)
@@ -398,6 +400,8 @@ def _explain(path: LoadingPath, error: Exception, reached: list[Indentation]) ->
         far = reached[-1]
         share = far.depth / thickness
         message = f"reached {far.total_force:.3g} N, {far.depth * 1e3:.3g} mm deep ({share:.0%} of the thickness)"
+    elif isinstance(error, PathConvergenceError) and error.load > 0:
+        message = f"reached about {error.load:.3g} N on one grid"
     else:
         message = "reached no load"
     last = path.targets[-1]

@@ -125,6 +125,7 @@ def press_path(
     accuracy: float | None = None,
     fields: bool = False,
     superposed: bool = False,
+    as_far: bool = True,
     progress: Callable[[str], None] | None = None,
 ) -> list[Indentation]:
     """Press a rigid indenter into a cover at several ascending loads or depths, one after the other; see `press`.
@@ -144,6 +145,8 @@ def press_path(
         fields: Whether the results have displacement and stress in the cover.
         superposed: Whether finite strain and the sides of layers of limited size are solved apart and added, in seconds
             instead of minutes.  What they change together is missing, and its estimate is part of all errors.
+        as_far: Whether a path through layers that stops early is solved again as far as all grids reach.  Without, its
+            error comes at once and has no results.
         progress: Called with a line of text before each solve.
 
     Returns:
@@ -172,6 +175,7 @@ def press_path(
         raise ValueError(f"strains are {' or '.join(STRAINS)}, not {strain!r}")
     problem = PressProblem(
         array=array, indenter=indenter, pose=pose, targets=targets, control=control,
-        friction=friction, strain=strain, accuracy=accuracy, fields=fields, superposed=superposed, progress=progress,
+        friction=friction, strain=strain, accuracy=accuracy, fields=fields, superposed=superposed, as_far=as_far,
+        progress=progress,
     )  # fmt: skip
     return solve_press(cover, problem)

@@ -35,6 +35,7 @@ class PressProblem:
         accuracy: Wanted relative error; None for the usual grids [-].
         fields: Whether the results have displacement and stress in the cover.
         superposed: Whether finite strain and the sides of layers may be solved apart and added.
+        as_far: Whether a path that stops early is solved again as far as all grids reach.
         progress: Called with a line of text before each solve; None for no reports.
     """
 
@@ -48,6 +49,7 @@ class PressProblem:
     accuracy: float | None = None
     fields: bool = False
     superposed: bool = False
+    as_far: bool = True
     progress: Callable[[str], None] | None = None
 
 

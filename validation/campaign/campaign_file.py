@@ -140,7 +140,7 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
         default = {key: value for key, value in default.items() if key not in ("case", "loads_for", "deepest")}
     tables = parse(default | dict(data), CampaignTables, source=source)
     scale = 1.0 if tables.loads_for is None else places.scale_loads(tables.loads_for, source)
-    cases, quick, left_out = _read_cases(tables.case, places)
+    cases, quick, left_out = _read_cases(tables.case, places, merge="case" not in data)
     if scale != 1:
         cases = [dataclasses.replace(case, load=float(f"{scale * case.load:.2g}")) for case in cases]
     asked, use = cases, " ".join(tables.intended_use.split())
@@ -164,8 +164,12 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
     )
 
 
-def _read_cases(listed: Sequence[Any], places: Places) -> tuple[list[Case], list[str], list[str]]:
-    """Read the tables `[[case]]`; return the cases, the names of the cases of a quick run, and all faults."""
+def _read_cases(listed: Sequence[Any], places: Places, *, merge: bool) -> tuple[list[Case], list[str], list[str]]:
+    """Read the tables `[[case]]`; return the cases, the names of the cases of a quick run, and all faults.
+
+    With `merge`, a case that is the press of an earlier one is left out without a fault: named places, such as the
+    middle of the array and that of a texel, are the same on some arrays.
+    """
     cases: list[Case] = []
     quick: list[str] = []
     faults: list[str] = []
@@ -174,6 +178,8 @@ def _read_cases(listed: Sequence[Any], places: Places) -> tuple[list[Case], list
         place = f"case[{number}]"
         try:
             read, is_quick = _read_case(data, number, places)
+            if merge:
+                read = [case for case in read if not any(map(case.is_press_of, cases))]
             for case in read:
                 _check_new(case, cases, place_of, place)
         except InputError as error:

@@ -9,9 +9,11 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import singledispatch
+from functools import cache, singledispatch
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from meshes import Cover, SolidCover, TexelArray
 from validation.campaign.campaign_file import Campaign
@@ -24,7 +26,7 @@ from validation.text.quantity import read_quantity
 
 @dataclass(frozen=True, kw_only=True)
 class Costs:
-    """Expected times on one core of a computer of 2020, from which a plan starts; measured by benchmarks/campaign.py.
+    """Expected times from which a plan starts, on a core for which `measure_pace` is 1; see benchmarks/campaign.py.
 
     The time of a solution is multiplied by the steps and the unknowns of its problem over those that are named here.
     """
@@ -63,6 +65,8 @@ class Costs:
 
 
 COSTS = Costs()
+#: Edge of the cube of unknowns of `measure_pace`, its repetitions, and the processor time of one with pace 1 [s].
+_CUBE, _REPEATED, _PACE = 22, 3, 0.1
 #: Share of the time of a press to `DEEP` that does not depend on the depth [-].
 _FIRST_STEPS = 0.7
 #: Elements that each further layer adds to a block, over those of one layer [-].
@@ -77,8 +81,9 @@ _FAR = 4.0
 _AREA = 300.0
 #: Exponents with which the times of the response of a cover and of a block grow with the unknowns [-].
 _GROWTH, _BLOCK_GROWTH = 1.2, 2.5
-#: Fewest cases that decide a run with a budget, and most cases of `--quick` [-].
-FEWEST, QUICK = 5, 6
+#: Fewest cases that decide a run with a budget, cases that come before a single expensive one, and most cases of
+#: `--quick` [-].
+FEWEST, _FEW, QUICK = 5, 6, 10
 #: Share of a budget that is planned, because the expected times are right within a factor of 1.5 [-].
 _PLANNED = 0.7
 #: Budget of `--quick`: processor time [s].
@@ -138,6 +143,19 @@ class Plan:
         return f"{name}, about {format_time(sum(map(self.expect, left)))} left"
 
 
+@cache
+def measure_pace() -> float:
+    """Measure the processor time of a small factorisation over that on the computer of `Costs` [-]."""
+    line = sparse.diags_array([3.0, -1.0, -1.0], offsets=[0, -1, 1], shape=(_CUBE, _CUBE))
+    cube = sparse.kronsum(sparse.kronsum(line, line), line).tocsc()
+    times = []
+    for _ in range(_REPEATED):
+        started = time.process_time()
+        splu(cube, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        times.append(time.process_time() - started)
+    return min(times) / _PACE
+
+
 def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Case], *, friction: float = 0.0) -> Plan:
     """Determine which reference solutions are missing from the store, and the expected time of the cases.
 
@@ -148,6 +166,7 @@ def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Cas
         friction: Coulomb friction coefficient between indenter and cover, inf for no slip [-].
     """
     missing, seconds, kinds, depths, shares, rest = [], [], [], [], [], COSTS.rest + _measure_sides(cover)
+    pace = measure_pace()
     if isinstance(cover, Cover) and not cover.small_strain_only:
         rest += COSTS.fit
     for number, case in enumerate(cases):
@@ -161,11 +180,11 @@ def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Cas
         absent = absent and shares[-1] == number
         missing.append(absent)
         kinds.append(estimate.kind if absent else "stored")
-        seconds.append(COSTS.case + (estimate.seconds if absent else 0.0))
+        seconds.append(pace * (COSTS.case + (estimate.seconds if absent else 0.0)))
         depths.append(estimate.depth)
     return Plan(
         missing=tuple(missing), seconds=tuple(seconds), kinds=tuple(kinds), depths=tuple(depths),
-        shares=tuple(shares), rest=rest,
+        shares=tuple(shares), rest=pace * rest,
     )  # fmt: skip
 
 
@@ -287,7 +306,7 @@ class Budget:
             full = stop < 0 and len(chosen) == self.most
             if room and not full:
                 # An expensive case is not chosen instead of several others, as long as there are few.
-                others = left[: min(room, max(min(self.most, QUICK) - len(chosen), 1))]
+                others = left[: min(room, max(min(self.most, _FEW) - len(chosen), 1))]
                 fits = [i for i in left if spent + cost[i] + sum(cost[j] for j in others[:-1] if j != i) <= within]
                 new = [len(each - seen) for each in traits]
                 marked = [case.name in campaign.quick for case in campaign.cases]

@@ -51,6 +51,7 @@ def press_reference(
             pose=case.pose,
             friction=friction,
             superposed=True,
+            as_far=False,
             progress=progress,
         )
     return results[loads.index(case.load)]

@@ -15,7 +15,7 @@ from meshes.array_types import FloatArray
 from validation.campaign.bench import Bench, ModelForces, Verification, prepare_bench
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
-from validation.campaign.plan import COSTS
+from validation.campaign.plan import COSTS, measure_pace
 from validation.campaign.results import CaseResult
 from validation.credibility.uncertainty import InputUncertainty
 from validation.credibility.verification import check_finer_mesh, check_shell
@@ -125,7 +125,7 @@ class SolidBench(Bench):
         yield Verification(
             "verification on a finer mesh",
             partial(check_finer_mesh, self.cover, self.parameters.array, meshes, results, self.friction),
-            seconds=COSTS.finer,
+            seconds=measure_pace() * COSTS.finer,
         )
 
     def propagate(self, case: Case, inputs: Inputs) -> InputUncertainty:
