@@ -47,6 +47,9 @@ _MOST_TILT = math.radians(80)
 _OFF_TOP = 1.0
 #: Distance of a place from the top of a solid cover, over its thickness, from which a message states it [-].
 _TOLD = 0.1
+#: Points around the point above a texel, their distance from it, and the distance from the top above which they lie
+#: beyond its border, both over the thickness [-].
+_AROUND, _AWAY, _BESIDE = 16, 1.5, 0.5
 _LOG = logging.getLogger(__name__)
 #: Pattern of one component of a direction vector: a number without unit.
 _NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*")
@@ -290,16 +293,30 @@ class SolidPlaces(Places):
         return measure_thickness(self.mesh)
 
     @cached_property
+    def inside(self) -> BoolArray:
+        """Active texels with the top all around the point above them; all active ones where there are none, shape (n,).
+
+        A contact at the border of the top is not resolved.
+        """
+        texels, turn = self.sensor.array, np.linspace(0, 2 * np.pi, _AROUND, endpoint=False)
+        directions = np.stack([np.cos(turn), np.sin(turn)], axis=1) @ tangent_axes(texels.normals)
+        ring = (self.above[:, None] + _AWAY * self.thickness * directions).reshape(-1, 3)
+        beside = np.linalg.norm(self.top.locate(ring)[0] @ self.top.nodes - ring, axis=1).reshape(-1, _AROUND)
+        inside = texels.active & (beside < _BESIDE * self.thickness).all(axis=1)
+        return inside if inside.any() else texels.active
+
+    @cached_property
     def named(self) -> dict[str, FloatArray]:
         """Points near the top by name, shape (3,) each [m].
 
         `middle`, also called `centre` and `texel`, lies above the texel nearest to the middle of all texels. `off grid`
         lies less than half a pitch from it. `edge`, also called `corner`, lies above the texel farthest from it. `side`
-        lies above the texel whose normal differs most from that of the middle.
+        lies above the texel whose normal differs most from that of the middle.  Both are about a thickness and more
+        away from the border of the top, where there is such a texel.
         """
         texels, middle, above = self.sensor.array, find_middle(self.sensor.array), self.above
-        far = np.where(texels.active, np.linalg.norm(texels.centres - texels.centres[middle], axis=1), -1.0)
-        turned = np.where(texels.active, -texels.normals @ texels.normals[middle], -2.0)
+        far = np.where(self.inside, np.linalg.norm(texels.centres - texels.centres[middle], axis=1), -1.0)
+        turned = np.where(self.inside, -texels.normals @ texels.normals[middle], -2.0)
         beside = (np.array([_OFF_GRID_X, -_OFF_GRID_Y]) * texels.pitch) @ tangent_axes(texels.normals)[middle]
         edge = above[int(np.argmax(far))]
         return {
