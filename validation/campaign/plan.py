@@ -32,36 +32,36 @@ class Costs:
     """
 
     #: A solution at small strain on a wide cover, without and with friction [s].
-    small: float = 2.0
-    rubbing: float = 8.0
+    small: float = 1.5
+    rubbing: float = 6.0
     #: What finite strain adds to a case, for its stages, and to the fit of the comparison models [s].
-    stages: float = 2.0
+    stages: float = 1.0
     fit: float = 8.0
     #: What the sides of a cover of limited size add to a case [s].
-    sides: float = 25.0
+    sides: float = 9.0
     #: The response of a cover of limited size, of 300 squared thicknesses [s].
-    response: float = 25.0
+    response: float = 9.0
     #: A body of revolution at finite strain, pressed to 30 % of the thickness [s].
-    round: float = 4.0
+    round: float = 2.5
     #: A block of one layer in three dimensions at finite strain, symmetric in both planes, as long and as wide as eight
     #: thicknesses, pressed to 30 % of the thickness [s].
-    block: float = 55.0
+    block: float = 32.0
     #: What the steps and meshes of any block add [s].
-    blocks: float = 25.0
+    blocks: float = 14.0
     #: A solution with friction at finite strain over one without.
     friction: float = 5.0
-    #: What several layers add to the contact of a flat face at small strain [s].
-    layers: float = 12.0
+    #: What several layers add to the contact of a flat face, and to the fit, which presses two [s].
+    layers: float = 25.0
     #: A case on a solid cover [s].
-    solid: float = 8.0
+    solid: float = 7.0
     #: Everything besides a missing solution, for each case and on the whole, on layers [s].
-    case: float = 1.5
-    rest: float = 12.0
+    case: float = 1.0
+    rest: float = 20.0
     #: Everything besides the cases on a solid cover, with and without texel responses in the store [s].
-    stored_solid_rest: float = 60.0
-    solid_rest: float = 150.0
+    stored_solid_rest: float = 35.0
+    solid_rest: float = 80.0
     #: The comparison of two cases on a solid cover with a finer mesh [s].
-    finer: float = 300.0
+    finer: float = 180.0
 
 
 COSTS = Costs()
@@ -168,7 +168,7 @@ def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Cas
     missing, seconds, kinds, depths, shares, rest = [], [], [], [], [], COSTS.rest + _measure_sides(cover)
     pace = measure_pace()
     if isinstance(cover, Cover) and not cover.small_strain_only:
-        rest += COSTS.fit
+        rest += COSTS.fit + 2 * COSTS.layers * (len(cover.layers) > 1)
     for number, case in enumerate(cases):
         estimate = estimate_cost(cover, case, friction)
         absent = find_stored_reference(cover, array, case, friction=friction) is None
