@@ -17,7 +17,7 @@ from meshes import Cover, Pose, SolidCover, TexelArray
 from meshes.array_types import BoolArray, FloatArray
 from meshes.solids.solid_mesh import measure_thickness
 from meshes.solids.texels import tangent_axes
-from meshes.surfaces.triangles import describe
+from meshes.surfaces.triangles import describe, unit_vectors
 from validation.cover_meshes import make_meshes
 from validation.errors import Faults, InputError, nearest
 from validation.text.indenter import read_angles, read_tilt, read_yaw
@@ -47,9 +47,9 @@ _MOST_TILT = math.radians(80)
 _OFF_TOP = 1.0
 #: Distance of a place from the top of a solid cover, over its thickness, from which a message states it [-].
 _TOLD = 0.1
-#: Points around the point above a texel, their distance from it, and the distance from the top above which they lie
-#: beyond its border, both over the thickness [-].
-_AROUND, _AWAY, _BESIDE = 16, 1.5, 0.5
+#: Points around the point above a texel, their distance from it, and the distance from the normals of the top above
+#: which they lie beyond its border, both over the thickness [-].
+_AROUND, _AWAY, _BESIDE = 16, 1.25, 0.1
 _LOG = logging.getLogger(__name__)
 #: Pattern of one component of a direction vector: a number without unit.
 _NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?\s*")
@@ -301,7 +301,9 @@ class SolidPlaces(Places):
         texels, turn = self.sensor.array, np.linspace(0, 2 * np.pi, _AROUND, endpoint=False)
         directions = np.stack([np.cos(turn), np.sin(turn)], axis=1) @ tangent_axes(texels.normals)
         ring = (self.above[:, None] + _AWAY * self.thickness * directions).reshape(-1, 3)
-        beside = np.linalg.norm(self.top.locate(ring)[0] @ self.top.nodes - ring, axis=1).reshape(-1, _AROUND)
+        place = self.top.locate(ring)[0]
+        normals = unit_vectors(place @ self.top.normals)
+        beside = np.linalg.norm(np.cross(ring - place @ self.top.nodes, normals), axis=1).reshape(-1, _AROUND)
         inside = texels.active & (beside < _BESIDE * self.thickness).all(axis=1)
         return inside if inside.any() else texels.active
 

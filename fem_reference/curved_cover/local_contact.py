@@ -501,7 +501,7 @@ class CellPress:
                 f"{1e3 * deepest:.4g} mm",
                 "depth",
             )
-        patch, place = _find(place, layer, load, _SETTINGS.first_cells)
+        patch, place = _find(place, layer, load, _SETTINGS.first_cells, rough=True)
         for _ in range(_SETTINGS.windows):
             middle, half = _measure(patch)
             low = np.maximum(middle - _SETTINGS.window * half, most[0] - most[1])
@@ -627,11 +627,13 @@ def _chart(top: FacetSurface, indenter: Indenter, pose: Pose, touch: float, deep
 
 
 def _find(
-    place: ChartedContact, layer: SurfaceCompliance, load: float | None, cells: int
+    place: ChartedContact, layer: SurfaceCompliance, load: float | None, cells: int, *, rough: bool = False
 ) -> tuple[ContactPatch, ChartedContact]:
     """Solve the contact at the travel of a place, or repeatedly until the travel under a load [N] no longer changes.
 
-    The gap is measured along the normals of the top.  Its change with the travel is linear to first order only.
+    The gap is measured along the normals of the top.  Its change with the travel is linear to first order only.  On
+    cells that are wider than the contact the travel may jump back and forth; a `rough` result only shows where the
+    contact is.
     """
     if load is None:
         return solve_contact(layer, place.indenter, cells=cells, depth=0.0, sides=place), place
@@ -649,6 +651,8 @@ def _find(
             )
         if abs(patch.depth) <= _SETTINGS.settled * depth:
             return patch, place
+    if rough:
+        return patch, place
     raise ConvergenceError(f"the depth under {load:.4g} N was not found in {_SETTINGS.steps} steps")
 
 
