@@ -31,7 +31,7 @@ from fem_reference.finite_strain.loading_path import Control
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance, surface_compliance
 from fem_reference.linear_response.vector_compliance import VectorCompliance
 from fem_reference.small_strain_contact.constrained_solver import Compliance, ComplianceOperator
-from fem_reference.small_strain_contact.friction_cells import RubbingContact, VectorOperator
+from fem_reference.small_strain_contact.friction_cells import WIDER, RubbingContact, VectorOperator, is_cut_off
 from fem_reference.small_strain_contact.frictionless import CellGrid, ContactPatch, measure_area, solve_contact
 from meshes import Cover, Indenter
 from meshes.array_types import BoolArray, FloatArray
@@ -522,12 +522,15 @@ class CellPress:
         patch, place = (self.patch, self.place) if cells is None else _find(self.place, self.layer, self.load, cells)
         return _describe(place, (patch.x, patch.y), patch.force[None], _measure(patch), area=patch.area)
 
-    def rub(self, friction: float, grids: Sequence[tuple[int, int]]) -> list[tuple[CellContact, CellContact]]:
+    def rub(
+        self, friction: float, grids: Sequence[tuple[int, int]], wider: float = 1.0
+    ) -> list[tuple[CellContact, CellContact]]:
         """Solve the contact without and with friction on the same cells.
 
         Args:
             friction: Coefficient of friction, inf for no slip [-].
             grids: Numbers of cells along each axis and of steps from first touch.
+            wider: Factor on the half width of the cells; they are widened where the contact reaches their edge [-].
 
         Returns:
             Both contacts of each grid.  The load of the first one is near the given load, that of the second the same.
@@ -537,8 +540,9 @@ class CellPress:
         """
         place, (middle, half) = self.place, _measure(self.patch)
         chart, window = place.chart, place.window
-        low = np.maximum(middle - _SETTINGS.rubbed * half, window[0] - window[1])
-        high = np.minimum(middle + _SETTINGS.rubbed * half, window[0] + window[1])
+        bounds = window[0] - window[1], window[0] + window[1]
+        low = np.maximum(middle - wider * _SETTINGS.rubbed * half, bounds[0])
+        high = np.minimum(middle + wider * _SETTINGS.rubbed * half, bounds[1])
         layer = VectorCompliance.tabulate(_find_layer(self.solid, chart), _SETTINGS.reach * chart.half)
         remainder = Remainder.build(self.solid, chart, partial(VectorOperator, layer), window, 3)
         out = []
@@ -556,8 +560,11 @@ class CellPress:
             depth = place.travel - place.touch
             smooth = replace(contact, friction=0.0).follow(place.touch, depth, 1)
             load = None if self.load is None else contact.measure_load(smooth)
+            full = contact.follow(place.touch, depth, steps, load)
+            if is_cut_off(full.touching, low > bounds[0], high < bounds[1]):
+                return self.rub(friction, grids, wider * WIDER)
             pair = []
-            for state in (smooth, contact.follow(place.touch, depth, steps, load)):
+            for state in (smooth, full):
                 here, kept = replace(place, travel=state.travel), state.touching
                 pair.append(
                     _describe(

@@ -401,7 +401,8 @@ def _explain(path: LoadingPath, error: Exception, reached: list[Indentation]) ->
         share = far.depth / thickness
         message = f"reached {far.total_force:.3g} N, {far.depth * 1e3:.3g} mm deep ({share:.0%} of the thickness)"
     elif isinstance(error, PathConvergenceError) and error.load > 0:
-        message = f"reached about {error.load:.3g} N on one grid"
+        reach = f"{error.load:.3g} N" if path.control == "load" else f"{1e3 * error.depth:.3g} mm"
+        message = f"one grid reached about {reach}"
     else:
         message = "reached no load"
     last = path.targets[-1]

@@ -146,7 +146,7 @@ def press_path(
         superposed: Whether finite strain and the sides of layers of limited size are solved apart and added, in seconds
             instead of minutes.  What they change together is missing, and its estimate is part of all errors.
         as_far: Whether a path through layers that stops early is solved again as far as all grids reach.  Without, its
-            error comes at once and has no results.
+            error has no results; finer grids are tried in both cases.
         progress: Called with a line of text before each solve.
 
     Returns:

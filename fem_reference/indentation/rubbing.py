@@ -24,7 +24,13 @@ from fem_reference.linear_response.point_spread import PointSpread
 from fem_reference.linear_response.surface_compliance import decay_length, membrane_length
 from fem_reference.linear_response.vector_compliance import VectorCompliance, spread_shear
 from fem_reference.small_strain_contact.free_edges import SideEdges, find_mirror_planes
-from fem_reference.small_strain_contact.friction_cells import RubbingContact, RubbingState, VectorOperator
+from fem_reference.small_strain_contact.friction_cells import (
+    WIDER,
+    RubbingContact,
+    RubbingState,
+    VectorOperator,
+    is_cut_off,
+)
 from fem_reference.small_strain_contact.frictionless import (
     CellGrid,
     ContactPatch,
@@ -166,16 +172,16 @@ def _press(
 
 
 def _solve(
-    path: LoadingPath, place: Place | None, grid: tuple[int, int], smooth: GridSolution | None, margin: float = _MARGIN
+    path: LoadingPath, place: Place | None, grid: tuple[int, int], smooth: GridSolution | None, wider: float = 1.0
 ) -> list[ContactPatch]:
-    """Solve a path with one target on one grid, see `_press`; with a wider margin if the contact reaches the edge."""
+    """Solve a path with one target on one grid, see `_press`; on wider cells if the contact reaches their edge."""
     cover, indenter = path.cover, path.indenter
     most = np.array(bound_contact(indenter, cover.thickness))
     layer = _tabulate(replace(cover, size=None), max(3.0 * float(np.hypot(*most)), 4 * decay_length(cover)))
     low, high = -most, most
     if smooth is not None:
         ends = [pick(smooth.contact[:, :2], axis=0) for pick in (np.min, np.max)]
-        middle, half = (ends[0] + ends[1]) / 2, margin * (ends[1] - ends[0]) / 2 + smooth.size
+        middle, half = (ends[0] + ends[1]) / 2, wider * (_MARGIN * (ends[1] - ends[0]) / 2 + smooth.size)
         low, high = np.maximum(middle - half, low), np.minimum(middle + half, high)
     window, measure_gap, sides = ((low + high) / 2, (high - low) / 2), indenter.gap, None
     if cover.size is not None:
@@ -222,7 +228,6 @@ def _solve(
     slides = replace(contact, friction=0.0).follow(0.0, smooth.depth, 1)
     load = contact.measure_load(slides) if path.control == "load" else None
     full = contact.follow(0.0, smooth.depth, grid[1], load)
-    cut = np.stack([low > -most, high < most], axis=1)
-    if (cut & [full.touching[[0, -1]].any(axis=1), full.touching[:, [0, -1]].any(axis=0)]).any():
-        return _solve(path, place, grid, smooth, margin * _MARGIN)
+    if is_cut_off(full.touching, low > -most, high < most):
+        return _solve(path, place, grid, smooth, wider * WIDER)
     return [describe(slides), describe(full)]

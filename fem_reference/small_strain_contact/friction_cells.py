@@ -40,12 +40,16 @@ class FrictionSettings(ActiveSetSettings):
     settled: float = 1e-3
     #: Ratio of two successive changes of the shear above which the return mapping is made softer [-].
     shrinks: float = 0.9
+    #: Largest softness of the return mapping over the compliance of a cell alone [-].
+    softest: float = 64.0
     #: As `patience`, without slip, before cells at the border may slide [-].
     sticking_patience: int = 3
     #: Tolerance of the travel in the search for a load, over the last step [-].
     depth: float = 1e-4
 
 
+#: Factor by which the cells are widened where the contact reaches their edge [-].
+WIDER = 1.25
 _SETTINGS = FrictionSettings(exchanges=300, negligible=1e-7, residual=1e-6)
 
 
@@ -173,6 +177,18 @@ class RubbingState:
     before: RubbingState | None = None
 
 
+def is_cut_off(touching: BoolArray, open_below: BoolArray, open_above: BoolArray) -> bool:
+    """Return whether a contact reaches an edge of its cells beyond which there may be more of it.
+
+    Args:
+        touching: Whether each cell is in contact, shape (rows, columns).
+        open_below: Whether the contact may go on below the first cells along each axis, shape (2,).
+        open_above: The same above the last cells.
+    """
+    ends = np.array([touching[[0, -1]].any(axis=1), touching[:, [0, -1]].any(axis=0)])
+    return bool((ends & np.stack([open_below, open_above], axis=1)).any())
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RubbingContact:
     """Contact of an indenter with friction on a grid of cells.
@@ -294,10 +310,12 @@ class RubbingContact:
                 break
             traction, slides, share, change = self._slide(traction, (goal - moved) / own, touching, slides)
             softness = own * share
-            # A soft return mapping moves the shear by less than it is wrong.
+            # With a soft return mapping the shear changes by less than its error.
             if change * own <= _SETTINGS.settled * self.compliance.own:
                 break
-            if change > _SETTINGS.shrinks * before:  # The shear oscillates, because neighbours slide together.
+            if (
+                change > _SETTINGS.shrinks * before and own < _SETTINGS.softest * self.compliance.own
+            ):  # The shear oscillates, because neighbours slide together.
                 own *= 2
             before = change
             exchange = Exchange(gap.size, _SETTINGS.patience)

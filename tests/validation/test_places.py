@@ -46,10 +46,22 @@ def test_named_places_lie_above_active_texels(places):
     named = places.named
     texels = places.sensor.array
     far = np.linalg.norm(texels.centres - named["middle"], axis=1)
-    assert np.linalg.norm(named["edge"] - named["middle"]) > 0.8 * far.max()
+    assert np.linalg.norm(named["edge"] - named["middle"]) > 0.6 * far.max()
     assert 0 < np.linalg.norm(named["off grid"] - named["middle"]) < texels.pitch[0] / 2
     side, middle = (read(places, at=name).towards for name in ("side", "middle"))
     assert side @ middle < 0.5
+
+
+def test_named_places_lie_inside_the_border_of_the_top(places):
+    corners = places.top.facets[:, [0, 2, 8, 6]]
+    edges, count = np.unique(
+        np.sort(np.stack([corners, np.roll(corners, 1, axis=1)], axis=2), axis=2).reshape(-1, 2),
+        axis=0,
+        return_counts=True,
+    )
+    border = places.top.nodes[np.unique(edges[count == 1])]
+    for name in ("edge", "side"):
+        assert np.linalg.norm(border - places.named[name], axis=1).min() > places.thickness
 
 
 def test_tilt_turns_the_indenter_and_not_its_motion(places):

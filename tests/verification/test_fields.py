@@ -68,7 +68,9 @@ def test_fields_state_how_far_the_surface_is_off_the_indenter(friction, radius):
     inside = r < 0.98 * np.sqrt(found.contact_area / np.pi)
     miss = found.fields.displacement[top, 2] + found.depth - ball.gap(r, 0 * r)
     # The contact with friction has 64 cells across, that without friction has more.
-    assert np.abs(miss[inside]).max() / found.depth <= found.fields.error < (3e-3 if friction else 1e-3)
+    assert (
+        np.abs(miss[inside]).max() / found.depth <= found.fields.error < (3e-3 if friction and radius > 5e-3 else 1e-3)
+    )
     assert f"{found.fields.error:.2%} of the depth off the indenter" in found.assumptions["fields"]
 
 

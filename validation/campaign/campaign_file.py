@@ -140,7 +140,7 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
         default = {key: value for key, value in default.items() if key not in ("case", "loads_for", "deepest")}
     tables = parse(default | dict(data), CampaignTables, source=source)
     scale = 1.0 if tables.loads_for is None else places.scale_loads(tables.loads_for, source)
-    cases, quick, left_out = _read_cases(tables.case, places, merge="case" not in data)
+    cases, quick, left_out = _read_cases(tables.case, places)
     if scale != 1:
         cases = [dataclasses.replace(case, load=float(f"{scale * case.load:.2g}")) for case in cases]
     asked, use = cases, " ".join(tables.intended_use.split())
@@ -164,28 +164,34 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
     )
 
 
-def _read_cases(listed: Sequence[Any], places: Places, *, merge: bool) -> tuple[list[Case], list[str], list[str]]:
+def _read_cases(listed: Sequence[Any], places: Places) -> tuple[list[Case], list[str], list[str]]:
     """Read the tables `[[case]]`; return the cases, the names of the cases of a quick run, and all faults.
 
-    With `merge`, a case that is the press of an earlier one is left out without a fault: named places, such as the
-    middle of the array and that of a texel, are the same on some arrays.
+    Two names of places, such as the middle of the array and that of a texel, are one place on some arrays.  Of two
+    cases that become the same press there the first one is kept.
     """
     cases: list[Case] = []
     quick: list[str] = []
     faults: list[str] = []
     place_of: dict[str, str] = {}
+    at_of: dict[str, str] = {}
     for number, data in enumerate(listed):
         place = f"case[{number}]"
         try:
             read, is_quick = _read_case(data, number, places)
-            if merge:
-                read = [case for case in read if not any(map(case.is_press_of, cases))]
+            at = data.get("at", "centre").strip()
+            for case in tuple(read):
+                twin = next((other for other in cases if case.is_press_of(other)), None)
+                if twin is not None and at != at_of[twin.name] and "," not in at + at_of[twin.name]:
+                    read.remove(case)
+                    quick += [twin.name] * is_quick
             for case in read:
                 _check_new(case, cases, place_of, place)
         except InputError as error:
             faults += error.faults
             continue
         place_of |= dict.fromkeys((case.name for case in read), place)
+        at_of |= dict.fromkeys((case.name for case in read), at)
         cases += read
         quick += [case.name for case in read if is_quick]
     return cases, quick, faults

@@ -65,8 +65,9 @@ class Costs:
 
 
 COSTS = Costs()
-#: Edge of the cube of unknowns of `measure_pace`, its repetitions, and the processor time of one with pace 1 [s].
-_CUBE, _REPEATED, _PACE = 22, 3, 0.1
+#: Edge of the cube of unknowns of `measure_pace`, its repetitions, the processor time of one with pace 1 [s], and the
+#: ratio to powers of which a pace is rounded [-].
+_CUBE, _REPEATED, _PACE, _ROUNDED = 22, 3, 0.1, 1.25
 #: Share of the time of a press to `DEEP` that does not depend on the depth [-].
 _FIRST_STEPS = 0.7
 #: Elements that each further layer adds to a block, over those of one layer [-].
@@ -145,7 +146,10 @@ class Plan:
 
 @cache
 def measure_pace() -> float:
-    """Measure the processor time of a small factorisation over that on the computer of `Costs` [-]."""
+    """Measure the processor time of a small factorisation over that on the computer of `Costs` [-].
+
+    The ratio is rounded to a power of 1.25, so that repeated runs choose the same cases.
+    """
     line = sparse.diags_array([3.0, -1.0, -1.0], offsets=[0, -1, 1], shape=(_CUBE, _CUBE))
     cube = sparse.kronsum(sparse.kronsum(line, line), line).tocsc()
     times = []
@@ -153,7 +157,7 @@ def measure_pace() -> float:
         started = time.process_time()
         splu(cube, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
         times.append(time.process_time() - started)
-    return min(times) / _PACE
+    return float(_ROUNDED ** np.round(np.log(min(times) / _PACE) / np.log(_ROUNDED)))
 
 
 def plan_cases(cover: Cover | SolidCover, array: TexelArray, cases: Sequence[Case], *, friction: float = 0.0) -> Plan:
@@ -288,14 +292,16 @@ class Budget:
         least = plan.rest + min(plan.seconds[i] for i in plan.shares)
         if self.seconds < least:
             example = math.ceil(2 * (plan.rest + sum(sorted(plan.seconds)[:FEWEST])) / _MINUTE)
+            option = "--quick" if self.most == QUICK else "--budget"
             raise InputError(
-                f"--budget: {format_time(self.seconds)} is less than one case, which takes about {format_time(least)} "
+                f"{option}: {format_time(self.seconds)} is less than one case, "
+                f"which takes about {format_time(least)} "
                 f"with all preparations; write for example --budget {example}min"
             )
         traits = [_list_traits(case) for case in campaign.cases]
         if any(plan.depths):
             traits[int(np.argmax(plan.depths))].add("deepest")
-        alone = [COSTS.case] * len(traits)
+        alone = [measure_pace() * COSTS.case] * len(traits)
         chosen: list[int] = []
         spent, within, stop = plan.rest, max(_PLANNED * self.seconds, least), -1
         while True:

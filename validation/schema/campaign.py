@@ -132,7 +132,7 @@ class CaseTable(Table):
         tilt: Rotations about the x and y axes of the indenter's frame.
         compared: Metrics that are pooled over cases; all metrics when left out.
         required: Largest accepted values in this case, which replace those of the campaign.
-        quick: Whether `--quick` runs the case.
+        quick: Whether `--quick` and `--budget` take the case before others.
     """
 
     name: types.Name = Field(examples=["ball"])

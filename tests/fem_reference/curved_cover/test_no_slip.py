@@ -64,7 +64,7 @@ def test_friction_carries_a_part_of_the_shear_without_slip():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("ratio", "load", "friction"), [(0.49, 1.0, np.inf), (0.3, 0.3, 0.1)])
+@pytest.mark.parametrize(("ratio", "load", "friction"), [(0.0, 0.02, np.inf), (0.3, 0.3, 0.1)])
 def test_a_ball_on_a_wide_pad_rubs_as_on_a_flat_cover(ratio, load, friction):
     """The compliance of the flat cover is that of waves, without a mesh of the cover."""
     pad, material, at = flat_pad(size=(14e-3, 14e-3), rows=2), make_rubber(ratio, "linear-elastic"), (0.3e-3, 0.2e-3)

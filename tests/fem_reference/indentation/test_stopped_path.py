@@ -14,7 +14,7 @@ from meshes import Cone, Cylinder, Sphere
 from tests.support.rubber import make_cover
 
 
-def solve_as_far(path, solve, *, finer=0):
+def solve_as_far(path, solve, *, finer=0, as_far=True):
     """Follow a path with a made-up solver, which gets the path and the number of refinements of the grids."""
 
     class MadeUp(LayerPress):
@@ -24,7 +24,7 @@ def solve_as_far(path, solve, *, finer=0):
         def count_refinements(self, _path):
             return finer
 
-    return MadeUp(place=None).solve_as_far(path)
+    return MadeUp(place=None, as_far=as_far).solve_as_far(path)
 
 
 @pytest.mark.slow
@@ -61,6 +61,20 @@ def test_less_is_tried_until_all_grids_converge(control, last):
     assert tried[0] == (0.1, 9.0)
     for part, value in zip(tried[1:], last, strict=True):
         assert part == pytest.approx((0.1, value))
+
+
+@pytest.mark.parametrize(("control", "told"), [("load", "about 4 N of the 9 N"), ("depth", "about 3 mm of the 9 mm")])
+def test_without_a_part_less_is_not_tried_and_the_message_says_how_far_one_grid_came(control, told):
+    targets, tried = (9.0,) if control == "load" else (9e-3,), []
+    path = LoadingPath(cover=make_cover(0.45), indenter=Sphere(radius=1e-3), targets=targets, control=control)
+
+    def solve(part, _refinement):
+        tried.append(part.targets)
+        raise PathConvergenceError("stopped", cause="too far", load=4.0, depth=3e-3)
+
+    with pytest.raises(IncompletePathError, match=told):
+        solve_as_far(path, solve, as_far=False)
+    assert tried == [targets]
 
 
 @pytest.mark.parametrize(("reached", "tried"), [(0.95, True), (0.5, False)])

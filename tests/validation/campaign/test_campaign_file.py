@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from meshes import TexelArray
 from meshes.bounded_file import parse_toml
 from meshes.catalogue import ARRAYS
 from validation.campaign.campaign_file import Inputs, parse_campaign, read_campaign
@@ -168,6 +169,14 @@ def test_the_largest_file_and_the_most_cases_are_read_and_one_more_is_refused(wt
     assert campaign.left_out[-1].startswith("mine.toml: case[999].")
     with pytest.raises(InputError, match="1001 tables; at most 1000 are accepted"):
         parse_campaign({"case": tables["case"] + 1000 * [{}]}, FlatPlaces(array=wts), source="mine.toml")
+
+
+def test_places_with_two_names_on_an_array_give_one_case():
+    """The middle of an odd number of rows and columns is a texel."""
+    campaign = read_campaign(None, FlatPlaces(array=TexelArray.grid(7, 7, 3.4e-3)))
+    assert len(campaign.cases) == 16
+    assert not campaign.left_out
+    assert "sphere, centre, heavy" in campaign.quick  # "sphere, texel" is marked
 
 
 @pytest.mark.parametrize("name", ["wts-0614-34", "sdh2-distal"])

@@ -299,7 +299,12 @@ FRICTION = {
         {"friction: shear"},
     ),
     "the cover is stiffer across than it is": (
-        edit(VectorOperator, "__init__", "(x, y, *cell)", "(x, y, *cell) * np.diag([1, 0.9, 0.9])[..., None, None]"),
+        edit(
+            VectorOperator,
+            "__init__",
+            "(x, y, *cell)",
+            "(x, y, *cell) * np.outer([1, 0.9, 0.9], [1, 0.9, 0.9])[..., None, None]",
+        ),
         {"friction: shear"},
     ),
 }

@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from validation.sensor_file import SensorDescription
 
 _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
-_Quick = Annotated[bool, Parameter(name="--quick", help="The ten cases that tell most, within five minutes.")]
+_Quick = Annotated[
+    bool, Parameter(name="--quick", help="At most ten cases, those that tell most, within five minutes.")
+]
 _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings under known loads, or a data-set file.")]
 
 #: Built-in sensor that `softcover demo` evaluates.
