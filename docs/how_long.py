@@ -42,7 +42,7 @@ COMMANDS = (
     ),
     ("regression check of a folder of parameters", "regress parameters --update"),
     ("regression check of a built-in sensor", "regress wts-0614-34 --update"),
-    ("report on ten cases", "validate wts-0614-34 --quick"),
+    ("report in five minutes at most", "validate wts-0614-34 --quick"),
     ("responses of a curved cover of 66 texels", "derive fingertip"),
 )
 

@@ -240,7 +240,7 @@ def validate(
     Args:
         sensor: The sensor.
         campaign: Campaign file with cases and requirements on the fast model; None for the default campaign.
-        quick: Whether to compute at most ten cases, those that tell most, within five minutes of processor time.
+        quick: Whether to compute the cases that tell most, within five minutes of processor time.
         budget: Processor time, such as `20 min`, that the cases that tell most may take; None for all cases.
         recordings: Folder with recordings under known loads, or a data-set file.
         data_set: Data-set file; the file in the folder when not given.

@@ -82,9 +82,8 @@ _FAR = 4.0
 _AREA = 300.0
 #: Exponents with which the times of the response of a cover and of a block grow with the unknowns [-].
 _GROWTH, _BLOCK_GROWTH = 1.2, 2.5
-#: Fewest cases that decide a run with a budget, cases that come before a single expensive one, and most cases of
-#: `--quick` [-].
-FEWEST, _FEW, QUICK = 5, 6, 10
+#: Fewest cases that decide a run with a budget, and cases that come before a single expensive one [-].
+FEWEST, _FEW = 5, 6
 #: Share of a budget that is planned, because the expected times are right within a factor of 1.5 [-].
 _PLANNED = 0.7
 #: Budget of `--quick`: processor time [s].
@@ -267,12 +266,12 @@ class Budget:
 
     Attributes:
         seconds: The time [s].
-        most: Largest number of cases [-].
+        quick: Whether it is that of `--quick`.
         started: Processor time of this process at which the budget begins [s].
     """
 
     seconds: float
-    most: int = 1000
+    quick: bool = False
     started: float = field(default_factory=time.process_time)
 
     @property
@@ -292,7 +291,7 @@ class Budget:
         least = plan.rest + min(plan.seconds[i] for i in plan.shares)
         if self.seconds < least:
             example = math.ceil(2 * (plan.rest + sum(sorted(plan.seconds)[:FEWEST])) / _MINUTE)
-            option = "--quick" if self.most == QUICK else "--budget"
+            option = "--quick" if self.quick else "--budget"
             raise InputError(
                 f"{option}: {format_time(self.seconds)} is less than one case, "
                 f"which takes about {format_time(least)} "
@@ -309,10 +308,9 @@ class Budget:
             cost = [each if i in paid else plan.seconds[i] for i, each in zip(plan.shares, alone, strict=True)]
             left = sorted((i for i in range(len(cost)) if i not in chosen), key=cost.__getitem__)
             room = sum(spent + np.cumsum([cost[i] for i in left]) <= within)
-            full = stop < 0 and len(chosen) == self.most
-            if room and not full:
+            if room:
                 # An expensive case is not chosen instead of several others, as long as there are few.
-                others = left[: min(room, max(min(self.most, _FEW) - len(chosen), 1))]
+                others = left[: min(room, max(_FEW - len(chosen), 1))]
                 fits = [i for i in left if spent + cost[i] + sum(cost[j] for j in others[:-1] if j != i) <= within]
                 new = [len(each - seen) for each in traits]
                 marked = [case.name in campaign.quick for case in campaign.cases]
@@ -324,7 +322,7 @@ class Budget:
                 break
         cases, kept = campaign.cases, sorted(chosen[:stop])
         return replace(
-            campaign, name=f"{campaign.name}, quick" if self.most == QUICK else campaign.name,
+            campaign, name=f"{campaign.name}, quick" if self.quick else campaign.name,
             cases=tuple(cases[i] for i in kept), fewest=min(FEWEST, len(cases)),
             next=tuple(cases[i].name for i in sorted(chosen[stop:])),
         )  # fmt: skip
@@ -337,7 +335,7 @@ def read_budget(text: str | None, *, quick: bool = False) -> Budget | None:
         InputError: If both are given, or the text is not a positive time.
     """
     if text is None:
-        return Budget(seconds=QUICK_BUDGET, most=QUICK) if quick else None
+        return Budget(seconds=QUICK_BUDGET, quick=True) if quick else None
     if quick:
         raise InputError(f"--budget: --quick is the budget {format_time(QUICK_BUDGET)}; give one of the two")
     seconds = read_quantity(text, "time", place="--budget", example="20min")

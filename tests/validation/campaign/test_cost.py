@@ -48,13 +48,13 @@ def test_time_left_follows_the_finished_cases():
     assert plan.describe_left([2], "c") == "c, about 10 min left"
 
 
-def choose(campaign, seconds, *, most=99, depths=(), kinds=()):
+def choose(campaign, seconds, *, depths=(), kinds=()):
     count = len(campaign.cases)
     plan = Plan(
         missing=(True,) * count, seconds=tuple(seconds), depths=depths or (0.0,) * count, shares=tuple(range(count)),
         kinds=kinds or ("round",) * count, rest=10.0,
     )  # fmt: skip
-    return lambda budget: Budget(seconds=budget, most=most).shorten(campaign, plan)
+    return lambda budget: Budget(seconds=budget).shorten(campaign, plan)
 
 
 @pytest.fixture
@@ -63,10 +63,10 @@ def built_in(wts):
 
 
 def test_marked_cases_come_first_and_a_dear_one_is_replaced(built_in):
-    quick = choose(built_in, [5.0] * 17, most=6)(300.0)
+    quick = choose(built_in, [5.0] * 17)(60.0)  # 0.7 of it: preparations and six cases
     assert tuple(case.name for case in quick.cases) == built_in.quick
     dear = [1000.0 if "square" in case.name or "rectangle" in case.name else 5.0 for case in built_in.cases]
-    names = [case.name for case in choose(built_in, dear, most=6)(300.0).cases]
+    names = [case.name for case in choose(built_in, dear)(60.0).cases]
     assert len(names) == 6
     assert not [name for name in names if "square" in name or "rectangle" in name]
     assert {"sphere, texel", "sphere, edge", "cylinder, off grid", "tip, off grid"} < set(names)

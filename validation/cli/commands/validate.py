@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 _Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
 _Quick = Annotated[
-    bool, Parameter(name="--quick", help="At most ten cases, those that tell most, within five minutes.")
+    bool, Parameter(name="--quick", help="The cases that tell most, within five minutes: --budget 5min.")
 ]
 _Recordings = Annotated[Path | None, Parameter(help="Folder with recordings under known loads, or a data-set file.")]
 
