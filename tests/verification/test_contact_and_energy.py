@@ -81,7 +81,7 @@ def test_the_contact_of_a_finite_cover_is_in_the_frame_of_the_array():
     from meshes import TexelArray
 
     cover = make_cover(0.45, size=(16e-3, 12e-3))
-    at = (2e-3, 1e-3)
+    at = (0.0, 1e-3)
     found = press(cover, TexelArray.grid(3, 4, pitch=3.4e-3), BOX, load=0.3, pose=Pose.planar(at=at, yaw=np.pi / 2))
     assert column_contact(found)[:, 2].sum() == pytest.approx(found.total_force, rel=1e-9)
     x, y = np.abs(column_contact(found)[:, :2] - at).max(axis=0)

@@ -64,10 +64,10 @@ def test_friction_carries_a_part_of_the_shear_without_slip():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("ratio", "load", "friction"), [(0.0, 0.02, np.inf), (0.3, 0.3, 0.1)])
-def test_a_ball_on_a_wide_pad_rubs_as_on_a_flat_cover(ratio, load, friction):
+def test_a_ball_on_a_wide_pad_rubs_as_on_a_flat_cover():
     """The compliance of the flat cover is that of waves, without a mesh of the cover."""
-    pad, material, at = flat_pad(size=(14e-3, 14e-3), rows=2), make_rubber(ratio, "linear-elastic"), (0.3e-3, 0.2e-3)
+    pad, material, at = flat_pad(size=(14e-3, 14e-3), rows=2), make_rubber(0.0, "linear-elastic"), (0.3e-3, 0.2e-3)
+    load, friction = 0.02, 0.2
     flat = Cover(layers=(Layer(thickness=2e-3, material=material),))
     pose = Pose.facing([*at, 5e-3], DOWN)
     ours = press(take_meshes(pad.meshes(), material), pad.texels, BALL, pose, load=load, friction=friction)
