@@ -5,11 +5,11 @@ import dataclasses
 import pytest
 
 from meshes import Sphere
-from tests.support.rubber import stack_layers
+from tests.support.rubber import make_cover, stack_layers
 from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import Criterion, read_campaign
 from validation.campaign.case import Case
-from validation.campaign.plan import Budget, Plan, plan_cases, read_budget
+from validation.campaign.plan import COSTS, Budget, Plan, estimate_cost, plan_cases, read_budget
 from validation.campaign.results import judge
 from validation.campaign.run import run_campaign
 from validation.derivation.contact_range import bear
@@ -155,3 +155,36 @@ def test_an_interrupted_run_keeps_the_finished_cases(bench, campaign, cases, mon
     assert [(each.name, each.reason) for each in result.skipped] == [("box", "interrupted"), ("edge", "interrupted")]
     with pytest.raises(KeyboardInterrupt):
         run_campaign(bench, cases[1:])
+
+
+def estimate(cover, shape, load="1 mN", at="0mm,0mm", friction=0.0):
+    return estimate_cost(cover, Case.read("case", shape, load, at=at), friction)
+
+
+def test_expected_times_grow_as_the_problems():
+    cover = make_cover(0.49)  # 2 mm thick
+    small, big = (estimate(cover, f"box:size={edge}mmx{edge}mmx4mm") for edge in (4, 8))
+    # Meshes reach two thicknesses beyond the box: 6 and 8 thicknesses.  At no depth 0.7 of the time remains.
+    assert big.seconds - small.seconds == pytest.approx(0.7 * COSTS.block * (1 - (36 / 64) ** 2.5), rel=0.01)
+    assert {small.kind, big.kind} == {"block"}
+    rubbed = estimate(cover, "box:size=8mmx8mmx4mm", friction=0.4)
+    assert rubbed.seconds - COSTS.stages == pytest.approx(COSTS.friction * (big.seconds - COSTS.stages))
+    ball = estimate(cover, "sphere:radius=5mm")
+    assert ball.kind == "round"
+    assert ball.seconds == pytest.approx(COSTS.stages + 0.7 * COSTS.round, rel=0.05)
+    assert estimate(cover, "sphere:radius=5mm", load="3 N").seconds > 1.1 * ball.seconds
+    assert estimate(make_cover(0.49, "linear-elastic"), "sphere:radius=5mm").seconds == COSTS.small
+
+
+def test_expected_depths_follow_the_load_as_those_of_faces_and_balls():
+    for cover in (make_cover(0.49), make_cover(0.49, "linear-elastic")):
+        for shape, power in (("sphere:radius=5mm", 2 / 3), ("cylinder:radius=4mm", 1)):
+            light, heavy = (estimate(cover, shape, load).depth for load in ("0.1 N", "0.8 N"))
+            assert heavy / light == pytest.approx(8**power)
+
+
+def test_sides_cost_where_a_contact_is_near_them():
+    cover = make_cover(0.49, size=(40e-3, 40e-3))
+    middle, beside = (estimate(cover, "sphere:radius=5mm", at=at) for at in ("0mm,0mm", "18mm,0mm"))
+    assert (middle.kind, beside.kind) == ("round", "round near sides")
+    assert beside.seconds - middle.seconds == pytest.approx(COSTS.sides)
