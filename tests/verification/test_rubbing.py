@@ -32,7 +32,9 @@ _ROUND = [
 
 @pytest.mark.parametrize(("cover", "indenter"), _ROUND)
 def test_friction_agrees_with_boundary_elements(cover, indenter):
-    expected = press_with_friction(cover, indenter, DEPTH, 0.4, rings=48 if indenter.is_flat else 64)
+    # Under a skin the pressure falls slowly to the edge, whose place needs more rings.
+    count = 128 if cover is SKIN else 48 if indenter.is_flat else 64
+    expected = press_with_friction(cover, indenter, DEPTH, 0.4, rings=count)
     found = press(cover, ARRAY, indenter, depth=DEPTH, friction=0.4)
     rings = 1.5e-3  # the error of the boundary elements, their change from half as many
     assert found.total_force == pytest.approx(expected.force, rel=found.error_estimate["total_force"] + rings)
