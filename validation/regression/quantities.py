@@ -11,18 +11,22 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 import fastmodel
 from fastmodel import Parameters
-from meshes import Cylinder, Material, Sphere
+from meshes import Cylinder, Sphere
 from validation.campaign.results import CaseResult
 from validation.places import PoseText, find_places
 from validation.regression import experiments
 from validation.regression.reading import Reading, Readings, Subject, Value, find_unit, read
 from validation.sensor_file import BUILT_IN
+
+if TYPE_CHECKING:
+    from fem_reference.indentation.result import Indentation
 
 #: Unit and tolerance of the quantities of a derivation, by name.
 _DERIVED: Mapping[str, tuple[str, float | str]] = {
@@ -159,25 +163,20 @@ def measure_accuracy(subject: Subject) -> Readings:
 
 
 def measure_friction(subject: Subject) -> Readings:
-    """Press a ball with friction and a face without slip into the middle of the cover at small strain."""
+    """Press a ball with friction and a face without slip into the middle of the cover at small strain.
+
+    The shear is the sum of the contact forces across the motion.
+    """
     found = subject.derivation
     if found is None:
         return {}
     from fem_reference import press
     from fem_reference.errors import UnsupportedError
+    from validation.derivation.contact_range import linearise_material
 
     sensor = found.sensor
     layers = tuple(
-        dataclasses.replace(
-            layer,
-            material=Material(
-                name=layer.material.name,
-                model="linear-elastic",
-                parameters={"youngs_modulus": layer.material.youngs_modulus},
-                poisson_ratio=layer.material.poisson_ratio,
-            ),
-        )
-        for layer in sensor.cover.layers
+        dataclasses.replace(layer, material=linearise_material(layer.material)) for layer in sensor.cover.layers
     )
     cover = dataclasses.replace(sensor.cover, layers=layers)
     thickness = sum(layer.thickness for layer in layers)
@@ -193,18 +192,19 @@ def measure_friction(subject: Subject) -> Readings:
         }
     except UnsupportedError:  # Covers whose shear is not resolved; `press` says why.
         return {}
+
+    def collect(unit: str, tolerance: str, take: Callable[[Indentation], float]) -> Reading | None:
+        return read({name: take(each) for name, each in pressed.items()}, unit, tolerance)
+
     return {
-        "load": read({name: each.total_force for name, each in pressed.items()}, "N", "0.1 % of each"),
-        "largest texel force": read(
-            {name: float(each.texel_forces.max()) for name, each in pressed.items()}, "mN", "0.2 % of each"
-        ),
-        "shear": read(
-            {
-                name: float(np.hypot(*each.contact_forces[:, :2].T).sum()) / each.total_force
-                for name, each in pressed.items()
-            },
+        "load": collect("N", "0.1 % of each", lambda each: each.total_force),
+        "largest texel force": collect("mN", "0.2 % of each", lambda each: float(each.texel_forces.max())),
+        "shear": collect(
             "% of load",
             "1 % of each",
+            lambda each: (
+                float(np.linalg.norm(np.cross(each.contact_forces, pose.direction), axis=1).sum()) / each.total_force
+            ),
         ),
     }
 
