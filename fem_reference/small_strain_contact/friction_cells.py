@@ -118,7 +118,7 @@ class SlipAxes:
     Attributes:
         compliance: Map from tractions to displacements in the axes of the grid.
         along: Unit vector along the shear of each cell, shape (2, rows, columns) [-].
-        softness: Compliance that is added across the shear, shape (rows, columns) [m/Pa]; inf where no shear is free.
+        softness: Compliance that is added across the shear, shape (rows, columns) [m/Pa].
     """
 
     compliance: VectorOperator
@@ -145,13 +145,13 @@ class SlipAxes:
     def displace(self, traction: FloatArray) -> FloatArray:
         """Compute the displacements of all cells under tractions, shape (3, rows, columns) [m, Pa]."""
         moved = self.turn_to(self.compliance.displace(self.turn_from(traction)))
-        moved[2] += np.where(np.isfinite(self.softness), self.softness, 0.0) * traction[2]
+        moved[2] += self.softness * traction[2]
         return moved
 
     def precondition(self, residual: FloatArray) -> FloatArray:
         """Multiply residual displacements by the scaled approximate inverse."""
         scale = np.ones_like(residual)
-        scale[2] = 1 / np.sqrt(1 + np.where(np.isfinite(self.softness), self.softness, 0.0) / self.compliance.own)
+        scale[2] = 1 / np.sqrt(1 + self.softness / self.compliance.own)
         return scale * self.turn_to(self.compliance.precondition(self.turn_from(scale * residual)))
 
 
@@ -278,10 +278,10 @@ class RubbingContact:
         softness, own, before = np.full(gap.shape, np.inf), self.compliance.own, np.inf
         for _ in range(_SETTINGS.exchanges):
             sticks = touching & ~slides
-            axes = SlipAxes.of(self.compliance, traction[1:], np.where(sticks, 0.0, softness))
+            axes = SlipAxes.of(self.compliance, traction[1:], np.where(sticks | np.isinf(softness), 0.0, softness))
             fixed = np.concatenate([0 * traction[:1], np.where(touching & slides, traction[1:], 0.0)])
             wanted = axes.turn_to(goal - self.compliance.displace(fixed) if slides.any() else goal)
-            held = np.stack([touching, sticks, touching & np.isfinite(axes.softness)])
+            held = np.stack([touching, sticks, sticks | (touching & np.isfinite(softness))])
             free = solve_displacement(axes, wanted, held, axes.turn_to(traction), residual)
             traction = fixed + axes.turn_from(free)
             moved = self.compliance.displace(traction)
@@ -313,9 +313,8 @@ class RubbingContact:
             # With a soft return mapping the shear changes by less than its error.
             if change * own <= _SETTINGS.settled * self.compliance.own:
                 break
-            if (
-                change > _SETTINGS.shrinks * before and own < _SETTINGS.softest * self.compliance.own
-            ):  # The shear oscillates, because neighbours slide together.
+            # Neighbours that slide together let the shear oscillate.
+            if change > _SETTINGS.shrinks * before and own < _SETTINGS.softest * self.compliance.own:
                 own *= 2
             before = change
             exchange = Exchange(gap.size, _SETTINGS.patience)
