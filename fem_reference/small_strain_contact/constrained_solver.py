@@ -44,6 +44,8 @@ class ActiveSetSettings:
     flicker: float = 1e-4
     #: Largest number of iterations of conjugate gradients [-].
     iterations: int = 1000
+    #: Norm of the given displacement up to which it is zero, because its square is too small for a number [m].
+    none: float = 1e-100
     #: Norm of the residual displacement over that of the given displacement at which the iteration stops [-].
     residual: float = 1e-8
     #: Norm of the residual displacement over that of the given displacement at which the iteration stops while the set
@@ -277,11 +279,12 @@ def solve_displacement(
     residual over that of `wanted` [-].
     """
     given = np.where(touching, wanted, 0.0)
-    if not given.any():
-        return given
+    size = float(np.linalg.norm(given))
+    if size <= _SETTINGS.none:
+        return np.zeros_like(given)
     pressure = np.where(touching, start, 0.0)
     residual = given - np.where(touching, compliance.displace(pressure), 0.0) if pressure.any() else given
-    small = tolerance * float(np.linalg.norm(given))
+    small = tolerance * size
     direction, previous = np.zeros_like(wanted), 1.0
     for _ in range(_SETTINGS.iterations):
         if np.linalg.norm(residual) <= small:
