@@ -44,7 +44,7 @@ from validation.calibration.uncertainty import (
 )
 from validation.data_sets.data_set import describe_files
 from validation.data_sets.images import Image, observe, read_images
-from validation.data_sets.score import fit_polynomials
+from validation.data_sets.nulls import LINE
 from validation.errors import InputError, check_choice
 from validation.extras import require
 from validation.metrics import score_images
@@ -422,8 +422,7 @@ def _predict_by_line(kept: Observations, held: Observations) -> FloatArray | Non
         near = kept.select(np.array([each.name == name for each in kept.placements]))
         if len(np.unique(near.loads)) < NUMBERS.fewest_loads:
             return None
-        predict = fit_polynomials(near, None, np.inf, degree=1)
-        line[rows] = [predict(load, np.nan) for load in held.loads[rows]]
+        line[rows] = LINE.fit(near, None, np.inf)(held.select(rows))
     return line
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -17,7 +16,6 @@ from validation.calibration.forward_fit import ForwardFit, Options, borrow_poses
 from validation.calibration.model import (
     ContactMethod,
     Observations,
-    join_observations,
     make_fast_method,
     make_reference_method,
 )
@@ -25,6 +23,7 @@ from validation.calibration.uncertainty import describe_fit
 from validation.campaign.results import pool, skill
 from validation.data_sets.data_set import DataSet
 from validation.data_sets.images import Image, observe, read_images
+from validation.data_sets.nulls import NULLS
 from validation.data_sets.results import (
     CountScore,
     RecordingExample,
@@ -37,78 +36,6 @@ from validation.data_sets.results import (
 from validation.errors import InputError
 from validation.schema.data_set import SplitTable
 from validation.sensor_file import SensorDescription
-
-#: Function from load [N] and temperature [degC] to predicted counts of the n texels, shape (n,) [-].
-Predictor = Callable[[float, float], FloatArray]
-#: Function from the fitted images, the images that determine the poses (or None), and the largest count to a predictor.
-NullModel = Callable[[Observations, Observations | None, float], Predictor]
-
-
-def fit_pattern(fitted: Observations, placed: Observations | None, output_max: float) -> Predictor:
-    """Return a predictor that multiplies a mean image by a quadratic in the load, fitted to the sizes of the images.
-
-    With placing images, the pattern is their mean, and the quadratic is scaled to the sums of their counts.
-    """
-    pattern = fitted.counts.mean(axis=0)
-    size = fitted.counts @ pattern / max(float(pattern @ pattern), 1e-9)
-    degree = min(2, len(np.unique(fitted.loads)) - 1)
-    curve = np.polynomial.Polynomial.fit(fitted.loads, size, degree)
-    if placed is not None:
-        mean, predicted = placed.counts.mean(axis=0), float(sum(curve(load) for load in placed.loads)) * pattern.sum()
-        ratio = placed.counts.sum() / max(predicted, 1e-9)
-        pattern = mean / max(float(mean.sum()), 1e-9) * pattern.sum() * ratio
-    return lambda load, _temperature: np.clip(float(curve(load)) * pattern, 0.0, output_max)
-
-
-def fit_polynomials(
-    fitted: Observations, placed: Observations | None, output_max: float, *, degree: int, temperature: bool = False
-) -> Predictor:
-    """Return a predictor with a separate polynomial in the load for every texel, by least squares.
-
-    Args:
-        fitted: Fitted images.
-        placed: Images that determine the pose of the indenter; they are fitted as well.
-        output_max: Largest count [-].
-        degree: Degree of the polynomial [-].
-        temperature: Whether each coefficient is a linear function of the temperature.
-    """
-    seen = fitted if placed is None else join_observations([fitted, placed])
-    warm = np.nan_to_num(seen.temperatures, nan=0.0)
-    middle, spread = float(warm.mean()), max(float(warm.std()), 1e-9)
-    largest = max(float(seen.loads.max()), 1e-9)
-
-    def terms(load: FloatArray, degrees: FloatArray) -> FloatArray:
-        powers = (load[:, None] / largest) ** np.arange(degree + 1)
-        warmer = ((np.nan_to_num(degrees, nan=middle) - middle) / spread)[:, None]
-        return np.hstack([powers, powers * warmer]) if temperature else powers
-
-    coefficients = np.linalg.lstsq(terms(seen.loads, seen.temperatures), seen.counts, rcond=1e-6)[0]
-
-    def predict(load: float, degrees: float) -> FloatArray:
-        return np.asarray(np.clip((terms(np.array([load]), np.array([degrees])) @ coefficients)[0], 0.0, output_max))
-
-    return predict
-
-
-def fit_heaviest(fitted: Observations, placed: Observations | None, output_max: float) -> Predictor:
-    """Return a predictor that multiplies the image of the heaviest fitted load by the ratio of the loads."""
-    seen = fitted if placed is None else placed
-    heaviest = float(seen.loads.max())
-    image = seen.counts[seen.loads >= heaviest * (1 - 1e-9)].mean(axis=0)
-    return lambda load, _temperature: np.clip(image * load / max(heaviest, 1e-9), 0.0, output_max)
-
-
-#: Null models (predictions without a model of the sensor) by name.
-NULLS: Mapping[str, NullModel] = MappingProxyType(
-    {
-        "zeros": lambda fitted, _placed, _most: lambda _load, _temperature: np.zeros(fitted.counts.shape[1]),
-        "mean pattern x load curve": fit_pattern,
-        "quadratic per texel": partial(fit_polynomials, degree=2),
-        "line per texel": partial(fit_polynomials, degree=1),
-        "line per texel x temperature": partial(fit_polynomials, degree=1, temperature=True),
-        "heaviest fitted image x load ratio": fit_heaviest,
-    }
-)
 
 #: Name of the fast model by its default contact method in tables.
 FAST = "fast model"
@@ -238,13 +165,11 @@ class _SplitTable:
     def add_nulls(self) -> None:
         """Add a row for each null model, fitted to the same recordings as the models."""
         placed = observe(self._placed) if self._placed else None
-        warm = np.isfinite(self._observed.temperatures).all()
-        for name, make in NULLS.items():
-            if "temperature" in name and not warm:
-                continue
-            predict = make(self._observed, placed, self._sensor.electronics.output_max)
-            counts = np.array([predict(image.load, image.temperature) for image in self._scored])
-            self._add_row(name, self._score_cases(name, counts), kind="null")
+        scored, output_max = observe(self._scored), float(self._sensor.electronics.output_max)
+        for name, null in NULLS.items():
+            if null.applies(self._observed, placed):
+                counts = null.fit(self._observed, placed, output_max)(scored)
+                self._add_row(name, self._score_cases(name, counts), kind="null")
 
     def add_repeats(self) -> None:
         """Add rows with the differences between repeated recordings of one load, if there are any.

@@ -216,13 +216,9 @@ def test_the_built_in_file_reads_the_published_tree(tmp_path):
         ("H1.dsa", 0.9),
     ]
     assert {file.threshold for file in found.files} == {100.0}
-    assert [split.name for split in found.splits] == [
-        "heavier",
-        "between",
-        "warmer",
-        "third temperature",
-        "other session",
-    ]
+    first = ["heavier", "between", "warmer", "third temperature", "other session"]
+    assert [split.name for split in found.splits][:5] == first
+    assert len(found.splits) == 15
 
 
 def test_without_splits_other_series_or_heavier_loads_are_predicted(tmp_path):

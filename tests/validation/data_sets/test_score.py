@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 import fastmodel
 from tests.support.laboratory import (
@@ -47,14 +48,14 @@ score = {{ series = "weights", files = ["[{SCORED}]*"] }}
 
 
 def record(folder, corrupt=""):
-    """Write two noisy recordings per load at two temperatures; those of the loads in `corrupt` are of another pose."""
+    """Write two noisy recordings per load at varying temperatures, those of the loads in `corrupt` in another pose."""
     random = np.random.default_rng(5)
     curve = make_curve(draw_gains(random), warm=0.01)
     folder.mkdir()
     for letter, newtons in LOADS.items():
         for repeat in (1, 2):
             pose = Pose(4e-3, 2e-3) if letter in corrupt else Pose(0.5e-3, -1e-3)
-            degrees = 25.0 + 10.0 * random.random()
+            degrees = 25.0 + 4.0 * random.random()
             options = {"temperature": degrees, "random": random, "scatter": 0.02, "seconds": 10.0, "rate": 3.0}
             write(press(uniform_method(), curve, newtons, pose, **options), folder / f"{letter}{repeat}.mcap")
     return write_data_set(folder, FILE)
@@ -99,7 +100,7 @@ def test_models_and_null_models_do_not_see_what_they_are_scored_on(tmp_path, pla
         assert rows[2].parameters != rows[0].parameters
         np.testing.assert_array_equal(rows[1].electronics.gains, rows[0].electronics.gains)
         assert rows[1].pooled["image_changed_percent"].mean > 2 * rows[0].pooled["image_changed_percent"].mean
-    assert set(found.examples[0].predicted) > set(score.NULLS)
+    assert set(found.examples[0].predicted) > {row.model for row in found.rows if row.kind == "null"}
     for name, image in found.examples[0].predicted.items():
         np.testing.assert_array_equal(image, blind.examples[0].predicted[name])
         assert name == "zeros" or (image != wrong.examples[0].predicted[name]).any()
@@ -114,22 +115,40 @@ def test_what_the_fitted_recordings_determine_is_said_of_the_fast_model(plain):
 
 
 def predict_nulls(images):
-    """Compute every null model anew with numpy: function from load and temperature to counts, by name."""
+    """Compute null models anew: function from load and temperature to counts, by name.
+
+    The recordings have one age and no threshold, and their temperatures vary too little for a common coefficient.
+    """
     loads, counts = np.array([image.load for image in images]), np.array([image.counts for image in images])
-    degrees = np.array([image.temperature for image in images])
     mean, heaviest = counts.mean(axis=0), counts[loads == loads.max()].mean(axis=0)
     sizes = np.polyfit(loads, counts @ mean / (mean @ mean), 2)
-    line, parabola = (np.polyfit(loads, counts, degree) for degree in (1, 2))
-    terms = np.column_stack([np.ones_like(loads), loads, degrees, loads * degrees])
-    warm = np.linalg.lstsq(terms, counts, rcond=None)[0]
+    degrees = np.array([image.temperature for image in images])
+    middle = degrees.mean()
+    line, parabola = (fit_censored(counts, np.vander(loads, degree + 1)) for degree in (1, 2))
+    warm = fit_censored(
+        counts, np.column_stack([loads, np.ones_like(loads), loads * (degrees - middle), degrees - middle])
+    )
     return {
         "zeros": lambda load, _: 0 * mean,
         "mean pattern x load curve": lambda load, _: np.polyval(sizes, load) * mean,
-        "line per texel": lambda load, _: load * line[0] + line[1],
-        "quadratic per texel": lambda load, _: load**2 * parabola[0] + load * parabola[1] + parabola[2],
-        "line per texel x temperature": lambda load, degrees: np.array([1, load, degrees, load * degrees]) @ warm,
-        "heaviest fitted image x load ratio": lambda load, _: heaviest * load / loads.max(),
+        "line per texel": lambda load, _: line @ [load, 1],
+        "quadratic per texel": lambda load, _: parabola @ [load**2, load, 1],
+        "line per texel x temperature per texel": (
+            lambda load, degrees: warm @ [load, 1, load * (degrees - middle), degrees - middle]
+        ),
+        "heaviest image x load ratio": lambda load, _: heaviest * load / loads.max(),
     }
+
+
+def fit_censored(counts, terms):
+    """Least squares of every texel, shape (n, terms); a count of zero only bounds the signal above."""
+
+    def misfit(part, recorded):
+        signal = terms @ part
+        return np.where(recorded > 0, signal - recorded, np.maximum(signal, 0))
+
+    start = np.linalg.lstsq(terms, counts, rcond=None)[0].T
+    return np.array([least_squares(misfit, one, args=(each,)).x for one, each in zip(start, counts.T, strict=True)])
 
 
 def change(images, predicted):
@@ -151,15 +170,18 @@ def test_each_row_scores_the_model_that_it_names(plain):
     }
     for gains in (False, True):
         errors["uniform", gains] = change(scored, fit(data_set, gains=gains).predict(observe(scored)))
-    assert {(row.model, row.texel_gains) for row in found.rows if row.kind != "floor"} == set(errors)
+    saturating = {("line per texel, saturating", False), ("heaviest image x load ratio, threshold added back", False)}
+    shown = {(row.model, row.texel_gains) for row in found.rows if row.kind != "floor"}
+    assert shown == set(errors) | saturating
     for (name, gains), expected in errors.items():
         row = found.row("between", name, texel_gains=gains)
         values = {case: each.image_changed_percent for case, each in row.per_case.items()}
-        assert values == pytest.approx(expected, rel=1e-6), name
-        mean = np.mean(list(expected.values()))
+        assert values == pytest.approx(expected, abs=0.01), name  # two grey levels of one texel
+        mean = np.mean(list(values.values()))
         assert row.pooled["image_changed_percent"].mean == pytest.approx(mean, rel=1e-6)
         for null, value in row.skill.items():
-            assert value.mean == pytest.approx(1 - mean / np.mean(list(errors[null, False].values())), rel=1e-6)
+            other = found.row("between", null).pooled["image_changed_percent"].mean
+            assert value.mean == pytest.approx(1 - mean / other, rel=1e-6)
     firsts, seconds = scored[::2], scored[1::2]
     assert [image.file.path.stem for image in firsts] == [f"{letter}1" for letter in SCORED]
     sums = [first.counts.sum() / second.counts.sum() for first, second in zip(firsts, seconds, strict=True)]
