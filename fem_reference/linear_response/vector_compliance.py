@@ -142,10 +142,9 @@ def spread_shear(cover: Cover) -> PointSpread:
 
 
 def _bessel_2(values: FloatArray) -> FloatArray:
-    """Evaluate the Bessel function J2, for values up to where its recursion is accurate."""
-    small = values < 1e-2  # noqa: PLR2004 -- there the series is accurate to 1e-9
-    series = values**2 / 8 * (1 - values**2 / 12)
-    return np.where(small, series, 2 * j1(values) / np.where(small, 1.0, values) - j0(values))
+    """Evaluate the Bessel function J2 by its recursion, whose absolute error is that of rounding."""
+    values = np.maximum(values, _TINY)
+    return np.asarray(2 * j1(values) / values - j0(values))
 
 
 def _squares(u: FloatArray, v: FloatArray) -> FloatArray:
