@@ -235,7 +235,7 @@ def lay_out(
         unknowns.append(Unknown(name="ln_sensitivity", start=level, scale=0.3, mean=level, spread=NUMBERS.level_spread))
     else:
         unknowns += _list_curve(fixed, observations, options)
-        lit = np.flatnonzero((observations.measured & (observations.counts > 0)).any(axis=0)).tolist()
+        lit = np.flatnonzero(observations.lit.any(axis=0)).tolist()
         high, spread = NUMBERS.height_spread * float(observations.loads.mean()), NUMBERS.gain_spread
         heights, gains = (lit if wanted else [] for wanted in (options.heights, options.gains))
         unknowns += [Unknown(name=f"height{k}", start=0.0, scale=high, spread=high, texel=k) for k in heights]
@@ -277,7 +277,7 @@ def _list_pose(placement: Placement, pose: Pose, array: TexelArray) -> list[Unkn
 
 def _list_curve(fixed: CountCurve, observations: Observations, options: Options) -> list[Unknown]:
     """List the parameters common to all texels, for a curve that starts as a line."""
-    texel_force = float(observations.loads.mean()) / max(1, int((observations.counts > 0).sum(axis=1).max()))
+    texel_force = float(observations.loads.mean()) / max(1, int(observations.lit.sum(axis=1).max()))
     unknowns = [
         Unknown(name="ln_sensitivity", start=float(np.log(fixed.sensitivity)), scale=0.3),
         Unknown(name="dead_force", start=0.0, scale=0.3 * texel_force),
@@ -302,7 +302,7 @@ def _list_curve(fixed: CountCurve, observations: Observations, options: Options)
 
 def _guess_curve(observations: Observations, options: Options, array: TexelArray) -> CountCurve:
     """Guess a straight line from the sums of counts over the loads."""
-    counts = np.where(observations.measured, observations.counts, 0.0)
+    counts = np.where(observations.lit, observations.counts, 0.0)
     lit = counts.sum(axis=1) > 0
     totals = (counts + observations.thresholds[:, None] * (counts > 0)).sum(axis=1)
     slope = float(np.median(totals[lit] / np.maximum(observations.loads[lit], 1e-9)))
@@ -326,7 +326,7 @@ def _guess_curve(observations: Observations, options: Options, array: TexelArray
 
 def _guess_pose(placement: Placement, observations: Observations, array: TexelArray) -> Pose:
     """Return the known pose of a placement, with the centre of its counts where the position is not known."""
-    total = np.where(observations.measured, observations.counts, 0.0)[observations.rows_of(placement)].sum(axis=0)
+    total = np.where(observations.lit, observations.counts, 0.0)[observations.rows_of(placement)].sum(axis=0)
     x, y = centre_of_pressure(total, array.centres[:, :2]).tolist() if total.any() else (0.0, 0.0)
     at = (x, y) if placement.at is None else placement.at
     return Pose(*at, placement.yaw or 0.0, *(placement.tilt or (0.0, 0.0)))

@@ -96,6 +96,7 @@ class Observations:
         ages: Time since loading, NaN if unknown, shape (m,) [s].
         thresholds: Counts that the firmware subtracted, shape (m,) [-].
         creep: Creep coefficient measured in each recording, NaN if unknown, shape (m,) [-].
+        floors: Count up to which a texel does not differ from rest, shape (m, n) [-]; 0 if not given.
     """
 
     loads: FloatArray
@@ -107,6 +108,12 @@ class Observations:
     ages: FloatArray
     thresholds: FloatArray
     creep: FloatArray = field(default_factory=lambda: np.empty(0))
+    floors: FloatArray = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def lit(self) -> BoolArray:
+        """Whether each texel was measured and its count differs from rest beyond noise, shape (m, n)."""
+        return np.asarray(self.measured & (self.counts > (self.floors if len(self.floors) else 0.0)))
 
     @property
     def distinct_placements(self) -> tuple[Placement, ...]:

@@ -25,6 +25,8 @@ from validation.schema import read
 from validation.schema.data_set import (
     FITTED,
     LABELS,
+    NO_ZERO,
+    REST,
     CommonKeys,
     DataSetTables,
     FileTable,
@@ -51,6 +53,7 @@ class DataFile:
         placement: Pose of the indenter.
         array: Index of the pressed array; None for the array with the largest change of counts.
         threshold: Counts that the firmware subtracted [-]; None for the value in the labels of the recording.
+        zero: The word `rest`, the word `none`, or the path of a recording at rest.
         window: First and last time after loading between which frames are averaged [s].
         temperature_channel: Index of the temperature sensor, negative ones from the end.
         uses: Permitted uses of the recording: `fit`, `score`.
@@ -64,6 +67,7 @@ class DataFile:
     placement: Placement
     array: int | None = None
     threshold: float | None = None
+    zero: str | Path = REST
     window: tuple[float, float] = DEFAULT_WINDOW
     temperature_channel: int = -1
     uses: tuple[str, ...] = ("fit", "score")
@@ -172,6 +176,8 @@ def _list_files(series: SeriesTable, tables: DataSetTables, folder: Path, proble
         for name, common in dict(tables).items()
         if name in CommonKeys.model_fields
     }
+    if keys["zero"] not in (None, REST, NO_ZERO):
+        keys["zero"] = folder / keys["zero"]
     if keys["indenter"] is None:
         problems.append(f"{place}: no indenter; write for example indenter = 'box:size=10mmx10mmx5mm'; it is left out")
         return []
@@ -233,6 +239,7 @@ def _build_file(
         ),
         array=merged["array"],
         threshold=merged["threshold"],
+        zero=merged["zero"] or REST,
         window=merged["window"] or DEFAULT_WINDOW,
         temperature_channel=-1 if merged["temperature_channel"] is None else merged["temperature_channel"],
         uses=tuple(series.use),

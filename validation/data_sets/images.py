@@ -12,79 +12,53 @@ from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 from validation.calibration.model import CREEP_START, Observations
 from validation.data_sets.data_set import DataFile, DataSet
+from validation.data_sets.zeros import Zeroed, find_unloaded, subtract_zero
 from validation.recordings.importing import open_recording
-from validation.recordings.recording import BoolArray, RecordedArray, Recording, RecordingError, find_pressed_array
-from validation.schema.data_set import FORCE
+from validation.recordings.recording import (
+    NANOSECOND,
+    BoolArray,
+    CountArray,
+    RecordedArray,
+    Recording,
+    RecordingError,
+    find_pressed_array,
+)
+from validation.schema.data_set import FORCE, NO_ZERO, REST
 
 #: Sum of counts over its final value above which the load counts as applied [-].  The load is applied at the time after
 #: which the sum stays above this share.
 _APPLIED_SHARE = 0.5
-#: Length of the part at the end of a recording whose median sum of counts is the final value [s].
+#: Length of the part at the end of a load whose median sum of counts is the final value [s].
 _FINAL_PERIOD = 2.0
-#: Smallest number of frames at rest at the start of a recording [-].
-_FLAT_FRAMES = 4
-#: Smallest change of the first principal component of the counts that indicates a change of the load, over the standard
-#: deviation of its noise [-].
-_STEP_OVER_NOISE = 6.0
-#: Quantile, over the frames, of the change of the first principal component that counts as the whole change [-].
-_WHOLE = 0.95
-#: Number of steps of the power iteration for the first principal component [-].  Few steps suffice, because a change of
-#: the load affects the counts far more than anything else.
-_POWERS = 10
-#: Longest time in which a load is applied or removed, from the last frame at rest to half of the whole change [s].
-_STEP_TIME = 1.0
+#: Largest number of recordings that a line names [-].
+_MOST_NAMES = 5
+#: Quantile of the sum of counts that is taken for the sum under load, to find the end of the load [-].
+_LOADED = 0.9
 #: Smallest time under load at the end of a recording to which creep is fitted, over `CREEP_START` [-].
 _SHORTEST_CREEP = 2.0
 
 
-def find_rest(times: FloatArray, counts: FloatArray) -> int:
-    """Count the frames at rest at the start of a recording, before a load is applied or removed.
-
-    The largest change of the image over time (first principal component) must first stay within its noise, then exceed
-    the noise by a factor, and reach half of its size within one second.  A recording that begins under load creeps.  It
-    changes fastest at its start and has no frames at rest.
-
-    Args:
-        times: Times of the frames, shape (frames,) [s].
-        counts: Counts of the n texels, shape (frames, n) [-].
-
-    Returns:
-        Number of frames at rest, 0 if the recording does not begin at rest.
-    """
-    if len(times) < 2 * _FLAT_FRAMES:
-        return 0
-    centred = counts - np.median(counts, axis=0)
-    # The power iteration starts from the frame that differs most from the median.
-    image = centred[np.argmax(np.abs(centred).sum(axis=1))]
-    for _ in range(_POWERS):
-        image = centred.T @ (centred @ image)
-        image = image / max(float(np.linalg.norm(image)), np.finfo(float).tiny)
-    main = centred @ image
-    moved = np.abs(main - np.median(main[:_FLAT_FRAMES]))
-    # The standard deviation of one frame follows from the median of the differences between successive frames.
-    noise = max(1.4826 * float(np.median(np.abs(np.diff(main)))) / np.sqrt(2), 1.0)
-    beyond = moved > _STEP_OVER_NOISE * noise
-    if not beyond.any() or beyond[:_FLAT_FRAMES].any():
-        return 0
-    still = int(np.flatnonzero(moved[: np.argmax(beyond)] <= 3 * noise)[-1])
-    half = int(np.argmax(moved >= _APPLIED_SHARE * np.quantile(moved, _WHOLE)))
-    return still + 1 if times[half] - times[still] <= _STEP_TIME else 0
-
-
 def find_load_onset(times: FloatArray, counts: FloatArray) -> float:
-    """Find the time from which the sum of counts stays above half its final value.
+    """Find the time from which the sum of counts stays above half its final value, until the load is removed.
 
     Args:
         times: Times of the frames, shape (frames,) [s].
         counts: Counts of the n texels, shape (frames, n) [-].
 
     Returns:
-        Time at which the load was applied; the time of the last frame if the recording ends without load [s].
+        Time at which the load was applied; the time of the last frame if the counts never rise [s].
     """
-    total = counts.sum(axis=1)
-    final = float(np.median(total[times >= times[-1] - _FINAL_PERIOD]))
-    below = np.flatnonzero((total < _APPLIED_SHARE * final) | (final <= 0))
+    total, last = counts.sum(axis=1), _find_last(counts)
+    final = float(np.median(total[(times >= times[last] - _FINAL_PERIOD) & (times <= times[last])]))
+    below = np.flatnonzero((total[: last + 1] < _APPLIED_SHARE * final) | (final <= 0))
     return float(times[min(below[-1] + 1, len(times) - 1)]) if len(below) else float(times[0])
+
+
+def _find_last(counts: FloatArray) -> int:
+    """Return the index of the last frame whose sum of counts is above half of that under load."""
+    total = counts.sum(axis=1)
+    above = np.flatnonzero(total >= _APPLIED_SHARE * np.quantile(total, _LOADED))
+    return int(above[-1])
 
 
 def find_creep(age: FloatArray, counts: FloatArray, threshold: float) -> float:
@@ -116,15 +90,24 @@ class ImageNumbers:
     Attributes:
         fewest_frames: Smallest number of frames from which the noise about a straight trend can be estimated [-].
         most_images: Largest number of images that a recording with a force channel is divided into [-].
-        zero_share: Sum of counts at rest, over the sum of counts that a load adds, above which the zero is rejected
-            [-].
         unloaded: Share of the largest force of a channel below which a frame counts as unloaded [-].
+        shortest: Shortest time over which frames under a load that ends early are averaged [s].
+        ended: Share of the final sum of counts below which a load that ends is being removed [-].
+        contrary: Sum of counts over that under a lighter load, below which one of the two labels is doubted [-].
+        same_load: Largest ratio of two loads that are taken for equal [-].
+        force_differs: Difference of label and force channel, over the label, above which they contradict [-].
+        saturated: Share of pressed texels at the end of the range from which a recording is refused [-].
     """
 
     fewest_frames: int = 3
     most_images: int = 24
-    zero_share: float = 0.01
     unloaded: float = 0.005
+    shortest: float = 1.0
+    ended: float = 0.95
+    contrary: float = 0.9
+    same_load: float = 1.05
+    force_differs: float = 0.2
+    saturated: float = 0.9
 
 
 NUMBERS = ImageNumbers()
@@ -137,20 +120,25 @@ class Image:
     Attributes:
         file: The recording.
         load: Load on the indenter [N].
-        counts: Mean counts of the n texels, shape (n,) [-].
+        counts: Mean counts of the n texels above rest, shape (n,) [-]; noise about the zero may be negative.
+        floor: Count up to which a texel does not differ from rest, shape (n,) [-].
+        sign: -1 if the recorded counts fall under load and were turned, else 1.
         measured: Whether each texel exists and was switched on, shape (n,).
         temperature: Temperature of the sensor; NaN if unknown [degC].
         age: Time from loading to the middle of the frames; NaN if the load varies [s].
         creep: Relative growth of the counts per unit of ln(time), with the threshold added back; NaN if unknown [-].
         threshold: Counts that the firmware subtracted [-].
         noise: Standard deviation of a texel's counts about a straight trend, over texels that are never zero [counts].
-        full_scale: Largest count of the array according to the recording [-].
+        full_scale: Largest count of the array above rest according to the recording [-].
         sha256: SHA-256 hash of the file.
+        note: Sentence about a doubt in this image; empty without one.
     """
 
     file: DataFile
     load: float
     counts: FloatArray
+    floor: FloatArray
+    sign: int
     measured: BoolArray
     temperature: float
     age: float
@@ -159,6 +147,7 @@ class Image:
     noise: float
     full_scale: int
     sha256: str
+    note: str = ""
 
     @property
     def case(self) -> str:
@@ -174,10 +163,11 @@ def read_images(data_set: DataSet, array: TexelArray) -> tuple[list[Image], list
         array: Array of the sensor.
 
     Returns:
-        The images, and one line for each recording that cannot be used.
+        The images, and one line for each recording that cannot be used or is in doubt.
     """
     images: list[Image] = []
     problems: list[str] = []
+    copies: list[str] = []
     first: dict[str, DataFile] = {}
     for file in data_set.files:
         try:
@@ -188,15 +178,67 @@ def read_images(data_set: DataSet, array: TexelArray) -> tuple[list[Image], list
         earlier = first.setdefault(found[0].sha256, file)
         if earlier is file:
             images += found
-        elif earlier.series != file.series:
-            problems.append(f"{file.path}: the same content as {earlier.path} of another series; left out")
-    return images, problems
+            problems += dict.fromkeys(f"{file.path}: {image.note}" for image in found if image.note)
+        else:
+            other = f" of series {earlier.series!r}" * (earlier.series != file.series)
+            copies.append(f"{file.path} (as {earlier.path}{other})")
+    if copies:
+        problems.append(f"the same content is read once; left out: {_list(copies)}")
+    images, turned = _agree_on_sign(images)
+    return images, [*problems, *turned, *_doubt_labels(images)]
+
+
+def _list(names: Sequence[str]) -> str:
+    """Name the first of some things, and count the others."""
+    more = [f"{len(names) - _MOST_NAMES} more"] if len(names) > _MOST_NAMES else []
+    return ", ".join([*names[:_MOST_NAMES], *more])
+
+
+def _agree_on_sign(images: list[Image]) -> tuple[list[Image], list[str]]:
+    """Return the images whose counts change under load in the direction of most images, and a line about the others."""
+    falling = [image.sign < 0 for image in images]
+    if not any(falling):
+        return images, []
+    if all(falling):
+        return images, ["the counts fall under load in every recording; they are turned"]
+    sign = -1 if sum(falling) > len(images) / 2 else 1
+    others = dict.fromkeys(str(image.file.path) for image in images if image.sign != sign)
+    words = ("rise", "fall") if sign < 0 else ("fall", "rise")
+    line = (
+        f"{_list(list(others))}: the counts {words[0]} under load, and {words[1]} in most recordings of the data set; "
+        "expected one sign, and frames at rest before the load; left out"
+    )
+    return [image for image in images if image.sign == sign], [line]
+
+
+def _doubt_labels(images: Sequence[Image]) -> Iterator[str]:
+    """Yield a line for each series and placement where a heavier load has a clearly smaller sum of counts."""
+    groups: dict[tuple[str, str], list[Image]] = {}
+    for image in images:
+        if np.isfinite(image.age):
+            groups.setdefault((image.file.series, image.file.placement.name), []).append(image)
+    for group in groups.values():
+        sums = [float(image.counts[image.measured].sum()) for image in group]
+        pairs = [
+            (heavy, light)
+            for heavy, large in zip(group, sums, strict=True)
+            for light, small in zip(group, sums, strict=True)
+            if heavy.load > NUMBERS.same_load * light.load and large < NUMBERS.contrary * small
+        ]
+        if pairs:
+            heavy, light = pairs[0]
+            more = f", and {len(pairs) - 1} more pairs" * (len(pairs) > 1)
+            yield (
+                f"{heavy.file.path} ({heavy.load:.3g} N) has a smaller sum of counts than {light.file.path} "
+                f"({light.load:.3g} N) in the same place{more}; check the labels; the loads are used as labelled"
+            )
 
 
 def observe(images: Sequence[Image]) -> Observations:
     """Collect images as observations for the fit of the forward model or its predictions."""
     columns = {"loads": "load", "temperatures": "temperature", "ages": "age", "thresholds": "threshold"}
     columns |= {name: name for name in ("counts", "measured", "creep")}
+    columns["floors"] = "floor"
     return Observations(
         **{name: np.array([getattr(image, one) for image in images]) for name, one in columns.items()},
         placements=tuple(image.file.placement for image in images),
@@ -222,74 +264,164 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
     if not len(recording.times):
         raise RecordingError(f"{file.path}: holds no frames")
     pressed = _find_array(recording, file, array)
-    counts = pressed.counts.astype(np.float64)
+    zeroed = _zero(recording, file, pressed, array)
+    counts = zeroed.counts
     threshold = file.threshold
     if threshold is None:
         threshold = float(recording.setup.device.get("threshold", 0.0))
+    measured = pressed.enabled & array.active
 
     def average(frames: BoolArray, load: float, *, age: float = float("nan"), creep: float = float("nan")) -> Image:
         """Make the image of some frames of the recording, with the mean of their counts."""
+        mean, time = counts[frames].mean(axis=0), float(recording.times[frames].mean())
         return Image(
             file=file,
             load=load,
-            counts=counts[frames].mean(axis=0),
-            measured=pressed.enabled & array.active,
+            counts=mean,
+            floor=zeroed.find_floor(frames),
+            sign=zeroed.sign,
+            measured=measured,
             temperature=_find_temperature(recording, file, recording.times[frames]),
             age=age,
             creep=creep,
             threshold=threshold,
             noise=_noise(counts[frames]),
-            full_scale=pressed.full_scale,
+            full_scale=_find_range(pressed, zeroed),
             sha256=recording.sha256,
+            note=zeroed.describe_drift(time, float(mean[measured].sum())) if np.isfinite(age) else "",
         )
 
     load = file.load if isinstance(file.load, float) else recording.setup.load
     if file.load == FORCE or (load is None and len(recording.forces)):
-        return [average(frames, load) for frames, load in _divide_by_force(recording, file, counts)]
+        return [average(frames, load) for frames, load in _divide_by_force(recording, file)]
     if load is None:
         raise RecordingError(
             f"{file.path}: its load is not known; write `# load = 4.9` [N] above the columns of a CSV file, or "
             "name it in a data-set file, such as load = '500 g'"
         )
-    age = _find_age(recording, file, counts, load)
-    inside = (age >= file.window[0]) & (age < file.window[1])
-    if not inside.any():
-        raise RecordingError(f"{file.path}: no frame {file.window[0]:g}..{file.window[1]:g} s after loading")
-    return [average(inside, load, age=float(age[inside].mean()), creep=find_creep(age, counts, threshold))]
+    age, last = _find_age(recording, file, zeroed, load)
+    inside = _find_window(file, age, last)
+    image = average(inside, load, age=float(age[inside].mean()), creep=find_creep(age[:last], counts[:last], threshold))
+    _check_image(recording, image, pressed.counts[inside], pressed.full_scale - threshold, inside)
+    return [image]
 
 
-def _find_age(recording: Recording, file: DataFile, counts: FloatArray, load: float) -> FloatArray:
-    """Return the time since loading of each frame, shape (frames,) [s].
+def _zero(recording: Recording, file: DataFile, pressed: RecordedArray, array: TexelArray) -> Zeroed:
+    """Subtract the zero of each texel as the file says: `rest`, `none`, or a recording at rest.
 
     Raises:
-        RecordingError: If the load does not stay on, or not for long enough, or the counts at rest are not zero.
+        RecordingError: If no frames at rest are found where they are needed, or the recording at rest is of another
+            array.
     """
-    if load > 0:
-        rest = find_rest(recording.times, counts)
-        _check_rest(file, counts[:rest], counts[rest:])
-    age = recording.times - find_load_onset(recording.times, counts)
-    if load > 0 and not counts[-1].any():
-        raise RecordingError(f"{file.path}: not under load at its end; expected a weight that stays on")
-    if age[-1] < file.window[1]:
-        raise RecordingError(
-            f"{file.path}: the load is on for {age[-1]:.1f} s; the window of {file.window[0]:g}..{file.window[1]:g} s "
-            "after loading needs more"
-        )
-    return np.asarray(age)
+    counts, measured = pressed.counts.astype(np.float64), pressed.enabled & array.active
+    unloaded, rest = np.zeros(len(counts), dtype=bool), None
+    if file.zero == NO_ZERO:
+        rest = np.zeros((1, counts.shape[1]))
+    elif file.zero != REST:
+        other = open_recording(file.zero, sensor=array)
+        rest = other.arrays[min(recording.arrays.index(pressed), len(other.arrays) - 1)].counts.astype(np.float64)
+        if not len(rest) or rest.shape[1] != counts.shape[1]:
+            raise RecordingError(
+                f"{file.zero}: {len(rest)} frames of {rest.shape[1]} texels; expected a recording of the unloaded "
+                f"array with {counts.shape[1]} texels as in {file.path}"
+            )
+    elif len(recording.forces):
+        loads = np.interp(recording.times, recording.force_times, recording.forces)
+        unloaded = loads <= NUMBERS.unloaded * loads.max(initial=0.0)
+    elif file.load != FORCE:
+        unloaded = find_unloaded(recording.times, counts)
+    try:
+        return subtract_zero(recording.times, counts, measured, unloaded, rest=rest)
+    except RecordingError as error:
+        raise RecordingError(f"{file.path}: {error}") from error
 
 
-def _divide_by_force(recording: Recording, file: DataFile, counts: FloatArray) -> Iterator[tuple[BoolArray, float]]:
+def _find_range(pressed: RecordedArray, zeroed: Zeroed) -> int:
+    """Return the largest count above rest that the converter can give: up to full scale, or down to zero [-]."""
+    zero = float(np.median(zeroed.zero))
+    lowest = 0 if pressed.counts.min() >= 0 and zero > 0 else -pressed.full_scale
+    return max(1, round(pressed.full_scale - zero if zeroed.sign > 0 else zero - lowest))
+
+
+def _find_age(recording: Recording, file: DataFile, zeroed: Zeroed, load: float) -> tuple[FloatArray, int]:
+    """Return the time since loading of each frame, shape (frames,) [s], and the number of frames until the load ends.
+
+    Raises:
+        RecordingError: If nothing presses.
+    """
+    times, counts = recording.times, zeroed.counts
+    onset, last = find_load_onset(times, counts), _find_last(counts)
+    total = counts.sum(axis=1)
+    loaded = ~zeroed.unloaded if not zeroed.unloaded.all() else zeroed.unloaded
+    if load > 0 and (total[last] <= 0 or not (counts[loaded].mean(axis=0) > zeroed.find_floor(loaded)).any()):
+        raise RecordingError(f"{file.path}: no texel differs from rest beyond noise; expected an array that is pressed")
+    if last + 1 < len(times):  # The load is removed: the frames during the removal are left out.
+        final = np.median(total[(times >= times[last] - _FINAL_PERIOD) & (times <= times[last])])
+        last = int(np.flatnonzero(total >= NUMBERS.ended * final)[-1])
+    return np.asarray(times - onset), last + 1
+
+
+def _find_window(file: DataFile, age: FloatArray, last: int) -> BoolArray:
+    """Return the frames to average: those of the window, or those before the end of a load that ends earlier.
+
+    The part before an early end starts early enough to have the smallest length, but not while the counts rise most.
+
+    Raises:
+        RecordingError: If the load is on for too short a time, or there are no frames.
+    """
+    start, end = file.window
+    on = float(age[last - 1])
+    if on < end:
+        end, shortest = on, min(NUMBERS.shortest, end - start)
+        least = min(start, CREEP_START) + shortest
+        if on < least:
+            raise RecordingError(
+                f"{file.path}: the load is on for {on:.1f} s; at least {least:g} s are needed for an average over "
+                f"{shortest:g} s of the window of {file.window[0]:g}..{file.window[1]:g} s after loading"
+            )
+        start, end = min(start, end - shortest), end + NANOSECOND  # The last frame under load belongs to it.
+    inside = (age >= start) & (age < end)
+    inside[last:] = False
+    if not inside.any():
+        raise RecordingError(f"{file.path}: no frame {start:g}..{end:g} s after loading")
+    return np.asarray(inside)
+
+
+def _check_image(recording: Recording, image: Image, raw: CountArray, top: float, inside: BoolArray) -> None:
+    """Refuse an image whose pressed texels all saturate, or whose force channel contradicts its load.
+
+    Args:
+        recording: The recording.
+        image: Its image.
+        raw: Recorded counts of the image, shape (frames, n) [-].
+        top: Largest count that the sensor gives [-].
+        inside: Frames of the image, shape (all frames,).
+
+    Raises:
+        RecordingError: In these cases.
+    """
+    lit, path = image.measured & (image.counts > image.floor), image.file.path
+    at_end = raw[:, lit] >= top if image.sign > 0 else raw[:, lit] <= min(0, int(raw.min()))
+    if lit.any() and at_end.mean() >= NUMBERS.saturated:
+        raise RecordingError(f"{path}: {int(lit.sum())} pressed texels are at the end of the range; use lighter loads")
+    if len(recording.forces):
+        force = float(np.interp(recording.times[inside], recording.force_times, recording.forces).mean())
+        if abs(force - image.load) > NUMBERS.force_differs * image.load:
+            raise RecordingError(
+                f"{path}: its load is said to be {image.load:.3g} N, and its force channel reads {force:.3g} N; mend "
+                "the label, or use the channel: load = 'force' in a data-set file"
+            )
+
+
+def _divide_by_force(recording: Recording, file: DataFile) -> Iterator[tuple[BoolArray, float]]:
     """Divide frames with a force channel into consecutive ones, each with its mean load [N].
 
     Raises:
-        RecordingError: If the load is not constant or too short, or the counts at rest are not zero.
+        RecordingError: If there is no force channel.
     """
     if not len(recording.forces):
         raise RecordingError(f"{file.path}: has no force channel; add one with `softcover import --force`")
     loads = np.interp(recording.times, recording.force_times, recording.forces)
-    unloaded = loads <= NUMBERS.unloaded * loads.max(initial=0.0)
-    if unloaded.any() and not unloaded.all():
-        _check_rest(file, counts[unloaded], counts[~unloaded])
     numbers = np.arange(len(loads))
     for piece in np.array_split(numbers, min(NUMBERS.most_images, len(loads))):
         yield np.isin(numbers, piece), max(float(loads[piece].mean()), 0.0)
@@ -331,39 +463,6 @@ def _find_temperature(recording: Recording, file: DataFile, times: FloatArray) -
         )
     readings = recording.temperatures[:, file.temperature_channel]
     return float(np.interp(times, recording.temperature_times, readings).mean())
-
-
-def _check_rest(file: DataFile, rest: FloatArray, pressed: FloatArray) -> None:
-    """Refuse a recording whose counts at rest are not zero, or whose counts fall under load.
-
-    A texel is above zero at rest if its mean exceeds three standard deviations and one count, the resolution.  Such
-    texels are relevant if their counts add up to more than a hundredth of the change due to the load.
-
-    Args:
-        file: The recording, for messages.
-        rest: Frames without load, shape (frames, n) [counts]; none if the recording begins under load.
-        pressed: Frames under load, shape (frames, n) [counts].
-
-    Raises:
-        RecordingError: If the counts at rest are not zero, or the counts fall under load.
-    """
-    if not len(rest):
-        return
-    level, noise = rest.mean(axis=0), rest.std(axis=0)
-    change = np.median(pressed, axis=0) - level
-    shifted = level > 3 * noise + 1
-    if level[shifted].sum() <= NUMBERS.zero_share * np.abs(change).sum():
-        return
-    seen = f"{np.median(level[shifted]):.0f} counts at rest (noise {np.median(noise[shifted]):.0f})"
-    if change.sum() < 0:
-        raise RecordingError(
-            f"{file.path}: the counts fall by {-change.sum():.0f} in all while the load is on, from {seen}; expected "
-            "counts that are zero at rest and rise with the load: subtract each texel's counts from its mean at rest"
-        )
-    raise RecordingError(
-        f"{file.path}: {int(shifted.sum())} texels have {seen}, and the load adds {change.sum():.0f} in all; expected "
-        "counts that are zero at rest: subtract each texel's mean at rest from its counts"
-    )
 
 
 def _noise(frames: FloatArray) -> float:

@@ -20,6 +20,10 @@ FITTED = "fitted"
 LABELS = "labels"
 #: Word of a data-set file for loads from the force channel of each recording.
 FORCE = "force"
+#: Word of a data-set file for the zero of each texel from the frames at rest of each recording.
+REST = "rest"
+#: Word of a data-set file for counts that are zeroed already.
+NO_ZERO = "none"
 _TEXT = {"type": "string"}
 _PAIR_JSON = {"anyOf": [{"enum": [FITTED]}, {"type": "array", "items": _TEXT, "minItems": 2, "maxItems": 2}]}
 
@@ -79,6 +83,8 @@ class CommonKeys(Table):
         load: Load, or its source: "labels" of each recording, or its "force" channel.
         array: Index of the pressed array; the array with the largest change of counts when left out.
         threshold: Counts that the firmware subtracted; the value in the labels when left out.
+        zero: Zero of each texel: the frames at "rest" of each recording, "none" for counts that are zeroed already,
+            or the path of a recording of the unloaded array.
         window: First and last time after loading between which frames are averaged, in seconds.
         temperature_channel: Index of the temperature sensor, negative ones from the end.
         at: Position of the indenter's axis, or "fitted".
@@ -90,6 +96,7 @@ class CommonKeys(Table):
     load: _AnyLoad | None = None
     array: Annotated[int, types.number(0, 1000, whole=True)] | None = None
     threshold: Annotated[float, types.number(0, 1e9)] | None = None
+    zero: _Text | None = None
     window: _Window | None = None
     temperature_channel: Annotated[int, types.number(-1000, 1000, whole=True)] | None = None
     at: _Position | None = None

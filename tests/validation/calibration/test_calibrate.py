@@ -202,7 +202,7 @@ def test_poses_stay_near_the_array_turns_are_expected_small_and_gains_near_one()
         "block tilt x": pytest.approx((0.01, 0.01, 0.1, 0, 0.02)),
         "block tilt y": pytest.approx((0.0, 0.01, 0.1, 0, 0.02)),
         "ln_sensitivity": pytest.approx((np.log(102.5), 0.3, none, 0, none)),
-        "dead_force": pytest.approx((0, 0.3 * 1.5 / 5, none, 0, none)),
+        "dead_force": pytest.approx((0, 0.3 * 1.5 / 4, none, 0, none)),
     }
     assert (layout.list("lower") == -layout.list("upper")).all()
     assert {name: row for name, row in rows.items() if name.startswith("gain")} == {

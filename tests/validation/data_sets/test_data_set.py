@@ -135,7 +135,7 @@ score = "good"
 def test_a_recording_that_cannot_be_used_costs_itself(tmp_path):
     record(tmp_path / "a.csv")
     record(tmp_path / "b.mcap", load=5.0)
-    record(tmp_path / "short.csv", seconds=6.0)
+    record(tmp_path / "short.csv", seconds=3.5)
     (tmp_path / "damaged.csv").write_text("time,a\n0,x\n")
     foreign = (tmp_path / "a.csv").read_text().replace("# pitch = 0.005", "# pitch = 0.004")
     (tmp_path / "foreign.csv").write_text(foreign)
@@ -174,7 +174,22 @@ def test_copies_in_two_series_are_kept_once_and_told(tmp_path):
     series = "[[series]]\nname = '{0}'\nfiles = '{0}.csv'\n"
     images, problems = read_images(write_data_set(tmp_path, HEAD + series.format("a") + series.format("b")), ARRAY)
     assert len(images) == 1
-    assert "the same content as" in problems[0]
+    assert "the same content is read once; left out:" in problems[0]
+    assert "b.csv (as " in problems[0]
+    assert "of series 'a'" in problems[0]
+
+
+def test_copies_below_two_folders_cost_one_line(tmp_path):
+    for name in ("a.csv", "b.csv"):
+        record(tmp_path / "one" / name, load=4.0 if name == "a.csv" else 5.0)
+        (tmp_path / "two").mkdir(exist_ok=True)
+        (tmp_path / "two" / name).write_bytes((tmp_path / "one" / name).read_bytes())
+    images, (line,) = read_images(
+        write_data_set(tmp_path, HEAD + "[[series]]\nname = 'a'\nfiles = '**/*.csv'\n"), ARRAY
+    )
+    assert sorted(image.load for image in images) == [4.0, 5.0]
+    assert "two/a.csv" in line
+    assert "two/b.csv" in line
 
 
 def test_the_folder_is_named_by_option_variable_or_file(tmp_path, monkeypatch):

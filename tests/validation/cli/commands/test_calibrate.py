@@ -97,11 +97,12 @@ def test_bad_options_end_in_one_line(softcover, recordings, options, fault):
     assert fault in err
 
 
-def test_recordings_with_an_offset_are_refused(softcover, tmp_path):
+def test_recordings_with_an_offset_and_no_frames_at_rest_are_refused(softcover, tmp_path):
     made = press(METHOD, make_curve(np.ones(WTS.array.count)), 6.0, POSE, indenter=Box(size=(10e-3, 10e-3, 5e-3)))
-    array = dataclasses.replace(made.arrays[0], counts=25000 + made.arrays[0].counts, full_scale=2**16)
-    path = write(dataclasses.replace(made, arrays=(array,)), tmp_path / "offset.csv")
+    late = made.times > 1.5
+    array = dataclasses.replace(made.arrays[0], counts=25000 + made.arrays[0].counts[late], full_scale=2**16)
+    path = write(dataclasses.replace(made, times=made.times[late], arrays=(array,)), tmp_path / "offset.csv")
     status, out, err = softcover("calibrate", path, "--indenter", TOOL, "--at", "1mm,-2mm", "--sensor", "wts-0614-34")
     assert (status, out) == (2, "")
     assert "offset.csv" in err
-    assert "at rest" in err
+    assert "no frames at rest" in err
