@@ -289,8 +289,8 @@ def validate(
             description, campaign=plan, recordings=data, recorded=recorded, budget=allowed, progress=shown,
             announce=announce,
         )  # fmt: skip
-        if found.plan.next:
-            tell(f"ten more minutes would add: {'; '.join(found.plan.next)}")
+        if found.plan.spare:
+            tell(f"ten more minutes would add: {'; '.join(case.name for case in found.plan.spare)}")
         if folder:
             from validation.report import write_report
 

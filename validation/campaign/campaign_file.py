@@ -72,7 +72,8 @@ class Campaign:
         quick: Names of the cases that a run with a budget prefers.
         left_out: One line per fault in a case that is left out.
         fewest: Number of scored cases below which nothing is decided [-].
-        next: Names of the cases that ten more minutes would add to a run with a budget, in the order of the file.
+        spare: Further cases of a run with a budget, most useful first, for time that its cases leave.  After the run,
+            those that ten more minutes would add.
     """
 
     name: str
@@ -84,7 +85,7 @@ class Campaign:
     quick: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     fewest: int = 0
-    next: tuple[str, ...] = ()
+    spare: tuple[Case, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return name, intended use, criterion and inputs as a dictionary of JSON values."""

@@ -149,13 +149,20 @@ def evaluate(
         cost = plan_cases(sensor.cover, sensor.array, plan.cases, friction=sensor.friction)
         if budget is not None:
             plan = budget.shorten(plan, cost)
-            cost = plan_cases(sensor.cover, sensor.array, plan.cases, friction=sensor.friction)
+        listed = (*plan.cases, *plan.spare)
+        cost = cost if budget is None else plan_cases(sensor.cover, sensor.array, listed, friction=sensor.friction)
     if announce:
-        announce(cost.describe())
+        announce(cost.describe(budget, len(plan.spare)))
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
     bench = prepare_bench(derivation, plan.cases, progress)
-    result = run_campaign(bench, plan.cases, plan=cost, budget=budget, progress=progress.step if progress else None)
+    step = progress.step if progress else None
+    result = run_campaign(bench, listed, plan=cost, budget=budget, spare=len(plan.spare), progress=step)
+    done = {each.case.name for each in result.cases} | {each.name for each in result.skipped}
+    plan = dataclasses.replace(
+        plan, cases=tuple(case for case in listed if case.name in done or case in plan.cases),
+        spare=tuple(case for case in plan.spare if case.name not in done),
+    )  # fmt: skip
     evidence = gather_evidence(bench, plan, result, progress, budget=budget)
     clock.append(time.perf_counter())
     return Evaluation(

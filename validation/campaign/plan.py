@@ -121,12 +121,19 @@ class Plan:
         """Expected time of the whole evaluation [s]."""
         return sum(self.seconds) + self.rest
 
-    def describe(self) -> str:
-        """State in one line how many solutions are missing and how long the evaluation takes."""
-        count, cases = sum(self.missing), len(self.missing)
+    def describe(self, budget: Budget | None = None, spare: int = 0) -> str:
+        """State in one line how many solutions are missing and how long the evaluation takes.
+
+        Args:
+            budget: Time that the evaluation may take.
+            spare: Number of cases at the end that are computed in the time that the others leave.
+        """
+        cases = len(self.missing) - spare
+        count = sum(self.missing[:cases])
         stored = f"all reference solutions of {cases} cases are in the store"
         what = f"{cases} cases, {count} reference solutions missing from the store" if count else stored
-        return f"{what}; about {format_time(self.total)}"
+        seconds = self.total if budget is None else min(self.total, budget.seconds)
+        return f"{what}{', and more while time is left' if spare else ''}; about {format_time(seconds)}"
 
     def expect(self, case: int) -> float:
         """Return the time of a case: the expected one, times what finished cases took over what was expected [s].
@@ -280,7 +287,7 @@ class Budget:
         return self.seconds - (time.process_time() - self.started)
 
     def shorten(self, campaign: Campaign, plan: Plan) -> Campaign:
-        """Shorten a campaign to the cases that tell most within the budget, with those that ten more minutes would add.
+        """Shorten a campaign to the cases that tell most within the budget; the next ones become spare.
 
         Marked cases come first, then those with most that no chosen case has: kind of body, flat or curved face, place,
         load, rotation, and the largest depth.
@@ -324,7 +331,7 @@ class Budget:
         return replace(
             campaign, name=f"{campaign.name}, quick" if self.quick else campaign.name,
             cases=tuple(cases[i] for i in kept), fewest=min(FEWEST, len(cases)),
-            next=tuple(cases[i].name for i in sorted(chosen[stop:])),
+            spare=tuple(cases[i] for i in chosen[stop:]),
         )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ A case that a model cannot compute is named and left out.  An interrupted run ke
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,18 +42,21 @@ def run_campaign(
     *,
     plan: Plan | None = None,
     budget: Budget | None = None,
+    spare: int = 0,
     progress: Progress | None = None,
 ) -> CampaignResult:
     """Compute every case by finite elements and by all models of a bench, and score the models.
 
     With a budget the cases that are expected to take least come first, so that a case that takes longer than expected
-    costs no other one.  A case that shares its solution follows the one that pays for it.
+    costs no other one.  A case that shares its solution follows the one that pays for it.  Spare cases come last, each
+    if its expected time is left.
 
     Args:
         bench: Sensor with its models, already fitted; the campaign changes no model.
         cases: The indentations.
         plan: Solutions that are missing from the store; determined anew if None.
         budget: Time that the cases may take; None for no limit.
+        spare: Number of cases at the end that are spare; those for which no time is left are not listed as skipped.
         progress: Called before each case and each step of its solution with (number of cases done, number of all cases,
             name of the case and time left).
 
@@ -73,34 +76,33 @@ def run_campaign(
     tell = progress or (lambda *_: None)
     results: dict[int, CaseResult] = {}
     skipped: dict[int, SkippedCase] = {}
-    owners = plan.shares or range(len(cases))
-    order = sorted(range(len(cases)), key=lambda i: (plan.seconds[owners[i]] if budget else 0, i))
-    left, interrupted = list(order), False
+    left, interrupted = list(range(len(cases) - spare)), False
     try:
-        for number in order:
+        for number in _order_cases(plan, len(cases) - spare, budget):
             case, started = cases[number], time.process_time()
-            shown = plan.describe_left(left, case.name)
+            shown = plan.describe_left(left or [number], case.name)
 
-            def report(line: str, shown: str = shown, done: int = len(cases) - len(left)) -> None:
+            def report(line: str, shown: str = shown, done: int = len(cases) - spare - len(left)) -> None:
                 check_budget(budget)
-                tell(done, len(cases), f"{shown}{line and ': '}{line}")
+                tell(done, len(cases) - spare, f"{shown}{line and ': '}{line}")
 
             try:
                 report("")
                 results[number] = bench.solve(case, report)
             except OutOfBudgetError:
-                skipped[number] = SkippedCase.of(case, OUT_OF_BUDGET)
+                if number in left:
+                    skipped[number] = SkippedCase.of(case, OUT_OF_BUDGET)
             except (ValueError, ConvergenceError) as error:
                 converged = not isinstance(error, ConvergenceError)
                 skipped[number] = SkippedCase.of(case, str(error), converged=converged)
-            left.remove(number)
+            left = [each for each in left if each != number]
             plan.spent[number] = time.process_time() - started
     except KeyboardInterrupt:
         if not results:
             raise
         interrupted = True
         skipped |= {number: SkippedCase.of(cases[number], "interrupted") for number in left}
-    tell(len(cases), len(cases), "")
+    tell(len(cases) - spare, len(cases) - spare, "")
     in_order = [skipped[number] for number in sorted(skipped)]
     if not results:
         raise InputError(*(f"{each.name} ({each.indenter}): {each.reason}" for each in in_order))
@@ -108,6 +110,15 @@ def run_campaign(
         [results[number] for number in sorted(results)], in_order, bench.comparison, interrupted=interrupted,
         models=bench.models,
     )  # fmt: skip
+
+
+def _order_cases(plan: Plan, planned: int, budget: Budget | None) -> Iterator[int]:
+    """Yield the indices of the planned cases, those of least expected time first, then of spare ones that still fit."""
+    owners = plan.shares or range(planned)
+    yield from sorted(range(planned), key=lambda i: (plan.seconds[owners[i]] if budget else 0, i))
+    for number in range(planned, len(plan.seconds)):
+        if budget is not None and budget.left >= plan.expect(number):
+            yield number
 
 
 def summarise(

@@ -81,8 +81,8 @@ def test_a_small_budget_takes_what_tells_most_and_names_what_comes_next(built_in
     assert "tip, texel" in [case.name for case in few.cases]  # the deepest
     assert len({type(case.indenter) for case in few.cases}) >= 3
     assert len({case.pose.at for case in few.cases}) >= 3
-    assert len(few.next) == 12  # ten more minutes are enough for all of them
-    assert len(choose(unmarked, [100.0] * 17)(170.0).next) == 6
+    assert len(few.spare) == 12  # ten more minutes are enough for all of them
+    assert len(choose(unmarked, [100.0] * 17)(170.0).spare) == 6
 
 
 @pytest.mark.parametrize("text", ["0 s", "-3min", "5", "2 mm", "soon"])
@@ -188,3 +188,30 @@ def test_sides_cost_where_a_contact_is_near_them():
     middle, beside = (estimate(cover, "sphere:radius=5mm", at=at) for at in ("0mm,0mm", "18mm,0mm"))
     assert (middle.kind, beside.kind) == ("round", "round near sides")
     assert beside.seconds - middle.seconds == pytest.approx(COSTS.sides)
+
+
+def test_spare_cases_take_the_time_that_is_left_and_no_more(bench, campaign, cases, monkeypatch):
+    budget, solved = Budget(seconds=1000.0), []
+    known = iter(campaign.cases)
+
+    def solve(_, case, progress):
+        solved.append(case.name)
+        object.__setattr__(budget, "seconds", budget.seconds - 500.0)
+        return next(known)
+
+    monkeypatch.setattr(LayeredBench, "solve", solve)
+    plan = Plan(missing=(True,) * 3, seconds=(1.0, 1.0, 1e6), rest=0.0)
+    result = run_campaign(bench, cases, plan=plan, budget=budget, spare=2)
+    assert solved == [case.name for case in cases[:2]]  # the third is expected to take too long
+    assert len(result.cases) == 2
+    assert not result.skipped
+    assert plan.describe(budget, 2).startswith("1 cases, 1 reference solutions missing from the store, and more")
+    assert run_campaign(bench, cases, plan=plan, spare=2).cases[0] is campaign.cases[2]
+    assert len(solved) == 3
+
+
+def test_a_plan_with_spare_cases_announces_no_more_than_the_budget():
+    plan = Plan(missing=(True,) * 3, seconds=(10.0, 20.0, 500.0), rest=0.0)
+    assert plan.describe().endswith("about 9 min")
+    assert plan.describe(Budget(seconds=60.0), 1).endswith("about 60 s")
+    assert plan.describe(Budget(seconds=6000.0), 1).endswith("about 9 min")
