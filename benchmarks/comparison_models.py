@@ -23,11 +23,12 @@ from tests.support.rubber import make_cover
 from validation.campaign.bench import LayeredBench
 from validation.campaign.campaign_file import read_campaign
 from validation.campaign.case import Case
-from validation.campaign.results import MODELS, CampaignResult, Pooled
+from validation.campaign.results import MODELS, CampaignResult
 from validation.campaign.run import run_campaign
 from validation.derivation.derive import derive
 from validation.json_values import json_text
 from validation.places import FlatPlaces
+from validation.pooling import Pooled
 from validation.published.models import prepare_models
 from validation.sensor_file import BUILT_IN
 
@@ -80,7 +81,7 @@ def list_rows(result: CampaignResult) -> Iterator[tuple[str, str, dict[str, Pool
 
 def format_pooled(value: Pooled, factor: float) -> str:
     """Format a mean with its interval."""
-    return f"{factor * value.mean:.2f} ({factor * value.low:.2f}..{factor * value.high:.2f})"
+    return f"{factor * value.mean:.2f} ({value.describe('{:.2f}', factor=factor).removeprefix('95 % interval ')})"
 
 
 def main() -> None:

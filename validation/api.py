@@ -21,8 +21,9 @@ from validation.sensor_file import load as load_description
 if TYPE_CHECKING:
     from validation.calibration.calibrate import Calibration
     from validation.calibration.point_load import PointLoadCalibration
+    from validation.campaign.campaign_file import Campaign
     from validation.campaign.comparison import Comparison
-    from validation.campaign.evaluation import Evaluation
+    from validation.campaign.evaluation import Evaluation, RecordingEvaluation
     from validation.data_sets.data_set import DataSet
     from validation.data_sheet import DataSheet
     from validation.derivation.derive import Derivation
@@ -231,10 +232,11 @@ def validate(
     recordings: str | Path | DataSet | None = None,
     data_set: str | Path | None = None,
     recorded: SensorDescription | None = None,
+    only_recordings: bool = False,
     out: str | Path | None = None,
     progress: Progress | None = None,
     announce: Callable[[str], None] | None = None,
-) -> Evaluation:
+) -> Evaluation | RecordingEvaluation:
     """Score the fast model of a sensor against finite elements, and against recordings if a folder is given.
 
     Args:
@@ -245,12 +247,14 @@ def validate(
         recordings: Folder with recordings under known loads, or a data-set file.
         data_set: Data-set file; the file in the folder when not given.
         recorded: Sensor that made the recordings; `sensor` when not given.
+        only_recordings: Whether to score recordings alone, without finite elements.
         out: Folder for the report, which replaces an earlier one; None to write none.
         progress: Called with the name of each stage.
         announce: Function that is called before the long computations with lines on omitted parts and computing times.
 
     Returns:
-        All scores; `verdict.accepted` states whether the fast model meets the acceptance criterion.
+        All scores, a `RecordingEvaluation` for recordings alone; `verdict.accepted` states whether the fast model meets
+        the acceptance criterion.
 
     Raises:
         InputError: If the sensor, the campaign or the recordings cannot be used.
@@ -258,45 +262,66 @@ def validate(
         ConvergenceError: If the finite elements did not converge.
     """
     from validation.campaign.plan import read_budget
-    from validation.data_sets.data_set import DataSet, find_data_set
     from validation.recordings.importing import list_modules
-    from validation.text.friction import describe_friction
 
     allowed = read_budget(budget, quick=quick)
-    description, data, tell = describe(sensor), recordings, announce or (lambda _: None)
-    if data is not None or data_set is not None:
-        description.require_layers(
-            "--recordings, --data-set: recordings of curved covers are not scored; leave them out"
+    description, tell = describe(sensor), announce or (lambda _: None)
+    data = _find_recordings(description, recordings, data_set)
+    if only_recordings and (data is None or allowed):
+        raise InputError(
+            "--only-recordings: name the recordings with --recordings or --data-set, and leave out --quick and --budget"
         )
-    if not isinstance(data, DataSet):
-        data = None if data is None and data_set is None else find_data_set(data, data_set)
     require(
         "skfem", *(REPORT_MODULES if out else ()), *list_modules(file.path for file in (data.files if data else ()))
     )
-    from validation.campaign.evaluation import evaluate, read_plan
+    from validation.campaign.evaluation import evaluate, evaluate_recordings, read_plan
 
     shown = _Stages(progress)
     plan = read_plan(None if campaign is None else Path(campaign), description, shown)
-    for line in plan.left_out:
-        tell(f"softcover: left out: {line}")
-    if description.friction:
-        tell(
-            f"friction {describe_friction(description.friction)} from {description.source} in the finite elements of "
-            "every case, which takes minutes for each flat face; the fast model has none"
-        )
     with optional_folder(out) as folder:
-        found = evaluate(
-            description, campaign=plan, recordings=data, recorded=recorded, budget=allowed, progress=shown,
-            announce=announce,
-        )  # fmt: skip
-        if found.plan.spare:
-            tell(f"ten more minutes would add: {'; '.join(case.name for case in found.plan.spare)}")
+        if only_recordings and data is not None:
+            found: RecordingEvaluation = evaluate_recordings(
+                recorded or description, data, campaign=plan, progress=shown
+            )
+        else:
+            _announce(plan, description, tell)
+            found = full = evaluate(
+                description, campaign=plan, recordings=data, recorded=recorded, budget=allowed, progress=shown,
+                announce=announce,
+            )  # fmt: skip
+            if full.plan.spare:
+                tell(f"ten more minutes would add: {'; '.join(case.name for case in full.plan.spare)}")
         if folder:
             from validation.report import write_report
 
             shown("report")
             write_report(found, folder)
     return found
+
+
+def _announce(plan: Campaign, sensor: SensorDescription, tell: Callable[[str], None]) -> None:
+    """Tell which cases of a campaign are left out, and that friction takes time."""
+    from validation.text.friction import describe_friction
+
+    for line in plan.left_out:
+        tell(f"softcover: left out: {line}")
+    if sensor.friction:
+        tell(
+            f"friction {describe_friction(sensor.friction)} from {sensor.source} in the finite elements of "
+            "every case, which takes minutes for each flat face; the fast model has none"
+        )
+
+
+def _find_recordings(
+    sensor: SensorDescription, recordings: str | Path | DataSet | None, data_set: str | Path | None
+) -> DataSet | None:
+    """Find the recordings that options of `validate` name; None if they name none."""
+    from validation.data_sets.data_set import DataSet, find_data_set
+
+    if recordings is None and data_set is None:
+        return None
+    sensor.require_layers("--recordings, --data-set: recordings of curved covers are not scored; leave them out")
+    return recordings if isinstance(recordings, DataSet) else find_data_set(recordings, data_set)
 
 
 def regress(

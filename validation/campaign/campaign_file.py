@@ -13,13 +13,17 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from validation.campaign.case import Case
 from validation.errors import Faults, InputError
 from validation.places import Places
 from validation.schema import parse, read_raw
-from validation.schema.campaign import CampaignTables, CaseTable
+from validation.schema.campaign import BEHIND_NULL, CampaignTables, CaseTable
+
+#: Requirements on recordings that a campaign file and a data-set file do not state [%].
+RECORDING_LIMITS: Mapping[str, float] = MappingProxyType({"image_changed_percent": 2.0, BEHIND_NULL: 0.2})
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -52,10 +56,12 @@ class Criterion:
     Attributes:
         mean: Largest accepted mean over the cases, including its interval.
         each: Largest accepted value in every single case; a case may state another value.
+        recordings: Largest accepted mean over the loads of each split of the recordings, including its interval.
     """
 
     mean: Mapping[str, float]
     each: Mapping[str, float]
+    recordings: Mapping[str, float] = dataclasses.field(default_factory=lambda: RECORDING_LIMITS)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -71,7 +77,6 @@ class Campaign:
         cases: The cases without faults.
         quick: Names of the cases that a run with a budget prefers.
         left_out: One line per fault in a case that is left out.
-        fewest: Number of scored cases below which nothing is decided [-].
         spare: Further cases of a run with a budget, most useful first, for time that its cases leave.  After the run,
             those that ten more minutes would add.
     """
@@ -84,7 +89,6 @@ class Campaign:
     cases: tuple[Case, ...]
     quick: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
-    fewest: int = 0
     spare: tuple[Case, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
@@ -93,7 +97,7 @@ class Campaign:
             "name": self.name,
             "source": self.source,
             "intended_use": self.intended_use,
-            "required": {"mean": dict(self.criterion.mean), "each": dict(self.criterion.each)},
+            "required": {key: dict(limits) for key, limits in vars(self.criterion).items()},
             "inputs": dataclasses.asdict(self.inputs)
             | {"friction": "no-slip" if math.isinf(self.inputs.friction) else self.inputs.friction},
             "cases": [case.name for case in self.cases],
@@ -157,7 +161,11 @@ def parse_campaign(data: Mapping[str, Any], places: Places, *, source: str) -> C
         name=tables.name.strip(),
         source=source,
         intended_use=use,
-        criterion=Criterion(mean=tables.required.mean.list_limits(), each=tables.required.each.list_limits()),
+        criterion=Criterion(
+            mean=tables.required.mean.list_limits(),
+            each=tables.required.each.list_limits(),
+            recordings={**RECORDING_LIMITS, **tables.required.recordings.list_limits()},
+        ),
         inputs=Inputs(**tables.inputs.model_dump(exclude_unset=True)),
         cases=tuple(cases),
         quick=tuple(quick),

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from validation.campaign.bench import LayeredBench, prepare_bench
 from validation.campaign.campaign_file import Campaign, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.plan import Budget, plan_cases
-from validation.campaign.results import CampaignResult, Verdict, judge
+from validation.campaign.results import CampaignResult
 from validation.campaign.run import run_campaign
 from validation.campaign.solid_bench import SolidBench
 from validation.credibility.evidence import Evidence, gather_evidence
@@ -29,11 +29,12 @@ from validation.errors import at
 from validation.places import find_places
 from validation.sensor_file import SensorDescription
 from validation.text.friction import describe_friction
+from validation.verdict import Verdict, judge
 
 if TYPE_CHECKING:
     from validation.data_sets.data_set import DataSet
     from validation.data_sets.results import RecordingScores
-    from validation.results.report import Report
+    from validation.results.report import RecordingReport, Report
 
 
 #: Benches of the kinds of covers.  Their modules register functions that read, plan and score cases.
@@ -51,7 +52,44 @@ class Progress(Protocol):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Evaluation:
+class RecordingEvaluation:
+    """Scores of a sensor's fast model on recordings, which the report shows.
+
+    Attributes:
+        verdict: Whether the fast model meets the acceptance criterion.
+        recordings: Scores of the fast model against recordings, or None without recordings.
+        recorded: Sensor that made the recordings.
+        seconds: Wall time by stage [s].
+        versions: Versions of the software by name.
+    """
+
+    verdict: Verdict
+    recordings: RecordingScores | None
+    recorded: SensorDescription
+    seconds: Mapping[str, float]
+    versions: Mapping[str, str]
+
+    @property
+    def sensor(self) -> SensorDescription:
+        """The sensor that was evaluated."""
+        return self.recorded
+
+    @property
+    def report(self) -> RecordingReport:
+        """Content of `report.json`, with all numbers of the page."""
+        from validation.results.report import RecordingReport
+
+        return RecordingReport(**self._report)
+
+    @property
+    def _report(self) -> dict[str, Any]:
+        cover = self.sensor.cover
+        own = {name: getattr(self, name) for name in ("verdict", "recordings", "seconds", "versions")}
+        return own | {"sensor": self.sensor.name, "cover_assumed": cover.assumed}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluation(RecordingEvaluation):
     """Results of the evaluation of a sensor, which the report shows.
 
     Attributes:
@@ -62,24 +100,14 @@ class Evaluation:
             difference of the force on the loaded texel over the load [-].  Empty on a curved cover.
         plan: The campaign as its file describes it: cases, intended use and acceptance criterion.
         campaign: Scores of the fast model against the finite elements.
-        verdict: Whether the fast model meets the acceptance criterion.
         evidence: Verification, effect of uncertain inputs, error of each stage, and range of the cases.
-        recordings: Scores of the fast model against recordings, or None without recordings.
-        recorded: Sensor that made the recordings.
-        seconds: Wall time by stage [s].
-        versions: Versions of the software by name.
     """
 
     derivation: Derivation
     verification: Mapping[str, float]
     plan: Campaign
     campaign: CampaignResult
-    verdict: Verdict
     evidence: Evidence
-    recordings: RecordingScores | None
-    recorded: SensorDescription
-    seconds: Mapping[str, float]
-    versions: Mapping[str, str]
 
     @property
     def sensor(self) -> SensorDescription:
@@ -92,18 +120,13 @@ class Evaluation:
         from validation.results.report import Report
 
         return Report(
-            verdict=self.verdict,
+            **self._report,
             campaign_file=self.plan.as_json(),
-            sensor=self.sensor.name,
-            cover_assumed=self.sensor.cover.assumed,
             friction=describe_friction(self.sensor.friction),
             derive=self.derivation.result,
             verification=self.verification,
             campaign=self.campaign,
             evidence=self.evidence,
-            recordings=self.recordings,
-            seconds=self.seconds,
-            versions=self.versions,
         )
 
 
@@ -170,13 +193,47 @@ def evaluate(
         verification=derivation.verification,
         plan=plan,
         campaign=result,
-        verdict=judge(plan, result),
+        verdict=_judge(plan, result, scores, recordings),
         evidence=evidence,
         recordings=scores,
         recorded=recorded or sensor,
         seconds=dict(zip(("recordings", "derive", "campaign"), np.diff(clock).tolist(), strict=True)),
         versions=versions(),
     )
+
+
+def evaluate_recordings(
+    sensor: SensorDescription, recordings: DataSet, *, campaign: Campaign, progress: Progress | None = None
+) -> RecordingEvaluation:
+    """Score the fast model of a sensor on recordings alone, without finite elements.
+
+    Args:
+        sensor: The sensor that made the recordings.
+        recordings: Recordings under known loads.
+        campaign: Campaign whose requirements on recordings hold where the data set states none.
+        progress: Display of progress.
+
+    Raises:
+        InputError: If no recording or no split can be used.
+        RecordingError: If the recordings are damaged or from another array.
+    """
+    start = time.perf_counter()
+    scores = _score_recordings(recordings, sensor, progress)
+    return RecordingEvaluation(
+        verdict=_judge(campaign, None, scores, recordings),
+        recordings=scores,
+        recorded=sensor,
+        seconds={"recordings": time.perf_counter() - start},
+        versions=versions(),
+    )
+
+
+def _judge(
+    plan: Campaign, result: CampaignResult | None, scores: RecordingScores | None, data_set: DataSet | None
+) -> Verdict:
+    if data_set is None:
+        return judge(plan, result)
+    return judge(plan, result, scores, required=data_set.required, splits=[each.name for each in data_set.splits])
 
 
 def _score_recordings(data_set: DataSet, recorded: SensorDescription, progress: Progress | None) -> RecordingScores:

@@ -330,7 +330,7 @@ class Budget:
         cases, kept = campaign.cases, sorted(chosen[:stop])
         return replace(
             campaign, name=f"{campaign.name}, quick" if self.quick else campaign.name,
-            cases=tuple(cases[i] for i in kept), fewest=min(FEWEST, len(cases)),
+            cases=tuple(cases[i] for i in kept),
             spare=tuple(cases[i] for i in chosen[stop:]),
         )  # fmt: skip
 

@@ -9,18 +9,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
-import numpy.typing as npt
 from pydantic import BeforeValidator, Field, model_validator
 
 from meshes.array_types import FloatArray
-from validation.campaign.campaign_file import Campaign
 from validation.campaign.case import Case
 from validation.json_values import to_json_values
-from validation.metrics import METRICS, Score, published_line, score
+from validation.metrics import Score, published_line, score
+from validation.pooling import Pooled
 from validation.results import Array, Number, Result, Unread, renamed, result_model
 
 if TYPE_CHECKING:
@@ -187,7 +185,7 @@ class RowScores(Result):
         fitted: Names of the fitted parameters.
         fitted_on: Presses to which the parameters were fitted, as text.
         fit_misplaced_force: Mean misplaced force over the presses of `fitted_on` [-].
-        pooled: Mean over the scored cases with bootstrap interval, by metric.
+        pooled: Mean over the scored cases with interval, by metric.
         skill: Skill of the fast model, 1 - its mean error / mean error of this model [-], by metric (`SKILL_METRICS`).
     """
 
@@ -215,7 +213,7 @@ class CampaignResult(Result):
     Attributes:
         cases: One result per scored case.
         skipped: The cases without scores.
-        pooled: Mean over the scored cases with bootstrap interval, by model and metric.
+        pooled: Mean over the scored cases with interval, by model and metric.
         skill: Skill of the fast model in misplaced force, 1 - mean error / mean error of another model [-], by the name
             of the other model.
         noise_floor: Mean over cases of each relative error estimate of the reference, by name [-].
@@ -307,256 +305,3 @@ def score_forces(
         array=parameters.array,
         line=published_line(parameters.electronics),
     )
-
-
-@result_model
-class Pooled(Result):
-    """Mean of a quantity over cases, or another statistic of the cases, with its bootstrap interval.
-
-    Attributes:
-        mean: Mean over the cases in which the quantity exists, in the unit of the quantity.
-        low: Lower end of the bootstrap interval, same unit.
-        high: Upper end of the bootstrap interval, same unit.
-        level: Nominal coverage of the interval [-].
-        cases: Number of cases over which the mean is taken [-].
-    """
-
-    mean: Number
-    low: Number
-    high: Number
-    level: float
-    cases: int
-
-
-def pool(values: Sequence[float] | FloatArray, *, level: float = 0.95, resamples: int = 5000) -> Pooled:
-    """Compute the mean of a quantity over cases, with a percentile bootstrap interval.
-
-    The bootstrap resamples cases (indentations), never single pixels of an image.
-
-    Args:
-        values: One number per case; NaN in cases in which the quantity does not exist.
-        level: Nominal coverage of the interval [-].
-        resamples: Number of bootstrap resamples [-].
-    """
-    known = np.asarray(values, dtype=np.float64)
-    known = known[~np.isnan(known)]
-    if not known.size:
-        return Pooled(mean=math.nan, low=math.nan, high=math.nan, level=level, cases=0)
-    means = known[_draw_cases(known.size, resamples)].mean(axis=1)
-    return _with_interval(float(known.mean()), means, level, known.size)
-
-
-def skill(
-    errors: Sequence[float] | FloatArray,
-    comparison: Sequence[float] | FloatArray,
-    *,
-    level: float = 0.95,
-    resamples: int = 5000,
-) -> Pooled:
-    """Compute the skill of a model, 1 - mean error / mean error of a comparison model [-], with a bootstrap interval.
-
-    The bootstrap resamples cases, and takes the errors of the two models from the same cases.
-
-    Args:
-        errors: Error of the model in each case; NaN in cases in which the error does not exist.
-        comparison: Error of the comparison model in the same cases.
-        level: Nominal coverage of the interval [-].
-        resamples: Number of bootstrap resamples [-].
-
-    Raises:
-        ValueError: If the two sequences differ in length or are not one-dimensional.
-    """
-    e, c = np.asarray(errors, dtype=np.float64), np.asarray(comparison, dtype=np.float64)
-    if e.shape != c.shape or e.ndim != 1:
-        raise ValueError(f"skill needs the same cases twice, not shapes {e.shape} and {c.shape}")
-    known = ~(np.isnan(e) | np.isnan(c))
-    e, c = e[known], c[known]
-    if not e.size or c.mean() <= 0:
-        return Pooled(mean=math.nan, low=math.nan, high=math.nan, level=level, cases=int(e.size))
-    draws = _draw_cases(e.size, resamples)
-    below = c[draws].mean(axis=1)
-    ratios = 1 - e[draws].mean(axis=1)[below > 0] / below[below > 0]
-    return _with_interval(1 - float(e.mean() / c.mean()), ratios, level, e.size)
-
-
-def _draw_cases(cases: int, resamples: int) -> npt.NDArray[np.int64]:
-    """Draw the indices of cases for all bootstrap resamples, always the same ones, shape (resamples, cases)."""
-    return np.random.default_rng(0).integers(0, cases, size=(resamples, cases))
-
-
-def _with_interval(mean: float, resampled: FloatArray, level: float, cases: int) -> Pooled:
-    low, high = np.quantile(resampled, [(1 - level) / 2, (1 + level) / 2])
-    return Pooled(mean=mean, low=float(low), high=float(high), level=level, cases=cases)
-
-
-#: Status of a requirement; `open` if the cases do not decide it.
-Status = Literal["met", "missed", "open"]
-
-#: Largest estimated error of the reference, over the limit on misplaced force, with which the cases can decide [-].
-_RESOLVED = 1 / 3
-#: Verdict if all requirements are met.
-ACCEPTED = "accepted"
-#: Verdict if a requirement is missed.
-NOT_ACCEPTED = "not accepted"
-#: Verdict if no requirement is missed, but one is undecided, a case is not scored or the reference is too inaccurate.
-NOT_DECIDED = "not decided"
-#: Value of `Finding.over` for a limit on the mean of a metric.
-_MEAN = "mean over the cases"
-
-
-@result_model
-class Finding(Result):
-    """One requirement on the fast model, and whether its scores meet the requirement.
-
-    Attributes:
-        metric: Name of the metric, a field of `Score`.
-        over: What the limit applies to: `mean over the cases`, or the name of a case.
-        value: The mean or the value, in SI units, as a fraction, or in percent where the name says so.
-        low: Lower end of the 95 % interval of a mean, same unit; equal to `value` for a case.
-        high: Upper end, same unit.
-        limit: Largest accepted value, same unit.
-        status: Whether the requirement is met.
-    """
-
-    metric: str
-    over: str
-    value: Number
-    low: Number
-    high: Number
-    limit: float
-    status: Status
-    computed = (("text", "text"),)
-
-    @property
-    def text(self) -> str:
-        """Metric, value and limit of the requirement as a sentence without full stop."""
-        metric = METRICS[self.metric]
-        name, unit = metric.heading, metric.unit
-        values = [f"{metric.factor * number:.3g}" for number in (self.value, self.low, self.high, self.limit)]
-        unit = f" {unit}" if unit else ""
-        if math.isnan(self.value):
-            return f"{name}, {self.over}: not defined in these cases, at most {values[3]}{unit} required"
-        interval = f" (95 % interval {values[1]} to {values[2]}{unit})" if self.low != self.high else ""
-        return f"{name}, {self.over}: {values[0]}{unit}{interval}, at most {values[3]}{unit} required"
-
-
-@result_model
-class Verdict(Result):
-    """Whether the fast model is accepted.
-
-    Attributes:
-        word: `accepted`, `not accepted` or `not decided`.
-        reasons: Reasons for the verdict, sentences without full stop.
-        findings: Every requirement.
-        scored: Number of scored cases [-].
-        cases: Number of cases in the campaign, including those left out [-].
-    """
-
-    word: str = renamed("verdict")
-    reasons: tuple[str, ...]
-    findings: tuple[Finding, ...]
-    scored: int
-    cases: int
-    computed = (("accepted", "accepted"),)
-
-    @property
-    def accepted(self) -> bool:
-        """Whether the fast model is accepted."""
-        return self.word == ACCEPTED
-
-    @property
-    def sentence(self) -> str:
-        """The verdict as a sentence."""
-        scored = f"{self.scored} of {self.cases} cases are scored"
-        if self.word == ACCEPTED:
-            return f"The fast model is accepted: every requirement is met; {scored}."
-        if self.word == NOT_ACCEPTED:
-            missed = sum(each.status == "missed" for each in self.findings)
-            return (
-                f"The fast model is not accepted: {missed} of {len(self.findings)} requirements are missed; {scored}."
-            )
-        return f"Nothing is decided: no requirement is missed, but the cases do not show that all are met; {scored}."
-
-    @property
-    def short(self) -> str:
-        """The verdict in one line of at most 80 characters."""
-        if not self.findings:  # Every limit is on single cases, and no case is scored.
-            return f"verdict: {self.word.upper()}, {self.scored} of {self.cases} cases"
-        first = next((each for each in self.findings if each.status == "missed"), self.findings[0])
-        metric = METRICS[first.metric]
-        unit = f" {metric.unit}" if metric.unit else ""
-        found = (
-            f"{metric.heading} {metric.factor * first.value:.3g}{unit}, limit {metric.factor * first.limit:.3g}{unit}"
-        )
-        return f"verdict: {self.word.upper()}, {self.scored} of {self.cases} cases; {found}"
-
-
-def judge(campaign: Campaign, result: CampaignResult) -> Verdict:
-    """Compare the scores of the fast model with the acceptance criterion.
-
-    The model is accepted if every requirement is met and every case is scored.  It is not accepted if a requirement is
-    missed.  A mean meets its limit if its whole 95 % interval lies at or below the limit.  It misses the limit if the
-    mean itself lies above.  In between, the requirement is undecided.
-
-    Args:
-        campaign: The campaign with its criterion.
-        result: The scores.
-    """
-    findings = tuple(_judge(campaign, result.cases))
-    doubts = _list_doubts(campaign, result)
-    total = len(result.cases) + len(result.skipped) + len(campaign.left_out)
-    missed = [each.text for each in findings if each.status == "missed"]
-    undecided = [each.text for each in findings if each.status == "open"]
-    if len(result.cases) < campaign.fewest:
-        few = f"{len(result.cases)} cases are scored, and fewer than {campaign.fewest} decide nothing"
-        word, reasons = NOT_DECIDED, [few, *missed, *undecided, *doubts]
-    elif missed:
-        word, reasons = NOT_ACCEPTED, missed
-    elif undecided or doubts:
-        word, reasons = NOT_DECIDED, [*undecided, *doubts]
-    else:
-        word, reasons = ACCEPTED, [each.text for each in findings if each.over == _MEAN] or [findings[0].text]
-    return Verdict(word=word, reasons=tuple(reasons), findings=findings, scored=len(result.cases), cases=total)
-
-
-def _judge(campaign: Campaign, results: Sequence[CaseResult]) -> Iterator[Finding]:
-    """Yield the result of every requirement: on means over the cases, then on single cases."""
-
-    def find(metric: str, over: str, value: float, *, low: float, high: float, limit: float) -> Finding:
-        status: Status = "met" if high <= limit else "missed" if value > limit else "open"
-        return Finding(metric=metric, over=over, value=value, low=low, high=high, limit=limit, status=status)
-
-    def measure(result: CaseResult, metric: str) -> float:
-        return float(getattr(result.predictions["fast"].score, metric))
-
-    for metric, limit in campaign.criterion.mean.items():
-        pooled = pool([measure(each, metric) for each in results if each.case.compares(metric)])
-        yield find(metric, _MEAN, pooled.mean, low=pooled.low, high=pooled.high, limit=limit)
-    for result in results:
-        for metric, limit in {**campaign.criterion.each, **result.case.required}.items():
-            if result.case.compares(metric):
-                value = measure(result, metric)
-                yield find(metric, result.case.name, value, low=value, high=value, limit=limit)
-
-
-def _list_doubts(campaign: Campaign, result: CampaignResult) -> list[str]:
-    """List the reasons why the cases do not decide, even if every requirement is met."""
-    doubts = []
-    if result.interrupted:
-        doubts.append("the run was interrupted")
-    failed = [each.name for each in result.skipped if each.reason not in {"interrupted", OUT_OF_BUDGET}]
-    if failed:
-        doubts.append(f"not scored: {', '.join(failed)}")
-    if campaign.left_out:
-        doubts.append(f"{len(campaign.left_out)} faults in the campaign file cost their cases")
-    limit = campaign.criterion.mean.get("misplaced_force")
-    floor = result.reference_error
-    if limit is not None and math.isnan(floor):
-        doubts.append("the reference's own error is not known, because there is one mesh only")
-    elif limit is not None and floor > _RESOLVED * limit:
-        which = "of the peak texel" if "peak_texel" in result.noise_floor else "in misplaced force"
-        doubts.append(
-            f"the reference's own error {which}, {100 * floor:.2g} %, is too large for a limit of "
-            f"{100 * limit:.2g} % on misplaced force"
-        )
-    return doubts

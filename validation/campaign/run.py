@@ -19,15 +19,13 @@ from validation.campaign.results import (
     SKILL_METRICS,
     CampaignResult,
     CaseResult,
-    Pooled,
     Prediction,
     RowScores,
     SkippedCase,
-    pool,
-    skill,
 )
 from validation.errors import InputError
 from validation.metrics import TABULATED
+from validation.pooling import Pooled, pool, skill
 
 if TYPE_CHECKING:
     from validation.campaign.bench import Bench

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, TypeVar
 from pydantic import Field
 
 from validation.campaign.campaign_file import Campaign
-from validation.campaign.results import OUT_OF_BUDGET, CampaignResult, CaseResult, Pooled, pool
+from validation.campaign.results import OUT_OF_BUDGET, CampaignResult, CaseResult
 from validation.credibility.stages import StageErrors
 from validation.credibility.uncertainty import ComparisonError, InputUncertainty, compare_quantities
 from validation.credibility.verification import Check, Convergence, verify_solutions
+from validation.pooling import Pooled, pool
 from validation.results import Number, Result, renamed, result_model
 
 if TYPE_CHECKING:

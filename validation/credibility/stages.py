@@ -21,8 +21,9 @@ from fastmodel.surface import CoverCells
 from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
 from validation.campaign.reference_press import press_reference
-from validation.campaign.results import CaseResult, Pooled, pool
+from validation.campaign.results import CaseResult
 from validation.derivation.contact_range import linearise
+from validation.pooling import Pooled, pool
 from validation.results import Number, Result, result_model
 
 if TYPE_CHECKING:

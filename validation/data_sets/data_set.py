@@ -9,8 +9,8 @@ from __future__ import annotations
 import fnmatch
 import os
 import shlex
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -84,6 +84,7 @@ class DataSet:
         folder: Folder that the paths of the files are relative to.
         files: The recordings that were found.
         splits: Divisions into fitted and scored recordings.
+        required: Requirements on the scores, which replace those of the campaign, by the name of the metric.
         problems: One line per series, file or split that cannot be used.
     """
 
@@ -93,6 +94,7 @@ class DataSet:
     folder: Path
     files: tuple[DataFile, ...]
     splits: tuple[SplitTable, ...] = ()
+    required: Mapping[str, float] = field(default_factory=dict)
     problems: tuple[str, ...]
 
 
@@ -125,6 +127,7 @@ def build_data_set(tables: DataSetTables, *, source: Path, folder: Path) -> Data
         folder=folder,
         files=files,
         splits=tuple(each for each in tables.split if not faults[each.name]) if faults else propose_splits(files),
+        required=tables.required.list_limits(),
         problems=tuple(problems),
     )
 

@@ -11,7 +11,7 @@ from fastmodel.signal.electronics import grey_levels
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 from validation import metrics
-from validation.campaign.results import Pooled, pool
+from validation.pooling import Pooled, pool
 from validation.recordings.recording import BoolArray
 from validation.results import Column, GreyImage, Number, Result, result_model
 
@@ -91,7 +91,7 @@ class RecordingRow(Result):
         fitted: Names of the recordings that the model was fitted to.
         parameters: The fitted parameters, by name with unit.
         per_case: Score of each scored case, the mean over its repeated recordings, by name.
-        pooled: Mean score over the scored cases with its bootstrap interval, by metric.
+        pooled: Mean score over the scored cases with its interval, by metric.
         skill: 1 - (changed grey of this model) / (changed grey of a null model), by name of the null model [-].
         electronics: The fitted curve as electronics of the fast model; None for rows without one.
     """
@@ -118,11 +118,30 @@ def find_best_null(rows: Sequence[RecordingRow]) -> RecordingRow:
     return min(nulls, key=lambda row: row.pooled["image_changed_percent"].mean)
 
 
+def find_difference(rows: Sequence[RecordingRow]) -> tuple[RecordingRow, RecordingRow, Pooled]:
+    """Compare the first model with texel gains with the best null model.
+
+    The changes of the image by both models are subtracted case by case, because both have large errors in the same
+    cases.
+
+    Args:
+        rows: Rows of the table of scores of one split.
+
+    Returns:
+        The rows of the model and of the null model, and the mean difference of the image changed over the cases [%].
+    """
+    null = find_best_null(rows)
+    own = next(row for row in rows if row.texel_gains)
+    differences = [
+        own.per_case[case].image_changed_percent - score.image_changed_percent for case, score in null.per_case.items()
+    ]
+    return own, null, pool(differences)
+
+
 def compare_with_nulls(rows: Sequence[RecordingRow]) -> str:
     """State whether the first model with texel gains predicts the scored recordings better than the best null model.
 
-    The changes of the image by both models are subtracted case by case, because both have large errors in the same
-    cases.  The interval is that of the mean difference over the cases, by bootstrap.
+    Below five cases the models are not ranked.
 
     Args:
         rows: Rows of the table of scores of one split.
@@ -130,16 +149,11 @@ def compare_with_nulls(rows: Sequence[RecordingRow]) -> str:
     Returns:
         One sentence with both means, the difference and its interval [%].
     """
-    null = find_best_null(rows)
-    own = next(row for row in rows if row.texel_gains)
-    found = pool(
-        [
-            own.per_case[case].image_changed_percent - score.image_changed_percent
-            for case, score in null.per_case.items()
-        ]
-    )
+    own, null, found = find_difference(rows)
     verdict = "these recordings do not tell the two apart"
-    if found.low > 0:
+    if found.few:
+        verdict = "too few cases to tell"
+    elif found.low > 0:
         verdict = "it is behind"
     elif found.high < 0:
         verdict = "it is ahead"
@@ -147,7 +161,7 @@ def compare_with_nulls(rows: Sequence[RecordingRow]) -> str:
     return (
         f"{own.model} with texel gains changes the image by {own_mean:.2f} %, the best null model ({null.model}) "
         f"by {null_mean:.2f} %: {verdict} "
-        f"(difference {found.mean:+.2f}, 95 % interval {found.low:+.2f} to {found.high:+.2f} %)"
+        f"(difference {found.mean:+.2f} %, {found.describe('{:+.2f}', unit='%')})"
     )
 
 

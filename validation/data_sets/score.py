@@ -20,7 +20,6 @@ from validation.calibration.model import (
     make_reference_method,
 )
 from validation.calibration.uncertainty import describe_fit
-from validation.campaign.results import pool, skill
 from validation.data_sets.data_set import DataSet
 from validation.data_sets.images import Image, observe, read_images
 from validation.data_sets.nulls import NULLS
@@ -34,6 +33,7 @@ from validation.data_sets.results import (
     score_counts,
 )
 from validation.errors import InputError
+from validation.pooling import pool, skill
 from validation.schema.data_set import SplitTable
 from validation.sensor_file import SensorDescription
 

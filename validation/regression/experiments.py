@@ -38,8 +38,8 @@ from fastmodel.signal.frame import Frame
 from meshes import Box, Indenter, LetterH, Pose, Sphere, TexelArray
 from meshes.array_types import FloatArray
 from meshes.solids.texels import tangent_axes
-from validation.campaign.results import pool, skill
 from validation.metrics import score, score_images
+from validation.pooling import pool, skill
 from validation.regression.reading import Readings, Subject, find_unit, list_rows, read
 
 #: Smallest force at which the characteristic is evaluated, small enough for any sensor [N].  It must not depend on the

@@ -21,7 +21,7 @@ from validation.results import DASH, Column, Result, columns
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
-    from validation.campaign.results import Pooled
+    from validation.pooling import Pooled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,4 +200,5 @@ def interval(pooled: Pooled, column: Column) -> Cell:
     if math.isnan(pooled.mean):
         return Cell(text=DASH)
     ends = f"{column.text(pooled.low)} to {column.text(pooled.high)}"
-    return Cell(text=column.text(pooled.mean), value=pooled.mean, small=ends)
+    small = pooled.describe() if math.isnan(pooled.low) else ends
+    return Cell(text=column.text(pooled.mean), value=pooled.mean, small=small)

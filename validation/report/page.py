@@ -21,7 +21,7 @@ from fastmodel.signal.electronics import describe_calibration
 from meshes import TexelArray
 from meshes.array_types import FloatArray
 from validation.campaign import results
-from validation.campaign.evaluation import Evaluation
+from validation.campaign.evaluation import Evaluation, RecordingEvaluation
 from validation.credibility.evidence import GROUP_METRICS, Evidence
 from validation.credibility.stages import STAGES
 from validation.credibility.uncertainty import ComparisonError
@@ -32,10 +32,12 @@ from validation.derivation.base import Derivation
 from validation.extras import REPORT_MODULES, require
 from validation.json_values import json_text
 from validation.metrics import METRICS, TABULATED
+from validation.pooling import Pooled
 from validation.render.image import Scale, colour_bar, tactile_image
 from validation.render.table import Cell, Table, interval, number, tabulate, tabulate_facts
 from validation.report.figures import Pictures, draw_campaign, draw_cases, find_outline, plot_responses, render_svg
 from validation.results import Column, columns
+from validation.verdict import SHOWN
 
 #: Name of the division of recordings whose score is shown at the top of the page.  Its parameters are fitted to light
 #: weights and scored on heavy ones, because only a model, and no table of measured values, extrapolates.
@@ -44,8 +46,26 @@ _TILE_SPLIT = "heavier"
 _SHOWN = (FAST, f"{FAST}, texel gains", "reference, texel gains")
 
 
-def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
-    """Return all variables that the template of the report's page uses, by name.
+def contents(evaluation: RecordingEvaluation) -> dict[str, Any]:
+    """Return the variables that every page of the report uses, by name.
+
+    Args:
+        evaluation: The results to show.
+    """
+    requirements = _tabulate_requirements(evaluation)
+    return {
+        "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "sensor": evaluation.sensor,
+        "evaluation": evaluation,
+        "verdict": evaluation.verdict,
+        "campaign": None,
+        "tables": defaultdict(lambda: None, {requirements.name: requirements}),
+        "splits": _show_splits(evaluation.recordings, evaluation.recorded.array) if evaluation.recordings else [],
+    }
+
+
+def _show_campaign(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
+    """Return the variables that a page with a campaign uses besides `contents`, by name.
 
     Args:
         evaluation: The results to show.
@@ -53,13 +73,9 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
     """
     campaign, derivation, evidence = evaluation.campaign, evaluation.derivation, evaluation.evidence
     return {
-        "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "sensor": evaluation.sensor,
-        "evaluation": evaluation,
         "derivation": derivation,
         "result": derivation.result,
         "campaign": campaign,
-        "verdict": evaluation.verdict,
         "plan": evaluation.plan,
         "evidence": evidence,
         # A missing note or table has an empty value, for which the template shows nothing.
@@ -74,7 +90,6 @@ def contents(evaluation: Evaluation, pictures: Pictures) -> dict[str, Any]:
         "missing_pictures": pictures.missing,
         "input_list": list_inputs(evidence),
         "limits": name_limits(evidence),
-        "splits": _show_splits(evaluation.recordings, evaluation.recorded.array) if evaluation.recordings else [],
         "plots": {name: (text, render_svg(draw)) for name, (text, draw) in plot_responses(derivation).items()},
         "campaign_plot": render_svg(partial(draw_campaign, campaign)),
         "reference_error": results.describe_reference_error(campaign),
@@ -110,8 +125,8 @@ def _list_tiles(evaluation: Evaluation) -> Iterator[dict[str, str]]:
         yield tile(f"{image.mean:.3g} %", "image changed, recordings", small)
 
 
-def _interval(value: results.Pooled, factor: float, digits: int = 3) -> str:
-    return f"95 % interval {factor * value.low:.{digits}g}\u2026{factor * value.high:.{digits}g}"
+def _interval(value: Pooled, factor: float, digits: int = 3) -> str:
+    return value.describe(f"{{:.{digits}g}}", factor=factor)
 
 
 def _draw_maps(derivation: Derivation) -> dict[str, Any]:
@@ -277,10 +292,10 @@ def tabulate_scores(campaign: results.CampaignResult) -> Table:
     return Table(("case", "load", "model", *METRICS), rows)
 
 
-def _tabulate_requirements(evaluation: Evaluation) -> Table:
+def _tabulate_requirements(evaluation: RecordingEvaluation) -> Table:
     rows = []
     for each in evaluation.verdict.findings:
-        metric = METRICS[each.metric]
+        metric = SHOWN[each.metric]
         unit, factor = metric.unit, metric.factor
         ends = "" if each.low == each.high else f"{factor * each.low:.3g} to {factor * each.high:.3g} {unit}".strip()
         limit = f"{factor * each.limit:.3g} {unit}".strip()
@@ -289,15 +304,16 @@ def _tabulate_requirements(evaluation: Evaluation) -> Table:
                 Cell(text=metric.heading, small=each.over),
                 number(each.value, factor, small=ends, unit=unit),
                 Cell(text=limit, value=each.limit),
+                number(each.margin, factor, unit=unit),
                 Cell(text=_STATUS[each.status], bold=each.status != "met"),
             ]
         )
     return Table(
         name="requirements",
         caption="Acceptance criterion: every requirement, what was found, and whether it is met",
-        headings=("requirement", "found (95 % interval)", "at most", "status"),
+        headings=("requirement", "found (95 % interval)", "at most", "margin", "status"),
         rows=rows,
-        texts=(3,),
+        texts=(4,),
     )
 
 
@@ -314,7 +330,7 @@ def _tabulate_models(campaign: results.CampaignResult) -> Table:
     )
 
 
-def _average(pooled: Mapping[str, results.Pooled], shown: Mapping[str, Column]) -> Iterator[Cell]:
+def _average(pooled: Mapping[str, Pooled], shown: Mapping[str, Column]) -> Iterator[Cell]:
     return (interval(pooled[name], column) for name, column in shown.items())
 
 
@@ -413,7 +429,7 @@ def describe_comparison(campaign: results.CampaignResult) -> dict[str, Any]:
     as_good: dict[str, list[str]] = {METRICS[metric].heading: [] for metric in results.SKILL_METRICS}
     for row in campaign.published:
         for metric in results.SKILL_METRICS:
-            if row.skill[metric].low <= 0:
+            if not row.skill[metric].low > 0:
                 word = "better" if row.skill[metric].high < 0 else "not told apart"
                 as_good[METRICS[metric].heading].append(f"{row.title} {row.variant} ({word})")
     return {
@@ -535,7 +551,7 @@ def name_limits(evidence: Evidence) -> dict[str, Any]:
 _ASSETS = ("report.css", "report.js")
 
 
-def write_report(evaluation: Evaluation, folder: Path) -> None:
+def write_report(evaluation: RecordingEvaluation, folder: Path) -> None:
     """Write the report on a sensor's evaluation: the page, `report.json`, `scores.csv`, and the parameters.
 
     Args:
@@ -558,10 +574,12 @@ def write_report(evaluation: Evaluation, folder: Path) -> None:
         lstrip_blocks=True,
     )
     template = environment.get_template("index.html.j2")
-    pictures = draw_cases(evaluation.derivation, evaluation, folder)
-    (folder / "index.html").write_text(template.render(contents(evaluation, pictures)), encoding="utf-8")
+    shown = contents(evaluation)
+    if isinstance(evaluation, Evaluation):
+        shown |= _show_campaign(evaluation, draw_cases(evaluation.derivation, evaluation, folder))
+        (folder / "scores.csv").write_text(tabulate_scores(evaluation.campaign).to_csv(), encoding="utf-8")
+        evaluation.derivation.parameters.save(folder)
+    (folder / "index.html").write_text(template.render(shown), encoding="utf-8")
     for name in _ASSETS:
         (folder / name).write_bytes(assets.joinpath(name).read_bytes())
-    (folder / "scores.csv").write_text(tabulate_scores(evaluation.campaign).to_csv(), encoding="utf-8")
     (folder / "report.json").write_text(json_text(evaluation.report), encoding="utf-8")
-    evaluation.derivation.parameters.save(folder)

@@ -24,17 +24,17 @@ _MOST_CASES = 1000
 #: Keys for the load of a case in a campaign file, of which exactly one must be given.
 _LOADS = ("load", "loads", "path")
 
+#: Requirement on recordings: largest accepted image changed by the fast model, minus that of the best null model.
+BEHIND_NULL = "behind_null_percent"
+_Distance = Annotated[float, types.quantity("length", positive=False, most=types.LIMITS.longest)]
+_Share = Annotated[float, types.percentage()]
+
 
 def _find_kind(metric: str) -> Any:  # noqa: ANN401 -- an annotation
     """Return the annotation of a limit on a metric: a number, a length or a percentage, by the name of the metric."""
     if metric in _PLAIN:
         return Annotated[float, types.number(0, types.LIMITS.number)]
-    return Annotated[
-        float,
-        types.quantity("length", positive=False, most=types.LIMITS.longest)
-        if metric.endswith("_m")
-        else types.percentage(),
-    ]
+    return _Distance if metric.endswith("_m") else _Share
 
 
 class _LimitsBase(Table):
@@ -66,16 +66,38 @@ else:
     LimitsTable = create_model("LimitsTable", __base__=_LimitsBase, __doc__=_LimitsBase.__doc__, **_FIELDS)
 
 
+class RecordingLimitsTable(_LimitsBase):
+    """Largest accepted means over the scored loads of each split of the recordings, including their intervals.
+
+    Attributes:
+        image_changed_percent: Mean absolute difference of grey levels, over 255.
+        behind_null_percent: The same difference minus that of the best null model.
+        relative_l2: Norm of the difference of the counts over that of the recorded counts.
+        total_counts_error: Absolute difference of the sums of counts over the recorded sum.
+        centre_of_pressure_m: Distance between the centres of predicted and recorded counts.
+        wasserstein_m: Wasserstein-1 distance of the two maps of counts.
+    """
+
+    image_changed_percent: _Share | None = None
+    behind_null_percent: _Share | None = None
+    relative_l2: _Share | None = None
+    total_counts_error: _Share | None = None
+    centre_of_pressure_m: _Distance | None = None
+    wasserstein_m: _Distance | None = None
+
+
 class RequiredTable(Table):
     """Requirements on the fast model.
 
     Attributes:
         mean: Largest accepted mean of each metric over the cases, including its interval.
         each: Largest accepted value of each metric in every single case.
+        recordings: Largest accepted means over the scored loads of recordings.
     """
 
     mean: LimitsTable = LimitsTable()
     each: LimitsTable = LimitsTable()
+    recordings: RecordingLimitsTable = RecordingLimitsTable()
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
         """Yield a fault if no limit is stated."""

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field
 
 from validation.errors import shorten
 from validation.schema import Table, types
+from validation.schema.campaign import RecordingLimitsTable
 from validation.text.quantity import Kind, read_quantity
 
 #: Relative tolerance with which a selection of recordings by load includes its limits [-].
@@ -200,6 +201,7 @@ class DataSetTables(CommonKeys):
         source: Publication of the recordings.
         sensor: Sensor file or built-in sensor that made the recordings.
         path: Folder of the recordings, relative to the folder of the file.
+        required: Requirements on the scores, which replace those of the campaign.
     """
 
     MOST_BYTES: ClassVar[int] = 2**22
@@ -210,6 +212,7 @@ class DataSetTables(CommonKeys):
     source: str = ""
     sensor: str | None = None
     path: str | None = None
+    required: RecordingLimitsTable = RecordingLimitsTable()
 
     def list_faults(self) -> Iterator[tuple[str, str]]:
         """Yield names of series and splits that occur twice."""

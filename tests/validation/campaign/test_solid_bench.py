@@ -14,7 +14,6 @@ from validation.campaign.bench import prepare_bench
 from validation.campaign.campaign_file import Criterion, Inputs, parse_campaign
 from validation.campaign.plan import plan_cases
 from validation.campaign.reference_press import press_reference
-from validation.campaign.results import judge
 from validation.campaign.run import run_campaign
 from validation.campaign.solid_bench import CURVED_MODELS, SolidBench
 from validation.credibility import verification as evidence
@@ -23,6 +22,7 @@ from validation.credibility.verification import check_shell
 from validation.derivation.derive import derive
 from validation.places import find_places
 from validation.report.figures import find_outline
+from validation.verdict import judge
 
 TEXT = """
 [[case]]

@@ -6,18 +6,25 @@ import numpy as np
 import pytest
 
 from validation.campaign.campaign_file import Criterion, read_campaign
-from validation.campaign.results import SkippedCase, judge, score_forces
+from validation.campaign.results import SkippedCase, score_forces
 from validation.campaign.run import summarise
 from validation.places import FlatPlaces
+from validation.verdict import judge
 
 
 @pytest.fixture(scope="module")
 def result(campaign):
-    return campaign
+    """The three computed cases twice under other names, because fewer than five cases decide nothing."""
+    again = [
+        dataclasses.replace(each, case=dataclasses.replace(each.case, name=f"{each.case.name} again"))
+        for each in campaign.cases
+    ]
+    return summarise([*campaign.cases, *again], (), None)
 
 
 @pytest.fixture(scope="module")
-def plan(wts, cases):
+def plan(wts, result):
+    cases = tuple(each.case for each in result.cases)
     return dataclasses.replace(read_campaign(None, FlatPlaces(array=wts)), cases=cases)
 
 
@@ -58,17 +65,21 @@ def test_the_fast_model_is_accepted_by_default(result, plan):
     verdict = judge(plan, result)
     assert verdict.word == "accepted"
     assert verdict.accepted
-    assert len(verdict.findings) == len(plan.criterion.mean) + 3
+    assert len(verdict.findings) == len(plan.criterion.mean) + 6
     assert {each.status for each in verdict.findings} == {"met"}
-    assert verdict.short.startswith("verdict: ACCEPTED, 3 of 3 cases; misplaced force ")
-    assert len(verdict.short) <= 80
+    assert verdict.short.startswith(
+        "verdict: ACCEPTED; fast model against finite elements, 6 of 6 cases: misplaced force "
+    )
+    assert "against finite elements (6 of 6 cases)" in verdict.sentence
+    for each in verdict.findings:
+        assert each.margin == pytest.approx(each.limit - each.high)
 
 
 @pytest.mark.parametrize("move", [move_to_right, move_to_all])
 def test_the_verdict_flips_if_five_percent_of_each_load_sit_on_neighbouring_texels(result, plan, wts_derivation, move):
     verdict = judge(plan, plant(result, wts_derivation.parameters, move, 0.05))
     assert verdict.word == "not accepted"
-    assert verdict.short.startswith("verdict: NOT ACCEPTED, 3 of 3 cases; ")
+    assert verdict.short.startswith("verdict: NOT ACCEPTED; fast model against finite elements, 6 of 6 cases: ")
     assert judge(plan, plant(result, wts_derivation.parameters, move, 0.0)).word == "accepted"
 
 
@@ -101,10 +112,10 @@ def test_metrics_that_a_case_does_not_compare_do_not_count(result, plan):
     case = dataclasses.replace(result.cases[0].case, compared=("misplaced_force",))
     cases = [dataclasses.replace(result.cases[0], case=case), *result.cases[1:]]
     found = summarise(cases, (), None)
-    assert found.pooled["fast"]["peak_error"].cases == 2
-    assert found.pooled["fast"]["misplaced_force"].cases == 3
+    assert found.pooled["fast"]["peak_error"].cases == 5
+    assert found.pooled["fast"]["misplaced_force"].cases == 6
     verdict = judge(limit(plan, mean={"peak_error": 1.0}, each={"peak_error": 1.0}), found)
-    assert [each.over for each in verdict.findings] == ["mean over the cases", "box", "edge"]
+    assert [each.over for each in verdict.findings] == ["mean over the cases", *(each.case.name for each in cases[1:])]
     assert verdict.findings[0].value == found.pooled["fast"]["peak_error"].mean
 
 
@@ -124,10 +135,20 @@ def test_what_is_missing_leaves_it_open(result, plan, change, reason):
 
 def test_faults_in_the_file_leave_it_open(result, plan):
     verdict = judge(dataclasses.replace(plan, left_out=("case[0]: no",)), result)
-    assert (verdict.word, verdict.scored, verdict.cases) == ("not decided", 3, 4)
+    assert (verdict.word, verdict.scored, verdict.cases) == ("not decided", 6, 7)
 
 
 def test_a_run_without_scored_cases_and_limits_on_means_has_a_short_verdict(plan, result):
     campaign = dataclasses.replace(plan, criterion=Criterion(mean={}, each={"misplaced_force": 0.1}))
     short = judge(campaign, dataclasses.replace(result, cases=(), interrupted=True)).short
-    assert short == "verdict: NOT DECIDED, 0 of 0 cases"
+    assert short == "verdict: NOT DECIDED; fast model against finite elements, 0 of 0 cases"
+
+
+def test_fewer_than_five_cases_never_decide(result, plan):
+    loose = limit(plan, mean={"misplaced_force": 1.0}, each={"misplaced_force": 1.0})
+    for count, word in ((1, "not decided"), (2, "not decided"), (4, "not decided"), (5, "accepted")):
+        verdict = judge(loose, summarise(result.cases[:count], (), None))
+        assert verdict.word == word, count
+    strict = limit(plan, mean={"misplaced_force": 1e-6}, each={})
+    assert judge(strict, summarise(result.cases[:4], (), None)).word == "not decided"
+    assert judge(strict, summarise(result.cases[:5], (), None)).word == "not accepted"

@@ -5,8 +5,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from validation.campaign.results import pool
 from validation.data_sets.results import CountScore, RecordingRow, compare_with_nulls
+from validation.pooling import pool
 
 RANDOM = np.random.default_rng(4)
 CASES = [f"case {number}" for number in range(8)]

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from tests.support.report_page import Page, is_printed
-from validation.campaign.results import MODELS, Pooled
+from validation.campaign.results import MODELS
 from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores
 from validation.metrics import TABULATED
+from validation.pooling import Pooled
 from validation.report import write_report
 from validation.results import columns
 from validation.sensor_file import load

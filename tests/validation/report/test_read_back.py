@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from validation import read_report
-from validation.campaign.results import Pooled
 from validation.credibility.uncertainty import InputUncertainty
 from validation.errors import InputError
 from validation.json_values import json_text
 from validation.metrics import METRICS, Score
+from validation.pooling import Pooled
 from validation.results.report import Report
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=False)

@@ -17,7 +17,7 @@ from validation.cli.entry import BAD_INPUT, CHECK_FAILED, DONE, INTERRUPTED, NOT
 from validation.errors import InputError
 
 if TYPE_CHECKING:
-    from validation.campaign.evaluation import Evaluation
+    from validation.campaign.evaluation import Evaluation, RecordingEvaluation
     from validation.campaign.results import CampaignResult
     from validation.measured_force.comparison import ForceComparison, Row
     from validation.render.table import Table
@@ -71,6 +71,7 @@ def validate(
     budget: str | None = None,
     recordings: _Recordings = None,
     data_set: str | None = None,
+    only_recordings: Annotated[bool, Parameter(name="--only-recordings")] = False,
     measured: str | None = None,
     cover: options.CoverChanges = options.UNCHANGED,
     out: _Out = Path("softcover-report"),
@@ -78,8 +79,9 @@ def validate(
 ) -> int:
     """Score the fast model of a sensor against finite elements, and against recordings if a folder is given.
 
-    The exit status is 0 if the fast model meets the acceptance criterion of the campaign, and 1 if it does not or if
-    the cases do not decide.  An interrupted run writes a report on the finished cases; the same command continues it.
+    The exit status is 0 if the fast model meets the requirements of the campaign and of the recordings, and 1 if it
+    does not or if cases or loads do not decide.  An interrupted run writes a report on the finished cases; the same
+    command continues it.
 
     Examples of use:
 
@@ -89,6 +91,7 @@ def validate(
         softcover validate sensor.toml --campaign mine.toml
         softcover validate sdh2-distal --recordings ~/tactile-sensors
         softcover validate sensor.toml --recordings data-set.toml
+        softcover validate sensor.toml --recordings data-set.toml --only-recordings
         softcover validate wts-0614-34 --material dragon-skin-30 --thickness 2mm --json
         softcover validate wts-0614-34 --measured gelsight-mini
 
@@ -96,6 +99,7 @@ def validate(
         campaign: Campaign file: cases and what is required of the fast model.
         budget: Processor time such as 20min, within which the cases that tell most are computed.
         data_set: Data-set file, or kiechle-sdh2; that in the folder when not given.
+        only_recordings: Score the recordings alone, without the finite elements of the campaign.
         measured: File of measured forces with their own cover, or gelsight-mini: compare the finite elements with them.
     """
     from validation.data_sets.data_set import describe_unused_recordings
@@ -104,6 +108,7 @@ def validate(
         if (
             quick
             or cover != options.UNCHANGED
+            or only_recordings
             or any(each is not None for each in (campaign, recordings, data_set, budget))
         ):
             raise InputError("--measured: measured forces have a cover of their own; leave out all options but --json")
@@ -116,7 +121,7 @@ def validate(
         output.note(sentence)
     return _evaluate(
         description, out, campaign=campaign, quick=quick, budget=budget, recordings=recordings, data_set=data_set,
-        json=json,
+        only_recordings=only_recordings, json=json,
     )  # fmt: skip
 
 
@@ -130,6 +135,7 @@ def _evaluate(sensor: SensorDescription, out: Path, *, json: bool, **chosen: Any
         **chosen: Options of `validation.validate`.
     """
     from validation import api
+    from validation.campaign.evaluation import Evaluation
 
     started = time.perf_counter()
     with output.Progress() as progress:
@@ -138,22 +144,24 @@ def _evaluate(sensor: SensorDescription, out: Path, *, json: bool, **chosen: Any
         output.print_json(found.report.as_json())
     else:
         _print(found)
-    _tell_problems(found)
+    for line in found.recordings.problems if found.recordings else ():
+        output.say(f"softcover: recordings: {line}")
+    if isinstance(found, Evaluation):
+        _tell_problems(found)
     output.say(f"report: {(out / 'index.html').absolute()} ({time.perf_counter() - started:.1f} s)")
     (output.say if json else output.show)(found.verdict.short)
-    if found.campaign.interrupted:
-        return INTERRUPTED
-    if not all(each.converged for each in found.campaign.skipped):
-        return NOT_CONVERGED
-    if found.plan.left_out:
-        return BAD_INPUT
+    if isinstance(found, Evaluation):
+        if found.campaign.interrupted:
+            return INTERRUPTED
+        if not all(each.converged for each in found.campaign.skipped):
+            return NOT_CONVERGED
+        if found.plan.left_out:
+            return BAD_INPUT
     return DONE if found.verdict.accepted else CHECK_FAILED
 
 
 def _tell_problems(evaluation: Evaluation) -> None:
     """Print the cases without scores and the warnings, each on one line."""
-    for line in evaluation.recordings.problems if evaluation.recordings else ():
-        output.say(f"softcover: recordings: {line}")
     for each in evaluation.campaign.skipped:
         output.say(f"not scored: {each.name} ({each.indenter}, {each.load:.3g} N): {each.reason}")
     for result in evaluation.campaign.cases:
@@ -163,21 +171,25 @@ def _tell_problems(evaluation: Evaluation) -> None:
         output.say("interrupted: the report has the finished cases; run the same command again to continue")
 
 
-def _print(evaluation: Evaluation) -> None:
+def _print(evaluation: RecordingEvaluation) -> None:
     """Print the verdict in words and a table of the scores of at most ten models; the report has all of them."""
+    from validation.campaign.evaluation import Evaluation
     from validation.campaign.results import describe_reference_error
 
-    sensor, campaign, verdict = evaluation.sensor, evaluation.campaign, evaluation.verdict
+    sensor, verdict = evaluation.sensor, evaluation.verdict
     output.show_wrapped(f"{sensor.name}, cover {output.describe_cover(sensor.cover)}", further="  ")
-    output.show_wrapped(f"Intended use: {evaluation.plan.intended_use}", further="  ")
+    if isinstance(evaluation, Evaluation):
+        output.show_wrapped(f"Intended use: {evaluation.plan.intended_use}", further="  ")
     output.show_wrapped(verdict.sentence, further="  ")
     for reason in verdict.reasons:
         output.show_wrapped(f"- {reason}", indent="  ", further="  ")
-    output.render(_tabulate(campaign))
-    output.show_wrapped(
-        f"Means over {len(campaign.cases)} cases; own error of the reference: "
-        f"{describe_reference_error(campaign)}. All models and intervals are in the report."
-    )
+    if isinstance(evaluation, Evaluation):
+        campaign = evaluation.campaign
+        output.render(_tabulate(campaign))
+        output.show_wrapped(
+            f"Means over {len(campaign.cases)} cases; own error of the reference: "
+            f"{describe_reference_error(campaign)}. All models and intervals are in the report."
+        )
     if (scores := evaluation.recordings) is not None:
         for split, notes in scores.notes.items():
             output.show_wrapped(f"Recordings, {scores.about[split]}: {'; '.join(notes)}", further="  ")

@@ -50,7 +50,7 @@ def test_a_damaged_case_costs_a_line_and_the_rest_is_scored(softcover, tmp_path,
     assert "left out: mine.toml: case[1].name: 'ball' is the name of case[0] already" in err
     assert "left out: mine.toml: case[2].indenter: " in err
     assert err.splitlines()[-1].endswith("to score against them, add --recordings '/my recordings'")
-    assert out.splitlines()[-1].startswith("verdict: NOT DECIDED, 1 of 3 cases; ")
+    assert out.splitlines()[-1].startswith("verdict: NOT DECIDED; fast model against finite elements, 1 of 3 cases: ")
     scores = json.loads((tmp_path / "softcover-report" / "report.json").read_text())
     assert [case["name"] for case in scores["campaign"]["cases"]] == ["ball"]
 
@@ -78,11 +78,11 @@ def test_a_stopped_run_reports_the_finished_cases_and_continues(tmp_path):
         out, err = run.communicate(timeout=300)
     assert run.returncode == 130, err
     assert "run the same command again" in err
-    assert out.splitlines()[-1].startswith("verdict: NOT DECIDED, ")
+    assert out.splitlines()[-1].startswith("verdict: NOT DECIDED; ")
     scores = json.loads((tmp_path / "softcover-report" / "report.json").read_text())
     assert scores["campaign"]["interrupted"]
     assert 0 < len(scores["campaign"]["cases"]) < COUNT
     assert {each["reason"] for each in scores["campaign"]["skipped"]} == {"interrupted"}
     again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)  # noqa: S603
     assert again.returncode == 0, again.stderr
-    assert f"verdict: ACCEPTED, {COUNT} of {COUNT} cases" in again.stdout
+    assert f"verdict: ACCEPTED; fast model against finite elements, {COUNT} of {COUNT} cases" in again.stdout
