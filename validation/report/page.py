@@ -420,7 +420,8 @@ def _list_fitted(row: results.RowScores) -> str:
 def describe_comparison(campaign: results.CampaignResult) -> dict[str, Any]:
     """Describe the comparison with published models, for sentences on the page.
 
-    A model counts as equally good if the interval of the fast model's skill against it includes zero.
+    A model counts as equally good if the interval of the fast model's skill against it includes zero, or if the cases
+    are too few to tell.
 
     Returns:
         `presses` names the presses to which the published models are fitted; `as_good` lists by metric the models that
@@ -429,8 +430,9 @@ def describe_comparison(campaign: results.CampaignResult) -> dict[str, Any]:
     as_good: dict[str, list[str]] = {METRICS[metric].heading: [] for metric in results.SKILL_METRICS}
     for row in campaign.published:
         for metric in results.SKILL_METRICS:
-            if not row.skill[metric].low > 0:
-                word = "better" if row.skill[metric].high < 0 else "not told apart"
+            found = row.skill[metric]
+            if found.few or not found.low > 0:
+                word = "better" if found.high < 0 and not found.few else "not told apart"
                 as_good[METRICS[metric].heading].append(f"{row.title} {row.variant} ({word})")
     return {
         "presses": next((row.fitted_on for row in campaign.published if row.fitted_on), ()),
