@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 from validation.recordings.mcap_writer import Clocks, RecordingWriter, StorageError
 from validation.recordings.recording import NANOSECOND, BoolArray, RecordedArray, Setup, make_array
 from validation.weiss.protocol import MatrixInfo, Reading
-from validation.weiss.sensor import LinkLostError, NoAnswerError, PortError, Sensor, SensorError
+from validation.weiss.sensor import LinkLostError, PortError, Sensor
 from validation.weiss.stream import DeviceClock, Gap, Residual
 
-#: Errors of optional requests, such as the temperature.  The recording continues without the answer.
-_UNANSWERED = (SensorError, NoAnswerError)
+T = TypeVar("T")
+Properties = dict[str, str | int | float]
 
 
 class RecordingStoppedError(PortError):
@@ -34,6 +33,7 @@ class Captured:
         seconds: Time from the first frame to the last, by the clock of the host [s].
         residual: Deviation of the arrival times of the frames from their stamps, which follow the device's clock.
         ended: `done` if the requested duration was over, `interrupted` if the user pressed Ctrl-C.
+        unknown: Properties that the device did not report, such as `temperature after the frames`.
     """
 
     path: Path
@@ -42,6 +42,7 @@ class Captured:
     seconds: float
     residual: Residual
     ended: Literal["done", "interrupted"]
+    unknown: tuple[str, ...] = ()
 
     @property
     def rate(self) -> float:
@@ -76,11 +77,13 @@ def record(
         RecordingStoppedError: If the port was lost; the frames received before are kept in the file.
         StorageError: If the file cannot be written; the frames written before are kept in the file.
     """
-    reported = _ask_properties(sensor)
+    unknown: list[str] = []
+    reported = _ask_properties(sensor, unknown)
     setup = setup or Setup()
     setup = replace(setup, source=setup.source or sensor.port, device={**reported, **setup.device})
-    array = make_device_array(sensor.read_matrix(), str(reported.get("type", "tactile")), active=_ask_mask(sensor))
-    session = _Session(sensor, on_event)
+    mask = _ask("mask", sensor.read_mask, unknown)
+    array = make_device_array(sensor.read_matrix(), str(reported.get("type", "tactile")), active=mask)
+    session = _Session(sensor, on_event, unknown)
     stream = sensor.stream(run_length=run_length, interval_ms=interval_ms, reconnect=reconnect)
     try:
         with RecordingWriter(path, arrays=[array], setup=setup, serial=str(reported["serial"])) as writer:
@@ -98,6 +101,7 @@ def record(
         seconds=session.seconds,
         residual=session.clock.residual,
         ended=session.ended,
+        unknown=tuple(unknown),
     )
 
 
@@ -122,12 +126,13 @@ def make_device_array(matrix: MatrixInfo, name: str = "tactile", *, active: Bool
 class _Session:
     """One run of the recorder; counts the frames and gaps that were written."""
 
-    def __init__(self, sensor: Sensor, on_event: Callable[[Reading | Gap], None] | None) -> None:
+    def __init__(self, sensor: Sensor, on_event: Callable[[Reading | Gap], None] | None, unknown: list[str]) -> None:
         self.frames = self.gaps = 0
         self.ended: Literal["done", "interrupted"] = "done"
         self.clock = DeviceClock()
         self._sensor = sensor
         self._on_event = on_event
+        self._unknown = unknown
         #: UTC time since 1970 minus time on the monotonic clock of the host [ns].
         self._utc_offset = time.time_ns() - time.monotonic_ns()
         #: Time of the first and of the last frame on the monotonic clock of the host [ns].
@@ -147,7 +152,7 @@ class _Session:
             seconds: Duration; None for no limit [s].
         """
         stop = None if seconds is None else time.monotonic_ns() + round(seconds / NANOSECOND)
-        self._write_temperature(writer)
+        self._write_temperature(writer, "before")
         self._sensor.tap = lambda chunk: writer.add_raw(chunk.host_time + self._utc_offset, chunk.data)
         try:
             for event in stream:
@@ -161,7 +166,7 @@ class _Session:
             stream.close()
         for gap in self._sensor.take_last_gaps():
             self._write_event(writer, gap)
-        self._write_temperature(writer)
+        self._write_temperature(writer, "after")
 
     def _write_event(self, writer: RecordingWriter, event: Reading | Gap) -> None:
         now = event.host_time + self._utc_offset
@@ -177,25 +182,31 @@ class _Session:
         if self._on_event is not None:
             self._on_event(event)
 
-    def _write_temperature(self, writer: RecordingWriter) -> None:
+    def _write_temperature(self, writer: RecordingWriter, when: str) -> None:
         """Read the temperature from the sensor and write it to the file, if the sensor reports a temperature.
 
         The method is called before and after the stream only, because no source states whether a device answers
         commands while it streams.
         """
-        with suppress(*_UNANSWERED):
-            writer.add_temperatures(time.time_ns(), [self._sensor.read_temperature()])
+        degrees = _ask(f"temperature {when} the frames", self._sensor.read_temperature, self._unknown)
+        if degrees is not None:
+            writer.add_temperatures(time.time_ns(), [degrees])
 
 
-def _ask_mask(sensor: Sensor) -> BoolArray | None:
-    """Read which texels of a device exist; None if the device does not answer, or answers in an unknown form."""
-    with suppress(*_UNANSWERED):
-        return sensor.read_mask()
-    return None
+def _ask(name: str, question: Callable[[], T], unknown: list[str]) -> T | None:
+    """Ask an optional question; without an answer add its name to `unknown` and return None.
+
+    A port that is lost before the frames is reported by the next command; after the frames nothing else is needed.
+    """
+    try:
+        return question()
+    except PortError:
+        unknown.append(name)
+        return None
 
 
-def _ask_properties(sensor: Sensor) -> dict[str, str | int | float]:
-    """Read the properties of a device by name, without those that the device refuses to report."""
+def _ask_properties(sensor: Sensor, unknown: list[str]) -> Properties:
+    """Read the properties of a device by name, and add the names of those that it does not report to `unknown`."""
     info = sensor.read_info()
     questions: dict[str, Callable[[], str | int | float]] = {
         "type": sensor.read_type,
@@ -204,8 +215,6 @@ def _ask_properties(sensor: Sensor) -> dict[str, str | int | float]:
         "gain": sensor.read_gain,
         "temperature": sensor.read_temperature,
     }
-    properties: dict[str, str | int | float] = {"serial": info.serial_number, "firmware": info.firmware}
-    for name, ask in questions.items():
-        with suppress(*_UNANSWERED):
-            properties[name] = ask()
-    return properties
+    answers = {name: _ask(name, question, unknown) for name, question in questions.items()}
+    known = {name: answer for name, answer in answers.items() if answer is not None}
+    return {"serial": info.serial_number, "firmware": info.firmware, **known}

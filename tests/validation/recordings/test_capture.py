@@ -20,7 +20,7 @@ from tests.support.virtual_port import VirtualPort, is_ramp
 from validation.recordings import capture, mcap_reader
 from validation.recordings.recording import Setup
 from validation.weiss.protocol import Parser, Reading
-from validation.weiss.sensor import NoAnswerError, Sensor
+from validation.weiss.sensor import LinkLostError, NoAnswerError, Sensor, SensorError
 from validation.weiss.virtual import Misbehaviour, show_pattern
 
 #: Recorders that are killed at the same time in the long test.
@@ -138,6 +138,26 @@ def test_a_recording_ends_after_its_time_and_needs_no_answers_to_optional_questi
     assert events[-1].host_time - start >= 0.1e9
     assert not recording.temperatures.size
     assert not {"temperature", "tag"} & set(recording.setup.device)
+    assert {"tag", "mask", "temperature before the frames", "temperature after the frames"} <= set(done.unknown)
+
+
+@pytest.mark.parametrize("error", [NoAnswerError, SensorError, LinkLostError])
+def test_a_question_after_the_frames_without_an_answer_ends_nothing(tmp_path, monkeypatch, error):
+    with _running() as port, Sensor(port.name) as sensor:
+        first = [30.0, 30.5]  # as a property, and before the frames
+
+        def answer(_):
+            if first:
+                return first.pop()
+            raise error("check the cable")
+
+        monkeypatch.setattr(Sensor, "read_temperature", answer)
+        done = capture.record(sensor, tmp_path / "a.mcap", seconds=0.1)
+    recording = mcap_reader.read(done.path)
+    assert done.unknown == ("temperature after the frames",)
+    assert len(recording.times) == done.frames > 0
+    assert recording.temperatures.tolist() == [[30.0]]
+    assert recording.complete
 
 
 def _check_gaps(recording):

@@ -79,6 +79,8 @@ def record(
             f"wrote {done.path}: {done.frames} frames, {done.rate:.1f} frames/s, {done.gaps} gaps ({done.ended})"
         )
         output.say(str(done.residual))
+        if done.unknown:
+            output.say(f"unknown, because the sensor did not answer: {', '.join(done.unknown)}")
 
 
 def _make_display(live: LiveImage) -> Callable[[Reading | Gap], None]:
