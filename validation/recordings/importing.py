@@ -36,6 +36,7 @@ def open_recording(
     rows: int | None = None,
     columns: int | None = None,
     sensor: TexelArray | None = None,
+    axis: str | None = None,
 ) -> Recording:
     """Read a recording of any known format.
 
@@ -45,6 +46,7 @@ def open_recording(
         rows: Number of texels along y, for files that do not state the number [-].
         columns: Number of texels along x, for files that do not state the number [-].
         sensor: Array that was recorded, for CSV files that state no layout or pitch.
+        axis: Axis that is read from CSV files with three columns per texel.
 
     Raises:
         RecordingError: If the recording is missing, damaged or of an unknown format.
@@ -58,11 +60,13 @@ def open_recording(
     kind = path.suffix.lower()
     if topic is not None and kind in {".dsa", ".csv"}:
         raise RecordingError(f"--topic: {path} has no topics; leave the option out")
+    if axis is not None and kind != ".csv":
+        raise RecordingError(f"--axis: {path} has one count per texel; leave the option out")
     match kind:
         case ".dsa":
             return dsa.read(path)
         case ".csv":
-            return tables.read(path, rows=rows, columns=columns, sensor=sensor)
+            return tables.read(path, rows=rows, columns=columns, sensor=sensor, axis=axis)
         case ".mcap" if topic is None and mcap_reader.is_own_recording(path):
             return mcap_reader.read(path)
         case suffix if suffix in {".mcap", ".bag", ".db3"} or path.is_dir():

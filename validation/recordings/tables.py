@@ -6,6 +6,11 @@ texel, row by row, x fastest.  Lines of the form `# key = value` before the head
 letters, digits, spaces and `_ - . [ ] /`, and starts with a letter.  Every other line that starts with `#` is a
 comment.
 
+A file whose header line holds semicolons has semicolons between columns and decimal commas.  Times since 1970 may be in
+seconds, milliseconds, microseconds or nanoseconds, which their size tells; the label `time unit` states it.  A file
+with three columns per texel, such as `x0, y0, z0` or `texel_0_x`, needs the name of the axis that is read: key
+`axis`, or the option.
+
 Counts may be negative (a zero was subtracted) and may have fractions (means of several frames).  Fractions are rounded
 to whole counts, and the label `counts rounded` states the largest change.  Values are refused if rounding would change
 them by more than 1 % of the largest value.
@@ -62,6 +67,14 @@ _ROUNDED = "counts rounded"
 _MOST_ROUNDED = 0.01
 #: Label that states the pitch that was assumed, because the file states none.
 PITCH_ASSUMED = "pitch assumed"
+#: Label that states the unit of times since 1970 that are not in seconds.
+TIME_UNIT = "time unit"
+#: Smallest time since 1970, a date in 1973, in units other than seconds: name and units per second.
+_UNITS = ((1e17, "ns", 1e9), (1e14, "us", 1e6), (1e11, "ms", 1e3))
+#: Pattern of the name of a column that holds one of three axes of a texel.
+_AXIS = re.compile(r"(?P<before>.*)(?P<axis>[xyz])(?P<after>[^a-z]*)")
+#: Number of axes of a texel [-].
+_AXES = 3
 #: Names of the optional columns of a CSV file between the time and the texels.
 _SENSOR_COLUMNS = ("force", "temperature")
 
@@ -75,12 +88,16 @@ class _Table:
         notes: Values of the lines `# key = value`, by key.
         header: Names of the columns, in lower case.
         values: Numbers in the lines below the header, shape (lines, columns).
+        comma: Whether numbers have decimal commas.
+        unit: Unit of times since 1970; empty for seconds.
     """
 
     path: Path
     notes: Mapping[str, str]
     header: list[str]
     values: FloatArray
+    comma: bool = False
+    unit: str = ""
 
     def get_column(self, name: str) -> FloatArray:
         """Return the numbers of the column with this name, shape (lines,); shape (0,) if the column is missing."""
@@ -100,7 +117,7 @@ class _Table:
         start = f"{self.path}: # {key} = {self.notes[key][:40]}"
         expected = f"expected a {'whole number' if whole else 'number'} of {least:.10g} to {most:.10g}"
         try:
-            value = _parse_number(self.notes[key])
+            value = _parse_number(self.notes[key], comma=self.comma)
         except ValueError as error:
             raise RecordingError(f"{start}: not a number; {expected}") from error
         if not least <= value <= most or math.isinf(value) or (whole and not value.is_integer()):
@@ -109,7 +126,12 @@ class _Table:
 
 
 def read(
-    path: str | Path, *, rows: int | None = None, columns: int | None = None, sensor: TexelArray | None = None
+    path: str | Path,
+    *,
+    rows: int | None = None,
+    columns: int | None = None,
+    sensor: TexelArray | None = None,
+    axis: str | None = None,
 ) -> Recording:
     """Read a recording from a CSV file.
 
@@ -118,6 +140,7 @@ def read(
         rows: Number of texels along y; taken from the file if not given [-].
         columns: Number of texels along x; taken from the file if not given [-].
         sensor: Array that was recorded, for rows, columns and pitch that neither the arguments nor the file state.
+        axis: Axis `x`, `y` or `z` that is read from a file with three columns per texel.
 
     Raises:
         RecordingError: If the file cannot be read; the message names the line.
@@ -126,7 +149,7 @@ def read(
     table = _read_table(path)
     if not len(table.values):
         raise RecordingError(f"{path}: no frames; expected at least one line of numbers")
-    readings = table.values[:, _find_first_texel(table.header) :]
+    readings = table.values[:, _choose_columns(table, axis)]
     full_scale = int(table.read_note("full_scale", 1, MOST_FULL_SCALE, whole=True) or DEFAULT_FULL_SCALE)
     if (largest := np.abs(readings).max(initial=0)) > full_scale:
         raise RecordingError(
@@ -134,6 +157,7 @@ def read(
             f"of the sensor before the first line, for example `# full_scale = 65535`"
         )
     counts, other = _round_counts(path, readings)
+    other |= {TIME_UNIT: f"{table.unit} since 1970"} if table.unit else {}
     stamps, temperatures, forces = (table.get_column(name) for name in ("time", "temperature", "force"))
     times = stamps - stamps[0]
     if stated := table.read_note("pitch", *_PITCHES):
@@ -144,13 +168,14 @@ def read(
         pitch = (DEFAULT_PITCH, DEFAULT_PITCH)
         other[PITCH_ASSUMED] = f"{1e3 * DEFAULT_PITCH:g} mm"
     shape = _find_shape(table, rows, columns, sensor, texels=counts.shape[1])
+    active = sensor.active if sensor is not None and shape == (sensor.rows, sensor.columns) else None
     digest = hash_contents(path)
     return Recording(
         path=path,
         sha256=digest,
         started=datetime.fromtimestamp(max(0.0, stamps[0]), UTC),
         times=times,
-        arrays=(make_array(*shape, counts, pitch=pitch, full_scale=full_scale),),
+        arrays=(make_array(*shape, counts, pitch=pitch, full_scale=full_scale, active=active),),
         temperatures=temperatures.reshape(-1, 1) if temperatures.size else np.empty((0, 0)),
         temperature_times=times[: len(temperatures)],
         setup=Setup(
@@ -233,27 +258,33 @@ def _read_table(path: Path) -> _Table:
     header: list[str] = []
     values = array.array("d")
     before = -math.inf
+    delimiter, unit, scale = "", "", 1.0
     for place, line in _read_lines(path):
         if line.startswith("#"):
             _add_note(place, line, notes)
             continue
         try:
-            cells = [cell.strip() for cell in next(csv.reader([line]), [])]
+            delimiter = delimiter or (";" if ";" in line else ",")
+            cells = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
         except csv.Error as error:
-            raise RecordingError(f"{place}: {error}; expected numbers and commas") from error
+            raise RecordingError(f"{place}: {error}; expected numbers between commas or semicolons") from error
         if not header:
             header = _read_header(place, cells)
             continue
         if len(values) + len(cells) > MOST_VALUES:
             raise RecordingError(f"{place}: more than the {MOST_VALUES} numbers accepted")
-        numbers = _read_numbers(place, cells, header)
+        numbers = _read_numbers(place, cells, header, comma=delimiter == ";")
+        if not values:
+            unit, scale = next(((name, by) for least, name, by in _UNITS if numbers[0] >= least), ("", 1.0))
+        numbers[0] /= scale
+        _check_range(place, numbers[: _find_first_texel(header)])
         if numbers[0] < before:
             raise RecordingError(f"{place}: time {numbers[0]:g} s comes before {before:g} s of the line above")
         before = numbers[0]
         values.extend(numbers)
     if not header:
         raise RecordingError(f"{path}: empty; expected a line `time, ...` and one line per frame")
-    return _Table(path, notes, header, np.frombuffer(values).reshape(-1, len(header)))
+    return _Table(path, notes, header, np.frombuffer(values).reshape(-1, len(header)), delimiter == ";", unit)
 
 
 def _read_lines(path: Path) -> Iterator[tuple[str, str]]:
@@ -293,7 +324,8 @@ def _read_header(place: str, cells: list[str]) -> list[str]:
     if header[0] != "time" or not set(between) <= set(_SENSOR_COLUMNS) or len(set(header)) != len(header):
         raise RecordingError(
             f"{place}: expected the columns `time`, optionally `force` and `temperature`, and then one column per "
-            f"texel, each with a name of its own"
+            "texel, each with a name of its own; texels that form no rectangle, such as a table of their positions, "
+            "are not read: order them in rows and columns of one pitch, with a column of zeros for each missing one"
         )
     return header
 
@@ -303,29 +335,56 @@ def _find_first_texel(header: list[str]) -> int:
     return 1 + sum(name in header for name in _SENSOR_COLUMNS)
 
 
-def _read_numbers(place: str, cells: list[str], header: list[str]) -> list[float]:
+def _choose_columns(table: _Table, axis: str | None) -> list[int]:
+    """Return the indices of the columns with counts: all texels, or one axis of each.
+
+    Raises:
+        RecordingError: If the file holds three axes per texel and none is named, or one is named and there are none.
+    """
+    first = _find_first_texel(table.header)
+    found = [_AXIS.fullmatch(name) for name in table.header[first:]]
+    axes = [match["axis"] if match else "" for match in found]
+    texels: dict[tuple[str, str], set[str]] = {}
+    for match in filter(None, found):
+        texels.setdefault((match["before"], match["after"]), set()).add(match["axis"])
+    spatial = bool(axes) and all(axes) and all(len(each) == _AXES for each in texels.values())
+    axis = axis or (table.notes.get("axis") if spatial else None)
+    if (axis is None and not spatial) or (spatial and axis in axes):
+        return [first + number for number, each in enumerate(axes) if not spatial or each == axis]
+    seen = f"{len(texels)} texels with three axes" if spatial else "one column per texel"
+    remedy = "name the normal one: `# axis = z` before the first line, or `softcover import --axis z`"
+    remedy = remedy if spatial else "leave the axis out"
+    raise RecordingError(
+        f"{table.path}: {seen} ({', '.join(table.header[first : first + _AXES])}, ...) and axis = {axis}; {remedy}"
+    )
+
+
+def _read_numbers(place: str, cells: list[str], header: list[str], *, comma: bool = False) -> list[float]:
     """Parse and check the numbers of one line below the header.
 
     Raises:
-        RecordingError: If the number of columns differs from the header, a text is not a finite number, or a number is
-            larger than any value of a sensor.
+        RecordingError: If the number of columns differs from the header, or a text is not a finite number.
     """
     if len(cells) != len(header):
         raise RecordingError(f"{place}: {len(cells)} columns; expected {len(header)} as in the first line")
     try:
-        values = [_parse_number(cell) for cell in cells]
+        values = [_parse_number(cell, comma=comma) for cell in cells]
     except ValueError as error:
         raise RecordingError(f"{place}: not a number: {str(error)[:80]}") from None
     if not all(map(math.isfinite, values)):
         raise RecordingError(f"{place}: all numbers must be finite")
-    if max(map(abs, values[: _find_first_texel(header)])) > _LARGEST:
-        raise RecordingError(f"{place}: times, forces and temperatures must lie within {_LARGEST:g}")
     return values
 
 
-def _parse_number(text: str) -> float:
-    """Convert text to a number; underscores, which `float` skips, are refused."""
-    return float(text.replace("_", "x"))
+def _check_range(place: str, values: list[float]) -> None:
+    """Refuse times, forces and temperatures that no sensor gives."""
+    if max(map(abs, values)) > _LARGEST:
+        raise RecordingError(f"{place}: times, forces and temperatures must lie within {_LARGEST:g}")
+
+
+def _parse_number(text: str, *, comma: bool = False) -> float:
+    """Convert text to a number, with a decimal comma if told; underscores, which `float` skips, are refused."""
+    return float((text.replace(".", "x").replace(",", ".") if comma and "," in text else text).replace("_", "x"))
 
 
 def _round_counts(path: Path, values: FloatArray) -> tuple[CountArray, dict[str, str]]:
@@ -365,6 +424,6 @@ def _find_shape(
         layout = f"are not {rows} rows x {columns} columns" if rows else "in an unknown number of rows and columns"
         raise RecordingError(
             f"{table.path}: {texels} texels {layout}; write `# rows = 14` and `# columns = 6` before the first line, "
-            "or give --rows and --columns"
+            "or give --rows and --columns; each missing texel of a rectangle needs a column of zeros"
         )
     return rows, columns

@@ -169,3 +169,71 @@ def test_counts_that_span_more_than_16_bits_are_not_saved(tmp_path, softcover):
     assert status == 2
     assert "counts from -300 to 65400 do not fit an MCAP file" in errors
     assert not (tmp_path / "a.mcap").exists()
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("s", 1), ("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
+def test_times_since_1970_are_read_in_every_unit(tmp_path, softcover, unit, factor):
+    lines = [f"{(1_700_000_000 + 2 * n) * factor},{n},0" for n in range(4)]
+    path = tmp_path / "a.csv"
+    path.write_text("# rows = 1\ntime,a,b\n" + "\n".join(lines))
+    found = open_recording(path)
+    assert found.started.timestamp() == pytest.approx(1_700_000_000, abs=1e-3)
+    assert found.times == pytest.approx([0, 2, 4, 6], abs=1e-6)
+    status, _, err = softcover("import", path, "--out", tmp_path / "a.mcap")
+    assert status == 0
+    assert (f"the times are taken as {unit} since 1970" in err) == (unit != "s")
+    (tmp_path / "f.csv").write_text("time,force\n" + "\n".join(line.rsplit(",", 1)[0] for line in lines))
+    assert tables.read_forces(tmp_path / "f.csv")[0] == pytest.approx(1_700_000_000 + np.arange(0, 8, 2), abs=1e-3)
+
+
+def test_semicolons_come_with_decimal_commas(tmp_path):
+    german = CSV.replace(",", ";").replace(".", ",")
+    (tmp_path / "a.csv").write_text(CSV)
+    (tmp_path / "b.csv").write_text(german)
+    plain, found = (tables.read(tmp_path / name) for name in ("a.csv", "b.csv"))
+    assert (found.arrays[0].counts == plain.arrays[0].counts).all()
+    assert (found.times == plain.times).all()
+    assert (found.forces == plain.forces).all()
+    assert found.setup.load == 1.5
+    (tmp_path / "c.csv").write_text(german.replace("30,5", "1.030,5"))
+    with pytest.raises(RecordingError, match=r"line \d+: not a number"):
+        tables.read(tmp_path / "c.csv")
+
+
+PATTERNS = ["{axis}{texel}", "taxel_{texel}_{axis}", "{texel}{axis}", "{axis}_{texel}", "B{axis}[{texel}]"]
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("by_axis", [False, True])
+def test_one_of_three_axes_is_read_and_must_be_named(tmp_path, softcover, pattern, by_axis):
+    names = [(axis, texel) for axis in "xyz" for texel in range(6)]
+    names = names if by_axis else sorted(names, key=lambda pair: pair[1])
+    header = ",".join(pattern.format(axis=axis, texel=texel) for axis, texel in names)
+    values = ",".join(str(100 * "xyz".index(axis) + texel) for axis, texel in names)
+    path, out = tmp_path / "a.csv", tmp_path / "a.mcap"
+    path.write_text(f"# rows = 2\ntime,{header}\n0,{values}\n")
+    with pytest.raises(RecordingError, match=r"6 texels with three axes .*--axis z"):
+        tables.read(path)
+    assert open_recording(path, axis="y").arrays[0].counts.tolist() == [[100, 101, 102, 103, 104, 105]]
+    assert softcover("import", path, "--axis", "z", "--out", out)[0] == 0
+    assert open_recording(out).arrays[0].counts.tolist() == [[200, 201, 202, 203, 204, 205]]
+    path.write_text("# axis = x\n" + path.read_text())
+    assert tables.read(path).arrays[0].counts.tolist() == [[0, 1, 2, 3, 4, 5]]
+    (tmp_path / "b.csv").write_text(CSV)
+    with pytest.raises(RecordingError, match="one column per texel"):
+        open_recording(tmp_path / "b.csv", axis="z")
+    with pytest.raises(RecordingError, match="--axis"):
+        open_recording(out, axis="z")
+
+
+def test_texels_in_no_rectangle_are_refused_with_the_remedy(tmp_path):
+    for text in ("texel,x,y\n0,1.0,2.0\n", CSV.replace("# rows = 2\n# columns = 3\n", "# rows = 4\n")):
+        (tmp_path / "a.csv").write_text(text)
+        with pytest.raises(RecordingError, match="column of zeros"):
+            tables.read(tmp_path / "a.csv")
+
+
+def test_masked_texels_are_those_of_the_sensor(tmp_path):
+    sensor = TexelArray.grid(2, 3, (4e-3, 5e-3), active=np.array([True] * 5 + [False]))
+    (tmp_path / "a.csv").write_text(CSV)
+    assert tables.read(tmp_path / "a.csv", sensor=sensor).arrays[0].texels.active.tolist() == [True] * 5 + [False]

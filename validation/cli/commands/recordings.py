@@ -73,6 +73,7 @@ def import_recording(
     force_delay: float = 0.0,
     rows: int | None = None,
     columns: int | None = None,
+    axis: str | None = None,
     json: options.Json = False,
 ) -> None:
     """Convert a recording of any known format to an MCAP file, with labels.
@@ -91,11 +92,12 @@ def import_recording(
         force_delay: Time by which the force sensor's clock is ahead of the array's [s].
         rows: Texels along y, if the file does not tell.
         columns: Texels along x, if the file does not tell.
+        axis: Axis normal to the array (x, y or z), of a CSV file with three columns per texel.
     """
     from validation.recordings import mcap_reader
     from validation.recordings.importing import add_forces, open_recording, relabel, save
     from validation.recordings.recording import Setup
-    from validation.recordings.tables import PITCH_ASSUMED
+    from validation.recordings.tables import PITCH_ASSUMED, TIME_UNIT
 
     setup = Setup.read(**vars(labels))
     if force_delay and force is None:
@@ -104,7 +106,7 @@ def import_recording(
         raise InputError(f"--force-delay: accepted: -{_MOST_DELAY:g}..{_MOST_DELAY:g} s, not {force_delay:g}")
     if out is not None and out.suffix.lower() != ".mcap":
         raise InputError(f"--out: {out} does not end in .mcap, so it could not be read again; write {out.stem}.mcap")
-    recording = relabel(open_recording(file, topic=topic, rows=rows, columns=columns), setup)
+    recording = relabel(open_recording(file, topic=topic, rows=rows, columns=columns, axis=axis), setup)
     if force is not None:
         recording = add_forces(recording, force, delay=force_delay)
     if out is None and force is None and not recording.complete:
@@ -119,6 +121,8 @@ def import_recording(
         output.print_json({**_list_facts(recording), "out": str(target)})
     else:
         output.say(f"wrote {target}: {len(recording.times)} frames of {len(recording.arrays)} arrays")
+    if unit := recording.setup.other.get(TIME_UNIT):
+        output.note(f"{recording.path}: the times are taken as {unit}")
     if pitch := recording.setup.other.get(PITCH_ASSUMED):  # Loads on texels and positions depend on the pitch.
         output.note(
             f"{recording.path} states no pitch; assumed: {pitch}. If that is wrong, so are loads on texels: "
