@@ -54,7 +54,7 @@ def test_a_ball_rubs_as_rings_say_at_a_depth_and_under_its_load(cover, friction)
         assert (np.sum(each.shear * each.contact[:, :2], axis=1)[shear > 0.1 * shear.max()] > 0).all()
         assert np.abs(each.shear.sum(axis=0)).max() < 1e-3 * shear.sum()
         # A ball on a half space stores 0.4 of the force times the depth, on one layer less, under a plate more.
-        assert 0.37 < each.energy / (each.total_force * each.depth) < 0.42
+        assert 0.36 < each.energy / (each.total_force * each.depth) < 0.42
     if cover is ONE:
         by_load = study(cover, BALL, friction, known.force, control="load").solutions[0]
         assert [each.total_force for each in by_load] == pytest.approx([known.force] * 3, rel=1e-4)
