@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 from scipy.signal import detrend
@@ -150,6 +151,11 @@ class Image:
     note: str = ""
 
     @property
+    def total(self) -> float:
+        """Sum of the counts of the measured texels [-]."""
+        return float(self.counts[self.measured].sum())
+
+    @property
     def case(self) -> str:
         """Name shared by repeated recordings of one load in one series and placement."""
         return f"{self.file.placement.name} {self.load:.3g} N"
@@ -218,15 +224,12 @@ def _doubt_labels(images: Sequence[Image]) -> Iterator[str]:
         if np.isfinite(image.age):
             groups.setdefault((image.file.series, image.file.placement.name), []).append(image)
     for group in groups.values():
-        sums = [float(image.counts[image.measured].sum()) for image in group]
         pairs = [
             (heavy, light)
-            for heavy, large in zip(group, sums, strict=True)
-            for light, small in zip(group, sums, strict=True)
-            if heavy.load > NUMBERS.same_load * light.load and large < NUMBERS.contrary * small
+            for heavy, light in permutations(group, 2)
+            if heavy.load > NUMBERS.same_load * light.load and heavy.total < NUMBERS.contrary * light.total
         ]
-        if pairs:
-            heavy, light = pairs[0]
+        for heavy, light in pairs[:1]:
             more = f", and {len(pairs) - 1} more pairs" * (len(pairs) > 1)
             yield (
                 f"{heavy.file.path} ({heavy.load:.3g} N) has a smaller sum of counts than {light.file.path} "
@@ -275,21 +278,12 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
         """Make the image of some frames of the recording, with the mean of their counts."""
         mean, time = counts[frames].mean(axis=0), float(recording.times[frames].mean())
         return Image(
-            file=file,
-            load=load,
-            counts=mean,
-            floor=zeroed.find_floor(frames),
-            sign=zeroed.sign,
-            measured=measured,
-            temperature=_find_temperature(recording, file, recording.times[frames]),
-            age=age,
-            creep=creep,
-            threshold=threshold,
-            noise=_noise(counts[frames]),
-            full_scale=_find_range(pressed, zeroed),
+            file=file, load=load, counts=mean, floor=zeroed.find_floor(frames), sign=zeroed.sign, measured=measured,
+            temperature=_find_temperature(recording, file, recording.times[frames]), age=age, creep=creep,
+            threshold=threshold, noise=_noise(counts[frames]), full_scale=_find_range(pressed, zeroed),
             sha256=recording.sha256,
             note=zeroed.describe_drift(time, float(mean[measured].sum())) if np.isfinite(age) else "",
-        )
+        )  # fmt: skip
 
     load = file.load if isinstance(file.load, float) else recording.setup.load
     if file.load == FORCE or (load is None and len(recording.forces)):

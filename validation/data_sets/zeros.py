@@ -170,7 +170,8 @@ def subtract_zero(
         rest: Frames of a recording at rest, which give the zero instead, shape (any, n) [-].
 
     Raises:
-        RecordingError: If no frame is at rest and the counts are not zero where nothing presses; without the file.
+        RecordingError: If no frame is at rest and the counts are not zero where nothing presses, or if some texels are
+            pressed at rest; without the file.
     """
     edges = np.flatnonzero(np.diff(unloaded.astype(int))) + 1
     groups = [each for each in np.split(np.arange(len(times)), edges) if unloaded[each[0]]] if unloaded.any() else []
@@ -194,9 +195,17 @@ def subtract_zero(
         at = np.array([times[each].mean() for each in groups]) if rest is None else np.zeros(1)
         drift = _find_drift(times, counts[:, measured & ~clipped], groups) if rest is None else (0.0, np.inf)
         mean = np.where(clipped, together.mean(axis=0), 0.0)
-    loaded = counts[~unloaded] if not unloaded.all() else counts
-    sign = -1 if (np.median(loaded, axis=0) - levels[0])[measured].sum() < 0 else 1
-    levels = _remove_recovery(levels, noise, np.median(loaded, axis=0) - levels[0], sign)
+    image = np.median(counts[~unloaded] if not unloaded.all() else counts, axis=0) - levels[0]
+    standing = measured & (np.abs(levels[0]) > 3 * noise + 1)
+    clips = frames > 0 and rest is None and (levels[0] == 0)[measured].mean() >= _APPLIED_SHARE
+    if clips and np.abs(levels[0][standing]).sum() > _ZERO_SHARE * np.abs(image).sum():
+        raise RecordingError(
+            f"{standing.sum()} texels have {np.median(levels[0][standing]):.0f} counts at rest, where others read 0: "
+            "expected an unloaded array; write in a data-set file zero = 'none' for a load that was on before, or "
+            "zero = 'rest.csv', a recording of the unloaded array"
+        )
+    sign = -1 if image[measured].sum() < 0 else 1
+    levels = _remove_recovery(levels, noise, image, sign)
     zero = np.column_stack([np.interp(times, at, level) for level in levels.T])
     return Zeroed(
         counts=sign * (counts - zero), sign=sign, zero=zero.mean(axis=0), unloaded=unloaded, rest=np.abs(mean),

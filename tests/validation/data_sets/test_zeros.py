@@ -167,6 +167,19 @@ def test_a_zero_that_is_not_known_is_refused(load, tmp_path):
     assert read(begun, tmp_path, CommonKeys(window=[1, 3], zero="none")).counts.min() > 23000
 
 
+def test_a_load_that_was_on_before_is_refused_where_the_others_read_zero(tmp_path):
+    """A stamp that stands on the array already, below the weight that the label names."""
+
+    def preload(counts, times):
+        return np.maximum(counts, 0.1 * np.maximum(counts[-1], 0))
+
+    made = record(preload, noise=0.0)
+    with pytest.raises(RecordingError, match=r"texels have \d+ counts at rest, where others read 0.*zero = 'none'"):
+        read(made, tmp_path)
+    found = read(made, tmp_path, CommonKeys(window=[2, 4], zero="none"))
+    assert found.counts.sum() == pytest.approx(made.arrays[0].counts[-1].sum(), rel=1e-3)
+
+
 def test_a_recording_that_nobody_pressed_is_refused(tmp_path):
     made = record(load=10.0)
     random = np.random.default_rng(6)
