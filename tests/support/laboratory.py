@@ -42,8 +42,8 @@ def draw_gains(random, *, sd=0.15, count=ROWS * COLUMNS) -> FloatArray:
     return gains / gains.mean()
 
 
-def uniform_method(array=ARRAY) -> ContactMethod:
-    """Uniform pressure under the level face of a box, spread by a Gaussian of 0.5 pitch; exact integrals."""
+def uniform_method(array=ARRAY, *, sigma=0.5) -> ContactMethod:
+    """Uniform pressure under the level face of a box, spread by a Gaussian of `sigma` pitches; exact integrals."""
     from scipy.special import erf
 
     def shares(centres, at, half, sigma, pitch):
@@ -57,10 +57,10 @@ def uniform_method(array=ARRAY) -> ContactMethod:
         return cumulated[:, 1] - cumulated[:, 0]
 
     def solve(indenter, load, pose):
-        sigma = 0.5 * array.pitch[0]
+        width = sigma * array.pitch[0]
         x, y = array.centres[:, 0], array.centres[:, 1]
         along = [
-            shares(c, at, size / 2, sigma, p)
+            shares(c, at, size / 2, width, p)
             for c, at, size, p in (
                 (x, pose.x, indenter.size[0], array.pitch[0]),
                 (y, pose.y, indenter.size[1], array.pitch[1]),

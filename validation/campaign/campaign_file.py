@@ -22,8 +22,10 @@ from validation.places import Places
 from validation.schema import parse, read_raw
 from validation.schema.campaign import BEHIND_NULL, CampaignTables, CaseTable
 
-#: Requirements on recordings that a campaign file and a data-set file do not state [%].
-RECORDING_LIMITS: Mapping[str, float] = MappingProxyType({"image_changed_percent": 2.0, BEHIND_NULL: 0.2})
+#: Requirements on recordings that a campaign file and a data-set file do not state, see docs/validation.md.
+RECORDING_LIMITS: Mapping[str, float] = MappingProxyType(
+    {"image_changed_percent": 2.0, "relative_l2": 0.1, BEHIND_NULL: 0.2}
+)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

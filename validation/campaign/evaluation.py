@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from validation.campaign.bench import LayeredBench, prepare_bench
-from validation.campaign.campaign_file import Campaign, read_campaign
+from validation.campaign.campaign_file import Campaign, Inputs, read_campaign
 from validation.campaign.case import Case
 from validation.campaign.plan import Budget, plan_cases
 from validation.campaign.results import CampaignResult
@@ -162,11 +162,11 @@ def evaluate(
         RecordingError: If the recordings are damaged or from another array.
         ConvergenceError: If the finite-element solver did not converge.
     """
+    plan = campaign or read_plan(None, sensor, progress)
     clock = [time.perf_counter()]
     # Recordings are scored first, so that a fault in them is reported before the long computations.
-    scores = None if recordings is None else _score_recordings(recordings, recorded or sensor, progress)
+    scores = None if recordings is None else _score_recordings(recordings, recorded or sensor, plan.inputs, progress)
     clock.append(time.perf_counter())
-    plan = campaign or read_plan(None, sensor, progress)
     plan = plan if cases is None else dataclasses.replace(plan, cases=tuple(cases))
     with at(f"{sensor.source}: "):
         cost = plan_cases(sensor.cover, sensor.array, plan.cases, friction=sensor.friction)
@@ -218,7 +218,7 @@ def evaluate_recordings(
         RecordingError: If the recordings are damaged or from another array.
     """
     start = time.perf_counter()
-    scores = _score_recordings(recordings, sensor, progress)
+    scores = _score_recordings(recordings, sensor, campaign.inputs, progress)
     return RecordingEvaluation(
         verdict=_judge(campaign, None, scores, recordings),
         recordings=scores,
@@ -236,7 +236,9 @@ def _judge(
     return judge(plan, result, scores, required=data_set.required, splits=[each.name for each in data_set.splits])
 
 
-def _score_recordings(data_set: DataSet, recorded: SensorDescription, progress: Progress | None) -> RecordingScores:
+def _score_recordings(
+    data_set: DataSet, recorded: SensorDescription, inputs: Inputs, progress: Progress | None
+) -> RecordingScores:
     """Score the fast model of the sensor that made the recordings, with its parameters derived or from the package."""
     import fastmodel
     from validation.data_sets.score import score_recordings
@@ -244,7 +246,7 @@ def _score_recordings(data_set: DataSet, recorded: SensorDescription, progress: 
 
     built_in = recorded is BUILT_IN.get(recorded.name)
     parameters = fastmodel.load(recorded.name) if built_in else derive(recorded, progress=progress).parameters
-    return score_recordings(data_set, recorded, parameters, progress=progress)
+    return score_recordings(data_set, recorded, parameters, inputs=inputs, progress=progress)
 
 
 def read_plan(path: Path | None, sensor: SensorDescription, progress: Progress | None = None) -> Campaign:

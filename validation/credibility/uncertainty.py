@@ -51,6 +51,22 @@ _DECAY = 4.0
 FRICTION = "friction"
 
 
+#: Range of ignorance of the thickness of an assumed cover, over its thickness [-], uniform in the logarithm.  The
+#: published recordings of an SDH-2 finger fit covers of 1 mm to 6 mm about equally well; 2 mm are assumed.
+ASSUMED_THICKNESS = (0.5, 3.0)
+
+
+def find_missing_range(cover: Cover) -> str:
+    """Describe in a sentence the range that an assumed cover lacks, so that u_input is unknown; empty if none."""
+    names = [each.material.name for each in cover.layers if not each.material.spread and not each.material.spread_above]
+    if not cover.assumed or not names:
+        return ""
+    return (
+        f"the cover is assumed and no range is stated for the modulus of {', '.join(names)}: u_input, u_val and an "
+        "interval of the model error are unknown, and no comparison shows or excludes an error of the model"
+    )
+
+
 @result_model
 class InputUncertainty(Result):
     """Effect of the uncertain inputs on the image of one case.
@@ -61,6 +77,7 @@ class InputUncertainty(Result):
         image: Forces on the n texels with the nominal inputs, on the coarse grid, shape (n,) [N].
         effects: Change of the image by one standard uncertainty, by the name of the input, shape (n,) each [N].
         note: Sentence about inputs that were not propagated; empty if all were.
+        known: Whether a range is stated for every input.
     """
 
     load: float
@@ -68,6 +85,7 @@ class InputUncertainty(Result):
     image: Array
     effects: Mapping[str, Array]
     note: str = ""
+    known: bool = True
     computed = (("misplaced", "misplaced"), ("misplaced_total", "misplaced_total"))
 
     def of(self, quantity: Callable[[FloatArray], float]) -> dict[str, float]:
@@ -111,7 +129,7 @@ def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs
 
     case = case.turned
     listed = {name: uncertainty for name, uncertainty, _ in list_inputs(cover, inputs)}
-    note = ""
+    note = find_missing_range(cover)
 
     def compute() -> dict[str, FloatArray]:
         return {"image": simulate_image(cover, array, case)} | {
@@ -134,10 +152,17 @@ def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs
         found = _find_friction_effect(cover, array, case, inputs.friction)
         listed[FRICTION] = inputs.friction
         if found is None:
-            note = "friction not propagated: no round body stands for this indenter"
+            note = "; ".join(filter(None, (note, "friction not propagated: no round body stands for this indenter")))
         else:
             effects[FRICTION] = found
-    return InputUncertainty(load=case.load, uncertainties=listed, image=data["image"], effects=effects, note=note)
+    return InputUncertainty(
+        load=case.load,
+        uncertainties=listed,
+        image=data["image"],
+        effects=effects,
+        note=note,
+        known=not find_missing_range(cover),
+    )
 
 
 #: Function of a cover, a case and the change of one input that returns the changed cover and case.
@@ -150,6 +175,7 @@ def list_inputs(cover: Cover, inputs: Inputs) -> Iterator[tuple[str, float, Chan
     The last argument of the function is the change of the input.  Inputs without uncertainty are omitted.
     """
     several = len(cover.layers) > 1
+    thickness = math.log(ASSUMED_THICKNESS[1] / ASSUMED_THICKNESS[0]) * _OF_WIDTH if cover.assumed else inputs.thickness
     for index, layer in enumerate(cover.layers):
         material = layer.material
         of = f" of {material.name}, layer {index + 1}" if several else ""
@@ -158,7 +184,7 @@ def list_inputs(cover: Cover, inputs: Inputs) -> Iterator[tuple[str, float, Chan
         named: tuple[tuple[str, float, Change], ...] = (
             (f"modulus{of} [relative]", spread, partial(_change_layer, index, "modulus")),
             (f"Poisson ratio{of} [-]", poisson, partial(_change_layer, index, "poisson")),
-            (f"thickness{of} [relative]", inputs.thickness, partial(_change_layer, index, "thickness")),
+            (f"thickness{of} [relative]", thickness, partial(_change_layer, index, "thickness")),
         )
         yield from (each for each in named if each[1])
     of_pose = (("position x [m]", inputs.position), ("position y [m]", inputs.position), ("yaw [rad]", inputs.yaw))
@@ -303,10 +329,10 @@ def _measure_face(case: Case) -> float:
 #: section 2-4.4) [-].
 _COVERAGE = 1.15
 #: Change of a texel force by the fast model's iteration tolerance, over the load [-].
-_ITERATION = 2e-4
+ITERATION = 2e-4
 
 
-_WORDS = {True: "yes", False: "no"}
+_WORDS = {True: "yes", False: "no", None: "\u2013"}
 
 
 @result_model
@@ -335,6 +361,8 @@ class ComparisonError(Result):
     printed: ClassVar[Mapping[str, Column]] = {
         "error": Column(heading="E", digits=2, factor_field="factor"),
         "u_val": Column(heading="u_val", digits=2, factor_field="factor"),
+        "least_error": Column(heading="E - 2 u_val", digits=2, factor_field="factor"),
+        "largest_error": Column(heading="E + 2 u_val", digits=2, factor_field="factor"),
         "resolved_here": Column(heading="|E| > u_num: resolved here", words=_WORDS),
         "resolved": Column(heading="|E| > u_val: resolved on a real cover", words=_WORDS),
     }
@@ -361,9 +389,19 @@ class ComparisonError(Result):
         return abs(self.error) > self.u_num
 
     @property
-    def resolved(self) -> bool:
-        """Whether the comparison error exceeds the validation uncertainty, so that a measurement would show it."""
-        return abs(self.error) > self.u_val
+    def least_error(self) -> float:
+        """Lower end of the interval of the model's error, two validation uncertainties below E, in SI units."""
+        return self.error - 2 * self.u_val
+
+    @property
+    def largest_error(self) -> float:
+        """Upper end of the interval of the model's error, in SI units."""
+        return self.error + 2 * self.u_val
+
+    @property
+    def resolved(self) -> bool | None:
+        """Whether the comparison error exceeds the validation uncertainty; None if the latter is unknown."""
+        return None if math.isnan(self.u_val) else abs(self.error) > self.u_val
 
 
 def compare_quantities(
@@ -390,12 +428,12 @@ def compare_quantities(
     found: dict[str, tuple[float, float, float, float]] = {}
     for name, weight in weights.items():
         value = float(weight @ reference)
-        u_num = math.hypot(estimate * value, _ITERATION * load)
+        u_num = math.hypot(estimate * value, ITERATION * load)
         found[name] = (float(weight @ fast), value, u_num, _add_squares(inputs.of(weight.dot)))
     if min(reference.sum(), fast.sum(), inputs.image.sum()) > 0:
         # The shares of all texels have the relative error of the largest one; the lever arm is the width of the image.
         width = max((value for value in second_moments(reference, positions) if not math.isnan(value)), default=0.0)
-        u_num = math.hypot(estimate, _ITERATION) * width
+        u_num = math.hypot(estimate, ITERATION) * width
         ours, true, middle = (centre_of_pressure(each, positions) for each in (fast, reference, inputs.image))
         for axis, name in enumerate(("centre of pressure x [mm]", "centre of pressure y [mm]")):
             lever = (positions[:, axis] - middle[axis]) / float(inputs.image.sum())
@@ -408,7 +446,7 @@ def compare_quantities(
             fast=fast_value,
             reference=value,
             u_num=u_num,
-            u_input=u_input,
+            u_input=u_input if inputs.known else math.nan,
             u_data=data * abs(value) if name in weights else 0.0,
         )
         for name, (fast_value, value, u_num, u_input) in found.items()

@@ -6,11 +6,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Annotated
 
+from pydantic import Field
+
 from fastmodel import Electronics
 from fastmodel.signal.electronics import grey_levels
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 from validation import metrics
+from validation.credibility.uncertainty import ComparisonError
 from validation.pooling import Pooled, pool
 from validation.recordings.recording import BoolArray
 from validation.results import Column, GreyImage, Number, Result, result_model
@@ -198,6 +201,7 @@ class RecordingScores(Result):
         noise: Root mean square over recordings of the standard deviation of a texel's counts [counts].
         source: Publication of the recordings.
         problems: One line per recording, series or split that was left out.
+        errors: Comparison errors of the quantities under each scored load, by name of the split.
     """
 
     name: str
@@ -209,6 +213,7 @@ class RecordingScores(Result):
     noise: Number
     source: str
     problems: tuple[str, ...]
+    errors: Mapping[str, tuple[ComparisonError, ...]] = Field(default_factory=dict)
 
     def row(self, split: str, model: str, *, texel_gains: bool = False) -> RecordingRow:
         """Return the row of a model on a split, with or without texel gains.

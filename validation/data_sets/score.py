@@ -20,6 +20,9 @@ from validation.calibration.model import (
     make_reference_method,
 )
 from validation.calibration.uncertainty import describe_fit
+from validation.campaign.campaign_file import Inputs
+from validation.credibility.recorded import compare_loads
+from validation.credibility.uncertainty import ComparisonError
 from validation.data_sets.data_set import DataSet
 from validation.data_sets.images import Image, observe, read_images
 from validation.data_sets.nulls import NULLS
@@ -60,6 +63,7 @@ def score_recordings(
     sensor: SensorDescription,
     parameters: Parameters,
     *,
+    inputs: Inputs | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> RecordingScores:
     """Fit models to recordings under known loads, and score them on others; this takes seconds per split.
@@ -68,6 +72,7 @@ def score_recordings(
         data_set: The recordings and the splits.
         sensor: The sensor that made the recordings: its array, its cover and its largest count.
         parameters: Parameters of its fast model.
+        inputs: Standard uncertainties of cover and pose; None for the defaults.
         progress: Function that is called with a line of text before each step.
 
     Raises:
@@ -110,6 +115,7 @@ def score_recordings(
         noise=float(np.sqrt(np.mean([image.noise**2 for image in images]))),
         source=data_set.source,
         problems=tuple(problems),
+        errors={table.split.name: table.compare(inputs or Inputs()) for table in tables},
     )
 
 
@@ -217,7 +223,12 @@ class _SplitTable:
                 ),
             )
         if name == FAST:
+            self._fast = found
             self.notes = (*borrowed, *describe_fit(found))
+
+    def compare(self, inputs: Inputs) -> tuple[ComparisonError, ...]:
+        """Compare the fast model with texel gains with the scored recordings, with the validation uncertainty."""
+        return tuple(compare_loads(self._fast, self._scored, self._sensor.layered_cover, inputs))
 
     def _score_cases(self, label: str, counts: FloatArray) -> dict[str, list[CountScore]]:
         """Score predicted counts of all scored images, shape (k, n), and store the image of the example under `label`.

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from fastmodel.signal.electronics import describe_calibration
-from meshes import TexelArray
+from meshes import Cover, TexelArray
 from meshes.array_types import FloatArray
 from validation.campaign import results
 from validation.campaign.evaluation import Evaluation, RecordingEvaluation
 from validation.credibility.evidence import GROUP_METRICS, Evidence
 from validation.credibility.stages import STAGES
-from validation.credibility.uncertainty import ComparisonError
+from validation.credibility.uncertainty import ComparisonError, find_missing_range
 from validation.credibility.verification import Check, Convergence
 from validation.data_sets.results import CountScore, RecordingExample, RecordingRow, RecordingScores, find_best_null
 from validation.data_sets.score import FAST
@@ -60,7 +60,9 @@ def contents(evaluation: RecordingEvaluation) -> dict[str, Any]:
         "verdict": evaluation.verdict,
         "campaign": None,
         "tables": defaultdict(lambda: None, {requirements.name: requirements}),
-        "splits": _show_splits(evaluation.recordings, evaluation.recorded.array) if evaluation.recordings else [],
+        "splits": _show_splits(evaluation.recordings, evaluation.recorded.array, evaluation.recorded.layered_cover)
+        if evaluation.recordings
+        else [],
     }
 
 
@@ -166,7 +168,7 @@ def _show_case(evaluation: Evaluation, result: results.CaseResult, pictures: Pic
     }
 
 
-def _show_splits(scores: RecordingScores, array: TexelArray) -> list[dict[str, Any]]:
+def _show_splits(scores: RecordingScores, array: TexelArray, cover: Cover) -> list[dict[str, Any]]:
     """Return tables and images for each division of the recordings into fitted and scored recordings."""
     out = []
     for split in dict.fromkeys(row.split for row in scores.rows):
@@ -182,6 +184,26 @@ def _show_splits(scores: RecordingScores, array: TexelArray) -> list[dict[str, A
                 "table": tabulate_recordings(split, rows, null),
                 "null": null,
                 "notes": scores.notes.get(split, ()),
+                "errors": tabulate(
+                    f"errors-{split.replace(' ', '-')}",
+                    "Comparison error E = S - D of the fast model with texel gains S against recorded counts D",
+                    scores.errors.get(split, ()),
+                    ComparisonError,
+                    (
+                        "case",
+                        "fast",
+                        "reference",
+                        "error",
+                        "u_num",
+                        "u_input",
+                        "u_data",
+                        "u_val",
+                        "least_error",
+                        "largest_error",
+                        "resolved",
+                    ),
+                ),
+                "missing": find_missing_range(cover),
                 "fitted": ", ".join(next((row.fitted for row in rows if row.fitted), ())),
                 "scored": ", ".join(rows[0].per_case),
                 "example": example,

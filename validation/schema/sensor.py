@@ -153,17 +153,20 @@ class FlatCoverTable(Table):
         layer: Layers from bottom to top.
         base: Support of the bottom: glued ("bonded", when left out), or sliding without friction.
         size: Size along x and y, centred on the array, with free side edges; infinitely wide when left out.
+        assumed: Whether thickness and material were never measured, which reports state.
         free_edges: Refused, with an explanation.
     """
 
     layer: Annotated[list[types.LayerTable], Field(min_length=1)]
     base: Annotated[Literal["bonded", "sliding"], types.choice("bonded", "sliding")] = "bonded"
     size: types.Lengths | None = None
+    assumed: Annotated[bool, Field(strict=True)] = False
     free_edges: Annotated[None, types.Read(_refuse_free_edges, {"not": {}})] = None
 
     def make(self) -> Cover:
         """Make the cover that the table describes."""
-        return Cover(layers=tuple(each.make() for each in self.layer), base=self.base, size=self.size)
+        layers = tuple(each.make() for each in self.layer)
+        return Cover(layers=layers, base=self.base, size=self.size, assumed=self.assumed)
 
 
 #: A cover of flat layers.

@@ -5,6 +5,7 @@ force, so that no image is another one times the ratio of the loads.
 """
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,10 @@ from tests.support.laboratory import (
     write_data_set,
 )
 from validation.calibration.model import Pose
+from validation.campaign.campaign_file import read_campaign
+from validation.campaign.evaluation import evaluate_recordings
 from validation.data_sets import score
+from validation.places import FlatPlaces
 from validation.sensor_file import load
 
 SENSOR = dataclasses.replace(load("wts-0614-34"), array=ARRAY)
@@ -128,3 +132,91 @@ score = { series = "cold", least = "99 N" }
     assert "split 'of nothing': no usable recording to score" in nothing
     assert {row.split for row in found.rows} == {"heavier"}
     assert found.row("heavier", score.FAST, texel_gains=True).pooled["image_changed_percent"].mean < 1
+
+
+#: The made-up laboratory for verdicts: stamp positions measured by hand, five scored loads in each split.
+VERDICT = f"""
+name = "made up"
+indenter = "{STAMP_TEXT}"
+window = [4, 8]
+[[series]]
+name = "home"
+files = "home/*"
+at = ["1 mm", "-2 mm"]
+[[series]]
+name = "moved"
+files = "moved/*"
+at = ["2.6 mm", "-0.9 mm"]
+[[split]]
+name = "heavier"
+fit = {{ series = "home", most = "9 N" }}
+score = {{ series = "home", least = "10 N" }}
+[[split]]
+name = "moved stamp"
+fit = "home"
+score = "moved"
+"""
+LOADS = {"home": (3.0, 4.5, 6.0, 7.5, 9.0, 10.0, 12.0, 14.0, 16.0, 18.0), "moved": (6.0, 9.0, 12.0, 15.0, 18.0)}
+
+
+def record_laboratory(folder, *, loads=LOADS, other_gains=False, method=None):
+    """Record both series; with `other_gains` the moved stamp is seen by a sensor with another table of gains."""
+    random = np.random.default_rng(12)
+    method = method or uniform_method()
+    curves = [dataclasses.replace(make_curve(draw_gains(random)), dead_force=0.05) for _ in range(2)]
+    for name, pose in (("home", HOME), ("moved", MOVED)):
+        curve = curves[other_gains and name == "moved"]
+        for newtons in loads[name]:
+            recording = press(
+                method, curve, newtons, pose, random=random, scatter=0.004, noise=20.0, seconds=10.0, rate=3.0
+            )
+            write(recording, folder / name / f"{newtons:g}.csv")
+
+
+def judge_recordings(monkeypatch, folder, text=VERDICT, *, method=None):
+    """Judge the recordings alone by a forward model of uniform pressure; return the evaluation."""
+    monkeypatch.setattr(score, "list_methods", lambda *_: {score.FAST: method or uniform_method()})
+    data_set = write_data_set(folder, text)
+    plan = read_campaign(None, FlatPlaces(array=ARRAY))
+    derived = SimpleNamespace(parameters=fastmodel.load("wts-0614-34"))
+    monkeypatch.setattr("validation.campaign.evaluation.derive", lambda *_, **__: derived)
+    return evaluate_recordings(SENSOR, data_set, campaign=plan)
+
+
+def test_right_recordings_are_accepted_and_the_headline_names_them(monkeypatch, tmp_path):
+    record_laboratory(tmp_path)
+    found = judge_recordings(monkeypatch, tmp_path)
+    assert found.verdict.word == "accepted", found.verdict.reasons
+    assert "against recordings (made up, 10 loads)" in found.verdict.sentence
+    assert {each.metric for each in found.verdict.findings} == {
+        "image_changed_percent",
+        "relative_l2",
+        "behind_null_percent",
+    }
+    assert {each.cases for each in found.verdict.findings} == {5}
+    report = found.report.as_json()
+    assert "campaign" not in report
+    assert all(each["margin"] == pytest.approx(each["limit"] - each["high"]) for each in report["verdict"]["findings"])
+
+
+@pytest.mark.parametrize("defect", ["gains", "pose", "cover", "limit"])
+def test_planted_defects_turn_the_verdict(monkeypatch, tmp_path, defect):
+    """Other gains, a wrong stated pose, a cover with twice the spread, or a limit below the noise."""
+    record_laboratory(tmp_path, other_gains=defect == "gains")
+    text = VERDICT.replace('"2.6 mm", "-0.9 mm"', '"4.6 mm", "-0.9 mm"') if defect == "pose" else VERDICT
+    if defect == "limit":
+        text = text.replace("[[series]]", '[required]\nimage_changed_percent = "0.01 %"\n[[series]]', 1)
+    method = uniform_method(sigma=1.0) if defect == "cover" else None
+    found = judge_recordings(monkeypatch, tmp_path, text, method=method)
+    assert found.verdict.word == "not accepted", (defect, found.verdict.findings)
+    assert found.verdict.short.startswith("verdict: NOT ACCEPTED; fast model against recordings, made up, 10 loads: ")
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_fewer_than_five_loads_decide_nothing(monkeypatch, tmp_path, count):
+    record_laboratory(tmp_path, loads={"home": LOADS["home"], "moved": LOADS["moved"][:count]})
+    found = judge_recordings(monkeypatch, tmp_path)
+    assert found.verdict.word == "not decided"
+    note = found.recordings.notes["moved stamp"][0]
+    assert "too few cases to tell" in note
+    assert ("no interval" in note) == (count < 3)

@@ -1,0 +1,103 @@
+"""Comparison errors on recordings: every part of u_val by hand for one load."""
+
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from meshes import Box, Cover, Layer, TexelArray
+from meshes.catalogue import MATERIALS
+from validation.calibration.model import ContactMethod, Placement
+from validation.campaign.campaign_file import Inputs
+from validation.credibility.recorded import compare_loads
+
+ARRAY = TexelArray.grid(9, 9, 3e-3, name="square")
+RUBBER = next(each for each in MATERIALS.values() if each.spread and not each.poisson_spread)
+COVER = Cover(layers=(Layer(thickness=1.5e-3, material=RUBBER),))
+#: Only the position is uncertain, by 0.1 mm along x and along y.
+POSITION = Inputs(modulus=0.0, poisson_ratio=0.0, thickness=0.0, position=1e-4, yaw=0.0, friction=0.0)
+PLACEMENT = Placement(name="here", indenter=Box(size=(8e-3, 8e-3, 5e-3)), at=(0.0, 0.0), yaw=0.0)
+LOAD, SLOPE, CREEP, NOISE, THRESHOLD = 10.0, 1200.0, 0.12, 2.5, 40.0
+ROUNDING = 1 / math.sqrt(12)
+
+
+@dataclasses.dataclass(frozen=True)
+class Line:
+    """A fitted model whose counts are a straight line in the texel forces."""
+
+    method: ContactMethod
+
+    def predict(self, observed):
+        pose = observed.placements[0].pose
+        return SLOPE * self.method.texel_forces(observed.placements[0].indenter, observed.loads, pose)
+
+
+def even_forces(_indenter, load, _pose):
+    """Equal forces on the 3 x 3 texels in the middle."""
+    inside = np.abs(ARRAY.centres[:, :2]).max(axis=1) < 4e-3
+    return load * inside / inside.sum()
+
+
+LINE = Line(ContactMethod(name="even", about="", array=ARRAY, solve=even_forces))
+
+
+def make_image(factor):
+    """A recorded image: the prediction with a factor."""
+    counts = factor * SLOPE * even_forces(None, LOAD, None)
+    return SimpleNamespace(
+        load=LOAD, counts=counts, measured=np.ones(81, dtype=bool), temperature=30.0, age=7.5, creep=CREEP,
+        threshold=THRESHOLD, floor=np.zeros(81), noise=NOISE, case="here 10 N",
+        file=SimpleNamespace(placement=PLACEMENT, name="a.csv", window=(6.0, 9.0)),
+    )  # fmt: skip
+
+
+def compare(factors=(0.96, 0.98), cover=COVER, inputs=POSITION):
+    found = compare_loads(LINE, [make_image(each) for each in factors], cover, inputs)
+    return {each.quantity.split(" [")[0]: each for each in found}
+
+
+def test_u_val_of_one_load_by_hand():
+    found = compare()
+    total = LOAD * SLOPE
+    recorded = 0.97 * total
+    error = found["sum of counts"]
+    assert error.error == pytest.approx(0.03 * total)
+    assert error.u_num == pytest.approx(2e-4 * total)
+    repeats = 0.02 * total / 2  # standard deviation of two repeats over the root of two
+    creep = CREEP * math.log(9 / 6) * ROUNDING * (recorded + 9 * THRESHOLD)
+    noise = 3 * math.hypot(NOISE, ROUNDING)  # of nine lit texels
+    assert error.u_data == pytest.approx(math.sqrt(repeats**2 + creep**2 + noise**2), rel=1e-6)
+    assert error.u_val == pytest.approx(math.sqrt(error.u_num**2 + error.u_input**2 + error.u_data**2))
+    assert error.least_error == pytest.approx(error.error - 2 * error.u_val)
+
+    centre = found["centre of counts x"]
+    # The centre moves with the indenter; repeats and creep act on all texels alike.  The effect of the position is that
+    # of the pressure on this cover, not of the even forces here.
+    assert centre.u_input == pytest.approx(1e-4, rel=0.1)
+    lever = math.sqrt(6) * 3e-3  # three texels on either side
+    assert centre.u_data == pytest.approx(lever * math.hypot(NOISE, ROUNDING) / recorded, rel=1e-3)
+    assert centre.u_num == pytest.approx(0, abs=1e-12)
+    assert centre.resolved is False
+
+
+def test_an_error_beyond_u_val_is_resolved():
+    assert compare((0.5, 0.5))["sum of counts"].resolved is True
+
+
+def test_an_assumed_cover_enters_with_its_range_of_ignorance():
+    """The thickness of an assumed cover counts from half to three times, instead of the 2.5 % of a measured one."""
+    inputs = dataclasses.replace(POSITION, position=0.0, thickness=0.025)
+    known, assumed = (compare(cover=dataclasses.replace(COVER, assumed=each), inputs=inputs) for each in (False, True))
+    assert known["largest texel"].u_input > 0
+    assert assumed["largest texel"].u_input > 3 * known["largest texel"].u_input
+
+
+def test_an_assumed_cover_without_a_range_has_no_interval():
+    bare = dataclasses.replace(RUBBER, spread=0.0, spread_above=0.0)
+    cover = Cover(layers=(Layer(thickness=1.5e-3, material=bare),), assumed=True)
+    for error in compare(cover=cover).values():
+        assert math.isnan(error.u_val)
+        assert math.isnan(error.largest_error)
+        assert error.resolved is None

@@ -1,0 +1,113 @@
+"""Comparison errors on recordings with their validation uncertainty (ASME V&V 20-2009), load by load.
+
+The comparison error of a quantity is E = S - D, with the counts S of the fast model with texel gains and the recorded
+counts D, each the mean over repeats of the load.
+
+    u_D      repeats of the load, growth by creep within the window of the frames, noise and rounding of one frame
+    u_num    iteration tolerance of the fast model
+    u_input  cover and pose, see `validation.credibility.uncertainty`; friction is left out
+
+The calibrated numbers (curve and gains) are held when an input changes.  A calibration on the same pose absorbs part of
+the effect of the cover, so that u_input is an upper bound there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+import meshes
+from meshes import Cover, Indenter
+from meshes.array_types import FloatArray
+from validation.calibration.forward_fit import ForwardFit
+from validation.calibration.model import ContactMethod, Pose
+from validation.campaign.campaign_file import Inputs
+from validation.campaign.case import Case
+from validation.credibility.uncertainty import (
+    ITERATION,
+    ComparisonError,
+    find_missing_range,
+    list_inputs,
+    propagate_inputs,
+)
+from validation.data_sets.images import Image, observe
+from validation.metrics import centre_of_pressure
+
+#: Standard deviation of a uniform distribution over its width [-].
+_OF_WIDTH = 1 / math.sqrt(12)
+
+
+def compare_loads(found: ForwardFit, images: Sequence[Image], cover: Cover, inputs: Inputs) -> list[ComparisonError]:
+    """Compare predicted with recorded counts, load by load and quantity by quantity.
+
+    Args:
+        found: The fitted model.
+        images: Recorded images that were not fitted; repeats of one load share their name.
+        cover: Cover of the sensor; without a range of an assumed material u_input is NaN.
+        inputs: Standard uncertainties of the inputs.
+    """
+    cover, inputs, observed = replace(cover, size=None), replace(inputs, friction=0.0), observe(images)
+    predicted, method = found.predict(observed), found.method
+
+    def propagate(indenter: Indenter, load: float, pose: Pose) -> Mapping[str, FloatArray]:
+        at = meshes.Pose.planar(at=(pose.x, pose.y), yaw=pose.yaw, tilt=(pose.tilt_x, pose.tilt_y))
+        case = Case(name="recording", indenter=indenter, shape="", load=load, pose=at)
+        return propagate_inputs(cover, method.array, case, inputs).effects
+
+    def change(name: str) -> FloatArray:
+        """Return the change of the counts of m images by one standard uncertainty of an input, shape (m, n)."""
+
+        def solve(indenter: Indenter, load: float, pose: Pose) -> FloatArray:
+            return np.asarray(method.solve(indenter, load, pose) + propagate(indenter, load, pose)[name])
+
+        return replace(found, method=replace(method, solve=solve, _known={})).predict(observed) - predicted
+
+    changed = [] if find_missing_range(cover) else [change(name) for name, *_ in list_inputs(cover, inputs)]
+    cases = np.array([image.case for image in images])
+    repeated = {case: observed.counts[cases == case] for case in dict.fromkeys(cases.tolist())}
+    errors = []
+    for case, counts in repeated.items():
+        rows, here = cases == case, [image for image in images if image.case == case]
+        S, D = predicted[rows].mean(axis=0), counts.mean(axis=0)
+        for name, factor, quantity in _list_quantities(method, D, observed.measured[rows].all(axis=0)):
+            scatter = [np.var([quantity(each) for each in one], ddof=1) for one in repeated.values() if len(one) > 1]
+            repeats = float(np.mean(scatter)) / len(counts) if scatter else 0.0
+            effects = [part[rows].mean(axis=0) for part in changed]
+            errors.append(
+                ComparisonError(
+                    case=case, quantity=name, factor=factor, fast=quantity(S), reference=quantity(D),
+                    u_num=_add_effects(quantity, S, [ITERATION * S]),
+                    u_input=_add_effects(quantity, S, effects) if effects else math.nan,
+                    u_data=math.sqrt(repeats + _add_effects(quantity, D, list(_list_drifts(here, D))) ** 2),
+                )
+            )  # fmt: skip
+    return errors
+
+
+def _list_quantities(
+    method: ContactMethod, recorded: FloatArray, measured: FloatArray
+) -> Iterator[tuple[str, float, Callable[[FloatArray], float]]]:
+    """Yield name with unit, factor to this unit, and the function of the counts of the n texels."""
+    places, peak = method.array.centres[:, :2], int(np.argmax(recorded * measured))
+    yield "sum of counts", 1.0, lambda counts: float((counts * measured).sum())
+    yield "largest texel [counts]", 1.0, lambda counts: float(counts[peak])
+    yield "centre of counts x [mm]", 1e3, lambda counts: float(centre_of_pressure(counts * measured, places)[0])
+    yield "centre of counts y [mm]", 1e3, lambda counts: float(centre_of_pressure(counts * measured, places)[1])
+
+
+def _list_drifts(images: Sequence[Image], recorded: FloatArray) -> Iterator[FloatArray]:
+    """Yield the change of the recorded counts by creep within the window, then by noise and rounding of each texel."""
+    first, lit = images[0], recorded > 0
+    creep = float(np.nan_to_num(np.mean([image.creep for image in images])))
+    low, high = first.file.window
+    if creep and low > 0:
+        yield creep * math.log(high / low) * _OF_WIDTH * np.where(lit, recorded + first.threshold, 0.0)
+    yield from np.diag(np.where(lit, math.hypot(max(image.noise for image in images), _OF_WIDTH), 0.0))
+
+
+def _add_effects(quantity: Callable[[FloatArray], float], base: FloatArray, effects: Sequence[FloatArray]) -> float:
+    """Return the root of the sum of squares of the changes of a quantity by changes of the counts."""
+    return math.sqrt(sum((quantity(base + effect) - quantity(base)) ** 2 for effect in effects))
