@@ -233,3 +233,14 @@ def test_rest_ends_where_the_load_begins():
     made = press(METHOD, CURVE, 5.0, POSE)
     rest = find_rest(made.times, made.arrays[0].counts)
     assert made.times[rest - 1] <= 1.0 < made.times[rest]
+
+
+@pytest.mark.parametrize("slope", [-8.0, 0.0, 8.0])
+def test_rest_may_drift(slope):
+    """Four seconds of rest, in which every texel drifts by ten times its noise."""
+    made = press(METHOD, CURVE, 10.0, POSE, noise=0.0)
+    times = np.arange(0, 14, 0.125)
+    loaded = np.interp(times - 3.0, made.times, np.arange(len(made.times))).round().astype(int)
+    counts = OFFSETS + made.arrays[0].counts[loaded] + slope * times[:, None]
+    rest = find_rest(times, counts + 3 * np.random.default_rng(1).standard_normal(counts.shape))
+    assert times[rest - 1] == pytest.approx(4.0, abs=0.3)
