@@ -1,48 +1,64 @@
-"""Print README's table of accuracy from the scores of a report.
+"""Print README's table of accuracy from a report, and write the table of recordings into docs/recordings.md.
 
-Run it in the repository root after `softcover demo`: `.venv/bin/python docs/accuracy.py [REPORT]`.
+Run it in the repository root:
+
+    softcover demo && python docs/accuracy.py
+    softcover validate sdh2-distal --recordings FOLDER --data-set kiechle-sdh2 --only-recordings --out recorded
+    python docs/accuracy.py recorded
+
+The figures of recordings stand in docs/recordings.md alone, between two comments; README links to them.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Any
 
-RECORDINGS = "recordings, light weights to heavy"
+PAGE = Path(__file__).with_name("recordings.md")
+#: Comments around the table in the page.
+BEGIN, END = "<!-- recordings: written by docs/accuracy.py -->\n", "<!-- recordings: end -->\n"
 
 
-def main(report: Path) -> None:
-    """Print one row per model: what it was compared with, and three scores."""
+def main(report: Path, page: Path = PAGE) -> None:
+    """Print the rows of the campaign, and write those of the recordings into the page."""
     scores = json.loads((report / "report.json").read_text())
-    print("| compared with | model | misplaced force | image changed |\n|---|---|---|---|")
-    cases = len(scores["campaign"]["cases"])
-    for model, pooled in scores["campaign"]["pooled"].items():
-        misplaced = " ".join((f"{100 * pooled['misplaced_force']['mean']:.1f} %", interval(pooled["misplaced_force"])))
-        changed = f"{pooled['image_changed_percent']['mean']:.2f} %"
-        print(f"| finite elements, {cases} cases | {model} | {misplaced} | {changed} |")
-    for row in (scores["recordings"] or {"rows": []})["rows"]:
-        if row["split"] == "heavier" and row["model"] in SHOWN:
-            name = SHOWN[row["model"]] + (", texel gains" if row["texel_gains"] else "")
-            print(f"| {RECORDINGS} | {name} | | {row['pooled']['image_changed_percent']['mean']:.2f} % |")
+    if "campaign" in scores:
+        print("| compared with | model | misplaced force | image changed |\n|---|---|---|---|")
+        cases = len(scores["campaign"]["cases"])
+        for model, pooled in scores["campaign"]["pooled"].items():
+            misplaced = write_mean(pooled["misplaced_force"], "{:.1f}", factor=100, unit=" %")
+            changed = f"{pooled['image_changed_percent']['mean']:.2f} %"
+            print(f"| finite elements, {cases} cases | {model} | {misplaced} | {changed} |")
+    if scores["recordings"]:
+        text = page.read_text(encoding="utf-8")
+        before, after = text.split(BEGIN)[0], text.split(END)[1]
+        page.write_text(before + BEGIN + tabulate(scores["recordings"]) + END + after, encoding="utf-8")
 
 
-#: Rows of the recordings that README shows, and what it calls them; the report shows all.
-SHOWN = {
-    "fast model": "fast",
-    "fast model, boxes": "fast, box texels",
-    "reference": "finite elements",
-    "heaviest fitted image x load ratio": "null: heaviest fitted image times load ratio",
-    "line per texel": "null: a line per texel, no sensor model",
-    "zeros": "null: zeros",
-    "repeat of the same load": "noise floor: repeats of a weight",
-}
+def tabulate(scores: dict[str, Any]) -> str:
+    """Make the table of recordings: a row for each model, a column for each split."""
+    splits = list(dict.fromkeys(row["split"] for row in scores["rows"]))
+    models: dict[str, dict[str, str]] = {}
+    counts: dict[str, int] = {}
+    for row in scores["rows"]:
+        changed = row["pooled"]["image_changed_percent"]
+        name = row["model"] + (", texel gains" if row["texel_gains"] else "")
+        models.setdefault(name, {})[row["split"]] = write_mean(changed, "{:.2f}")
+        counts[row["split"]] = max(counts.get(row["split"], 0), changed["cases"])
+    heads = [f"{scores['about'][split]} ({counts[split]} weights)" for split in splits]
+    lines = [["model", *heads], ["---"] * (len(heads) + 1)]
+    lines += [[name, *(found.get(split, "none") for split in splits)] for name, found in models.items()]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def interval(pooled: dict[str, Any]) -> str:
-    """The 95 % interval over cases, of a fraction, in percent."""
-    return f"({100 * pooled['low']:.1f}..{100 * pooled['high']:.1f})"
+def write_mean(pooled: dict[str, Any], form: str, *, factor: float = 1.0, unit: str = "") -> str:
+    """Write a mean over cases with its 95 % interval, if there is one."""
+    mean, low, high = (math.nan if pooled[key] is None else factor * pooled[key] for key in ("mean", "low", "high"))
+    ends = "" if math.isnan(low) else f" ({form.format(low)}..{form.format(high)})"
+    return form.format(mean) + unit + ends
 
 
 if __name__ == "__main__":

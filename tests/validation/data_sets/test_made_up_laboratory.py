@@ -26,6 +26,8 @@ from validation.campaign.campaign_file import read_campaign
 from validation.campaign.evaluation import evaluate_recordings
 from validation.data_sets import score
 from validation.places import FlatPlaces
+from validation.report import write_report
+from validation.results.report import read_report
 from validation.sensor_file import load
 
 SENSOR = dataclasses.replace(load("wts-0614-34"), array=ARRAY)
@@ -196,6 +198,20 @@ def test_right_recordings_are_accepted_and_the_headline_names_them(monkeypatch, 
     assert {each.cases for each in found.verdict.findings} == {5}
     report = found.report.as_json()
     assert "campaign" not in report
+    assert len(report["recordings"]["errors"]["moved stamp"]) == 4 * 5
+    (tmp_path / "out").mkdir()
+    write_report(found, tmp_path / "out")
+    assert {each.name for each in (tmp_path / "out").iterdir()} == {
+        "index.html",
+        "report.css",
+        "report.js",
+        "report.json",
+    }
+    assert read_report(tmp_path / "out") == found.report
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert found.verdict.sentence in page
+    assert "E + 2 u_val" in page
+    assert 'id="campaign"' not in page
     assert all(each["margin"] == pytest.approx(each["limit"] - each["high"]) for each in report["verdict"]["findings"])
 
 
