@@ -193,7 +193,8 @@ def evaluate(
         verification=derivation.verification,
         plan=plan,
         campaign=result,
-        verdict=_judge(plan, result, scores, recordings),
+        # Recordings of another sensor are shown, and tell nothing about this one.
+        verdict=_judge(plan, result, scores, recordings if recorded is None or recorded is sensor else None),
         evidence=evidence,
         recordings=scores,
         recorded=recorded or sensor,

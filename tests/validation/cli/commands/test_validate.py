@@ -86,3 +86,13 @@ def test_a_stopped_run_reports_the_finished_cases_and_continues(tmp_path):
     again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)  # noqa: S603
     assert again.returncode == 0, again.stderr
     assert f"verdict: ACCEPTED; fast model against finite elements, {COUNT} of {COUNT} cases" in again.stdout
+
+
+@pytest.mark.parametrize("options", [[], ["--data-set", "kiechle-sdh2", "--quick"]])
+def test_only_recordings_needs_recordings_and_no_budget(softcover, tmp_path, monkeypatch, options):
+    monkeypatch.setenv("SOFTCOVER_RECORDINGS", str(tmp_path))
+    (tmp_path / "weights").mkdir()
+    status, out, err = softcover("validate", "sdh2-distal", "--only-recordings", *options)
+    assert (status, out) == (2, "")
+    assert "--recordings" in err
+    assert not (tmp_path / "softcover-report").exists()
