@@ -4,7 +4,7 @@ The comparison error of a quantity is E = S - D, with the counts S of the fast m
 counts D, each the mean over repeats of the load.
 
     u_D      repeats of the load, growth by creep within the window of the frames, noise and rounding of one frame
-    u_num    iteration tolerance of the fast model
+    u_num    iteration tolerance of the fast model, on the largest texel
     u_input  cover and pose, see `validation.credibility.uncertainty`; friction is left out
 
 The calibrated numbers (curve and gains) are held when an input changes.  A calibration on the same pose absorbs part of
@@ -73,13 +73,14 @@ def compare_loads(found: ForwardFit, images: Sequence[Image], cover: Cover, inpu
         rows, here = cases == case, [image for image in images if image.case == case]
         S, D = predicted[rows].mean(axis=0), counts.mean(axis=0)
         for name, factor, quantity in _list_quantities(method, D, observed.measured[rows].all(axis=0)):
+            iteration = np.where(np.arange(S.size) == S.argmax(), ITERATION * S.sum(), 0.0)
             scatter = [np.var([quantity(each) for each in one], ddof=1) for one in repeated.values() if len(one) > 1]
             repeats = float(np.mean(scatter)) / len(counts) if scatter else 0.0
             effects = [part[rows].mean(axis=0) for part in changed]
             errors.append(
                 ComparisonError(
                     case=case, quantity=name, factor=factor, fast=quantity(S), reference=quantity(D),
-                    u_num=_add_effects(quantity, S, [ITERATION * S]),
+                    u_num=_add_effects(quantity, S, [iteration]),
                     u_input=_add_effects(quantity, S, effects) if effects else math.nan,
                     u_data=math.sqrt(repeats + _add_effects(quantity, D, list(_list_drifts(here, D))) ** 2),
                 )

@@ -78,7 +78,7 @@ def test_u_val_of_one_load_by_hand():
     assert centre.u_input == pytest.approx(1e-4, rel=0.1)
     lever = math.sqrt(6) * 3e-3  # three texels on either side
     assert centre.u_data == pytest.approx(lever * math.hypot(NOISE, ROUNDING) / recorded, rel=1e-3)
-    assert centre.u_num == pytest.approx(0, abs=1e-12)
+    assert centre.u_num == pytest.approx(2e-4 * 3e-3, rel=1e-3)  # on the first of nine equal texels
     assert centre.resolved is False
 
 
