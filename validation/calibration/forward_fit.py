@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 from validation.calibration.model import CREEP_START, ContactMethod, CountCurve, Observations, Placement, Pose
+from validation.calibration.temperatures import describe_confounding, find_warmth, settle_temperatures
 from validation.metrics import centre_of_pressure
 
 IntArray = npt.NDArray[np.intp]
@@ -43,10 +44,9 @@ class FitNumbers:
             [1/K].
         band: Mean of the logit of saturation band over largest count [-].
         band_spread: Spread of the logit of `band` [-].
-        level_spread: Spread of the logarithm of the level of a session [-].
-        temperature_range: Smallest range of temperature for which temperature coefficients are fitted [K].
-        most_confounded: Largest squared correlation of temperature and load for which temperature coefficients are
-            fitted [-].  Above it temperature and load increase together, and the coefficients would describe the load.
+        level_spread: Spread of the logarithm of the level of a session, a factor on the sensitivity [-].
+        session_spread: Median of the prior of the spread of ln(gain) between sessions [-].
+        session_doubt: Spread of the logarithm of the spread of ln(gain) between sessions, about its median [-].
         rounds: Repetitions of the fit, in which the scale of the residual and the weights of the images settle [-].
         tolerance: Tolerance of the solver on cost and parameters [-].
         most_steps: Largest number of steps of the solver in a repetition [-].
@@ -69,15 +69,15 @@ class FitNumbers:
     tilt_spread: float = 0.02
     largest_tilt: float = 0.1
     height_spread: float = 0.3
-    gain_temperature_spread: float = 0.1
-    dead_temperature_spread: float = 0.1
+    gain_temperature_spread: float = 0.02
+    dead_temperature_spread: float = 0.01
     band: float = 0.0
     band_spread: float = 1.0
-    level_spread: float = 0.5
-    temperature_range: float = 5.0
-    most_confounded: float = 0.8
+    level_spread: float = 0.05
+    session_spread: float = 0.3
+    session_doubt: float = 0.7
     rounds: int = 3
-    tolerance: float = 1e-5
+    tolerance: float = 1e-4
     most_steps: int = 25
     first_scale: float = 100.0
     least_scale: float = 0.5
@@ -104,6 +104,7 @@ class Options:
         creep: Creep coefficient; None for the median of the coefficients measured in the recordings [-].
         output_max: Largest count after subtraction of the threshold; inf for no saturation; None to fit it [-].
         load_power: Power of the load with which the weight of an image rises [-].
+        sessions: Whether each placement is a session with a level and gains of its own, where there are several.
     """
 
     gains: bool = True
@@ -112,6 +113,7 @@ class Options:
     creep: float | None = None
     output_max: float | None = float("inf")
     load_power: float = 1.0
+    sessions: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,9 +129,10 @@ class Unknown:
         mean: Mean of the prior.
         spread: Standard deviation of the prior; inf without a prior.
         placement: Name of the placement to whose pose the parameter belongs; empty for other parameters.
+        session: Name of the placement whose level or gains the parameter changes; empty for other parameters.
         part: Index of the parameter in `Pose.vector`.
         texel: Texel of a gain or of a seating height; -1 for other parameters.
-        is_gain: Whether the parameter is the logarithm of the gain of a texel.
+        is_gain: Whether the parameter is the logarithm of the gain of a texel, or of its change in a session.
     """
 
     name: str
@@ -140,6 +143,7 @@ class Unknown:
     mean: float = 0.0
     spread: float = np.inf
     placement: str = ""
+    session: str = ""
     part: int = -1
     texel: int = -1
     is_gain: bool = False
@@ -172,12 +176,17 @@ class Layout:
     @cached_property
     def gains(self) -> IntArray:
         """Indices of the logarithms of the g fitted gains among the p parameters, shape (g,)."""
-        return np.flatnonzero([each.is_gain for each in self.unknowns])
+        return np.flatnonzero([each.is_gain and not each.session for each in self.unknowns])
+
+    @cached_property
+    def session_gains(self) -> IntArray:
+        """Indices of the logarithms of the changes of gains in sessions among the p parameters."""
+        return np.flatnonzero([each.is_gain and bool(each.session) for each in self.unknowns])
 
     @cached_property
     def gain_texels(self) -> IntArray:
         """Index of the texel of each fitted gain, shape (g,)."""
-        return np.array([each.texel for each in self.unknowns if each.is_gain], dtype=np.intp)
+        return np.array([self.unknowns[number].texel for number in self.gains], dtype=np.intp)
 
     @cached_property
     def height_texels(self) -> IntArray:
@@ -196,8 +205,23 @@ class Layout:
                 parts[each.placement][each.part] = value
         return {name: Pose(*values.tolist()) for name, values in parts.items()}
 
+    def session_curves(self, vector: FloatArray) -> dict[str, CountCurve]:
+        """Return the curve of each session with a level and gains of its own, by its name."""
+        common = self.curve(vector)
+        gains = {each.session: common.gains.copy() for each in self.unknowns if each.session}
+        levels = dict.fromkeys(gains, 1.0)
+        for each, value in zip(self.unknowns, vector.tolist(), strict=True):
+            if each.session and each.is_gain:
+                gains[each.session][each.texel] *= np.exp(value)
+            elif each.session:
+                levels[each.session] = float(np.exp(value))
+        return {
+            name: replace(common, gains=own, sensitivity=levels[name] * common.sensitivity)
+            for name, own in gains.items()
+        }
+
     def curve(self, vector: FloatArray) -> CountCurve:
-        """Return the curve from texel force to counts for values of the p parameters."""
+        """Return the curve from texel force to counts that sessions share, for values of the p parameters."""
         fixed = self.fixed
         values = {each.name: value for each, value in zip(self.unknowns, vector.tolist(), strict=True)}
         heights, gains = fixed.heights.copy(), fixed.gains.copy()
@@ -217,7 +241,7 @@ def lay_out(
     options: Options,
     array: TexelArray,
     guesses: Mapping[Placement, Pose],
-    curve: CountCurve | None = None,
+    session_spread: float = NUMBERS.session_spread,
 ) -> Layout:
     """List the parameters of a fit.
 
@@ -226,21 +250,31 @@ def lay_out(
         options: Parameters that are fitted, and values of the others.
         array: The texels.
         guesses: Guessed pose of each placement.
-        curve: Curve of which only the level is fitted, besides the poses; None to fit a curve that starts as a line.
+        session_spread: Spread of ln(gain) between sessions [-].
     """
-    fixed = curve or _guess_curve(observations, options, array)
+    fixed = _guess_curve(observations, options, array)
     unknowns = [each for placement, pose in guesses.items() for each in _list_pose(placement, pose, array)]
-    if curve is not None:
-        level = float(np.log(fixed.sensitivity))
-        unknowns.append(Unknown(name="ln_sensitivity", start=level, scale=0.3, mean=level, spread=NUMBERS.level_spread))
-    else:
-        unknowns += _list_curve(fixed, observations, options)
-        lit = np.flatnonzero(observations.lit.any(axis=0)).tolist()
-        high, spread = NUMBERS.height_spread * float(observations.loads.mean()), NUMBERS.gain_spread
-        heights, gains = (lit if wanted else [] for wanted in (options.heights, options.gains))
-        unknowns += [Unknown(name=f"height{k}", start=0.0, scale=high, spread=high, texel=k) for k in heights]
+    unknowns += _list_curve(fixed, observations, options)
+    lit = np.flatnonzero(observations.lit.any(axis=0)).tolist()
+    high, spread = NUMBERS.height_spread * float(observations.loads.mean()), NUMBERS.gain_spread
+    heights, gains = (lit if wanted else [] for wanted in (options.heights, options.gains))
+    unknowns += [Unknown(name=f"height{k}", start=0.0, scale=high, spread=high, texel=k) for k in heights]
+    unknowns += [Unknown(name=f"gain{k}", start=0.0, scale=1.0, spread=spread, texel=k, is_gain=True) for k in gains]
+    sessions = [placement.name for placement in guesses]
+    for name in sessions if options.sessions and len(sessions) > 1 else []:
+        level = NUMBERS.level_spread
+        unknowns.append(Unknown(name=f"ln level of {name}", start=0.0, scale=0.3, spread=level, session=name))
         unknowns += [
-            Unknown(name=f"gain{k}", start=0.0, scale=1.0, spread=spread, texel=k, is_gain=True) for k in gains
+            Unknown(
+                name=f"gain{k} of {name}",
+                start=0.0,
+                scale=1.0,
+                spread=session_spread,
+                texel=k,
+                is_gain=True,
+                session=name,
+            )
+            for k in gains
         ]
     poses = {placement.name: pose for placement, pose in guesses.items()}
     return Layout(unknowns=tuple(unknowns), guesses=poses, fixed=fixed)
@@ -347,7 +381,7 @@ class ForwardFit:
         residual: Weighted residuals over `scale`, shape (r,) [-].
         index: Number of the image of each residual, shape (r,).
         scale: Robust standard deviation of the residuals [counts].
-        levels: Sensitivity over that of `curve`, for each placement that was fitted later, by its name [-].
+        session_spread: Estimated spread of ln(gain) between sessions; NaN without sessions [-].
         rms: Root mean square of predicted minus recorded counts over measured texels [counts].
         weights: Weight of each image, 0..1, shape (m,) [-].
         robust: Factor of the weight due to the residual of the image, shape (m,) [-].
@@ -367,7 +401,8 @@ class ForwardFit:
     rms: float
     weights: FloatArray
     robust: FloatArray
-    levels: dict[str, float]
+    session_spread: float
+    warmth: dict[str, float]
     observations: Observations
 
     def predict(self, observations: Observations) -> FloatArray:
@@ -377,13 +412,8 @@ class ForwardFit:
             KeyError: If the pose of a placement is neither known nor fitted.
         """
         forces = compute_forces(self.method, observations, self.poses)
-        counts = np.zeros_like(forces)
-        levels = np.array([self.levels.get(each.name, 1.0) for each in observations.placements])
-        for level in np.unique(levels):
-            curve = replace(self.curve, sensitivity=level * self.curve.sensitivity)
-            rows = levels == level
-            counts[rows] = _predict(curve, forces[rows], observations.select(rows))
-        return counts
+        observations = replace(observations, temperatures=settle_temperatures(observations, self.warmth))
+        return _predict(self.curve, self.layout.session_curves(self.vector), forces, observations)
 
     def parameters(self) -> dict[str, float]:
         """Return the fitted parameters by name; the names end in the units."""
@@ -404,7 +434,10 @@ class ForwardFit:
             described["gain_sd"] = float(curve.gains[lit].std())
         if self.layout.height_texels.size:
             described["height_sd_N"] = float(curve.heights[self.layout.height_texels].std())
-        described |= {f"level of {name}": level for name, level in self.levels.items()}
+        for name, each in self.layout.session_curves(self.vector).items():
+            described[f"level of {name}"] = each.sensitivity / curve.sensitivity
+        if np.isfinite(self.session_spread):
+            described["session_gain_sd"] = self.session_spread
         return {**described, "rms_counts": self.rms}
 
     @property
@@ -426,41 +459,43 @@ def compute_forces(method: ContactMethod, observations: Observations, poses: Map
         pose = poses.get(placement.name) or placement.pose
         if pose is None:
             raise KeyError(placement.name)
-        forces[rows] = method.texel_forces(placement.indenter, observations.loads[rows], pose)
+        forces[rows] = method.texel_forces(
+            placement.indenter, observations.loads[rows], pose, smooth=placement.pose is None
+        )
     return forces
 
 
-def _predict(curve: CountCurve, forces: FloatArray, seen: Observations) -> FloatArray:
-    return curve.predict(forces, temperatures=seen.temperatures, ages=seen.ages, thresholds=seen.thresholds)
-
-
-def describe_confounding(observations: Observations) -> str:
-    """State why temperature coefficients cannot be fitted; empty if they can."""
-    warm, loads, least = observations.temperatures, observations.loads, NUMBERS.temperature_range
-    if not np.isfinite(warm).all():
-        return "the temperature is not known in every recording"
-    if (span := float(np.ptp(warm))) < least:
-        return f"the temperature varies by {span:.1f} K only; {least:g} K are needed"
-    together = float(np.corrcoef(warm, loads)[0, 1] ** 2) if np.ptp(loads) > 0 else 0.0
-    if together > NUMBERS.most_confounded:
-        return f"temperature and load rise together (squared correlation {together:.2f})"
-    return ""
+def _predict(
+    common: CountCurve, sessions: Mapping[str, CountCurve], forces: FloatArray, seen: Observations
+) -> FloatArray:
+    """Predict the counts of m images with the curve of their session, or the common one, shape (m, n) [-]."""
+    counts = np.zeros_like(forces)
+    names = np.array([each.name if each.name in sessions else "" for each in seen.placements])
+    for name in np.unique(names):
+        rows = names == name
+        counts[rows] = sessions.get(str(name), common).predict(
+            forces[rows],
+            temperatures=seen.temperatures[rows],
+            ages=seen.ages[rows],
+            thresholds=seen.thresholds[rows],
+        )
+    return counts
 
 
 def fit_forward(
     method: ContactMethod,
     observations: Observations,
     options: Options,
-    *,
-    start: ForwardFit | None = None,
 ) -> ForwardFit:
     """Fit the forward model to images.
+
+    With sessions, ln(gain) of a texel in a session is the sum of a common part and of a part of the session.  The
+    spread of the latter is estimated from the images, after each repetition.
 
     Args:
         method: The contact method.
         observations: The images.
         options: Parameters that are fitted, and values of the others.
-        start: Earlier fit, which gives the initial poses and the curve, of which only the level is fitted.
 
     Raises:
         ValueError: If there are no images, or their counts do not rise under load; the message names the recordings.
@@ -470,12 +505,12 @@ def fit_forward(
         more = [f"and {len(names) - most} more"] if len(names) > most else []
         named = ", ".join([*names[:most], *more]) or "the recordings to fit"
         raise ValueError(f"{named}: show no load: on average the counts do not rise under it")
-    if start is None and options.temperature is None:
+    if options.temperature is None:
         options = replace(options, temperature=not describe_confounding(observations))
-    if start is None and options.creep is None:
+    if options.creep is None:
         known = observations.creep[np.isfinite(observations.creep)]
         options = replace(options, creep=float(np.median(known)) if known.size else 0.0)
-    problem = _Problem(method, observations, options, start)
+    problem = _Problem(method, observations, options)
     layout, lit = problem.layout, observations.measured
     loads = observations.loads / max(float(observations.loads.max()), 1e-9)
     emphasis = np.maximum(loads, NUMBERS.least_emphasis) ** options.load_power
@@ -492,12 +527,13 @@ def fit_forward(
         weights = emphasis * np.minimum(1.0, NUMBERS.huber / np.maximum(_compare_to_median(rms, loads), 1e-9))
         scale = max(float(np.sqrt(np.average(rms**2, weights=weights**2))), NUMBERS.least_scale)
         problem.scale, problem.weights = scale, weights
+        problem.estimate_session_spread(vector)
     return ForwardFit(
         method=method,
         poses=layout.poses(vector),
         curve=layout.curve(vector),
         options=options,
-        layout=layout,
+        layout=problem.layout,
         vector=vector,
         jacobian=problem.data_jacobian(vector),
         residual=(misfit * weights[:, None] / scale)[lit],
@@ -506,7 +542,8 @@ def fit_forward(
         rms=_rms(misfit[lit]),
         weights=weights,
         robust=weights / emphasis,
-        levels={},
+        session_spread=problem.session_spread,
+        warmth=problem.warmth,
         observations=observations,
     )
 
@@ -524,24 +561,6 @@ def _compare_to_median(rms: FloatArray, loads: FloatArray) -> FloatArray:
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
-def fit_placements(fit: ForwardFit, observations: Observations) -> ForwardFit:
-    """Fit the pose and the level of each placement in `observations`; gains and shape of the curve are constant.
-
-    The level is a factor on the sensitivity.  Counts depend on the history of the rubber and on its temperature, which
-    change between sessions.
-
-    Args:
-        fit: The fitted forward model.
-        observations: Images of placements that were not fitted, or that are fitted again.
-    """
-    poses, levels = dict(fit.poses), dict(fit.levels)
-    for placement in observations.distinct_placements:
-        placed = fit_forward(fit.method, observations.select(observations.rows_of(placement)), fit.options, start=fit)
-        poses |= placed.poses
-        levels[placement.name] = placed.curve.sensitivity / fit.curve.sensitivity
-    return replace(fit, poses=poses, levels=levels)
 
 
 def borrow_poses(fit: ForwardFit, observations: Observations) -> tuple[ForwardFit, list[str]]:
@@ -568,21 +587,53 @@ def borrow_poses(fit: ForwardFit, observations: Observations) -> tuple[ForwardFi
 class _Problem:
     """Residuals of the fit and their derivatives as functions of the vector of parameters."""
 
-    def __init__(
-        self, method: ContactMethod, observations: Observations, options: Options, start: ForwardFit | None
-    ) -> None:
-        self.method, self.observations = method, observations
+    def __init__(self, method: ContactMethod, observations: Observations, options: Options) -> None:
+        self.method = method
+        self.warmth = find_warmth(observations) if options.sessions and options.temperature else {}
+        self.observations = replace(observations, temperatures=settle_temperatures(observations, self.warmth))
         self.scale, self.weights = 1.0, np.ones(len(observations.loads))
-        guesses = {each: _guess_pose(each, observations, method.array) for each in observations.distinct_placements}
-        if start:
-            guesses = {each: start.poses.get(each.name, pose) for each, pose in guesses.items()}
-        self.layout = lay_out(observations, options, method.array, guesses, start.curve if start else None)
-        rows = np.flatnonzero(self.layout.prior)
-        self._prior_rows = np.zeros((len(rows), len(self.layout.prior)))
-        self._prior_rows[np.arange(len(rows)), rows] = np.sqrt(self.layout.prior[rows])
+        self._options = options
+        self._guesses = {
+            each: _guess_pose(each, observations, method.array) for each in observations.distinct_placements
+        }
+        self._use_layout(lay_out(observations, options, method.array, self._guesses))
+        self.session_spread = NUMBERS.session_spread if self.layout.session_gains.size else float("nan")
+
+    def _use_layout(self, layout: Layout) -> None:
+        self.layout = layout
+        rows = np.flatnonzero(layout.prior)
+        self._prior_rows = np.zeros((len(rows), len(layout.prior)))
+        self._prior_rows[np.arange(len(rows)), rows] = np.sqrt(layout.prior[rows])
+
+    def estimate_session_spread(self, vector: FloatArray) -> None:
+        """Set the spread of gains between sessions to that of the largest marginal likelihood, with its weak prior.
+
+        The likelihood is that of the problem linearised at `vector`, integrated over all parameters.
+        """
+        chosen = self.layout.session_gains
+        if not chosen.size:
+            return
+        jacobian, prior = self.data_jacobian(vector), self.layout.prior.copy()
+        data = (-self.misfit(vector) * self.weights[:, None] / self.scale)[self.observations.measured]
+        target = jacobian.T @ (data + jacobian @ vector)
+        information, mean = jacobian.T @ jacobian, self.layout.list("mean")
+        best = np.inf
+        for spread in NUMBERS.session_spread * np.geomspace(1 / 30, 10, 40):
+            prior[chosen] = spread**-2
+            posterior = information + np.diag(prior)
+            right = target + prior * mean
+            _, size = np.linalg.slogdet(posterior)
+            cost = size + 2 * chosen.size * np.log(spread) - right @ np.linalg.solve(posterior, right)
+            cost += (np.log(spread / NUMBERS.session_spread) / NUMBERS.session_doubt) ** 2
+            if cost < best:
+                best, self.session_spread = cost, float(spread)
+        self._use_layout(
+            lay_out(self.observations, self._options, self.method.array, self._guesses, self.session_spread)
+        )
 
     def _predict(self, forces: FloatArray, vector: FloatArray) -> FloatArray:
-        return _predict(self.layout.curve(vector), forces, self.observations)
+        layout = self.layout
+        return _predict(layout.curve(vector), layout.session_curves(vector), forces, self.observations)
 
     def _forces(self, vector: FloatArray) -> FloatArray:
         return compute_forces(self.method, self.observations, self.layout.poses(vector))
@@ -621,6 +672,9 @@ class _Problem:
         moved = vector.copy()
         moved[layout.gains] += NUMBERS.step
         slope = (self._predict(forces, moved) - base) / NUMBERS.step
-        for number, texel in zip(layout.gains, layout.gain_texels, strict=True):
-            columns[:, texel, number] = slope[:, texel]
+        names = np.array([each.name for each in self.observations.placements])
+        for number, each in enumerate(layout.unknowns):
+            if each.is_gain:
+                rows = names == each.session if each.session else slice(None)
+                columns[rows, each.texel, number] = slope[rows, each.texel]
         return np.asarray((columns * self.weights[:, None, None] / self.scale)[self.observations.measured])

@@ -11,6 +11,7 @@ on the counts before the firmware subtracts its threshold.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
@@ -154,6 +155,8 @@ REFERENCE = "reference"
 #: Edge of the squares in which the contact forces of finite elements are summed to one force at their centroid, over
 #: the pitch [-].  Fewer points make a fit of the pose faster.  The squares are far smaller than a texel.
 _BIN = 0.1
+#: Distance of the positions at which the contact of a level face is solved, over the pitch, and of the yaws [rad].
+_LATTICE, _LATTICE_YAW = 0.1, 0.05
 #: Number of loads at which the contact of an indenter that is not flat is solved [-].  Texel forces between them are
 #: interpolated.
 _LOADS = 7
@@ -178,8 +181,9 @@ class ContactMethod:
     solve: Callable[[Indenter, float, Pose], FloatArray]
     gain_error: float = 0.0
     _known: dict[tuple[Indenter, float, Pose], FloatArray] = field(default_factory=dict)
+    _blocks: dict[tuple[Indenter, int, int, int, int], FloatArray] = field(default_factory=dict)
 
-    def texel_forces(self, indenter: Indenter, loads: FloatArray, pose: Pose) -> FloatArray:
+    def texel_forces(self, indenter: Indenter, loads: FloatArray, pose: Pose, *, smooth: bool = False) -> FloatArray:
         """Compute the force on each of n texels under each of m loads; zero where the indenter misses the array.
 
         Under the face of a flat, level indenter, forces are proportional to the load.  For other indenters the contact
@@ -190,6 +194,7 @@ class ContactMethod:
             indenter: The indenter.
             loads: Loads, shape (m,) [N].
             pose: Pose of the indenter.
+            smooth: Whether the force under a level face is interpolated between a lattice of poses, as for a fit.
 
         Returns:
             Forces, shape (m, n) [N].
@@ -198,7 +203,8 @@ class ContactMethod:
         if not positive.size:
             return np.zeros((len(loads), self.array.count))
         if indenter.is_flat and not pose.tilt_x and not pose.tilt_y:
-            return np.outer(loads, self._share(indenter, 1.0, pose))
+            share = self._interpolate_share(indenter, pose) if smooth else self._share(indenter, 1.0, pose)
+            return np.outer(loads, share)
         low, high = float(positive.min()), float(positive.max())
         grid = np.unique(positive) if len(np.unique(positive)) <= _LOADS else np.geomspace(low, high, _LOADS)
         shares = np.array([self._share(indenter, float(load), pose) for load in grid])
@@ -207,6 +213,26 @@ class ContactMethod:
         part = (place - below)[:, None]
         above = np.minimum(below + 1, len(grid) - 1)
         return np.asarray(loads[:, None] * ((1 - part) * shares[below] + part * shares[above]))
+
+    def _interpolate_share(self, indenter: Indenter, pose: Pose) -> FloatArray:
+        """Interpolate the share of each texel under a level face between a lattice of poses, shape (n,) [-].
+
+        Fits of one indenter use the same poses of the lattice again and again, so that each is solved once.
+        """
+        steps = np.array([_LATTICE * each for each in self.array.pitch] + [_LATTICE_YAW])
+        place = np.array([pose.x, pose.y, pose.yaw]) / steps
+        corner = np.floor(place).astype(int)
+        t = place - corner
+        # Cubic convolution after Keys (1981), with weights for the nodes -1, 0, 1 and 2 of each axis.
+        weights = 0.5 * np.array([-t + 2 * t**2 - t**3, 2 - 5 * t**2 + 3 * t**3, t + 4 * t**2 - 3 * t**3, t**3 - t**2])
+        yaws = range(4) if t[2] and not indenter.axisymmetric else (1,)
+        key = indenter, *corner.tolist(), len(yaws)
+        if key not in self._blocks:
+            nodes = [(corner + node - 1) * steps for node in itertools.product(range(4), range(4), yaws)]
+            shares = np.array([self._share(indenter, 1.0, Pose(*node.tolist())) for node in nodes])
+            self._blocks[key] = shares.reshape(16, len(yaws), -1)
+        about_z = weights[:, 2] if len(yaws) > 1 else np.ones(1)
+        return np.asarray(np.outer(weights[:, 0], weights[:, 1]).ravel() @ (about_z @ self._blocks[key]))
 
     def _share(self, indenter: Indenter, load: float, pose: Pose) -> FloatArray:
         key = indenter, load, pose

@@ -16,7 +16,8 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from meshes.array_types import FloatArray
-from validation.calibration.forward_fit import ForwardFit, describe_confounding
+from validation.calibration.forward_fit import ForwardFit
+from validation.calibration.temperatures import describe_confounding
 from validation.results import Result, result_model
 
 #: Confidence level of all intervals, 0..1 [-].

@@ -7,7 +7,7 @@ A null model has a shape (such as a line in the load for each texel) and terms t
 Here F is the shape, a one temperature coefficient for all texels, c the median of the measured creep coefficients, and
 S the clipping at the largest count, or the soft saturation of `fastmodel.signal.electronics` with one band for all
 texels.  The level of a new session is fitted to its placing images.  a is fitted where the forward model fits it.
-Counts of zero mean that the signal is at most the threshold.  a and the band have the priors of the forward model.
+Counts of zero mean that the signal is at most the threshold.  a has a wide prior, the band that of the model.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ from scipy.optimize import minimize
 
 from fastmodel.signal.electronics import saturate
 from meshes.array_types import FloatArray
-from validation.calibration.forward_fit import NUMBERS, describe_confounding
+from validation.calibration.forward_fit import NUMBERS
 from validation.calibration.model import CREEP_START, Observations
+from validation.calibration.temperatures import describe_confounding
 
 #: Function from observations, whose counts are not used, to the predicted counts of their m images, shape (m, n) [-].
 Predictor = Callable[[Observations], FloatArray]
@@ -37,6 +38,8 @@ Shape = Callable[[FloatArray, FloatArray, FloatArray], Signal]
 _ROUNDS = 20
 #: Arguments of `scipy.optimize.minimize` for the common parameters.
 _MINIMISER: dict[str, Any] = {"method": "Powell", "tol": 1e-3}
+#: Spread of the prior of the temperature coefficient [1/K]; wide, so that the images decide.
+_TEMPERATURE_SPREAD = 0.1
 #: Smallest distance of a count from the largest one, over the band, for which the saturation is inverted [-].
 _NEAR = 0.01
 
@@ -153,7 +156,7 @@ class _NullFit:
         model, band = self._model, 0.0
         if model.soft and np.isfinite(self._most):
             band = self._most / (1 + float(np.exp(-NUMBERS.band - NUMBERS.band_spread * common[1])))
-        coefficient = NUMBERS.gain_temperature_spread * common[0]
+        coefficient = _TEMPERATURE_SPREAD * common[0]
         signal = self._fit_signal(self._fitted, coefficient, band)
         if placed is not None:
             signal = self._renew(signal, placed, coefficient, band)

@@ -12,10 +12,10 @@ import numpy.typing as npt
 from fastmodel import Electronics, Parameters
 from fastmodel.signal.electronics import grey_levels
 from meshes.array_types import FloatArray
-from validation.calibration.forward_fit import ForwardFit, Options, borrow_poses, fit_forward, fit_placements
+from validation.calibration.cross_validation import choose_options
+from validation.calibration.forward_fit import ForwardFit, Options, borrow_poses, fit_forward
 from validation.calibration.model import (
     ContactMethod,
-    Observations,
     make_fast_method,
     make_reference_method,
 )
@@ -44,18 +44,6 @@ from validation.sensor_file import SensorDescription
 FAST = "fast model"
 #: Largest number of faulty recordings that an error message lists if no recording can be used [-].
 _MOST_LINES = 5
-#: Candidates for the load power if every scored load exceeds every fitted load [-].  The load power is the exponent of
-#: the load in the weight of a fitted image.  An uneven seat of the indenter misplaces a smaller share of a heavier
-#: load.  The heaviest images then predict still heavier loads best, and a large power is right.  With an even seat all
-#: images are equally good.  The better candidate is chosen; if the images do not allow a choice, the last one.
-_EXTRAPOLATION_POWERS = (1.0, 8.0)
-#: Load power if the scored loads lie within the fitted ones and seating heights are fitted [-].  The heights explain
-#: the images of light loads.
-_SEATED_POWER = 0.0
-#: Load power if the scored loads lie within the fitted ones and no seating heights are fitted [-].
-_UNSEATED_POWER = 1.0
-#: Largest relative difference of two loads that count as equal [-].
-_SAME_LOAD = 1e-6
 
 
 def score_recordings(
@@ -152,12 +140,8 @@ class _SplitTable:
         self._observed = observe(self._fitted)
         self._images: dict[str, npt.NDArray[np.uint8]] = {}
         self._shown = max(self._scored, key=lambda image: image.load)
-        heavier = min(each.load for each in self._scored) > max(each.load for each in self._fitted)
-        # A seating height belongs to the seat of the indenter and does not apply to another placement.  It is also not
-        # visible at heavy loads, whose weight an extrapolation increases.
-        seats = {image.file.placement.name for image in self._fitted}
-        self._seated = not heavier and all(image.file.placement.name in seats for image in self._scored)
-        self._power = None if heavier else _SEATED_POWER if self._seated else _UNSEATED_POWER
+        self._options: Options | None = None
+        self._fast: ForwardFit | None = None
 
     @property
     def example(self) -> RecordingExample:
@@ -203,14 +187,17 @@ class _SplitTable:
         recordings.
         """
         electronics, scored, shown = self._sensor.electronics, observe(self._scored), self._shown
-        options = Options(output_max=float(electronics.output_max), heights=self._seated)
-        if self._power is None:
-            self._power = choose_power(method, self._observed, options)
-        options = replace(options, load_power=self._power)
+        if self._options is None:
+            # A seating height belongs to the seat of the indenter and does not apply to another placement.
+            seats = {image.file.placement.name for image in self._fitted}
+            seated = all(image.file.placement.name in seats for image in self._scored)
+            options = Options(output_max=float(electronics.output_max), heights=seated, sessions=True)
+            self._options, errors = choose_options(method, self._observed, options, scored)
+            listed = ", ".join(f"{label} {error:.0f}" for label, error in errors.items())
+            self._chosen = f"error of left-out fitted images [counts]: {listed or 'none could be left out'}"
+        options = self._options
         for chosen in (replace(options, gains=False, heights=False), options):
-            found: ForwardFit = fit_forward(method, self._observed, chosen)
-            if self._placed:
-                found = fit_placements(found, observe(self._placed))
+            found: ForwardFit = fit_forward(method, observe([*self._fitted, *self._placed]), chosen)
             found, borrowed = borrow_poses(found, scored)
             self._add_row(
                 name,
@@ -224,10 +211,12 @@ class _SplitTable:
             )
         if name == FAST:
             self._fast = found
-            self.notes = (*borrowed, *describe_fit(found))
+            self.notes = (*borrowed, self._chosen, *describe_fit(found))
 
     def compare(self, inputs: Inputs) -> tuple[ComparisonError, ...]:
         """Compare the fast model with texel gains with the scored recordings, with the validation uncertainty."""
+        if self._fast is None:
+            return ()
         return tuple(compare_loads(self._fast, self._scored, self._sensor.layered_cover, inputs))
 
     def _score_cases(self, label: str, counts: FloatArray) -> dict[str, list[CountScore]]:
@@ -287,27 +276,6 @@ class _SplitTable:
                 electronics=electronics,
             )
         )
-
-
-def choose_power(method: ContactMethod, fitted: Observations, options: Options) -> float:
-    """Choose the load power for the weights of images that predicts the heaviest fitted load best.
-
-    Args:
-        method: The contact method.
-        fitted: Fitted images; scored images are not used.
-        options: Options of the fit.
-    """
-    light = fitted.loads < fitted.loads.max() * (1 - _SAME_LOAD)
-    placed = {placement.name for placement in fitted.select(light).placements}
-    heavy = ~light & np.array([each.pose is not None or each.name in placed for each in fitted.placements])
-    if len(np.unique(fitted.loads[light])) < len(_EXTRAPOLATION_POWERS) or not heavy.any():
-        return _EXTRAPOLATION_POWERS[-1]
-    left_out = fitted.select(heavy)
-    errors = []
-    for power in _EXTRAPOLATION_POWERS:
-        found = fit_forward(method, fitted.select(light), replace(options, load_power=power))
-        errors.append(float(np.abs(found.predict(left_out) - left_out.counts)[left_out.measured].mean()))
-    return _EXTRAPOLATION_POWERS[int(np.argmin(errors))]
 
 
 def _check_sides(split: SplitTable, fitted: Sequence[Image], placed: Sequence[Image], scored: Sequence[Image]) -> None:

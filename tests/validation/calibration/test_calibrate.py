@@ -180,7 +180,7 @@ BLOCK = Placement(name="block", indenter=Box(size=(6e-3, 4e-3, 5e-3)), tilt=None
 BALL = Placement(name="ball", indenter=Sphere(radius=4e-3), at=(1e-3, 0.0))
 
 
-def lay(curve=None, **options):
+def lay(**options):
     """Two images: slopes of 110 and 95 counts/N with the thresholds added; one texel was not measured, one is dark."""
     counts = np.array([[10.0, 20, 30, 40, 0, 999], [30, 40, 50, 60, 0, 999]])
     seen = Observations(
@@ -188,7 +188,7 @@ def lay(curve=None, **options):
         temperatures=np.array([20.0, 24.0]), ages=np.array([np.nan, 30.0]), thresholds=np.array([2.5, 2.5]),
     )  # fmt: skip
     guesses = {BLOCK: Pose(1e-3, 2e-3, 0.4, 0.01, 0.0), BALL: Pose(1e-3, 0.0)}
-    return lay_out(seen, Options(temperature=False, **options), ARRAY, guesses, curve)
+    return lay_out(seen, Options(temperature=False, **options), ARRAY, guesses)
 
 
 def test_poses_stay_near_the_array_turns_are_expected_small_and_gains_near_one():
@@ -221,11 +221,10 @@ def test_the_first_curve_is_a_line_through_the_sums_without_saturation():
     assert lay(output_max=None).fixed.output_max == pytest.approx(1.05 * 60)
 
 
-def test_only_the_level_is_fitted_where_indenters_are_placed():
-    (level,) = (each for each in lay(lay().fixed).unknowns if not each.placement)
-    assert level.name == "ln_sensitivity"
-    assert level.start == level.mean == pytest.approx(np.log(102.5))
-    assert level.spread == 0.5
+def test_each_session_has_a_level_and_changes_of_the_gains():
+    rows = {each.name: (each.start, each.mean, each.spread) for each in lay(sessions=True).unknowns if each.session}
+    expected = {f"gain{texel} of {name}": (0, 0, 0.3) for texel in range(4) for name in ("block", "ball")}
+    assert rows == expected | {f"ln level of {name}": (0, 0, 0.05) for name in ("block", "ball")}
 
 
 # From a calibration to a sensor file.

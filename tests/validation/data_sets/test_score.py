@@ -17,6 +17,7 @@ from tests.support.laboratory import (
     write,
     write_data_set,
 )
+from validation.calibration.cross_validation import choose_options
 from validation.calibration.forward_fit import Options, fit_forward
 from validation.calibration.model import Pose
 from validation.calibration.uncertainty import describe_fit
@@ -80,8 +81,11 @@ def read(data_set, letters):
 
 
 def fit(data_set, *, gains):
-    options = Options(output_max=MOST, gains=gains, heights=gains, load_power=0.0)
-    return fit_forward(uniform_method(), observe(read(data_set, FITTED)), options)
+    options = Options(output_max=MOST, heights=True, sessions=True)
+    seen = observe(read(data_set, FITTED))
+    chosen = choose_options(uniform_method(), seen, options, observe(read(data_set, SCORED)))[0]
+    chosen = dataclasses.replace(chosen, gains=gains, heights=gains and chosen.heights)
+    return fit_forward(uniform_method(), seen, chosen)
 
 
 def test_models_and_null_models_do_not_see_what_they_are_scored_on(tmp_path, plain):
@@ -109,9 +113,10 @@ def test_models_and_null_models_do_not_see_what_they_are_scored_on(tmp_path, pla
 def test_what_the_fitted_recordings_determine_is_said_of_the_fast_model(plain):
     data_set, _ = plain
     found = score_set(data_set, score.FAST)
-    assert found.notes["between"] == (
-        compare_with_nulls(found.rows), *describe_fit(fit(data_set, gains=True))
-    )  # fmt: skip
+    compared, errors, *determined = found.notes["between"]
+    assert compared == compare_with_nulls(found.rows)
+    assert errors.startswith("error of left-out fitted images [counts]: power 0 ")
+    assert determined == list(describe_fit(fit(data_set, gains=True)))
 
 
 def predict_nulls(images):

@@ -1,0 +1,120 @@
+"""Gains in two levels: a made-up laboratory whose gains change from session to session by known factors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.support.laboratory import ARRAY, STAMP, draw_gains, make_curve, uniform_method
+from validation.calibration.cross_validation import choose_options, list_folds
+from validation.calibration.forward_fit import Options, fit_forward
+from validation.calibration.model import Observations, Placement, Pose, join_observations, seat_unevenly
+
+METHOD = uniform_method()
+LOADS = np.array([4.0, 6.0, 8.0, 10.0, 12.0])
+PLACES = [Placement(name=name, indenter=STAMP) for name in ("first", "second", "third")]
+POSE = Pose(0.4e-3, -0.8e-3)
+OPTIONS = Options(sessions=True, creep=0.0)
+
+
+def observe(random, gains, placement, *, loads=LOADS, temperature=30.0, heights=None):
+    """Images of one session, with errors of 1 % of each texel and 3 counts."""
+    curve = make_curve(gains, warm=0.01)
+    forces = METHOD.texel_forces(STAMP, loads, POSE)
+    counts = curve.predict(
+        forces if heights is None else seat_unevenly(forces, heights),
+        temperatures=np.full(len(loads), temperature),
+        ages=np.full(len(loads), 2.0),
+        thresholds=np.zeros(len(loads)),
+    )
+    noise = 1 + 0.01 * random.standard_normal(counts.shape)
+    return Observations(
+        loads=loads,
+        counts=np.maximum(counts * noise + 3 * random.standard_normal(counts.shape) * (counts > 0), 0),
+        measured=np.ones(counts.shape, dtype=bool),
+        placements=(placement,) * len(loads),
+        groups=tuple(f"{placement.name} {load:g}" for load in loads),
+        temperatures=np.full(len(loads), temperature),
+        ages=np.full(len(loads), 2.0),
+        thresholds=np.zeros(len(loads)),
+        creep=np.full(len(loads), np.nan),
+    )
+
+
+def join(*parts):
+    return join_observations(parts)
+
+
+@pytest.mark.parametrize("spread", [0.1, 0.4])
+def test_the_spread_between_sessions_is_estimated_and_a_placing_image_reduces_the_error(spread):
+    random = np.random.default_rng(7)
+    gains = draw_gains(random)
+    sessions = [gains * np.exp(spread * random.standard_normal(len(gains))) for _ in PLACES]
+    seen = [observe(random, own, place) for own, place in zip(sessions, PLACES, strict=True)]
+    third = seen[2]
+    placing, scored = third.select(third.loads == 8), third.select(third.loads != 8)
+    without = fit_forward(METHOD, join(*seen[:2]), OPTIONS)
+    found = fit_forward(METHOD, join(*seen[:2], placing), OPTIONS)
+    lit = int((third.counts > 0).any(axis=0).sum())
+    # Two sessions determine the spread to about 1 / sqrt(2 x texels); twice that and the steps of the search.
+    assert found.session_spread == pytest.approx(spread, rel=2 / np.sqrt(2 * lit) + 0.16)
+    assert without.session_spread == pytest.approx(spread, rel=2 / np.sqrt(lit) + 0.16)
+    placed = replace(without, poses={**without.poses, "third": POSE})
+    errors = [np.abs(each.predict(scored) - scored.counts).mean() for each in (placed, found)]
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_one_session_alone_is_fitted_without_changes_of_gains():
+    random = np.random.default_rng(2)
+    gains = draw_gains(random)
+    seen = observe(random, gains, PLACES[0])
+    found, plain = (fit_forward(METHOD, seen, replace(OPTIONS, sessions=each)) for each in (True, False))
+    np.testing.assert_array_equal(found.predict(seen), plain.predict(seen))
+    assert np.isnan(found.session_spread)
+
+
+def test_a_temperature_that_rises_with_the_load_is_that_of_the_session():
+    """The coefficient is found from two sessions, although in each the temperature rises with the load."""
+    random = np.random.default_rng(4)
+    gains = draw_gains(random)
+    parts = []
+    for place, degrees in zip(PLACES[:2], (30.0, 45.0), strict=True):
+        part = observe(random, gains, place, temperature=degrees)
+        parts.append(replace(part, temperatures=degrees + 0.4 * (LOADS - LOADS.mean())))
+    found = fit_forward(METHOD, join(*parts), OPTIONS)
+    assert found.warmth == pytest.approx({"first": 30.0, "second": 45.0})
+    assert found.curve.gain_temperature == pytest.approx(0.01 / 1.075, rel=0.1)
+
+
+def choose(heights):
+    random = np.random.default_rng(1)
+    seen = observe(random, draw_gains(random), PLACES[0], loads=np.arange(3.0, 12.0), heights=heights)
+    fitted, scored = (seen.select(np.arange(9) % 2 == odd) for odd in (0, 1))
+    return choose_options(METHOD, fitted, replace(OPTIONS, heights=True), scored)
+
+
+def test_cross_validation_takes_heights_for_an_uneven_seat_only_where_they_predict_better():
+    uneven = np.random.default_rng(9).uniform(0, 3.0, ARRAY.count)
+    chosen, errors = choose(uneven)
+    assert chosen.heights
+    assert min(error for name, error in errors.items() if "heights" in name) < 0.8 * errors["power 1"]
+    assert len(errors) == 6
+    even = choose(None)[1]
+    assert min(even.values()) > 0.8 * even["power 1"]
+
+
+def test_left_out_images_are_to_the_others_as_the_scored_ones_to_the_fitted():
+    random = np.random.default_rng(1)
+    gains = draw_gains(random)
+    one, two = (observe(random, gains, place) for place in PLACES[:2])
+
+    def left_out(seen, loads, place):
+        return [sorted(set(seen.loads[out].tolist())) for out in list_folds(seen, np.array(loads), [place])]
+
+    assert left_out(one, [14.0], PLACES[0]) == [[12.0]]
+    assert left_out(one, [2.0], PLACES[0]) == [[4.0]]
+    assert left_out(one, [5.0, 14.0], PLACES[0]) == [[6.0], [8.0], [10.0], [12.0]]
+    folds = list_folds(join(one, two), LOADS, [PLACES[2]])
+    assert [out.tolist() for out in folds] == [
+        [True, True, False, True, True] + [False] * 5, [False] * 5 + [True, True, False, True, True]
+    ]  # fmt: skip
