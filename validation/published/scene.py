@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from fastmodel import BoxTexels, FastIndentation, Parameters, indent
+from fastmodel import BoxTexels, FastIndentation, Gaussian, Parameters, indent
 from fastmodel.contact.boxes import BoxReader
 from fastmodel.contact.interface import Reading
 from fastmodel.surface import Surface
@@ -84,6 +84,7 @@ class Scene:
         array: The n texels, on a regular planar grid.
         boxes: The press on rigid box texels in MuJoCo, with the spread of the fast model's parameters.
         contacts: MuJoCo's contact points of the press on the box texels.
+        plate: MuJoCo's contact points of the same press on one plate in the place of the texels.
         response: Share of a point load on the cover that a texel receives (exact layer solution).
         texel_gaps: Height of the indenter over each texel's centre, inf beside the indenter, shape (n,) [m].
         map: The indenter over a fine grid.
@@ -94,6 +95,7 @@ class Scene:
     array: TexelArray
     boxes: FastIndentation
     contacts: Contacts
+    plate: Contacts
     response: TexelResponse
     texel_gaps: FloatArray
     map: ContactMap
@@ -121,16 +123,24 @@ def make_scene(cover: Cover, parameters: Parameters, case: Case, response: Texel
     Raises:
         FastModelError: If the texels do not carry the load.
     """
-    method = _RecordingBoxes()
-    boxes = indent(parameters, case.indenter, load=case.load, at=case.pose.at, yaw=case.pose.yaw, contact=method)
     array, pose = parameters.array, case.pose
+
+    def press(pressed: Parameters) -> tuple[FastIndentation, Contacts]:
+        method = _RecordingBoxes()
+        found = indent(pressed, case.indenter, load=case.load, at=pose.at, yaw=pose.yaw, contact=method)
+        return found, method.contacts(chattering=found.chatter > 0)
+
+    size = (array.pitch[0] * array.columns, array.pitch[1] * array.rows)
+    plate = replace(TexelArray.grid(1, 1, size), centres=array.centres.mean(axis=0, keepdims=True))
+    boxes, contacts = press(parameters)
     x, y = pose.to_indenter(array.centres[:, 0], array.centres[:, 1])
     return Scene(
         case=case,
         cover=cover,
         array=array,
         boxes=boxes,
-        contacts=method.contacts(chattering=boxes.chatter > 0),
+        contacts=contacts,
+        plate=press(replace(parameters, array=plate, surface=None, spread=Gaussian.from_sigma(1.0)))[1],
         response=response,
         texel_gaps=case.indenter.gap(x, y),
         map=_map_contact(array, case),

@@ -52,6 +52,7 @@ def scene(bonded):
         array=array,
         boxes=boxes,
         contacts=contacts,
+        plate=contacts,
         response=tabulate_texel_response(cover, array.texel_size),
         texel_gaps=((array.centres[:, :2] - at) ** 2).sum(axis=1) / 16e-3,
         map=ContactMap(np.stack([x, y], axis=-1), ((x - at[0]) ** 2 + (y - at[1]) ** 2) / 16e-3, 0.25e-3**2),

@@ -33,7 +33,7 @@ def test_touch_grid_bins_as_the_plugin_does(scene):
     points, count = np.array(data.contact.pos), data.ncon
     assert count >= 4
     contacts = Contacts(points, np.tile([0.0, 0, 1], (count, 1)), forces, np.zeros(count, int), np.zeros(count))
-    pad = dataclasses.replace(scene, array=TexelArray.grid(14, 6, 3.4e-3), contacts=contacts)
+    pad = dataclasses.replace(scene, array=TexelArray.grid(14, 6, 3.4e-3), plate=contacts)
     found = PUBLISHED["touch-grid"].predict(pad, field_of_view=45.0).texels.reshape(14, 6)
     # the site looks along its -z, turned about x, so that its y points along the array's -y
     np.testing.assert_allclose(found, np.abs(data.sensordata.reshape(14, 6))[::-1], atol=1e-9)

@@ -44,6 +44,14 @@ def test_contacts_are_those_of_the_method_boxes(press, parameters, case):
     assert (contacts.depths > 0).all()
 
 
+def test_a_box_on_one_plate_stands_on_its_own_corners(press):
+    """On box texels the points of a face lie on the borders of texels; on one plate they do not."""
+    scene = press(Case.read("box", "box:size=9mmx5mmx5mm", "2 N", at="0.4mm,1.1mm"))
+    corners = {(round(x, 5), round(y, 5)) for x in (-4.1e-3, 4.9e-3) for y in (-1.4e-3, 3.6e-3)}
+    assert {(round(x, 5), round(y, 5)) for x, y, _ in scene.plate.points} == corners
+    assert scene.plate.pushes.sum() == pytest.approx(2.0, rel=1e-3)
+
+
 def test_contact_map_covers_the_indenter(press):
     scene = press(Case.read("box", "box:size=9mmx5mmx5mm", "2 N", at="0.4mm,1.1mm", yaw="30deg"))
     assert len(scene.map.gaps) * scene.map.area == pytest.approx(45e-6, rel=0.02)

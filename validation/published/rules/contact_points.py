@@ -142,7 +142,7 @@ def predict_normalised_gaussian(scene: Scene, *, distance: float, angle: float, 
     field_of_view=Parameter(shipped=45.0, unit="deg", fitted=True),
 )
 def predict_touch_grid(scene: Scene, *, field_of_view: float) -> Forces:
-    """MuJoCo's touch_grid: bin the contact forces by azimuth and elevation, seen from a site behind the array.
+    """MuJoCo's touch_grid: bin the contact forces on one plate by azimuth and elevation, seen from a site behind it.
 
     The bins divide the field of view evenly in angle.  The site stands behind the array's centre, where the field of
     view just covers the longer side of the array.
@@ -151,7 +151,7 @@ def predict_touch_grid(scene: Scene, *, field_of_view: float) -> Forces:
         scene: The press.
         field_of_view: Half the field of view along the longer side of the array [deg].
     """
-    array, contacts = scene.array, scene.contacts
+    array, contacts = scene.array, scene.plate
     width, height = (array.pitch[0] * array.columns / 2, array.pitch[1] * array.rows / 2)
     centre = array.centres.mean(axis=0)
     back = max(width, height) / np.tan(np.radians(field_of_view))
@@ -161,6 +161,6 @@ def predict_touch_grid(scene: Scene, *, field_of_view: float) -> Forces:
     column = np.searchsorted(np.linspace(-1, 1, array.columns + 1) * np.arctan(width / back), azimuth) - 1
     row = np.searchsorted(np.linspace(-1, 1, array.rows + 1) * np.arctan(height / back), elevation) - 1
     inside = (column >= 0) & (column < array.columns) & (row >= 0) & (row < array.rows)
-    forces = scene.contacts.pushes
+    forces = contacts.pushes
     texels = np.bincount(row[inside] * array.columns + column[inside], forces[inside], array.count)
     return Forces(texels.astype(np.float64), float(forces[~inside].sum()))

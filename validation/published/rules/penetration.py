@@ -136,8 +136,8 @@ def predict_springs(scene: Scene, *, stiffness: float, amplitude: float, sigma: 
     rule="k d^e at each texel's centre, crosstalk by a Gaussian",
     certainty=CODE,
     in_time="damper c = 1, gain 0.85..1.15, dead taxels 5 %, noise 0.005 N",
-    stiffness=Parameter(shipped=500.0, unit="N/m^e", fitted=True),
-    exponent=Parameter(shipped=1.2),
+    stiffness=Parameter(shipped=1000.0, unit="N/m^e", fitted=True),
+    exponent=Parameter(shipped=1.0),
     crosstalk=Parameter(shipped=0.0, start=0.3, fitted=True),
     sigma=Parameter(shipped=0.5, unit="pitches", fitted=True),
 )

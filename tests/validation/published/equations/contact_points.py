@@ -63,9 +63,7 @@ def touch_grid(scene, field_of_view):
     back = ROWS * PITCH / 2 / np.tan(np.radians(field_of_view))
     half_x, half_y = np.arctan(COLUMNS * PITCH / 2 / back), np.radians(field_of_view)
     out = np.zeros(scene.array.count)
-    for (x, y, _), push in zip(
-        scene.contacts.points, scene.contacts.forces * scene.contacts.normals[:, 2], strict=True
-    ):
+    for (x, y, _), push in zip(scene.plate.points, scene.plate.forces * scene.plate.normals[:, 2], strict=True):
         azimuth, elevation = np.arctan2(x, back), np.arctan2(y, np.hypot(x, back))
         column = int((azimuth + half_x) // (2 * half_x / COLUMNS))
         row = int((elevation + half_y) // (2 * half_y / ROWS))
