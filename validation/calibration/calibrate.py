@@ -205,6 +205,7 @@ def calibrate(
     noise: Sequence[float] = (),
     full_scale: float | None = None,
     heights: bool = False,
+    progress: Callable[[str], None] | None = None,
 ) -> Calibration:
     """Estimate poses, characteristic, gains, noise and creep of a sensor from images under known loads.
 
@@ -215,6 +216,7 @@ def calibrate(
         full_scale: Largest count of the converter, for the score on left-out recordings; the largest recorded count
             when not given [-].
         heights: Whether a seating height is fitted for each texel.
+        progress: Called with the name of each stage.
 
     Raises:
         ValueError: If there are too few recordings or loads, or several thresholds.
@@ -228,7 +230,9 @@ def calibrate(
     thresholds = sorted(set(observations.thresholds.tolist()))
     if len(thresholds) > 1:
         raise ValueError(f"the recordings have several thresholds: {thresholds}; calibrate each on its own")
-    fit = fit_characteristic(method, observations, Options(heights=heights))
+    say = progress or (lambda _text: None)
+    fit = fit_characteristic(method, observations, Options(heights=heights), say)
+    say("intervals, and a fit without every third recording")
     uncertainty = estimate_uncertainty(fit)
     # The gains of the pressed texels are scaled to the mean 1; the sensitivity absorbs their mean.
     texels = _find_pressed(fit)
@@ -266,9 +270,13 @@ def calibrate(
     )
 
 
-def fit_characteristic(method: ContactMethod, observations: Observations, options: Options) -> ForwardFit:
-    """Fit without and with saturation; return the fit with saturation only if it is much more likely."""
+def fit_characteristic(
+    method: ContactMethod, observations: Observations, options: Options, say: Callable[[str], object] = str
+) -> ForwardFit:
+    """Fit without and with saturation, saying so; return the latter fit only if it is much more likely."""
+    say(f"fit of a line to {len(observations.loads)} images: {method.name}")
     straight = fit_forward(method, observations, options)
+    say("fit with saturation")
     bent = fit_forward(method, observations, replace(options, output_max=None))
     size = int(observations.measured.sum())
     gain = 2 * size * np.log(max(straight.rms, 1e-9) / max(bent.rms, 1e-9))
@@ -539,6 +547,8 @@ def calibrate_recordings(
     check_choice("--method", "contact method", method, ("default", *METHODS, REFERENCE))
     if (tip is None) != (texel is None):
         raise InputError("--tip, --texel: give both to calibrate one texel with a rounded tip, or neither")
+    if progress:
+        progress("reading recordings")
     images, left_out = _read_images(paths, sensor, keys, moved=moved, method="" if tip else method, draws=draws)
     found: Calibration | PointLoadCalibration
     if tip is not None and texel is not None:
@@ -553,6 +563,7 @@ def calibrate_recordings(
             noise=[image.noise for image in images],
             full_scale=max(image.full_scale for image in images),
             heights=heights,
+            progress=progress,
         )
     return replace(found, left_out=left_out)
 

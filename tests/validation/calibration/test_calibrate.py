@@ -67,6 +67,16 @@ def test_left_out_recordings_are_predicted_without_taking_part(known):
     assert other.image_changed_percent > 10 * plain.image_changed_percent
 
 
+def test_every_fit_of_a_calibration_is_announced():
+    said = []
+    calibrate(observe(2, places=2, known=True)[0], METHOD, progress=said.append)
+    assert said == [
+        "fit of a line to 8 images: uniform",
+        "fit with saturation",
+        "intervals, and a fit without every third recording",
+    ]
+
+
 def test_poses_that_are_not_given_are_fitted():
     seen, _, poses = observe(1, places=4, scatter=0.002)
     found = calibrate(seen, METHOD)
