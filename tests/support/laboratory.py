@@ -7,7 +7,7 @@ import numpy as np
 
 from meshes import Box, TexelArray
 from meshes.array_types import FloatArray
-from validation.calibration.model import ContactMethod, CountCurve, Observations, Placement, Pose
+from validation.calibration.model import ContactMethod, CountCurve, Observations, Placement, Pose, seat_unevenly
 from validation.data_sets.data_set import build_data_set
 from validation.recordings.importing import save
 from validation.recordings.recording import Recording, Setup, make_array
@@ -125,8 +125,12 @@ def observe_presses(
     known=False,
     method=None,
     indenter=STAMP,
+    heights=0.0,
 ) -> tuple[Observations, dict[str, Pose]]:
-    """Mean images of weights in several places, each with a load error of its own, and the true pose of each place."""
+    """Mean images of weights in several places, each with a load error of its own, and the true pose of each place.
+
+    `heights` is the standard deviation of the seating heights of a place [N]; each recording changes them by 30 %.
+    """
     method = uniform_method() if method is None else method
     columns = {name: [] for name in ("loads", "counts", "placements", "groups", "temperatures")}
     poses = {}
@@ -135,11 +139,15 @@ def observe_presses(
         at = (pose.x, pose.y) if known else None
         placement = Placement(name=f"place {number}", indenter=indenter, at=at, yaw=0.0)
         poses[placement.name] = pose
+        seat = random.normal(0, heights, method.array.count) if heights else 0.0
         for degrees in temperatures:
             for load in loads:
                 actual = load * (1 + scatter * random.standard_normal())
+                forces = method.texel_forces(indenter, np.array([actual]), pose)
+                if heights:
+                    forces = seat_unevenly(forces, seat + 0.3 * random.normal(0, heights, method.array.count))
                 counts = curve.predict(
-                    method.texel_forces(indenter, np.array([actual]), pose),
+                    forces,
                     temperatures=np.array([degrees]),
                     ages=np.array([2.0]),
                     thresholds=np.zeros(1),

@@ -1,17 +1,20 @@
 """Estimated quantities with confidence intervals, and what the fitted recordings determine.
 
-All texels of one recording have a common relative error (of load, creep, and history of the rubber), and each texel has
-an error of its own in counts.  The two variances are estimated from the residuals by the method of moments, with the
-degrees of freedom used by the fit.  The uncertainty therefore depends on the number of recordings, not on that of
-frames.  Intervals use Student's t with degrees of freedom after Satterthwaite (1946).
+Recorded counts have three kinds of errors.  All texels of one recording have a common relative error (of load, creep,
+and history of the rubber).  All recordings of one placement share how the indenter sits: each texel has a seating
+height, which changes its force by an amount that does not depend on the load.  Each texel of an image has an error of
+its own in counts.  The three variances are estimated from the residuals by restricted maximum likelihood.  The
+uncertainty therefore depends on the numbers of recordings and placements, not on that of frames.  Intervals use
+Student's t with degrees of freedom after Satterthwaite (1946).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import nnls
 from scipy.stats import chi2
 from scipy.stats import t as student
 
@@ -32,11 +35,11 @@ class UncertaintyNumbers:
 
     Attributes:
         rounding: Standard deviation of rounding to whole counts [counts].
-        negligible: Singular value over the largest one, below which a relative error of recordings has no effect on
-            the residuals [-].
-        clear: Singular value over the largest one, below which the residuals do not measure the relative errors of
-            recordings, because other errors of the model are as large [-].
-        repetitions: Number of repetitions of the estimate of weights and variance, after which both are constant [-].
+        negligible: Singular value over the largest one, below which a direction counts as not present [-].
+        clear: Share of an error that remains in the residuals, below which the residuals do not measure the error,
+            because other errors of the model are as large [-].
+        least_load: Smallest load, over the largest, that divides the effect of a seating height [-].
+        repetitions: Number of repetitions of the estimate of variances, after which they are constant [-].
         determined: Standard error over that of the prior, below which a gain counts as determined by the data [-].
         confounded: Ratio of the standard errors of a position with and without fitted gains, above which position and
             gains count as confounded [-].
@@ -45,6 +48,7 @@ class UncertaintyNumbers:
     rounding: float = 12**-0.5
     negligible: float = 1e-6
     clear: float = 0.02
+    least_load: float = 0.05
     repetitions: int = 20
     determined: float = 0.5
     confounded: float = 2.0
@@ -137,16 +141,17 @@ def _measure_repeatability(fit: ForwardFit) -> Estimate | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Uncertainty:
-    """Covariance and degrees of freedom of the p fitted parameters of a forward model.
+    """Covariance of the p fitted parameters of a forward model: a sum over k kinds of errors, the last by the priors.
 
     Attributes:
-        covariance: Covariance of the parameters, in products of their units, shape (p, p).
-        quantiles: Quantile of Student's t for each parameter: the half width of its two-sided confidence interval over
-            its standard error, shape (p,) [-].
+        parts: Covariance of the parameters for errors of variance one of each kind, shape (k, p, p).
+        variances: Variance of each kind of errors, shape (k,).
+        spread: Covariance of the estimated `variances`, shape (k, k).
     """
 
-    covariance: FloatArray
-    quantiles: FloatArray
+    parts: FloatArray
+    variances: FloatArray
+    spread: FloatArray
 
     def half_width(self, gradient: FloatArray) -> float:
         """Return the half width of the confidence interval of a function of the parameters, in its unit.
@@ -154,90 +159,99 @@ class Uncertainty:
         Args:
             gradient: Derivatives of the function by the p parameters, shape (p,).
         """
-        variance = float(gradient @ self.covariance @ gradient)
-        shares = gradient**2 * np.diag(self.covariance)
-        quantile = float(np.average(self.quantiles, weights=shares)) if shares.any() else float(self.quantiles.max())
-        return quantile * float(np.sqrt(max(variance, 0.0)))
+        unit = self.parts @ gradient @ gradient
+        variance, uncertain = max(0.0, float(unit @ self.variances)), float(unit @ self.spread @ unit)
+        freedom = max(1.0, 2 * variance**2 / max(uncertain, 1e-300))
+        return float(student.ppf(0.5 + CONFIDENCE / 2, freedom) * np.sqrt(variance))
 
 
 def estimate_uncertainty(fit: ForwardFit) -> Uncertainty:
-    """Estimate the covariance of the parameters of a fit, clustered by recording.
+    """Estimate the covariance of the parameters of a fit from three kinds of errors of the recorded counts.
+
+    Texels without influence on the parameters are left out.
 
     Args:
         fit: The fit, to at least three recordings.
     """
+    seen = fit.observations
+    lit = np.abs(fit.jacobian).sum(axis=1) > 0
+    image, texel = (index[lit] for index in np.nonzero(seen.measured))
+    weights = fit.weights[image]
+    jacobian, residual = fit.jacobian[lit], fit.residual[lit] / weights
+    predicted = residual + seen.counts[image, texel] / fit.scale
+    recordings = _spread_columns(predicted, [seen.groups[number] for number in image])
+    places = [(seen.placements[i].name, k) for i, k in zip(image, texel, strict=True)]
+    seats = _spread_columns(predicted / np.maximum(seen.loads, NUMBERS.least_load * seen.loads.max())[image], places)
+    variances, spread = estimate_components(
+        residual, jacobian / weights[:, None], (recordings, seats), least=(NUMBERS.rounding / fit.scale) ** 2
+    )
     prior = np.diag(fit.layout.prior)
     bread = np.asarray(np.linalg.pinv(fit.jacobian.T @ fit.jacobian + prior, hermitian=True), dtype=np.float64)
-    errors = _measure_errors(fit, bread)
-    parts = [bread @ meat @ bread * variance for meat, variance, _ in errors]
-    variances = [np.diag(each) for each in parts]
-    total = np.maximum(sum(variances), 1e-300)
-    of_parts = sum(each**2 / freedom for each, (*_, freedom) in zip(variances, errors, strict=True))
-    freedom = total**2 / np.maximum(of_parts, 1e-300)
-    quantiles = np.asarray(student.ppf(0.5 + CONFIDENCE / 2, np.maximum(freedom, 1.0)), dtype=np.float64)
-    return Uncertainty(covariance=sum(parts) + bread @ prior @ bread, quantiles=quantiles)
+    weighted = weights[:, None] * jacobian
+    roots = [bread @ (weighted.T @ each) for each in (recordings, seats)]
+    parts = [*(root @ root.T for root in roots), bread @ (weighted.T @ weighted) @ bread, bread @ prior @ bread]
+    return Uncertainty(parts=np.array(parts), variances=np.append(variances, 1.0), spread=np.pad(spread, (0, 1)))
 
 
-def _measure_errors(fit: ForwardFit, bread: FloatArray) -> list[tuple[FloatArray, float, float]]:
-    """Estimate the variances of relative errors of recordings and of errors of texels from the residuals.
-
-    The residuals are (I - H) e for errors e and the hat matrix H of the fit.  Relative errors of recordings cause
-    residuals in certain directions.  The part of the residuals in these directions gives the variance of the
-    recordings, and the remaining part gives the variance of the texels.  Texels with a prediction of zero are left out.
-
-    Returns:
-        For the relative errors of recordings [-], then for the errors of texels in an image of weight one: Jacobian^T D
-        Jacobian with the covariance D of unit errors, shape (p, p), the variance, and its degrees of freedom [-].
-    """
-    lit = np.abs(fit.jacobian).sum(axis=1) > 0
-    jacobian, residual = fit.jacobian[lit], fit.residual[lit]
-    weights = np.asarray(fit.weights[fit.index][lit])
-    predicted = residual + weights * fit.observations.counts[fit.observations.measured][lit] / fit.scale
-    relative = weights**2
-    information, weighted = jacobian.T @ jacobian, jacobian.T @ (relative[:, None] * jacobian)
-    hat = bread @ information
-
-    def leave(errors: FloatArray) -> FloatArray:
-        """Return the residuals (I - H) e of a fit whose observations have the k errors e, shape (r, k)."""
-        return np.asarray(errors - jacobian @ (bread @ (jacobian.T @ errors)))
-
-    names = list(dict.fromkeys(fit.observations.groups))
-    recording = np.array([names.index(each) for each in fit.observations.groups])[fit.index][lit]
-    images = np.zeros((len(residual), len(names)))
-    images[np.arange(len(residual)), recording] = predicted
-    span, sizes, _ = np.linalg.svd(leave(images), full_matrices=False)
-    chosen = sizes > NUMBERS.negligible * max(float(sizes.max()), 1e-300)
-    span, sizes = span[:, chosen], sizes[chosen]
-    own = (relative @ leave(span) ** 2) / np.maximum(sizes, 1e-300) ** 2
-    texels = relative.sum() - 2 * np.trace(bread @ weighted) + np.trace(hat @ bread @ weighted)
-    texels -= own @ sizes**2
-    texel_freedom = max(1.0, float(len(residual) - 2 * np.trace(hat) + np.sum(hat * hat.T) - span.shape[1]))
-    rest = float(residual @ residual - np.sum((span.T @ residual) ** 2))
-    texel_variance = max(rest / max(float(texels), 1e-12), (NUMBERS.rounding / fit.scale) ** 2)
-    clear = sizes > NUMBERS.clear * max(float(sizes.max(initial=0.0)), 1e-300)
-    squares = (span.T @ residual)[clear] ** 2 / sizes[clear] ** 2
-    variance, freedom = _estimate_variance(squares, texel_variance * own[clear])
-    directions = images.T @ jacobian
-    return [(directions.T @ directions, variance, freedom), (weighted, texel_variance, texel_freedom)]
+def _spread_columns(values: FloatArray, keys: Sequence[Hashable]) -> FloatArray:
+    """Return a matrix with a column for each of k different keys, which holds the values of that key, shape (r, k)."""
+    order = {key: column for column, key in enumerate(dict.fromkeys(keys))}
+    matrix = np.zeros((len(values), len(order)))
+    matrix[np.arange(len(values)), [order[key] for key in keys]] = values
+    return matrix
 
 
-def _estimate_variance(squares: FloatArray, known: FloatArray) -> tuple[float, float]:
-    """Estimate the common part v of the variances of k independent errors.
+def estimate_components(
+    residual: FloatArray, design: FloatArray, factors: Sequence[FloatArray], *, least: float
+) -> tuple[FloatArray, FloatArray]:
+    """Estimate variance components of a linear model by restricted maximum likelihood (Patterson and Thompson 1971).
+
+    The observations are `design` b + sum_k factors_k u_k + e, with unknown b, and independent u_k and e.  The variances
+    of u_k and e follow from Fisher scoring.  Only the part of the observations that `design` cannot describe is used.
+    It is split into the part in the directions of the factors and the rest, in which there is only e.
 
     Args:
-        squares: Squares of the errors, whose expected values are v + `known`, shape (k,).
-        known: Known parts of the variances, shape (k,).
+        residual: Observations, or their residuals for any b, shape (r,).
+        design: Matrix of the fitted parameters, shape (r, p).
+        factors: Matrices of the k factors, shape (r, columns of the factor) each.
+        least: Smallest variance of e.
 
     Returns:
-        The estimate, weighted by the inverse variances of the squares, and its degrees of freedom.
+        Variances of the elements of each u_k, then of e, shape (k + 1,), and their covariance, shape (k + 1, k + 1).
+        A variance that the observations do not determine, or that is estimated as zero, is zero without covariance.
     """
-    if not squares.size:
-        return 0.0, 1.0
-    variance, weights = float(squares.mean()), np.ones(len(squares))
+    known = _find_directions(design)
+    residual, *left = (each - known @ (known.T @ each) for each in (residual, *factors))
+    norms = [[np.linalg.norm(each, axis=0) for each in pair] for pair in zip(left, factors, strict=True)]
+    parts = [part * (norm > NUMBERS.clear * of) for part, (norm, of) in zip(left, norms, strict=True)]
+    span = _find_directions(np.hstack(parts))
+    seen = span.T @ residual
+    kernels = np.array([*((each := span.T @ part) @ each.T for part in parts), np.eye(len(seen))])
+    rest, freedom = float(residual @ residual - seen @ seen), len(residual) - known.shape[1] - len(seen)
+    variances = np.full(len(kernels), max(least, float(residual @ residual) / max(freedom + len(seen), 1)))
+    variances[:-1] /= np.maximum([np.square(part).sum() / len(part) for part in parts], 1e-300)
     for _ in range(NUMBERS.repetitions):
-        weights = (max(variance, 1e-300) / (variance + known + 1e-300)) ** 2
-        variance = max(0.0, float(weights @ (squares - known) / max(weights.sum(), 1e-300)))
-    return variance, max(1.0, float(weights.sum() ** 2 / max(weights @ weights, 1e-300)))
+        inverse = np.linalg.inv(np.tensordot(variances, kernels, 1))
+        products = inverse @ kernels
+        information = np.einsum("aij,bji->ab", products, products)
+        squares = products @ inverse @ seen @ seen
+        information[-1, -1] += freedom / variances[-1] ** 2
+        squares[-1] += rest / variances[-1] ** 2
+        information += np.diag(1e-12 * np.diag(information) + 1e-200)
+        scales = np.diag(information) ** -0.5
+        root = np.linalg.cholesky(scales[:, None] * information * scales)
+        variances = scales * nnls(root.T, np.linalg.solve(root, scales * squares))[0]
+        variances[-1] = max(variances[-1], least)
+    estimated = np.ix_(variances > 0, variances > 0)
+    spread = np.zeros_like(information)
+    spread[estimated] = 2 * np.linalg.inv(information[estimated])
+    return variances, spread
+
+
+def _find_directions(matrix: FloatArray) -> FloatArray:
+    """Return orthonormal columns that span those of a matrix, shape (r, rank)."""
+    span, sizes, _ = np.linalg.svd(matrix, full_matrices=False)
+    return np.asarray(span[:, sizes > NUMBERS.negligible * max(float(sizes.max(initial=0.0)), 1e-300)])
 
 
 def describe_fit(fit: ForwardFit) -> Iterator[str]:
@@ -271,7 +285,10 @@ def _describe_gains(fit: ForwardFit) -> Iterator[str]:
     known = int((errors < NUMBERS.determined * layout.prior[layout.gains] ** -0.5).sum())
     yield f"gains: {known} of {len(errors)} lit texels are determined by the recordings, the others by the prior near 1"
     placements = fit.observations.placements
-    if len({each.name for each in placements}) == 1 and len({each.indenter for each in placements}) == 1:
+    one_place = len({each.name for each in placements}) == 1
+    if one_place:
+        yield "gains contain how the indenter sits in its only placement; a second placement tells the two apart"
+    if one_place and len({each.indenter for each in placements}) == 1:
         yield "the width of the cover's spread cannot be told from the gains: one indenter stands in one place"
     kept = np.setdiff1d(np.arange(len(information)), layout.gains)
     without = np.diag(np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True))
