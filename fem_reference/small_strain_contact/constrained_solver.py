@@ -21,6 +21,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 from scipy import fft
+from scipy.signal.windows import parzen
 
 from fem_reference.errors import ConvergenceError
 from fem_reference.linear_response.surface_compliance import SurfaceCompliance
@@ -51,10 +52,8 @@ class ActiveSetSettings:
     #: Norm of the residual displacement over that of the given displacement at which the iteration stops while the set
     #: of cells in contact still changes [-].  A pressure of the wrong sign then costs only one more change of the set.
     loose_residual: float = 1e-4
-    #: Smallest value of the spectrum of the compliance, over its largest value [-].  Under a foil that is 1e5 times
-    #: stiffer than its layer, short waves have less than this, and the error of the table (1e-4) makes them negative.
-    #: The floor changes depths by less than 1e-4; covers without a foil lie far above it.
-    spectrum_floor: float = 1e-5
+    #: Smallest value of the spectrum of the preconditioner, over its largest value [-].
+    spectrum_floor: float = 1e-7
     #: Largest error of the prescribed sums in equilibrium, over the largest prescribed sum [-].
     balance: float = 1e-6
 
@@ -136,10 +135,9 @@ class ComplianceOperator:
             for m, n in zip(self._padded, shape, strict=True)
         ]
         kernel = surface.average_over_cells(x, y, *cell)[np.ix_(*turned)]
-        spectrum = fft.rfft2(kernel)
-        # An operator that is not positive definite has no smallest energy, and conjugate gradients do not converge.
-        self._spectrum = np.maximum(spectrum, _SETTINGS.spectrum_floor * np.abs(spectrum).max())
-        self._inverse = kernel[0, 0] / np.abs(self._spectrum)
+        self._spectrum = fft.rfft2(kernel)
+        near = fft.rfft2(kernel * taper(self._padded)).real
+        self._inverse = kernel[0, 0] / np.maximum(near, _SETTINGS.spectrum_floor * near.max())
 
     def displace(self, pressure: FloatArray) -> FloatArray:
         """Compute the downward displacements of all cells [m] under pressures on the cells [Pa], shape of the grid."""
@@ -149,10 +147,10 @@ class ComplianceOperator:
         return wide + self._addition(pressure.ravel() * self._area).reshape(self._shape)
 
     def precondition(self, residual: FloatArray) -> FloatArray:
-        """Multiply residual displacements by the scaled inverse of the compliance's spectrum [m].
+        """Multiply residual displacements by the scaled inverse of the spectrum of the tapered compliance [m].
 
         The compliance is much larger for long waves than for short waves, above all for covers with a stiff top layer;
-        the preconditioner gives all wave lengths similar weights.
+        the preconditioner gives all wave lengths similar weights.  See `taper`.
         """
         return self._filter(residual, self._inverse)
 
@@ -160,6 +158,20 @@ class ComplianceOperator:
         """Convolve values on the cells with the kernel whose Fourier transform is given."""
         full = fft.irfft2(fft.rfft2(values, self._padded) * spectrum, self._padded)
         return np.asarray(full[..., : self._shape[0], : self._shape[1]])
+
+
+def taper(shape: tuple[int, ...]) -> FloatArray:
+    """Return Parzen's window over the offsets of a periodic grid, largest at offset zero and zero at half a period.
+
+    The kernel of a compliance has a kink at half a period, so that its spectrum has negative values, although the map
+    on the cells is positive definite.  The spectrum of the window is positive (E. Parzen, Ann. Math. Stat. 32, 1961,
+    951-989), and so is that of its product with a positive definite kernel.
+
+    Args:
+        shape: Number of offsets along each of two axes.
+    """
+    halves = (parzen(2 * (m // 2) + 1)[m // 2 :][np.minimum(np.arange(m), m - np.arange(m))] for m in shape)
+    return np.asarray(np.outer(*halves))
 
 
 def find_pressures(

@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy import fft
 from scipy.optimize import brentq
 
@@ -28,6 +29,7 @@ from fem_reference.small_strain_contact.constrained_solver import (
     ActiveSetSettings,
     Exchange,
     solve_displacement,
+    taper,
 )
 from meshes.array_types import BoolArray, FloatArray
 
@@ -81,14 +83,11 @@ class VectorOperator:
         kernel = layer.average_over_cells(x, y, *cell)
         #: Mean of the displacements of a cell along its tangents per shear on it alone [m/Pa].
         self.own = float(kernel[1, 1, 0, 0] + kernel[2, 2, 0, 0]) / 2
-        spectrum = np.moveaxis(fft.rfft2(kernel), (0, 1), (2, 3))
-        value, vector = np.linalg.eigh(spectrum)
-        least, turned = _SETTINGS.spectrum_floor * value.max(), vector.conj().swapaxes(-1, -2)
-        # The spectrum of a cover that slides has negative values, because its periodic kernel jumps.  On the cells,
-        # which are fewer than a period, the compliance is positive.
-        kept = value if layer.floats else np.maximum(value, least)
-        value = np.maximum(value, least)
-        self._spectrum = np.moveaxis(vector * kept[..., None, :] @ turned, (2, 3), (0, 1))
+        self._spectrum = fft.rfft2(kernel)
+        near = np.moveaxis(fft.rfft2(kernel * taper(self._padded)), (0, 1), (2, 3))
+        value, vector = np.linalg.eigh(near)
+        value = np.maximum(value, _SETTINGS.spectrum_floor * value.max())
+        turned = vector.conj().swapaxes(-1, -2)
         self._inverse = np.moveaxis(vector * (value.min() / value)[..., None, :] @ turned, (2, 3), (0, 1))
 
     def displace(self, traction: FloatArray) -> FloatArray:
@@ -99,10 +98,10 @@ class VectorOperator:
         return out + self._addition(traction.reshape(3, -1) * self._area).reshape(out.shape)
 
     def precondition(self, residual: FloatArray) -> FloatArray:
-        """Multiply residual displacements by the scaled inverse of the spectrum of the compliance."""
+        """Multiply residual displacements by the scaled inverse of the spectrum of the tapered compliance."""
         return self._filter(residual, self._inverse)
 
-    def _filter(self, values: FloatArray, spectrum: FloatArray) -> FloatArray:
+    def _filter(self, values: FloatArray, spectrum: npt.NDArray[np.complexfloating]) -> FloatArray:
         """Convolve values with the kernel of a spectrum, shape (3, 3, ...)."""
         found = (spectrum * fft.rfft2(values, self._padded)).sum(axis=1)
         return np.asarray(fft.irfft2(found, self._padded)[:, : self._shape[0], : self._shape[1]])
