@@ -367,6 +367,7 @@ def calibrate(
     window: tuple[float, float] = (6.0, 9.0),
     temperature_channel: int = -1,
     heights: bool = False,
+    profile_thickness: bool = False,
     tip: str | None = None,
     texel: int | None = None,
     out: str | Path | None = None,
@@ -389,6 +390,7 @@ def calibrate(
         window: First and last time after loading between which frames are averaged [s].
         temperature_channel: Index of the temperature sensor, negative from the last.
         heights: Whether a seating height is fitted for each texel.
+        profile_thickness: Whether the thickness of the cover is examined by fits on thinner and thicker covers.
         tip: Radius of a rounded tip that pressed on one texel, such as `1mm`; the slope of each trial is fitted then.
         texel: Index of the texel under the tip.
         out: Sensor file to write: a copy of `sensor` with new electronics.
@@ -422,7 +424,7 @@ def calibrate(
     found = calibrate_recordings(
         [Path(each) for each in recordings], description, keys, moved=moved, method=method, heights=heights,
         texel=texel, tip=None if tip is None else read_quantity(tip, "length", place="--tip"),
-        draws=picture is not None, progress=progress,
+        profile=profile_thickness, draws=picture is not None, progress=progress,
     )  # fmt: skip
     if isinstance(found, Calibration):
         found.write_files(description, out=out, picture=picture, polynomial=polynomial)

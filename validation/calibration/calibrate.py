@@ -33,6 +33,7 @@ from validation.calibration.model import (
     make_reference_method,
 )
 from validation.calibration.point_load import PointLoadCalibration, calibrate_point_load
+from validation.calibration.thickness import describe_thickness, profile_thickness, widen
 from validation.calibration.uncertainty import (
     CONFIDENCE,
     FEWEST_RECORDINGS,
@@ -129,7 +130,8 @@ class Calibration(Result):
         method: Name of the contact method.
         threshold: Counts that the firmware subtracts [-].
         estimates: Parameters of the line, dead force, temperature coefficients, saturation, noise, creep and scatter
-            between repeats, by name.
+            between repeats, by name; `cover_thickness` if it was examined, whose range the intervals of line, dead
+            force, temperature coefficients and saturation then contain.
         gains: Gain of every texel of the array, shape (n,) [-]; the mean over `texels` is 1, and other texels have 1.
         gain_half_widths: Half width of the interval of each gain, shape (n,) [-]; NaN for texels without a fitted gain.
         texels: Indices of the texels whose gains are determined.
@@ -140,7 +142,8 @@ class Calibration(Result):
         hold_out: Score on recordings that were left out of a second fit; None with too few recordings.
         notes: Sentences on which parameters the recordings determine.
         report_line: `sensitivity` [1/N] and `offset` [-] of the straight line in the 2015 report, for comparison.
-        left_out: One sentence for each recording that could not be used.
+        left_out: One sentence for each recording that could not be used, whose counts were turned or drift, or whose
+            label is in doubt.
     """
 
     confidence: float
@@ -205,6 +208,7 @@ def calibrate(
     noise: Sequence[float] = (),
     full_scale: float | None = None,
     heights: bool = False,
+    profile: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Calibration:
     """Estimate poses, characteristic, gains, noise and creep of a sensor from images under known loads.
@@ -216,9 +220,11 @@ def calibrate(
         full_scale: Largest count of the converter, for the score on left-out recordings; the largest recorded count
             when not given [-].
         heights: Whether a seating height is fitted for each texel.
+        profile: Whether the thickness of the cover is examined by fits on thinner and thicker covers.
         progress: Called with the name of each stage.
 
     Raises:
+        InputError: If `profile` is requested of a contact method that holds for one cover.
         ValueError: If there are too few recordings or loads, or several thresholds.
     """
     recordings, loads = len(set(observations.groups)), len(np.unique(observations.loads))
@@ -247,6 +253,15 @@ def calibrate(
         gradient = -of_mean
         gradient[place] += 1.0
         gains[texel], widths[texel] = gain, uncertainty.half_width(gain * gradient)
+    estimates = _list_estimates(fit, mean, of_mean, uncertainty)
+    about_cover = "the thickness of the cover was assumed and not questioned"
+    if profile:
+        thickness, fits = profile_thickness(fit, say)
+        means = {factor: float(each.curve.gains[texels].mean()) for factor, each in fits.items()}
+        others = {factor: _list_estimates(each, means[factor], of_mean, uncertainty) for factor, each in fits.items()}
+        ends = thickness.low / (1e3 * method.thickness), thickness.high / (1e3 * method.thickness)
+        estimates = {**widen(estimates, others, ends), "cover_thickness": thickness}
+        about_cover = describe_thickness(thickness, method.thickness)
     left_out_error = (
         f"the intervals leave out the error of the contact method ({method.name}), which reaches "
         f"{method.gain_error:.0%} of a single gain; on wide covers --method reference has no such error"
@@ -255,10 +270,7 @@ def calibrate(
         confidence=CONFIDENCE,
         method=method.name,
         threshold=thresholds[0],
-        estimates={
-            **_list_estimates(fit, mean, of_mean, uncertainty),
-            **measure_scatter(fit, noise),
-        },
+        estimates={**estimates, **measure_scatter(fit, noise)},
         gains=gains,
         gain_half_widths=widths,
         texels=texels,
@@ -266,7 +278,7 @@ def calibrate(
         residual_rms_counts=fit.rms,
         polynomial=_fit_polynomial(fit, mean),
         hold_out=score_hold_out(fit, full_scale or float(observations.counts.max())),
-        notes=(*describe_fit(fit), *([left_out_error] if method.gain_error else [])),
+        notes=(*describe_fit(fit), *([left_out_error] * (method.gain_error > 0)), about_cover),
     )
 
 
@@ -349,7 +361,7 @@ def _fit_polynomial(fit: ForwardFit, mean: float) -> FloatArray | None:
     """Fit a polynomial of degree 5 from the force on a texel to its counts, over all texels and images.
 
     Counts are divided by the ratio of the texel's gain to the mean gain.  The gains are those that were fitted together
-    with a straight characteristic.  Counts of zero and counts in saturation are left out.
+    with a straight characteristic.  Counts at rest and counts in saturation are left out.
 
     Args:
         fit: The fit of the straight characteristic, with saturation if the data show it.
@@ -363,7 +375,7 @@ def _fit_polynomial(fit: ForwardFit, mean: float) -> FloatArray | None:
         return None
     forces = compute_forces(fit.method, seen, fit.poses)
     ceiling = curve.output_max - curve.saturation_band if np.isfinite(curve.output_max) else np.inf
-    lit = seen.measured & (seen.counts > 0) & (seen.counts < ceiling)
+    lit = seen.lit & (seen.counts < ceiling)
     signal = (seen.counts + seen.thresholds[:, None]) / (curve.gains / mean)
     return np.asarray(np.polynomial.Polynomial.fit(forces[lit], signal[lit], NUMBERS.degree).convert().coef)
 
@@ -518,6 +530,7 @@ def calibrate_recordings(
     moved: bool = False,
     method: str = "default",
     heights: bool = False,
+    profile: bool = False,
     tip: float | None = None,
     texel: int | None = None,
     draws: bool = False,
@@ -532,6 +545,7 @@ def calibrate_recordings(
         moved: Whether each recording has its own pose.
         method: Contact method: `default`, one of `fastmodel.METHODS`, or `reference` for finite elements.
         heights: Whether a seating height is fitted to each texel.
+        profile: Whether the thickness of the cover is examined.
         tip: Radius of a rounded tip on one texel, whose slope is fitted per trial; None for an array [m].
         texel: Index of the texel under the tip.
         draws: Whether the caller will draw left-out recordings.
@@ -563,6 +577,7 @@ def calibrate_recordings(
             noise=[image.noise for image in images],
             full_scale=max(image.full_scale for image in images),
             heights=heights,
+            profile=profile,
             progress=progress,
         )
     return replace(found, left_out=left_out)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, field, fields
+from dataclasses import astuple, dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -173,6 +173,9 @@ class ContactMethod:
         solve: Function from indenter, load [N] and pose to the force on each texel, shape (n,) [N].
         gain_error: Largest known relative error of a texel's share of the load by the method [-]; 0 for finite
             elements.  It is also an error of the gain of the texel.
+        thickness: Thickness of the cover [m]; NaN where `rescale` is None.
+        rescale: Makes the method for the cover with the thickness of all layers times a factor [-]; None for methods
+            whose parameters hold for one cover.
     """
 
     name: str
@@ -180,6 +183,8 @@ class ContactMethod:
     array: TexelArray
     solve: Callable[[Indenter, float, Pose], FloatArray]
     gain_error: float = 0.0
+    thickness: float = float("nan")
+    rescale: Callable[[float], ContactMethod] | None = None
     _known: dict[tuple[Indenter, float, Pose], FloatArray] = field(default_factory=dict)
     _blocks: dict[tuple[Indenter, int, int, int, int], FloatArray] = field(default_factory=dict)
 
@@ -312,7 +317,13 @@ def make_reference_method(cover: Cover, array: TexelArray) -> ContactMethod:
         places = points @ np.array([[c, s], [-s, c]]) + (pose.x, pose.y)
         return np.asarray(load * (forces @ spread[0].texel_influence(array, places)) / forces.sum())
 
-    return ContactMethod(name=REFERENCE, about=_ABOUT[REFERENCE], array=array, solve=solve)
+    def rescale(factor: float) -> ContactMethod:
+        layers = tuple(replace(layer, thickness=factor * layer.thickness) for layer in cover.layers)
+        return make_reference_method(replace(cover, layers=layers), array)
+
+    return ContactMethod(
+        name=REFERENCE, about=_ABOUT[REFERENCE], array=array, solve=solve, thickness=cover.thickness, rescale=rescale
+    )
 
 
 def _bin_forces(found: Indentation, edge: float) -> tuple[FloatArray, FloatArray]:

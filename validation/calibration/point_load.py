@@ -58,7 +58,8 @@ class PointLoadCalibration(Result):
         trials: The line of each trial.
         estimates: Mean slope over the applied force and over the texel force, and mean saturation force, with intervals
             over trials; empty for fewer than three trials.
-        left_out: One sentence for each recording that could not be used.
+        left_out: One sentence for each recording that could not be used, whose counts were turned or drift, or whose
+            label is in doubt.
     """
 
     texel: int
@@ -131,11 +132,12 @@ def calibrate_point_load(
 
 
 def _fit_trial(name: str, trial: Observations, texel: int) -> Trial:
-    """Fit a line from load to counts of a texel, to the images of a trial with counts between zero and saturation."""
+    """Fit a line from load to counts of a texel, to the images of a trial with counts between rest and saturation."""
     counts = trial.counts[:, texel]
     top = float(counts.max())
     saturated = int((counts > _SATURATED * top).sum()) > _FEWEST_IMAGES
-    chosen = (counts > 0) & (counts < _UNBENT * top) if saturated else counts > 0
+    lit = trial.lit[:, texel]
+    chosen = lit & (counts < _UNBENT * top) if saturated else lit
     if chosen.sum() < _FEWEST_IMAGES or np.ptp(trial.loads[chosen]) <= 0:
         raise ValueError(f"{name}: texel {texel} is lit below saturation under fewer than two loads; no line")
     slope, offset = np.polyfit(trial.loads[chosen], counts[chosen], 1)

@@ -20,8 +20,9 @@ from scipy.stats import t as student
 
 from meshes.array_types import FloatArray
 from validation.calibration.forward_fit import ForwardFit
+from validation.calibration.model import BoolArray
 from validation.calibration.temperatures import describe_confounding
-from validation.results import Result, result_model
+from validation.results import Bound, Number, Result, result_model
 
 #: Confidence level of all intervals, 0..1 [-].
 CONFIDENCE = 0.95
@@ -62,16 +63,16 @@ class Estimate(Result):
     """An estimated quantity with its confidence interval.
 
     Attributes:
-        value: The estimate.
+        value: The estimate; NaN if the data determine only a bound.
         low: Lower end of the interval.
-        high: Upper end of the interval.
+        high: Upper end of the interval; infinite if the data determine none.
         unit: Unit of `value`, `low` and `high`.
         fitted_on: Description of the data of the estimate.
     """
 
-    value: float
+    value: Number
     low: float
-    high: float
+    high: Bound
     unit: str
     fitted_on: str
 
@@ -173,24 +174,38 @@ def estimate_uncertainty(fit: ForwardFit) -> Uncertainty:
     Args:
         fit: The fit, to at least three recordings.
     """
-    seen = fit.observations
     lit = np.abs(fit.jacobian).sum(axis=1) > 0
-    image, texel = (index[lit] for index in np.nonzero(seen.measured))
-    weights = fit.weights[image]
-    jacobian, residual = fit.jacobian[lit], fit.residual[lit] / weights
-    predicted = residual + seen.counts[image, texel] / fit.scale
+    residual, design, factors = list_errors(fit, lit)
+    variances, spread = estimate_components(residual, design, factors, least=NUMBERS.rounding**2)
+    prior = np.diag(fit.layout.prior)
+    bread = np.asarray(np.linalg.pinv(fit.jacobian.T @ fit.jacobian + prior, hermitian=True), dtype=np.float64)
+    weighted = (fit.weights / fit.scale)[fit.index[lit], None] * fit.jacobian[lit]
+    roots = [bread @ (weighted.T @ each) for each in factors]
+    parts = [*(root @ root.T for root in roots), bread @ (weighted.T @ weighted) @ bread, bread @ prior @ bread]
+    return Uncertainty(parts=np.array(parts), variances=np.append(variances, 1.0), spread=np.pad(spread, (0, 1)))
+
+
+def list_errors(fit: ForwardFit, rows: BoolArray) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
+    """List residuals without weights, and what they depend on.
+
+    Args:
+        fit: The fit.
+        rows: Whether each residual of the fit is taken; r of them are.
+
+    Returns:
+        Predicted minus recorded counts, shape (r,) [counts]; their derivatives with respect to the p parameters, shape
+        (r, p); and the effects of the relative error of each recording and of the seating height of each texel in each
+        placement, shape (r, number of errors) each [counts].
+    """
+    seen = fit.observations
+    image, texel = (index[rows] for index in np.nonzero(seen.measured))
+    weights = (fit.weights / fit.scale)[image]
+    residual = fit.residual[rows] / weights
+    predicted = residual + seen.counts[image, texel]
     recordings = _spread_columns(predicted, [seen.groups[number] for number in image])
     places = [(seen.placements[i].name, k) for i, k in zip(image, texel, strict=True)]
     seats = _spread_columns(predicted / np.maximum(seen.loads, NUMBERS.least_load * seen.loads.max())[image], places)
-    variances, spread = estimate_components(
-        residual, jacobian / weights[:, None], (recordings, seats), least=(NUMBERS.rounding / fit.scale) ** 2
-    )
-    prior = np.diag(fit.layout.prior)
-    bread = np.asarray(np.linalg.pinv(fit.jacobian.T @ fit.jacobian + prior, hermitian=True), dtype=np.float64)
-    weighted = weights[:, None] * jacobian
-    roots = [bread @ (weighted.T @ each) for each in (recordings, seats)]
-    parts = [*(root @ root.T for root in roots), bread @ (weighted.T @ weighted) @ bread, bread @ prior @ bread]
-    return Uncertainty(parts=np.array(parts), variances=np.append(variances, 1.0), spread=np.pad(spread, (0, 1)))
+    return residual, fit.jacobian[rows] / weights[:, None], (recordings, seats)
 
 
 def _spread_columns(values: FloatArray, keys: Sequence[Hashable]) -> FloatArray:
@@ -220,11 +235,11 @@ def estimate_components(
         Variances of the elements of each u_k, then of e, shape (k + 1,), and their covariance, shape (k + 1, k + 1).
         A variance that the observations do not determine, or that is estimated as zero, is zero without covariance.
     """
-    known = _find_directions(design)
+    known = find_directions(design)
     residual, *left = (each - known @ (known.T @ each) for each in (residual, *factors))
     norms = [[np.linalg.norm(each, axis=0) for each in pair] for pair in zip(left, factors, strict=True)]
     parts = [part * (norm > NUMBERS.clear * of) for part, (norm, of) in zip(left, norms, strict=True)]
-    span = _find_directions(np.hstack(parts))
+    span = find_directions(np.hstack(parts))
     seen = span.T @ residual
     kernels = np.array([*((each := span.T @ part) @ each.T for part in parts), np.eye(len(seen))])
     rest, freedom = float(residual @ residual - seen @ seen), len(residual) - known.shape[1] - len(seen)
@@ -248,7 +263,7 @@ def estimate_components(
     return variances, spread
 
 
-def _find_directions(matrix: FloatArray) -> FloatArray:
+def find_directions(matrix: FloatArray) -> FloatArray:
     """Return orthonormal columns that span those of a matrix, shape (r, rank)."""
     span, sizes, _ = np.linalg.svd(matrix, full_matrices=False)
     return np.asarray(span[:, sizes > NUMBERS.negligible * max(float(sizes.max(initial=0.0)), 1e-300)])

@@ -1,5 +1,6 @@
 """Calibration of one texel with a rounded tip, from made-up trials with known slopes."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -74,3 +75,15 @@ def test_a_texel_that_was_not_pressed_is_refused():
         calibrate_point_load(*make_trials((3000.0,)), SENSOR, radius=1e-3, texel=3)
     with pytest.raises(ValueError, match=r"texel 84 is not an active texel of wts-0614-34; accepted: 0\.\.83"):
         calibrate_point_load(*make_trials((3000.0,)), SENSOR, radius=1e-3, texel=84)
+
+
+def test_counts_at_rest_take_no_part_in_a_line(monkeypatch):
+    """Noise of up to 150 counts below the floor of an image would tilt the line."""
+    share = SimpleNamespace(share=1.0, lightest=1.0, heaviest=1.0, radius=1e-3, largest_load=1.4)
+    monkeypatch.setattr("fem_reference.point_spread", lambda cover: cover.thickness)
+    monkeypatch.setattr(point_load, "compute_tip_share", lambda *given, **tip: share)
+    seen, names = make_trials((2000.0,))
+    floors = np.full(seen.counts.shape, 160.0)
+    seen.counts[seen.counts[:, TEXEL] < 400, TEXEL] = 150.0
+    found = calibrate_point_load(replace(seen, floors=floors), names, SENSOR, radius=1e-3, texel=TEXEL)
+    assert (found.trials[0].slope, found.trials[0].offset) == pytest.approx((2000, -50))

@@ -30,6 +30,7 @@ def calibrate(
     window: str = "6:9",
     temperature_channel: int = -1,
     heights: bool = False,
+    profile_thickness: bool = False,
     tip: str | None = None,
     texel: int | None = None,
     out: Path | None = None,
@@ -59,6 +60,7 @@ def calibrate(
         window: Average the frames between these times after loading, from:to [s].
         temperature_channel: Index of the temperature sensor, negative from the last.
         heights: Fit a seating height to each texel.
+        profile_thickness: Examine the thickness of the cover by fits on thinner and thicker covers (about a minute).
         tip: Radius of a rounded tip: fit the slope of one texel per trial.
         texel: Index of the texel under the tip, from 0, row by row.
         out: Sensor file to write: a copy of --sensor with new [electronics].
@@ -72,8 +74,9 @@ def calibrate(
     with output.Progress() as progress:
         found = api.calibrate(
             recordings, description, indenter=indenter, at=at, yaw=yaw, moved=moved, method=method, array=array,
-            threshold=threshold, window=span, temperature_channel=temperature_channel, heights=heights, tip=tip,
-            texel=texel, out=out, picture=picture, polynomial=polynomial, progress=progress,
+            threshold=threshold, window=span, temperature_channel=temperature_channel, heights=heights,
+            profile_thickness=profile_thickness, tip=tip, texel=texel, out=out, picture=picture,
+            polynomial=polynomial, progress=progress,
         )  # fmt: skip
     for line in found.left_out:
         output.say(f"softcover: {line}")
