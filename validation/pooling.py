@@ -80,9 +80,9 @@ def pool(values: Sequence[float] | FloatArray, *, level: float = 0.95) -> Pooled
     mean = float(known.mean()) if count else math.nan
     low = high = math.nan
     apart = known - mean
+    variance = float((apart**2).sum() / max(count - 1, 1))
     # Differences by rounding are no scatter.
-    if count >= FEWEST_OF_INTERVAL and np.abs(apart).max() > 1e-12 * np.abs(known).max():
-        variance = float((apart**2).sum() / (count - 1))
+    if count >= FEWEST_OF_INTERVAL and math.sqrt(variance) > max(1e-12 * float(np.abs(known).max()), 1e-100):
         third = float((apart**3).sum() * count / ((count - 1) * (count - 2)))
         quantile = float(stdtrit(count - 1, (1 + level) / 2))
         half = quantile * math.sqrt(variance / count)

@@ -16,8 +16,8 @@ import fastmodel.pressure.cell_grid
 import fastmodel.sensor
 import fastmodel.signal.electronics
 import fastmodel.signal.point_spread
-import validation.campaign.results
 import validation.metrics
+import validation.pooling
 from fastmodel import Butterworth, ChainFunctions, CoverCells, Electronics, Gaussian
 from fastmodel.contact.boxes import BoxReader
 from fastmodel.contact.plate import CellReader
@@ -237,7 +237,7 @@ NEIGHBOURS = {
     "cells of the cover along x and y exchanged": (edit(CellGrid, "over", "(array.pitch[0] / per_texel, array.pitch[1] / per_texel)", "(array.pitch[1] / per_texel, array.pitch[0] / per_texel)"), "oblong texels: cover, force of each texel"),
     "influence of the cover transposed": (transposed_influence, "oblong texels: cover, force of each texel"),
     "force on masked texels lost": (edit(fixed_images, "score", " + float(f_all[~array.active].sum())", ""), "metric: misplaced force"),
-    "interval of pooled scores too narrow": (edit(validation.campaign.results, "_with_interval", "(1 - level) / 2, (1 + level) / 2", "(1 - level), level"), "pooling: mean"),
+    "interval of pooled scores too narrow": (edit(validation.pooling, "pool", "(1 + level) / 2", "level"), "pooling: skill"),
     "skill against the own error": (edit(fixed_images, "skill", "e.mean() / c.mean()", "c.mean() / e.mean()"), "pooling: skill"),
 }  # fmt: skip
 

@@ -135,11 +135,13 @@ def _evaluate(sensor: SensorDescription, out: Path, *, json: bool, **chosen: Any
         **chosen: Options of `validation.validate`.
     """
     from validation import api
-    from validation.campaign.evaluation import Evaluation
 
     started = time.perf_counter()
     with output.Progress() as progress:
         found = api.validate(sensor, out=out, progress=progress, announce=output.say, **chosen)
+    # This module needs the finite elements; `api.validate` names all missing packages at once.
+    from validation.campaign.evaluation import Evaluation
+
     if json:
         output.print_json(found.report.as_json())
     else:
