@@ -178,7 +178,7 @@ def evaluate(
         announce(cost.describe(budget, len(plan.spare)))
     derivation = derive(sensor, progress=progress)
     clock.append(time.perf_counter())
-    bench = prepare_bench(derivation, plan.cases, progress)
+    bench = prepare_bench(derivation, listed, progress)
     step = progress.step if progress else None
     result = run_campaign(bench, listed, plan=cost, budget=budget, spare=len(plan.spare), progress=step)
     done = {each.case.name for each in result.cases} | {each.name for each in result.skipped}

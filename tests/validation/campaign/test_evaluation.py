@@ -4,8 +4,10 @@ import dataclasses
 
 import pytest
 
+from validation.campaign import evaluation
 from validation.campaign.case import Case
 from validation.campaign.evaluation import evaluate
+from validation.campaign.plan import Budget
 from validation.sensor_file import load
 
 
@@ -36,3 +38,17 @@ def test_the_cost_is_announced_before_the_long_computations(tmp_path, monkeypatc
     assert len(told) == 2
     assert told[0].startswith("2 cases, 2 reference solutions missing from the store; about ")
     assert told[1] == "derived"
+
+
+def test_no_model_is_fitted_to_a_spare_case(monkeypatch):
+    sensor, asked = load("wts-0614-34"), []
+
+    def prepare(_derivation, cases, _progress):
+        asked.extend(cases)
+        raise InterruptedError
+
+    monkeypatch.setattr(evaluation, "derive", lambda *_args, **_options: None)
+    monkeypatch.setattr(evaluation, "prepare_bench", prepare)
+    with pytest.raises(InterruptedError):
+        evaluation.evaluate(sensor, budget=Budget(seconds=120.0))
+    assert len(asked) == len(evaluation.read_plan(None, sensor).cases)  # all fit into ten more minutes
