@@ -53,6 +53,8 @@ class Finding(Result):
         limit: Largest accepted value, same unit.
         status: Whether the requirement is met.
         cases: Number of cases or loads over which the mean is taken; 1 for a single case [-].
+        undefined: Number of further cases or loads in which the metric is not defined; they leave the requirement
+            undecided [-].
         against: What the fast model is compared with: `finite elements` or `recordings`.
     """
 
@@ -64,6 +66,7 @@ class Finding(Result):
     limit: float
     status: Status
     cases: int = 1
+    undefined: int = 0
     against: str = ELEMENTS
     computed = (("text", "text"), ("margin", "margin"))
 
@@ -91,7 +94,8 @@ class Finding(Result):
             return f"{name}, {self.over}: not defined in these cases, at most {values[3]}{unit} required"
         interval = f" (95 % interval {values[1]} to {values[2]}{unit})" if self.low != self.high else ""
         few = "; too few to tell" if self.status == "open" and 1 < self.cases < FEWEST else ""
-        return f"{name}, {self.over}: {values[0]}{unit}{interval}, at most {values[3]}{unit} required{few}"
+        defined = f"; defined in {self.cases} of {self.cases + self.undefined}" if self.undefined else ""
+        return f"{name}, {self.over}: {values[0]}{unit}{interval}, at most {values[3]}{unit} required{few}{defined}"
 
 
 @result_model
@@ -159,7 +163,9 @@ def judge(
 
     The model is accepted if every requirement is met and every case is scored.  It is not accepted if a requirement is
     missed.  A mean meets its limit if its whole 95 % interval lies at or below the limit.  It misses the limit if the
-    mean itself lies above.  In between, and below five cases or loads, the requirement is undecided.
+    mean itself lies above.  In between, below five cases or loads, and if the metric is not defined in one of them, the
+    requirement is undecided.  So is the verdict without any requirement, and if recordings, series or splits of the
+    data set were left out.
 
     Args:
         campaign: The campaign with its criterion.
@@ -182,8 +188,13 @@ def judge(
         findings += _judge_recordings(recordings, {**campaign.criterion.recordings, **(required or {})})
         missing = [name for name in splits if all(row.split != name for row in recordings.rows)]
         doubts += [f"no scores on the recordings of split {name!r}" for name in missing]
+        lost = [line for line in recordings.problems if line.endswith("left out")]
+        if lost:
+            doubts.append(f"{len(lost)} fault{'s' * (len(lost) > 1)} in the recordings, such as: {lost[0]}")
         loads = {case for row in recordings.rows for case in row.per_case}
         compared[RECORDINGS] = f"{recordings.name}, {len(loads)} load{'s' * (len(loads) > 1)}"
+    if not findings:
+        doubts.append("no requirement was compared with a limit")
     missed = [each.text for each in findings if each.status == "missed"]
     undecided = [each.text for each in findings if each.status == "open"]
     if missed:
@@ -198,14 +209,19 @@ def judge(
     )
 
 
-def _find_mean(metric: str, over: str, pooled: Pooled, limit: float, against: str = ELEMENTS) -> Finding:
-    """Compare a mean with its limit; below five cases it is undecided."""
+def _find_mean(
+    metric: str, over: str, pooled: Pooled, limit: float, *, compared: int, against: str = ELEMENTS
+) -> Finding:
+    """Compare a mean over `compared` cases with its limit; below five cases, or undefined in one, it is undecided."""
+    undefined = compared - pooled.cases
     known = not math.isnan(pooled.low)
     low, high = (pooled.low, pooled.high) if known else (pooled.mean, pooled.mean)
-    status: Status = "open" if pooled.few else "met" if high <= limit else "missed" if pooled.mean > limit else "open"
+    status: Status = "met" if high <= limit else "missed" if pooled.mean > limit else "open"
+    if pooled.few or undefined:
+        status = "open"
     return Finding(
         metric=metric, over=over, value=pooled.mean, low=low, high=high, limit=limit, status=status,
-        cases=pooled.cases, against=against,
+        cases=pooled.cases, undefined=undefined, against=against,
     )  # fmt: skip
 
 
@@ -218,7 +234,7 @@ def _judge_campaign(campaign: Campaign, result: CampaignResult) -> Iterator[Find
             for each in result.cases
             if each.case.compares(metric)
         ]
-        yield _find_mean(metric, _MEAN, pool(values), limit)
+        yield _find_mean(metric, _MEAN, pool(values), limit, compared=len(values))
     for each in result.cases:
         for metric, limit in {**campaign.criterion.each, **each.case.required}.items():
             if each.case.compares(metric):
@@ -238,7 +254,7 @@ def _judge_recordings(scores: RecordingScores, required: Mapping[str, float]) ->
             compared = metric == BEHIND_NULL
             yield _find_mean(
                 metric, f"{over} ({null.model})" if compared else over, behind if compared else own.pooled[metric],
-                limit, RECORDINGS,
+                limit, compared=len(own.per_case), against=RECORDINGS,
             )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ import meshes
 from meshes import Cover, Indenter
 from meshes.array_types import FloatArray
 from validation.calibration.forward_fit import ForwardFit
-from validation.calibration.model import ContactMethod, Pose
+from validation.calibration.model import ContactMethod, Placement, Pose
 from validation.campaign.campaign_file import Inputs
 from validation.campaign.case import Case
 from validation.credibility.uncertainty import (
@@ -51,6 +51,9 @@ def compare_loads(found: ForwardFit, images: Sequence[Image], cover: Cover, inpu
     """
     cover, inputs, observed = replace(cover, size=None), replace(inputs, friction=0.0), observe(images)
     predicted, method = found.predict(observed), found.method
+    # At a fitted pose a fit interpolates forces between a lattice of poses.  An effect is computed at the pose itself.
+    still = replace(observed, placements=tuple(_fix_pose(each, found.poses) for each in observed.placements))
+    unchanged = found.predict(still)
 
     def propagate(indenter: Indenter, load: float, pose: Pose) -> Mapping[str, FloatArray]:
         at = meshes.Pose.planar(at=(pose.x, pose.y), yaw=pose.yaw, tilt=(pose.tilt_x, pose.tilt_y))
@@ -63,7 +66,7 @@ def compare_loads(found: ForwardFit, images: Sequence[Image], cover: Cover, inpu
         def solve(indenter: Indenter, load: float, pose: Pose) -> FloatArray:
             return np.asarray(method.solve(indenter, load, pose) + propagate(indenter, load, pose)[name])
 
-        return replace(found, method=replace(method, solve=solve, _known={})).predict(observed) - predicted
+        return replace(found, method=replace(method, solve=solve, _known={})).predict(still) - unchanged
 
     changed = [] if find_missing_range(cover) else [change(name) for name, *_ in list_inputs(cover, inputs)]
     cases = np.array([image.case for image in images])
@@ -86,6 +89,14 @@ def compare_loads(found: ForwardFit, images: Sequence[Image], cover: Cover, inpu
                 )
             )  # fmt: skip
     return errors
+
+
+def _fix_pose(placement: Placement, poses: Mapping[str, Pose]) -> Placement:
+    """Return a placement whose pose is the fitted one, if it was fitted."""
+    pose = poses.get(placement.name)
+    if pose is None:
+        return placement
+    return replace(placement, at=(pose.x, pose.y), yaw=pose.yaw, tilt=(pose.tilt_x, pose.tilt_y))
 
 
 def _list_quantities(

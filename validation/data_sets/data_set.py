@@ -187,7 +187,7 @@ def _list_files(series: SeriesTable, tables: DataSetTables, folder: Path, proble
     try:
         indenter = read_indenter(keys["indenter"], place=f"{place}: indenter")
     except InputError as error:
-        problems.extend(error.faults)
+        problems.extend(f"{fault}; it is left out" for fault in error.faults)
         return []
     listed = list(_match_patterns(series, folder, problems)) + [(folder / each.path, each) for each in series.file]
     files: dict[Path, DataFile] = {}
@@ -196,7 +196,7 @@ def _list_files(series: SeriesTable, tables: DataSetTables, folder: Path, proble
             name = f"{series.name} {path.name if path.is_relative_to(folder) else path}"
             files[path] = _build_file(path, table, series, keys, indenter, name=name)
         else:
-            problems.append(f"{place}: {path}: no such file")
+            problems.append(f"{place}: {path}: no such file; it is left out")
     return [files[path] for path in (files if series.file else sorted(files))]
 
 
@@ -204,12 +204,12 @@ def _match_patterns(series: SeriesTable, folder: Path, problems: list[str]) -> I
     place = f"series {series.name!r}: files"
     for pattern in series.files:
         if ".." in Path(pattern).parts:
-            problems.append(f"{place}: {pattern!r} leads out of {folder}; name that folder as `path`")
+            problems.append(f"{place}: {pattern!r} leads out of {folder}; name that folder as `path`; it is left out")
             continue
         try:
             yield from ((path, None) for path in sorted(folder.glob(pattern)))
         except (ValueError, NotImplementedError) as error:
-            problems.append(f"{place}: {pattern!r} is not a pattern below {folder}: {error}")
+            problems.append(f"{place}: {pattern!r} is not a pattern below {folder}: {error}; it is left out")
 
 
 def _build_file(

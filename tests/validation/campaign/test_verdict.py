@@ -8,7 +8,9 @@ import pytest
 from validation.campaign.campaign_file import Criterion, read_campaign
 from validation.campaign.results import SkippedCase, score_forces
 from validation.campaign.run import summarise
+from validation.data_sets.results import CountScore, RecordingRow, RecordingScores
 from validation.places import FlatPlaces
+from validation.pooling import pool
 from validation.verdict import judge
 
 
@@ -152,3 +154,69 @@ def test_fewer_than_five_cases_never_decide(result, plan):
     strict = limit(plan, mean={"misplaced_force": 1e-6}, each={})
     assert judge(strict, summarise(result.cases[:4], (), None)).word == "not decided"
     assert judge(strict, summarise(result.cases[:5], (), None)).word == "not accepted"
+
+
+def test_a_metric_that_some_cases_do_not_define_is_undecided(result, plan):
+    def lose(each):
+        fast = each.predictions["fast"]
+        score = dataclasses.replace(fast.score, misplaced_force=float("nan"))
+        return dataclasses.replace(
+            each, predictions={**each.predictions, "fast": dataclasses.replace(fast, score=score)}
+        )
+
+    found = summarise([lose(result.cases[0]), *result.cases[1:]], (), None)
+    verdict = judge(limit(plan, mean={"misplaced_force": 1.0}), found)
+    assert verdict.word == "not decided"
+    assert "defined in 5 of 6" in verdict.reasons[0]
+
+
+def test_a_verdict_without_any_requirement_is_undecided(result, plan):
+    verdict = judge(limit(plan), result)
+    assert verdict.word == "not decided"
+    assert "no requirement" in verdict.reasons[0]
+
+
+def score_recordings(problems=(), undefined=0):
+    """Scores of a right model on eight loads; the first ones have no centre of counts."""
+    names = [field.name for field in dataclasses.fields(CountScore)]
+
+    def make_row(kind, value):
+        per_case = {
+            f"{number} N": CountScore(
+                **{**dict.fromkeys(names, value), "centre_of_pressure_m": np.nan if number < undefined else value}
+            )
+            for number in range(8)
+        }
+        pooled = {name: pool([getattr(score, name) for score in per_case.values()]) for name in names}
+        return RecordingRow(
+            split="loads", model=kind, kind=kind, texel_gains=kind == "model", fitted=(), parameters={},
+            per_case=per_case, pooled=pooled, skill={}, electronics=None,
+        )  # fmt: skip
+
+    return RecordingScores(
+        name="made up", rows=(make_row("null", 0.02), make_row("model", 0.01)), examples=(), about={}, notes={},
+        files={}, noise=0.0, source="", problems=tuple(problems),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("line", "word"),
+    [
+        ("a.csv: holds no frames; left out", "not decided"),
+        ("set.toml: split 'b': unknown series 'c'; it is left out", "not decided"),
+        ("the same content is read once; left out: b.csv (as a.csv)", "accepted"),
+        ("the counts fall under load in every recording; they are turned", "accepted"),
+    ],
+)
+def test_recordings_that_were_left_out_leave_it_open(plan, line, word):
+    verdict = judge(plan, None, score_recordings([line]), splits=["loads"])
+    assert verdict.word == word
+    assert any(line in reason for reason in verdict.reasons) == (word == "not decided")
+
+
+def test_a_metric_that_some_loads_do_not_define_is_undecided(plan):
+    required = {"centre_of_pressure_m": 0.1}
+    assert judge(plan, None, score_recordings(), required=required).word == "accepted"
+    verdict = judge(plan, None, score_recordings(undefined=2), required=required)
+    assert verdict.word == "not decided"
+    assert "defined in 6 of 8" in verdict.reasons[0]

@@ -9,9 +9,11 @@ import pytest
 
 from meshes import Box, Cover, Layer, TexelArray
 from meshes.catalogue import MATERIALS
-from validation.calibration.model import ContactMethod, Placement
+from validation.calibration.forward_fit import compute_forces
+from validation.calibration.model import ContactMethod, Placement, Pose
 from validation.campaign.campaign_file import Inputs
 from validation.credibility.recorded import compare_loads
+from validation.data_sets.images import observe
 
 ARRAY = TexelArray.grid(9, 9, 3e-3, name="square")
 RUBBER = next(each for each in MATERIALS.values() if each.spread and not each.poisson_spread)
@@ -28,10 +30,10 @@ class Line:
     """A fitted model whose counts are a straight line in the texel forces."""
 
     method: ContactMethod
+    poses: dict = dataclasses.field(default_factory=dict)
 
     def predict(self, observed):
-        pose = observed.placements[0].pose
-        return SLOPE * self.method.texel_forces(observed.placements[0].indenter, observed.loads, pose)
+        return SLOPE * compute_forces(self.method, observed, self.poses)
 
 
 def even_forces(_indenter, load, _pose):
@@ -43,13 +45,13 @@ def even_forces(_indenter, load, _pose):
 LINE = Line(ContactMethod(name="even", about="", array=ARRAY, solve=even_forces))
 
 
-def make_image(factor):
+def make_image(factor, placement=PLACEMENT):
     """A recorded image: the prediction with a factor."""
     counts = factor * SLOPE * even_forces(None, LOAD, None)
     return SimpleNamespace(
         load=LOAD, counts=counts, measured=np.ones(81, dtype=bool), temperature=30.0, age=7.5, creep=CREEP,
         threshold=THRESHOLD, floor=np.zeros(81), noise=NOISE, case="here 10 N",
-        file=SimpleNamespace(placement=PLACEMENT, name="a.csv", window=(6.0, 9.0)),
+        file=SimpleNamespace(placement=placement, name="a.csv", window=(6.0, 9.0)),
     )  # fmt: skip
 
 
@@ -101,3 +103,17 @@ def test_an_assumed_cover_without_a_range_has_no_interval():
         assert math.isnan(error.u_val)
         assert math.isnan(error.largest_error)
         assert error.resolved is None
+
+
+def test_a_fitted_pose_has_the_u_input_of_the_same_known_pose():
+    """At a fitted pose the forces are interpolated in a lattice of poses, which a fit has computed before."""
+    at, yaw = (0.4e-3, -0.7e-3), 0.2
+    inputs = dataclasses.replace(POSITION, thickness=0.05)
+    known = dataclasses.replace(PLACEMENT, at=at, yaw=yaw)
+    fitted = dataclasses.replace(PLACEMENT, at=None, yaw=None)
+    line = dataclasses.replace(LINE, poses={fitted.name: Pose(*at, yaw)})
+    line.predict(observe([make_image(1.0, fitted)]))  # fills the lattice
+    one, two = (compare_loads(line, [make_image(1.0, each)], COVER, inputs) for each in (known, fitted))
+    for expected, found in zip(one, two, strict=True):
+        assert found.u_input == pytest.approx(expected.u_input, rel=0.1)
+        assert found.u_input > 0
