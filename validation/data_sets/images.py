@@ -267,12 +267,16 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
     if not len(recording.times):
         raise RecordingError(f"{file.path}: holds no frames")
     pressed = _find_array(recording, file, array)
+    measured = pressed.enabled & array.active
+    if not measured.any():
+        raise RecordingError(
+            f"{file.path}: every texel of the pressed array is switched off; expected some that measure"
+        )
     zeroed = _zero(recording, file, pressed, array)
     counts = zeroed.counts
     threshold = file.threshold
     if threshold is None:
         threshold = float(recording.setup.device.get("threshold", 0.0))
-    measured = pressed.enabled & array.active
 
     def average(frames: BoolArray, load: float, *, age: float = float("nan"), creep: float = float("nan")) -> Image:
         """Make the image of some frames of the recording, with the mean of their counts."""
@@ -280,8 +284,8 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
         return Image(
             file=file, load=load, counts=mean, floor=zeroed.find_floor(frames), sign=zeroed.sign, measured=measured,
             temperature=_find_temperature(recording, file, recording.times[frames]), age=age, creep=creep,
-            threshold=threshold, noise=_noise(counts[frames]), full_scale=_find_range(pressed, zeroed),
-            sha256=recording.sha256,
+            threshold=threshold, noise=_noise(counts[frames][:, measured]), sha256=recording.sha256,
+            full_scale=_find_range(pressed, zeroed, measured),
             note=zeroed.describe_drift(time, float(mean[measured].sum())) if np.isfinite(age) else "",
         )  # fmt: skip
 
@@ -293,9 +297,10 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
             f"{file.path}: its load is not known; write `# load = 4.9` [N] above the columns of a CSV file, or "
             "name it in a data-set file, such as load = '500 g'"
         )
-    age, last = _find_age(recording, file, zeroed, load)
+    age, last = _find_age(recording, file, zeroed, measured, load)
     inside = _find_window(file, age, last)
-    image = average(inside, load, age=float(age[inside].mean()), creep=find_creep(age[:last], counts[:last], threshold))
+    creep = find_creep(age[:last], counts[:last, measured], threshold)
+    image = average(inside, load, age=float(age[inside].mean()), creep=creep)
     _check_image(recording, image, pressed.counts[inside], pressed.full_scale - threshold, inside)
     return [image]
 
@@ -310,7 +315,7 @@ def _zero(recording: Recording, file: DataFile, pressed: RecordedArray, array: T
     counts, measured = pressed.counts.astype(np.float64), pressed.enabled & array.active
     unloaded, rest = np.zeros(len(counts), dtype=bool), None
     if file.zero == NO_ZERO:
-        rest = np.zeros((1, counts.shape[1]))
+        rest = np.empty((0, counts.shape[1]))
     elif file.zero != REST:
         other = open_recording(file.zero, sensor=array)
         rest = other.arrays[min(recording.arrays.index(pressed), len(other.arrays) - 1)].counts.astype(np.float64)
@@ -323,31 +328,34 @@ def _zero(recording: Recording, file: DataFile, pressed: RecordedArray, array: T
         loads = np.interp(recording.times, recording.force_times, recording.forces)
         unloaded = loads <= NUMBERS.unloaded * loads.max(initial=0.0)
     elif file.load != FORCE:
-        unloaded = find_unloaded(recording.times, counts)
+        unloaded = find_unloaded(recording.times, counts[:, measured])
     try:
         return subtract_zero(recording.times, counts, measured, unloaded, rest=rest)
     except RecordingError as error:
         raise RecordingError(f"{file.path}: {error}") from error
 
 
-def _find_range(pressed: RecordedArray, zeroed: Zeroed) -> int:
+def _find_range(pressed: RecordedArray, zeroed: Zeroed, measured: BoolArray) -> int:
     """Return the largest count above rest that the converter can give: up to full scale, or down to zero [-]."""
-    zero = float(np.median(zeroed.zero))
-    lowest = 0 if pressed.counts.min() >= 0 and zero > 0 else -pressed.full_scale
+    zero = float(np.median(zeroed.zero[measured]))
+    lowest = 0 if pressed.counts[:, measured].min() >= 0 and zero > 0 else -pressed.full_scale
     return max(1, round(pressed.full_scale - zero if zeroed.sign > 0 else zero - lowest))
 
 
-def _find_age(recording: Recording, file: DataFile, zeroed: Zeroed, load: float) -> tuple[FloatArray, int]:
+def _find_age(
+    recording: Recording, file: DataFile, zeroed: Zeroed, measured: BoolArray, load: float
+) -> tuple[FloatArray, int]:
     """Return the time since loading of each frame, shape (frames,) [s], and the number of frames until the load ends.
 
     Raises:
         RecordingError: If nothing presses.
     """
-    times, counts = recording.times, zeroed.counts
+    times, counts = recording.times, zeroed.counts[:, measured]
     onset, last = find_load_onset(times, counts), _find_last(counts)
     total = counts.sum(axis=1)
     loaded = ~zeroed.unloaded if not zeroed.unloaded.all() else zeroed.unloaded
-    if load > 0 and (total[last] <= 0 or not (counts[loaded].mean(axis=0) > zeroed.find_floor(loaded)).any()):
+    floor = zeroed.find_floor(loaded)[measured]
+    if load > 0 and (total[last] <= 0 or not (counts[loaded].mean(axis=0) > floor).any()):
         raise RecordingError(f"{file.path}: no texel differs from rest beyond noise; expected an array that is pressed")
     if last + 1 < len(times):  # The load is removed: the frames during the removal are left out.
         final = np.median(total[(times >= times[last] - _FINAL_PERIOD) & (times <= times[last])])
@@ -395,7 +403,7 @@ def _check_image(recording: Recording, image: Image, raw: CountArray, top: float
         RecordingError: In these cases.
     """
     lit, path = image.measured & (image.counts > image.floor), image.file.path
-    at_end = raw[:, lit] >= top if image.sign > 0 else raw[:, lit] <= min(0, int(raw.min()))
+    at_end = raw[:, lit] >= top if image.sign > 0 else raw[:, lit] <= min(0, int(raw[:, image.measured].min()))
     if lit.any() and at_end.mean() >= NUMBERS.saturated:
         raise RecordingError(f"{path}: {int(lit.sum())} pressed texels are at the end of the range; use lighter loads")
     if len(recording.forces):

@@ -46,6 +46,8 @@ _ZERO_SHARE = 0.01
 _PARTS = 10
 #: Number of standard errors by which a count differs from rest [-].
 _LIT_ERRORS = 5.0
+#: Number of frames up to which the deviation about a straight trend is not known [-].
+_FEW = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,7 +60,7 @@ class Zeroed:
         zero: Mean zero that was subtracted, shape (n,) [-].
         unloaded: Frames at rest, shape (frames,).
         rest: Mean of the counts at rest after subtraction, shape (n,) [-]; above 0 where a firmware clips noise.
-        noise: Standard deviation of the counts at rest about a straight trend, shape (n,) [-]; NaN without rest.
+        noise: Standard deviation of the counts at rest about a straight trend, shape (n,) [-]; NaN if not known.
         at_rest: Number of frames at rest [-].
         drift: Slope of the sum of counts at rest and its standard error, if rest is known at one time only [1/s].
         rest_time: Mean time of the frames at rest [s].
@@ -77,7 +79,9 @@ class Zeroed:
     def find_floor(self, frames: BoolArray) -> FloatArray:
         """Return the mean count of some frames up to which a texel does not differ from rest, shape (n,) [-]."""
         own = self.counts[frames]
-        noise = np.where(np.isfinite(self.noise), self.noise, _deviate(own))
+        noise = self.noise
+        for other in (_deviate(own), _deviate_by_steps(self.counts)):
+            noise = np.where(np.isfinite(noise), noise, other)
         error = noise * np.sqrt(1 / len(own) + (1 / self.at_rest if self.at_rest else 0.0))
         return np.asarray(self.rest + _LIT_ERRORS * error)
 
@@ -116,7 +120,7 @@ def find_rest(times: FloatArray, counts: FloatArray, recovery: float = 0.0) -> i
     whole = float(np.quantile(moved, _WHOLE))
     half = int(np.argmax(moved >= _APPLIED_SHARE * whole))
     early = times < times[half] - _STEP_TIME
-    if early.sum() >= 2 * _FLAT_FRAMES:
+    if early.sum() >= 2 * _FLAT_FRAMES and np.ptp(times[early]) > 0:
         line = linregress(times[early], main[early])
         if abs(line.slope) > 3 * line.stderr:
             level, slope = float(line.intercept), float(line.slope)
@@ -167,7 +171,8 @@ def subtract_zero(
         counts: Counts of the n texels, shape (frames, n) [-].
         measured: Whether each texel exists and was switched on, shape (n,).
         unloaded: Frames at rest, shape (frames,).
-        rest: Frames of a recording at rest, which give the zero instead, shape (any, n) [-].
+        rest: Frames of a recording at rest, which give the zero instead, shape (any, n) [-]; no frames for counts that
+            are zeroed already.
 
     Raises:
         RecordingError: If no frame is at rest and the counts are not zero where nothing presses, or if some texels are
@@ -178,7 +183,7 @@ def subtract_zero(
     parts = [counts[each] for each in groups] if rest is None else [rest]
     texels = counts.shape[1]
     if not any(map(len, parts)):
-        if not _is_zeroed(counts[:, measured]):
+        if rest is None and not _is_zeroed(counts[:, measured]):
             raise RecordingError(
                 f"{np.median(counts[:, measured]):.0f} counts on texels that nothing presses, and no frames at rest: "
                 "expected a recording that begins before the load, or ends after it, and changes when the array is "
@@ -190,13 +195,15 @@ def subtract_zero(
     else:
         together = np.vstack(parts)
         frames, clipped = len(together), (together == 0).mean(axis=0) >= _APPLIED_SHARE
-        noise = np.sqrt(sum(_deviate(part) ** 2 * len(part) for part in parts) / frames)
+        known = [part for part in parts if len(part) > _FEW] or parts
+        noise = np.sqrt(sum(_deviate(part) ** 2 * len(part) for part in known) / sum(map(len, known)))
         levels = np.where(clipped, 0.0, np.array([part.mean(axis=0) for part in parts]))
         at = np.array([times[each].mean() for each in groups]) if rest is None else np.zeros(1)
         drift = _find_drift(times, counts[:, measured & ~clipped], groups) if rest is None else (0.0, np.inf)
         mean = np.where(clipped, together.mean(axis=0), 0.0)
-    image = np.median(counts[~unloaded] if not unloaded.all() else counts, axis=0) - levels[0]
-    standing = measured & (np.abs(levels[0]) > 3 * noise + 1)
+    above = counts - _interpolate(times, at, levels)
+    image = np.where(measured, np.median(above[~unloaded] if not unloaded.all() else above, axis=0), 0.0)
+    standing = measured & (np.abs(levels[0]) > 3 * np.nan_to_num(noise) + 1)
     clips = frames > 0 and rest is None and (levels[0] == 0)[measured].mean() >= _APPLIED_SHARE
     if clips and np.abs(levels[0][standing]).sum() > _ZERO_SHARE * np.abs(image).sum():
         raise RecordingError(
@@ -204,35 +211,43 @@ def subtract_zero(
             "expected an unloaded array; write in a data-set file zero = 'none' for a load that was on before, or "
             "zero = 'rest.csv', a recording of the unloaded array"
         )
-    sign = -1 if image[measured].sum() < 0 else 1
-    levels = _remove_recovery(levels, noise, image, sign)
-    zero = np.column_stack([np.interp(times, at, level) for level in levels.T])
+    sign = -1 if image.sum() < 0 else 1
+    zero = _interpolate(times, at, _remove_recovery(levels, noise, image, measured, sign))
     return Zeroed(
         counts=sign * (counts - zero), sign=sign, zero=zero.mean(axis=0), unloaded=unloaded, rest=np.abs(mean),
         noise=noise, at_rest=frames, drift=(sign * drift[0], drift[1]), rest_time=float(at.mean()),
     )  # fmt: skip
 
 
-def _remove_recovery(levels: FloatArray, noise: FloatArray, image: FloatArray, sign: int) -> FloatArray:
+def _interpolate(times: FloatArray, at: FloatArray, levels: FloatArray) -> FloatArray:
+    """Return the zeros at some times between those of the groups of frames at rest, shape (times, n) [-]."""
+    return np.column_stack([np.interp(times, at, level) for level in levels.T])
+
+
+def _remove_recovery(
+    levels: FloatArray, noise: FloatArray, image: FloatArray, measured: BoolArray, sign: int
+) -> FloatArray:
     """Return the zeros of groups of frames at rest, with the median drift where a pressed texel stands above the rest.
 
     Args:
         levels: Mean counts of each group, shape (groups, n) [-].
         noise: Standard deviation of the counts, shape (n,) [-].
         image: Change of the counts by the load, shape (n,) [-].
+        measured: Whether each texel exists and was switched on, shape (n,).
         sign: Sign of the image.
     """
     change = sign * (levels - levels[0])
-    typical = np.median(change, axis=1, keepdims=True)
-    spread = 1.4826 * np.median(np.abs(change - typical), axis=1, keepdims=True)
     pressed = sign * image > _LIT_ERRORS * np.nan_to_num(noise)
+    others = change[:, measured & ~pressed] if (measured & ~pressed).any() else change[:, measured]
+    typical = np.median(others, axis=1, keepdims=True)
+    spread = 1.4826 * np.median(np.abs(others - typical), axis=1, keepdims=True)
     recovering = pressed & (change > typical + 3 * spread + np.nan_to_num(noise) / 2)
     return np.asarray(levels[0] + sign * np.where(recovering, typical, change))
 
 
 def _find_drift(times: FloatArray, counts: FloatArray, groups: Sequence[IntArray]) -> tuple[float, float]:
     """Return the slope of the sum of counts in one group of frames at rest, and its error; no slope for several."""
-    if len(groups) != 1 or len(groups[0]) < _FLAT_FRAMES or not counts.shape[1]:
+    if len(groups) != 1 or len(groups[0]) < _FLAT_FRAMES or not counts.shape[1] or not np.ptp(times[groups[0]]):
         return 0.0, float("inf")
     line = linregress(times[groups[0]], counts[groups[0]].sum(axis=1))
     return float(line.slope), float(line.stderr)
@@ -253,9 +268,15 @@ def _measure(counts: FloatArray) -> float:
 
 
 def _deviate(frames: FloatArray) -> FloatArray:
-    """Return the standard deviation of each texel about a straight trend, shape (n,) [-]; 0 for few frames."""
-    few = 3
-    return detrend(frames, axis=0).std(axis=0, ddof=2) if len(frames) > few else np.zeros(frames.shape[1])
+    """Return the standard deviation of each texel about a straight trend, shape (n,) [-]; NaN for few frames."""
+    return detrend(frames, axis=0).std(axis=0, ddof=2) if len(frames) > _FEW else np.full(frames.shape[1], np.nan)
+
+
+def _deviate_by_steps(frames: FloatArray) -> FloatArray:
+    """Return the standard deviation of each texel from successive differences, shape (n,) [-]; 0 for one frame."""
+    if len(frames) == 1:
+        return np.zeros(frames.shape[1])
+    return np.asarray(1.4826 * np.median(np.abs(np.diff(frames, axis=0)), axis=0) / np.sqrt(2))
 
 
 def _project(counts: FloatArray) -> tuple[FloatArray, float]:

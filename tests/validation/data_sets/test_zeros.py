@@ -244,3 +244,85 @@ def test_rest_may_drift(slope):
     counts = OFFSETS + made.arrays[0].counts[loaded] + slope * times[:, None]
     rest = find_rest(times, counts + 3 * np.random.default_rng(1).standard_normal(counts.shape))
     assert times[rest - 1] == pytest.approx(4.0, abs=0.3)
+
+
+def switch_off(recording, texels):
+    array = dataclasses.replace(recording.arrays[0], enabled=~np.isin(np.arange(N), texels))
+    return dataclasses.replace(recording, arrays=(array,))
+
+
+MASKED = {
+    "stuck low": ([0], lambda times: -30000 * (times[:, None] >= 0)),
+    "flickers": ([0], lambda times: 4000 * (np.arange(len(times)) % 2)[:, None]),
+    "stuck high": ([0, 5], lambda times: 40000 * (times[:, None] >= 0)),
+}
+
+
+@pytest.mark.parametrize(("texels", "values"), MASKED.values(), ids=MASKED)
+@pytest.mark.parametrize(("change", "zero"), [(offset, "rest"), (clip, "rest"), (clip, "none")])
+def test_texels_that_are_switched_off_change_nothing(texels, values, change, zero, tmp_path):
+    def disturb(counts, times):
+        counts = change(counts, times)
+        counts[:, texels] = values(times)
+        return counts
+
+    keys = CommonKeys(window=[2, 4], zero=zero)
+    plain = read(switch_off(record(change), texels), tmp_path, keys, "plain.mcap")
+    found = read(switch_off(record(disturb), texels), tmp_path, keys, "found.mcap")
+    assert not found.measured[texels].any()
+    assert found.total == plain.total
+    assert (found.age, found.creep, found.full_scale) == (plain.age, plain.creep, plain.full_scale)
+
+
+def test_columns_of_missing_texels_do_not_make_counts_zeroed(tmp_path):
+    """Zeros of a third of the texels, which are switched off, hide neither an offset nor its refusal."""
+    missing = np.arange(0, N, 3)
+
+    def lose(counts, times):
+        counts = offset(counts, times)
+        counts[:, missing] = 0
+        return counts
+
+    made = switch_off(record(lose, lift=True), missing)
+    plain = switch_off(record(offset, lift=True), missing)
+    assert read(made, tmp_path, name="made.mcap").total == read(plain, tmp_path, name="plain.mcap").total
+    late = made.times > 2.0
+    array = dataclasses.replace(made.arrays[0], counts=made.arrays[0].counts[late & (made.times < 8.0)])
+    begun = dataclasses.replace(made, times=made.times[late & (made.times < 8.0)] - 2.0, arrays=(array,))
+    with pytest.raises(RecordingError, match="counts on texels that nothing presses"):
+        read(begun, tmp_path, name="begun.mcap")
+
+
+@pytest.mark.parametrize(("until", "shift"), [(0.7, 0.0), (1.0, 0.07)])
+def test_frames_at_rest_may_share_one_time_stamp(until, shift, tmp_path):
+    """A clock that starts with the load, or shortly before it."""
+    made = record(offset, rate=16.0)
+    late = dataclasses.replace(made, times=np.where(made.times <= until, 0.0, made.times - shift))
+    assert read(late, tmp_path).total == pytest.approx(read(made, tmp_path).total, rel=0.01)
+
+
+@pytest.mark.parametrize("frames", [2, 3])
+def test_the_floor_of_few_frames_at_rest_is_that_of_the_noise_of_the_image(frames, tmp_path):
+    made = record(offset, noise=10.0)
+    array = dataclasses.replace(made.arrays[0], counts=made.arrays[0].counts[:frames])
+    path = write(dataclasses.replace(made, times=made.times[:frames], arrays=(array,)), tmp_path / "rest.csv")
+    plain = press(METHOD, CURVE, 10.0, POSE, noise=0.0).arrays[0].counts[-1]
+    found = read(made, tmp_path, CommonKeys(window=[2, 4], zero=str(path)))
+    assert (found.counts > found.floor)[plain == 0].mean() < 0.02
+    assert np.median(found.floor) == pytest.approx(5 * 10 * np.sqrt(1 / 16 + 1 / frames), rel=0.1)
+
+
+def test_a_large_stamp_that_recovers_does_not_raise_the_zero_of_all(tmp_path):
+    """Three quarters of the texels are pressed and keep a fifth of their counts when the load is lifted."""
+    pressed = 1000 * (np.arange(N) % 4 > 0)
+
+    def cover(_counts, times):
+        on, after = (times > 1.0) & (times < 9.0), times >= 9.0
+        return OFFSETS + (on[:, None] + 0.2 * after[:, None]) * pressed + 4 * times[:, None]
+
+    assert read(record(cover), tmp_path).total == pytest.approx(pressed.sum(), rel=0.01)
+
+
+def test_an_array_without_texels_that_are_switched_on_is_refused(tmp_path):
+    with pytest.raises(RecordingError, match="every texel of the pressed array is switched off"):
+        read(switch_off(record(offset), np.arange(N)), tmp_path, name="off.mcap")
