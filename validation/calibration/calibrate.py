@@ -244,7 +244,7 @@ def calibrate(
     texels = _find_pressed(fit)
     places = fit.layout.gains[np.isin(fit.layout.gain_texels, texels)]
     values = fit.curve.gains[texels]
-    mean = float(values.mean()) if len(texels) else 1.0
+    mean = _find_mean_gain(fit, texels)
     # Derivatives of the logarithm of the mean gain with respect to the fitted parameters.
     of_mean = np.zeros(len(fit.vector))
     of_mean[places] = values / (max(len(texels), 1) * mean)
@@ -257,7 +257,7 @@ def calibrate(
     about_cover = "the thickness of the cover was assumed and not questioned"
     if profile:
         thickness, fits = profile_thickness(fit, say)
-        means = {factor: float(each.curve.gains[texels].mean()) for factor, each in fits.items()}
+        means = {factor: _find_mean_gain(each, texels) for factor, each in fits.items()}
         others = {factor: _list_estimates(each, means[factor], of_mean, uncertainty) for factor, each in fits.items()}
         ends = thickness.low / (1e3 * method.thickness), thickness.high / (1e3 * method.thickness)
         estimates = {**widen(estimates, others, ends), "cover_thickness": thickness}
@@ -301,6 +301,11 @@ def _find_pressed(fit: ForwardFit) -> npt.NDArray[np.intp]:
     forces = compute_forces(fit.method, fit.observations, fit.poses)
     share = forces / np.maximum(forces.max(axis=1, keepdims=True), 1e-12)
     return np.intersect1d(np.flatnonzero((share > NUMBERS.least_share).any(axis=0)), fit.layout.gain_texels)
+
+
+def _find_mean_gain(fit: ForwardFit, texels: npt.NDArray[np.intp]) -> float:
+    """Return the mean fitted gain of texels; 1 without texels [-]."""
+    return float(fit.curve.gains[texels].mean()) if len(texels) else 1.0
 
 
 def _list_estimates(fit: ForwardFit, mean: float, of_mean: FloatArray, uncertainty: Uncertainty) -> dict[str, Estimate]:

@@ -61,7 +61,7 @@ def profile_thickness(fit: ForwardFit, say: Callable[[str], object]) -> tuple[Es
             fits[factor] = fit_forward(rescale(factor), fit.observations, fit.options)
         fits = dict(sorted(fits.items()))
         low, likely, high = (low, likely, high) if still else _find_interval(fits)
-        if len(fits) < _MOST_FITS and min(abs(np.log(factor / likely)) for factor in fits) > _CLOSE:
+        if len(fits) + 2 <= _MOST_FITS and min(abs(np.log(factor / likely)) for factor in fits) > _CLOSE:
             wanted = {likely / _BESIDE, likely * _BESIDE}
     low, high = assumed * low if low > FACTORS[0] else 0.0, assumed * high if high < FACTORS[-1] else np.inf
     value = assumed * likely if low > 0 and high < np.inf else np.nan

@@ -3,7 +3,8 @@
 The comparison error of a quantity is E = S - D, with the counts S of the fast model with texel gains and the recorded
 counts D, each the mean over repeats of the load.
 
-    u_D      repeats of the load, growth by creep within the window of the frames, noise and rounding of one frame
+    u_D      repeats of the load (their relative scatter, pooled over loads), growth by creep within the window of the
+             frames, noise and rounding of one frame
     u_num    iteration tolerance of the fast model, on the largest texel
     u_input  cover and pose, see `validation.credibility.uncertainty`; friction is left out
 
@@ -16,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -38,6 +40,9 @@ from validation.metrics import centre_of_pressure
 
 #: Standard deviation of a uniform distribution over its width [-].
 _OF_WIDTH = 1 / math.sqrt(12)
+#: Name with unit, factor to this unit, the function of the counts of the n texels, and the function of these counts for
+#: the size that the scatter between repeats is proportional to.
+Quantity = tuple[str, float, Callable[[FloatArray], float], Callable[[FloatArray], float]]
 
 
 def compare_loads(found: ForwardFit, images: Sequence[Image], cover: Cover, inputs: Inputs) -> list[ComparisonError]:
@@ -71,14 +76,18 @@ def compare_loads(found: ForwardFit, images: Sequence[Image], cover: Cover, inpu
     changed = [] if find_missing_range(cover) else [change(name) for name, *_ in list_inputs(cover, inputs)]
     cases = np.array([image.case for image in images])
     repeated = {case: observed.counts[cases == case] for case in dict.fromkeys(cases.tolist())}
+    quantities = {
+        case: list(_list_quantities(method, counts.mean(axis=0), observed.measured[cases == case].all(axis=0)))
+        for case, counts in repeated.items()
+    }
+    scatter = _pool_scatter(repeated, quantities)
     errors = []
     for case, counts in repeated.items():
         rows, here = cases == case, [image for image in images if image.case == case]
         S, D = predicted[rows].mean(axis=0), counts.mean(axis=0)
-        for name, factor, quantity in _list_quantities(method, D, observed.measured[rows].all(axis=0)):
+        for (name, factor, quantity, size), relative in zip(quantities[case], scatter, strict=True):
             iteration = np.where(np.arange(S.size) == S.argmax(), ITERATION * S.sum(), 0.0)
-            scatter = [np.var([quantity(each) for each in one], ddof=1) for one in repeated.values() if len(one) > 1]
-            repeats = float(np.mean(scatter)) / len(counts) if scatter else 0.0
+            repeats = relative * size(D) ** 2 / len(counts)
             effects = [part[rows].mean(axis=0) for part in changed]
             errors.append(
                 ComparisonError(
@@ -99,21 +108,42 @@ def _fix_pose(placement: Placement, poses: Mapping[str, Pose]) -> Placement:
     return replace(placement, at=(pose.x, pose.y), yaw=pose.yaw, tilt=(pose.tilt_x, pose.tilt_y))
 
 
-def _list_quantities(
-    method: ContactMethod, recorded: FloatArray, measured: FloatArray
-) -> Iterator[tuple[str, float, Callable[[FloatArray], float]]]:
-    """Yield name with unit, factor to this unit, and the function of the counts of the n texels."""
+def _list_quantities(method: ContactMethod, recorded: FloatArray, measured: FloatArray) -> Iterator[Quantity]:
     places, peak = method.array.centres[:, :2], int(np.argmax(recorded * measured))
-    yield "sum of counts", 1.0, lambda counts: float((counts * measured).sum())
-    yield "largest texel [counts]", 1.0, lambda counts: float(counts[peak])
-    yield "centre of counts x [mm]", 1e3, lambda counts: float(centre_of_pressure(counts * measured, places)[0])
-    yield "centre of counts y [mm]", 1e3, lambda counts: float(centre_of_pressure(counts * measured, places)[1])
+
+    def add(counts: FloatArray) -> float:
+        return float((counts * measured).sum())
+
+    def find_peak(counts: FloatArray) -> float:
+        return float(counts[peak])
+
+    def find_centre(axis: int, counts: FloatArray) -> float:
+        return float(centre_of_pressure(counts * measured, places)[axis])
+
+    yield "sum of counts", 1.0, add, add
+    yield "largest texel [counts]", 1.0, find_peak, find_peak
+    yield "centre of counts x [mm]", 1e3, partial(find_centre, 0), lambda _counts: 1.0
+    yield "centre of counts y [mm]", 1e3, partial(find_centre, 1), lambda _counts: 1.0
+
+
+def _pool_scatter(repeated: Mapping[str, FloatArray], quantities: Mapping[str, Sequence[Quantity]]) -> FloatArray:
+    """Return the variance of each quantity between repeats over its squared size, pooled over loads, shape (4,).
+
+    Both are summed over the loads, so that loads with hardly any counts have hardly any weight.  Zero without repeats.
+    """
+    variance, square = np.zeros(4), np.full(4, np.finfo(float).tiny)
+    for case, counts in repeated.items():
+        if len(counts) > 1:
+            variance += [np.var([of(each) for each in counts], ddof=1) for _, _, of, _ in quantities[case]]
+            square += [size(counts.mean(axis=0)) ** 2 for _, _, _, size in quantities[case]]
+    return variance / square
 
 
 def _list_drifts(images: Sequence[Image], recorded: FloatArray) -> Iterator[FloatArray]:
     """Yield the change of the recorded counts by creep within the window, then by noise and rounding of each texel."""
     first, lit = images[0], recorded > 0
-    creep = float(np.nan_to_num(np.mean([image.creep for image in images])))
+    known = [image.creep for image in images if not math.isnan(image.creep)]
+    creep = float(np.mean(known)) if known else 0.0
     low, high = first.file.window
     if creep and low > 0:
         yield creep * math.log(high / low) * _OF_WIDTH * np.where(lit, recorded + first.threshold, 0.0)

@@ -129,7 +129,7 @@ def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs
 
     case = case.turned
     listed = {name: uncertainty for name, uncertainty, _ in list_inputs(cover, inputs)}
-    note = find_missing_range(cover)
+    note = missing = find_missing_range(cover)
 
     def compute() -> dict[str, FloatArray]:
         return {"image": simulate_image(cover, array, case)} | {
@@ -161,7 +161,7 @@ def propagate_inputs(cover: Cover, array: TexelArray, case: Case, inputs: Inputs
         image=data["image"],
         effects=effects,
         note=note,
-        known=not find_missing_range(cover),
+        known=not missing,
     )
 
 
@@ -175,7 +175,8 @@ def list_inputs(cover: Cover, inputs: Inputs) -> Iterator[tuple[str, float, Chan
     The last argument of the function is the change of the input.  Inputs without uncertainty are omitted.
     """
     several = len(cover.layers) > 1
-    thickness = math.log(ASSUMED_THICKNESS[1] / ASSUMED_THICKNESS[0]) * _OF_WIDTH if cover.assumed else inputs.thickness
+    ignorance = math.log(ASSUMED_THICKNESS[1] / ASSUMED_THICKNESS[0]) * _OF_WIDTH if cover.assumed else 0.0
+    thickness = max(inputs.thickness, ignorance)
     for index, layer in enumerate(cover.layers):
         material = layer.material
         of = f" of {material.name}, layer {index + 1}" if several else ""

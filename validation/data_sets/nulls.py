@@ -6,8 +6,9 @@ A null model has a shape (such as a line in the load for each texel) and terms t
 
 Here F is the shape, a one temperature coefficient for all texels, c the median of the measured creep coefficients, and
 S the clipping at the largest count, or the soft saturation of `fastmodel.signal.electronics` with one band for all
-texels.  The level of a new session is fitted to its placing images.  a is fitted where the forward model fits it.
-Counts of zero mean that the signal is at most the threshold.  a has a wide prior, the band that of the model.
+texels.  The level of a new session is fitted to its placing images, at their temperature.  The fitted images alone
+decide whether a is fitted.  Counts of zero mean that the signal is at most the threshold, unless there is no threshold
+and some counts are negative, as the noise about the zero of an offset.  a has a wide prior, the band that of the model.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import minimize
 
 from fastmodel.signal.electronics import saturate
@@ -139,6 +141,7 @@ class _NullFit:
 
     def __init__(self, model: NullModel, fitted: Observations, output_max: float) -> None:
         self._model, self._fitted, self._most = model, fitted, output_max
+        self._clips = bool((fitted.counts[fitted.measured] >= 0).all())
         known = fitted.creep[np.isfinite(fitted.creep)]
         self._creep = float(np.median(known)) if known.size else 0.0
         warm, ages = fitted.temperatures, fitted.ages
@@ -173,6 +176,10 @@ class _NullFit:
     def _threshold(self, seen: Observations) -> FloatArray:
         return seen.thresholds[:, None] * float(self._model.dead_zone)
 
+    def _find_zero(self, seen: Observations) -> npt.NDArray[np.bool_]:
+        """Return which counts are clipped at zero, shape (m, n)."""
+        return np.asarray((seen.counts <= 0) & (self._clips | (seen.thresholds[:, None] > 0)))
+
     def _factor(self, seen: Observations, coefficient: float) -> FloatArray:
         """Return the factor of temperature and creep on the signals of each image, shape (m, 1) [-]."""
         ages = np.nan_to_num(seen.ages, nan=self._age)
@@ -184,7 +191,7 @@ class _NullFit:
         """Fit the shape; texels that read zero have at most the threshold as signal."""
         factor, threshold = self._factor(seen, coefficient), self._threshold(seen)
         signals = (self._straighten(seen.counts, band) + threshold) / factor
-        warm, zero = self._warm(seen), seen.counts <= 0
+        warm, zero = self._warm(seen), self._find_zero(seen)
         found = self._model.shape(seen.loads, warm, signals)
         for _ in range(_ROUNDS if zero.any() else 0):
             filled = np.where(zero, np.minimum(found(seen.loads, warm), threshold / factor), signals)
@@ -201,7 +208,7 @@ class _NullFit:
     def _renew(self, signal: Signal, placed: Observations, coefficient: float, band: float) -> Signal:
         """Scale the signal to placing images as the model states."""
         factor, threshold = self._factor(placed, coefficient), self._threshold(placed)
-        lit = placed.measured & (placed.counts > 0)
+        lit = placed.measured & ~self._find_zero(placed)
         recorded = np.where(lit, (self._straighten(placed.counts, band) + threshold) / factor, 0.0)
         expected = signal(placed.loads, self._warm(placed))
         if self._model.renew == "image":

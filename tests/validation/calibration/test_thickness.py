@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.support.laboratory import draw_gains, make_curve, observe_presses, uniform_method
+from validation.calibration import thickness
 from validation.calibration.calibrate import Calibration, calibrate
 from validation.calibration.forward_fit import Options, fit_forward
 from validation.calibration.model import join_observations, make_reference_method
@@ -61,6 +62,14 @@ def test_a_thickness_beyond_the_examined_ones_is_bounded_on_one_side(true, ends)
     assert (found.low > 0, np.isfinite(found.high)) == ends
     assert np.isnan(found.value)
     assert ("at least" if ends[0] else "at most") in describe_thickness(found, 1e-3 * ASSUMED)
+
+
+def test_no_more_than_nine_covers_are_fitted(monkeypatch):
+    """Also if the most likely thickness moves with every fit."""
+    likely = iter((1.2, 0.8, 0.6, 2.4, 1.7))
+    monkeypatch.setattr(thickness, "_find_interval", lambda _fits: (0.6, next(likely), 2.4))
+    fit = fit_forward(spread_by(1.0), observe(5, 1.5, places=2, known=True), Options())
+    assert len(profile_thickness(fit, str)[1]) <= 9
 
 
 @pytest.mark.parametrize("shift", [None, 1e-3])

@@ -45,12 +45,12 @@ def even_forces(_indenter, load, _pose):
 LINE = Line(ContactMethod(name="even", about="", array=ARRAY, solve=even_forces))
 
 
-def make_image(factor, placement=PLACEMENT):
+def make_image(factor, placement=PLACEMENT, load=LOAD, creep=CREEP):
     """A recorded image: the prediction with a factor."""
-    counts = factor * SLOPE * even_forces(None, LOAD, None)
+    counts = factor * SLOPE * even_forces(None, load, None)
     return SimpleNamespace(
-        load=LOAD, counts=counts, measured=np.ones(81, dtype=bool), temperature=30.0, age=7.5, creep=CREEP,
-        threshold=THRESHOLD, floor=np.zeros(81), noise=NOISE, case="here 10 N",
+        load=load, counts=counts, measured=np.ones(81, dtype=bool), temperature=30.0, age=7.5, creep=creep,
+        threshold=THRESHOLD, floor=np.zeros(81), noise=NOISE, case=f"{placement.name} {load:g} N",
         file=SimpleNamespace(placement=placement, name="a.csv", window=(6.0, 9.0)),
     )  # fmt: skip
 
@@ -117,3 +117,24 @@ def test_a_fitted_pose_has_the_u_input_of_the_same_known_pose():
     for expected, found in zip(one, two, strict=True):
         assert found.u_input == pytest.approx(expected.u_input, rel=0.1)
         assert found.u_input > 0
+
+
+def test_the_scatter_of_repeats_is_relative_to_the_load():
+    """Repeats differ by 4 % at every load; a load without repeats has the same relative scatter."""
+    images = [make_image(factor, load=load, creep=0.0) for load in (1.0, 40.0) for factor in (0.94, 0.98)]
+    images.append(make_image(0.96, load=10.0, creep=0.0))
+    compared = compare_loads(LINE, images, COVER, POSITION)
+    found = {each.case: each for each in compared if each.quantity == "sum of counts"}
+    noise = 3 * math.hypot(NOISE, ROUNDING)
+    deviation = 0.04 / math.sqrt(2)
+    for load, repeats in ((1.0, 2), (40.0, 2), (10.0, 1)):
+        expected = math.hypot(deviation * SLOPE * load / math.sqrt(repeats), noise)
+        assert found[f"here {load:g} N"].u_data == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_repeat_with_unknown_creep_leaves_the_creep_of_the_others():
+    one, two = (
+        compare_loads(LINE, [make_image(0.97), make_image(0.97, creep=creep)], COVER, POSITION)[0].u_data
+        for creep in (CREEP, math.nan)
+    )
+    assert two == pytest.approx(one)

@@ -263,3 +263,11 @@ def test_a_case_whose_inputs_cannot_be_propagated_costs_its_comparison_and_a_lin
     assert set(gathered.inputs) == {each.case.name for each in results[1:]}
     assert {each.case for each in gathered.errors} == set(gathered.inputs)
     assert gathered.failed == (f"input uncertainty of {results[0].case.name}: too coarse",)
+
+
+def test_an_assumed_cover_is_never_more_certain_than_stated(bonded):
+    """The range of ignorance of an assumed thickness is 0.52; a larger stated uncertainty stays."""
+    cover = dataclasses.replace(bonded(0.45), assumed=True)
+    for stated, expected in ((0.025, math.log(6) / math.sqrt(12)), (0.7, 0.7)):
+        found = {name: value for name, value, _ in list_inputs(cover, only(thickness=stated))}
+        assert found["thickness [relative]"] == pytest.approx(expected)

@@ -122,3 +122,13 @@ def test_a_coefficient_of_temperature_for_each_texel_is_fitted():
     found = fit_polynomials(loads, temperatures, predict(loads, temperatures), degree=1, warm=True)
     other = np.array([3.0, 8.0]), np.array([50.0, 55.0])
     np.testing.assert_allclose(found(*other), predict(*other), rtol=1e-6)
+
+
+def test_noise_about_the_zero_of_an_offset_is_not_taken_for_a_threshold():
+    """The first texel is not pressed; without a threshold its noise has the mean zero, and so has its prediction."""
+    fitted = observe(lambda loads: np.outer(loads, SLOPES) + 90, *STATES, creep=0.0)
+    noise = 20.0 * np.array([1, -1, -1, 1, -1, 1, 1, -1])  # both signs at each load
+    counts = np.column_stack([noise, fitted.counts[:, 1:]])
+    fitted = replace(fitted, counts=counts, thresholds=np.zeros(8))
+    found = NULLS["line per texel"].fit(fitted, None, MOST)(fitted)
+    assert np.abs(found[:, 0]).max() < 1
