@@ -13,7 +13,7 @@ from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 from validation.calibration.model import CREEP_START, Observations
 from validation.data_sets.data_set import DataFile, DataSet
-from validation.data_sets.zeros import Zeroed, find_unloaded, subtract_zero
+from validation.data_sets.zeros import Zeroed, find_unloaded, find_unloaded_by_force, subtract_zero
 from validation.recordings.importing import open_recording
 from validation.recordings.recording import (
     NANOSECOND,
@@ -91,7 +91,6 @@ class ImageNumbers:
     Attributes:
         fewest_frames: Smallest number of frames from which the noise about a straight trend can be estimated [-].
         most_images: Largest number of images that a recording with a force channel is divided into [-].
-        unloaded: Share of the largest force of a channel below which a frame counts as unloaded [-].
         shortest: Shortest time over which frames under a load that ends early are averaged [s].
         ended: Share of the final sum of counts below which a load that ends is being removed [-].
         contrary: Sum of counts over that under a lighter load, below which one of the two labels is doubted [-].
@@ -102,7 +101,6 @@ class ImageNumbers:
 
     fewest_frames: int = 3
     most_images: int = 24
-    unloaded: float = 0.005
     shortest: float = 1.0
     ended: float = 0.95
     contrary: float = 0.9
@@ -132,6 +130,7 @@ class Image:
         noise: Standard deviation of a texel's counts about a straight trend, over texels that are never zero [counts].
         full_scale: Largest count of the array above rest according to the recording [-].
         sha256: SHA-256 hash of the file.
+        array: Index of the pressed array in the recording [-].
         note: Sentence about a doubt in this image; empty without one.
     """
 
@@ -148,6 +147,7 @@ class Image:
     noise: float
     full_scale: int
     sha256: str
+    array: int = 0
     note: str = ""
 
     @property
@@ -174,14 +174,15 @@ def read_images(data_set: DataSet, array: TexelArray) -> tuple[list[Image], list
     images: list[Image] = []
     problems: list[str] = []
     copies: list[str] = []
-    first: dict[str, DataFile] = {}
+    first: dict[tuple[object, ...], DataFile] = {}
     for file in data_set.files:
         try:
             found = read_image(file, array)
         except (RecordingError, OSError) as error:
             problems.append(f"{error}; left out")
             continue
-        earlier = first.setdefault(found[0].sha256, file)
+        window = file.window if np.isfinite(found[0].age) else ()
+        earlier = first.setdefault((found[0].sha256, found[0].array, *window), file)
         if earlier is file:
             images += found
             problems += dict.fromkeys(f"{file.path}: {image.note}" for image in found if image.note)
@@ -285,13 +286,16 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
             file=file, load=load, counts=mean, floor=zeroed.find_floor(frames), sign=zeroed.sign, measured=measured,
             temperature=_find_temperature(recording, file, recording.times[frames]), age=age, creep=creep,
             threshold=threshold, noise=_noise(counts[frames][:, measured]), sha256=recording.sha256,
-            full_scale=_find_range(pressed, zeroed, measured),
+            full_scale=_find_range(pressed, zeroed, measured), array=recording.arrays.index(pressed),
             note=zeroed.describe_drift(time, float(mean[measured].sum())) if np.isfinite(age) else "",
         )  # fmt: skip
 
     load = file.load if isinstance(file.load, float) else recording.setup.load
-    if file.load == FORCE or (load is None and len(recording.forces)):
-        return [average(frames, load) for frames, load in _divide_by_force(recording, file)]
+    if _has_varying_load(recording, file):
+        pieces = [(frames, average(frames, load)) for frames, load in _divide_by_force(recording, file)]
+        for frames, image in pieces:
+            _check_range(image, pressed.counts[frames], pressed.full_scale - threshold)
+        return [image for _, image in pieces]
     if load is None:
         raise RecordingError(
             f"{file.path}: its load is not known; write `# load = 4.9` [N] above the columns of a CSV file, or "
@@ -301,8 +305,15 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
     inside = _find_window(file, age, last)
     creep = find_creep(age[:last], counts[:last, measured], threshold)
     image = average(inside, load, age=float(age[inside].mean()), creep=creep)
-    _check_image(recording, image, pressed.counts[inside], pressed.full_scale - threshold, inside)
+    _check_range(image, pressed.counts[inside], pressed.full_scale - threshold)
+    _check_label(recording, image, inside)
     return [image]
+
+
+def _has_varying_load(recording: Recording, file: DataFile) -> bool:
+    """Return whether the force channel gives the loads of a recording."""
+    labelled = isinstance(file.load, float) or recording.setup.load is not None
+    return file.load == FORCE or (not labelled and len(recording.forces) > 0)
 
 
 def _zero(recording: Recording, file: DataFile, pressed: RecordedArray, array: TexelArray) -> Zeroed:
@@ -325,9 +336,8 @@ def _zero(recording: Recording, file: DataFile, pressed: RecordedArray, array: T
                 f"array with {counts.shape[1]} texels as in {file.path}"
             )
     elif len(recording.forces):
-        loads = np.interp(recording.times, recording.force_times, recording.forces)
-        unloaded = loads <= NUMBERS.unloaded * loads.max(initial=0.0)
-    elif file.load != FORCE:
+        unloaded = find_unloaded_by_force(np.interp(recording.times, recording.force_times, recording.forces))
+    if file.zero == REST and not _has_varying_load(recording, file) and not unloaded.any():
         unloaded = find_unloaded(recording.times, counts[:, measured])
     try:
         return subtract_zero(recording.times, counts, measured, unloaded, rest=rest)
@@ -389,29 +399,34 @@ def _find_window(file: DataFile, age: FloatArray, last: int) -> BoolArray:
     return np.asarray(inside)
 
 
-def _check_image(recording: Recording, image: Image, raw: CountArray, top: float, inside: BoolArray) -> None:
-    """Refuse an image whose pressed texels all saturate, or whose force channel contradicts its load.
+def _check_range(image: Image, raw: CountArray, top: float) -> None:
+    """Refuse an image whose pressed texels all saturate.
 
     Args:
-        recording: The recording.
-        image: Its image.
+        image: The image.
         raw: Recorded counts of the image, shape (frames, n) [-].
         top: Largest count that the sensor gives [-].
-        inside: Frames of the image, shape (all frames,).
 
     Raises:
-        RecordingError: In these cases.
+        RecordingError: In this case.
     """
-    lit, path = image.measured & (image.counts > image.floor), image.file.path
+    lit = image.measured & (image.counts > image.floor)
     at_end = raw[:, lit] >= top if image.sign > 0 else raw[:, lit] <= min(0, int(raw[:, image.measured].min()))
     if lit.any() and at_end.mean() >= NUMBERS.saturated:
-        raise RecordingError(f"{path}: {int(lit.sum())} pressed texels are at the end of the range; use lighter loads")
+        raise RecordingError(
+            f"{image.file.path}: {int(lit.sum())} pressed texels are at the end of the range at {image.load:.3g} N; "
+            "use lighter loads"
+        )
+
+
+def _check_label(recording: Recording, image: Image, inside: BoolArray) -> None:
+    """Refuse an image, of some of all frames, with a load that the force channel contradicts."""
     if len(recording.forces):
         force = float(np.interp(recording.times[inside], recording.force_times, recording.forces).mean())
         if abs(force - image.load) > NUMBERS.force_differs * image.load:
             raise RecordingError(
-                f"{path}: its load is said to be {image.load:.3g} N, and its force channel reads {force:.3g} N; mend "
-                "the label, or use the channel: load = 'force' in a data-set file"
+                f"{image.file.path}: its load is said to be {image.load:.3g} N, and its force channel reads "
+                f"{force:.3g} N; mend the label, or use the channel: load = 'force' in a data-set file"
             )
 
 

@@ -46,6 +46,10 @@ _ZERO_SHARE = 0.01
 _PARTS = 10
 #: Number of standard errors by which a count differs from rest [-].
 _LIT_ERRORS = 5.0
+#: Height above the level at rest of a force channel up to which a frame is at rest, over the largest force [-].
+_UNLOADED_SHARE = 0.005
+#: Largest force at rest of a force channel, over the largest force, that is taken for an offset of the channel [-].
+_OFFSET_SHARE = 0.05
 #: Number of frames up to which the deviation about a straight trend is not known [-].
 _FEW = 3
 
@@ -154,6 +158,30 @@ def find_unloaded(times: FloatArray, counts: FloatArray) -> BoolArray:
         unloaded[last + 1 :] = times[last + 1 :] > times[last] + min(_STEP_TIME, (times[-1] - times[last]) / 2)
     elif end:
         unloaded[-end:] = True
+    return unloaded
+
+
+def find_unloaded_by_force(forces: FloatArray) -> BoolArray:
+    """Find groups of successive frames in which a force channel stays at its own level at rest, shape (frames,).
+
+    The level may differ from zero by a small share of the largest force.  The noise follows from second differences,
+    which a load that rises steadily does not change: their standard deviation is sqrt(6) times that of the noise.
+
+    Args:
+        forces: Force at the time of each frame, shape (frames,) [N].
+    """
+    unloaded = np.zeros(len(forces), dtype=bool)
+    if len(forces) < _FLAT_FRAMES:
+        return unloaded
+    noise = 1.4826 * float(np.median(np.abs(np.diff(forces, n=2)))) / np.sqrt(6)
+    top, low = float(forces.max()), float(np.sort(forces)[_FLAT_FRAMES - 1])
+    reach = max(_LIT_ERRORS * noise, _UNLOADED_SHARE * (top - low))
+    level = float(np.median(forces[forces <= low + reach]))
+    if abs(level) > _OFFSET_SHARE * top + _LIT_ERRORS * noise or reach > _APPLIED_SHARE * (top - level):
+        return unloaded
+    still = forces <= level + reach
+    for group in np.split(np.arange(len(forces)), np.flatnonzero(np.diff(still.astype(int))) + 1):
+        unloaded[group] = still[group[0]] and len(group) >= _FLAT_FRAMES
     return unloaded
 
 

@@ -101,7 +101,9 @@ def test_a_recording_in_saturation_is_refused_and_one_saturated_texel_is_not(tmp
         array = dataclasses.replace(made.arrays[0], counts=counts.astype(np.int32), full_scale=most)
         changed = dataclasses.replace(made, arrays=(array,))
         if refused:
-            with pytest.raises(RecordingError, match="pressed texels are at the end of the range; use lighter loads"):
+            with pytest.raises(
+                RecordingError, match="pressed texels are at the end of the range at 10 N; use lighter loads"
+            ):
                 read(changed, tmp_path)
         else:
             assert read(changed, tmp_path).counts.max() == pytest.approx(most, abs=1)
@@ -116,3 +118,30 @@ def test_placements_of_one_series_stay_apart(tmp_path):
     images, problems = read_images(write_data_set(tmp_path, text), ARRAY)
     assert problems == []
     assert [image.file.placement.name for image in images] == ["place 0", "place 1"]
+
+
+def test_a_force_channel_does_not_hide_saturation(tmp_path):
+    made = record()
+    counts = np.minimum(made.arrays[0].counts, 1).astype(np.int32)
+    array = dataclasses.replace(made.arrays[0], counts=counts, full_scale=1)
+    forces = np.where(made.times > 1.0, 10.0, 0.0)
+    with pytest.raises(RecordingError, match="pressed texels are at the end of the range at 10 N"):
+        _pieces(dataclasses.replace(made, arrays=(array,), forces=forces, force_times=made.times), tmp_path)
+
+
+def test_two_arrays_and_two_windows_of_one_file_are_not_the_same_content(tmp_path):
+    made, other = record(load=10.0), record(load=5.0)
+    save(dataclasses.replace(made, arrays=(made.arrays[0], other.arrays[0])), tmp_path / "one.mcap")
+    series = "[[series]]\nname = '{}'\nfiles = 'one.mcap'\nload = {}\narray = {}\nwindow = {}\n"
+    rows = [
+        ("a", "'10 N'", 0, [4, 5]),
+        ("b", "'5 N'", 1, [4, 5]),
+        ("c", "'10 N'", 0, [8, 10]),
+        ("d", "'10 N'", 0, [4, 5]),
+    ]
+    text = f"indenter = '{STAMP_TEXT}'\n" + "".join(series.format(*row) for row in rows)
+    images, problems = read_images(write_data_set(tmp_path, text), ARRAY)
+    assert [image.file.series for image in images] == ["a", "b", "c"]
+    assert images[1].total == pytest.approx(images[0].total / 2, rel=0.1)
+    assert images[2].age == pytest.approx(9.0, abs=0.2)
+    assert ["the same content is read once" in line for line in problems] == [True]

@@ -19,7 +19,7 @@ from validation.calibration.calibrate import calibrate
 from validation.calibration.model import Pose
 from validation.data_sets.data_set import describe_files
 from validation.data_sets.images import observe, read_image, read_images
-from validation.data_sets.zeros import find_rest
+from validation.data_sets.zeros import find_rest, find_unloaded_by_force
 from validation.recordings.recording import RecordingError
 from validation.schema.data_set import CommonKeys
 
@@ -326,3 +326,44 @@ def test_a_large_stamp_that_recovers_does_not_raise_the_zero_of_all(tmp_path):
 def test_an_array_without_texels_that_are_switched_on_is_refused(tmp_path):
     with pytest.raises(RecordingError, match="every texel of the pressed array is switched off"):
         read(switch_off(record(offset), np.arange(N)), tmp_path, name="off.mcap")
+
+
+@pytest.mark.parametrize(("shift", "noise"), [(0.0, 0.0), (0.3, 0.05), (-0.3, 0.05), (0.0, 0.2)])
+@pytest.mark.parametrize("load", ["10 N", "force"])
+def test_rest_by_force_has_the_noise_and_the_level_of_the_channel(load, shift, noise, tmp_path):
+    """Rest before and after the load, with drifting zeros, is two groups whatever the force channel adds."""
+    made = record(drift, lift=True)
+    true = np.where((made.times > 1.0) & (made.times <= made.times[-1] - 3.0), 10.0, 0.0)
+    forces = true + shift + noise * np.random.default_rng(4).standard_normal(len(true))
+    made = dataclasses.replace(made, forces=forces, force_times=made.times)
+    path = write(made, tmp_path / "one.mcap")
+    images = read_image(describe_files([path], CommonKeys(window=[2, 4], load=load), ARRAY).files[0], ARRAY)
+    plain = press(METHOD, CURVE, 10.0, POSE, noise=0.0).arrays[0].counts[-1]
+    heaviest = max(images, key=lambda image: image.load)
+    assert heaviest.counts.sum() == pytest.approx(plain.sum(), rel=0.02)
+    assert np.abs(heaviest.counts - plain).max() < 10
+
+
+def test_a_force_channel_that_is_never_at_rest_gives_no_rest():
+    times = np.arange(0, 20, 0.1)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(len(times))
+    for forces in (10 + noise, 10 + 5 * np.sin(times) + noise, noise, np.array([0.0, 10.0])):
+        assert not find_unloaded_by_force(forces).any()
+    triangle = np.maximum(10 * np.abs(times % 10 - 5) - 20, 0) / 3
+    found = find_unloaded_by_force(triangle + noise)
+    assert (triangle[found] < 0.3).all()
+    assert found[triangle == 0].mean() > 0.95
+
+
+@pytest.mark.parametrize("load", [None, "force"])
+def test_the_lightest_of_several_loads_is_no_rest(load, tmp_path):
+    """2 N, 10 N, then 5 N: the counts alone would take both ends for frames without load."""
+    made = record()
+    forces = np.select([made.times <= 3.0, made.times <= 8.0], [2.0, 10.0], 5.0)
+    counts = np.rint(OFFSETS + forces[:, None] * 100 * (np.arange(N) < 30))
+    array = dataclasses.replace(made.arrays[0], counts=counts.astype(np.int32))
+    setup = dataclasses.replace(made.setup, load=None)
+    made = dataclasses.replace(made, arrays=(array,), setup=setup, forces=forces, force_times=made.times)
+    path = write(made, tmp_path / "one.mcap")
+    with pytest.raises(RecordingError, match="no frames at rest"):
+        read_image(describe_files([path], CommonKeys(window=[2, 4], load=load), ARRAY).files[0], ARRAY)
