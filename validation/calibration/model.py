@@ -185,8 +185,9 @@ class ContactMethod:
     gain_error: float = 0.0
     thickness: float = float("nan")
     rescale: Callable[[float], ContactMethod] | None = None
-    _known: dict[tuple[Indenter, float, Pose], FloatArray] = field(default_factory=dict)
-    _blocks: dict[tuple[Indenter, int, int, int, int], FloatArray] = field(default_factory=dict)
+    # A changed copy has empty caches.
+    _known: dict[tuple[Indenter, float, Pose], FloatArray] = field(init=False, default_factory=dict)
+    _blocks: dict[tuple[Indenter, int, int, int, int], FloatArray] = field(init=False, default_factory=dict)
 
     def texel_forces(self, indenter: Indenter, loads: FloatArray, pose: Pose, *, smooth: bool = False) -> FloatArray:
         """Compute the force on each of n texels under each of m loads; zero where the indenter misses the array.

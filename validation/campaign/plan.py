@@ -21,6 +21,7 @@ from validation.campaign.case import Case
 from validation.campaign.reference_press import find_stored_reference
 from validation.derivation.contact_range import DEEP, bear
 from validation.errors import InputError
+from validation.pooling import FEWEST
 from validation.text.quantity import read_quantity
 
 
@@ -82,8 +83,8 @@ _FAR = 4.0
 _AREA = 300.0
 #: Exponents with which the times of the response of a cover and of a block grow with the unknowns [-].
 _GROWTH, _BLOCK_GROWTH = 1.2, 2.5
-#: Fewest cases that decide a run with a budget, and cases that come before a single expensive one [-].
-FEWEST, _FEW = 5, 6
+#: Number of cases that come before a single expensive one [-].
+_FEW = 6
 #: Share of a budget that is planned, because the expected times are right within a factor of 1.5 [-].
 _PLANNED = 0.7
 #: Budget of `--quick`: processor time [s].

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -60,6 +60,7 @@ def compare_loads(found: ForwardFit, images: Sequence[Image], cover: Cover, inpu
     still = replace(observed, placements=tuple(_fix_pose(each, found.poses) for each in observed.placements))
     unchanged = found.predict(still)
 
+    @cache
     def propagate(indenter: Indenter, load: float, pose: Pose) -> Mapping[str, FloatArray]:
         at = meshes.Pose.planar(at=(pose.x, pose.y), yaw=pose.yaw, tilt=(pose.tilt_x, pose.tilt_y))
         case = Case(name="recording", indenter=indenter, shape="", load=load, pose=at)
@@ -71,7 +72,7 @@ def compare_loads(found: ForwardFit, images: Sequence[Image], cover: Cover, inpu
         def solve(indenter: Indenter, load: float, pose: Pose) -> FloatArray:
             return np.asarray(method.solve(indenter, load, pose) + propagate(indenter, load, pose)[name])
 
-        return replace(found, method=replace(method, solve=solve, _known={})).predict(still) - unchanged
+        return replace(found, method=replace(method, solve=solve)).predict(still) - unchanged
 
     changed = [] if find_missing_range(cover) else [change(name) for name, *_ in list_inputs(cover, inputs)]
     cases = np.array([image.case for image in images])

@@ -7,13 +7,19 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
-from scipy.signal import detrend
 
 from meshes.array import TexelArray
 from meshes.array_types import FloatArray
 from validation.calibration.model import CREEP_START, Observations
 from validation.data_sets.data_set import DataFile, DataSet
-from validation.data_sets.zeros import Zeroed, find_unloaded, find_unloaded_by_force, subtract_zero
+from validation.data_sets.zeros import (
+    APPLIED_SHARE,
+    Zeroed,
+    deviate,
+    find_unloaded,
+    find_unloaded_by_force,
+    subtract_zero,
+)
 from validation.recordings.importing import open_recording
 from validation.recordings.recording import (
     NANOSECOND,
@@ -26,9 +32,6 @@ from validation.recordings.recording import (
 )
 from validation.schema.data_set import FORCE, NO_ZERO, REST
 
-#: Sum of counts over its final value above which the load counts as applied [-].  The load is applied at the time after
-#: which the sum stays above this share.
-_APPLIED_SHARE = 0.5
 #: Length of the part at the end of a load whose median sum of counts is the final value [s].
 _FINAL_PERIOD = 2.0
 #: Largest number of recordings that a line names [-].
@@ -50,15 +53,20 @@ def find_load_onset(times: FloatArray, counts: FloatArray) -> float:
         Time at which the load was applied; the time of the last frame if the counts never rise [s].
     """
     total, last = counts.sum(axis=1), _find_last(counts)
-    final = float(np.median(total[(times >= times[last] - _FINAL_PERIOD) & (times <= times[last])]))
-    below = np.flatnonzero((total[: last + 1] < _APPLIED_SHARE * final) | (final <= 0))
+    final = _measure_final(times, total, last)
+    below = np.flatnonzero((total[: last + 1] < APPLIED_SHARE * final) | (final <= 0))
     return float(times[min(below[-1] + 1, len(times) - 1)]) if len(below) else float(times[0])
+
+
+def _measure_final(times: FloatArray, total: FloatArray, last: int) -> float:
+    """Return the median sum of counts in the part before the end of a load."""
+    return float(np.median(total[(times >= times[last] - _FINAL_PERIOD) & (times <= times[last])]))
 
 
 def _find_last(counts: FloatArray) -> int:
     """Return the index of the last frame whose sum of counts is above half of that under load."""
     total = counts.sum(axis=1)
-    above = np.flatnonzero(total >= _APPLIED_SHARE * np.quantile(total, _LOADED))
+    above = np.flatnonzero(total >= APPLIED_SHARE * np.quantile(total, _LOADED))
     return int(above[-1])
 
 
@@ -273,7 +281,7 @@ def read_image(file: DataFile, array: TexelArray) -> list[Image]:
         raise RecordingError(
             f"{file.path}: every texel of the pressed array is switched off; expected some that measure"
         )
-    zeroed = _zero(recording, file, pressed, array)
+    zeroed = _zero(recording, file, pressed, array, measured)
     counts = zeroed.counts
     threshold = file.threshold
     if threshold is None:
@@ -316,14 +324,16 @@ def _has_varying_load(recording: Recording, file: DataFile) -> bool:
     return file.load == FORCE or (not labelled and len(recording.forces) > 0)
 
 
-def _zero(recording: Recording, file: DataFile, pressed: RecordedArray, array: TexelArray) -> Zeroed:
+def _zero(
+    recording: Recording, file: DataFile, pressed: RecordedArray, array: TexelArray, measured: BoolArray
+) -> Zeroed:
     """Subtract the zero of each texel as the file says: `rest`, `none`, or a recording at rest.
 
     Raises:
         RecordingError: If no frames at rest are found where they are needed, or the recording at rest is of another
             array.
     """
-    counts, measured = pressed.counts.astype(np.float64), pressed.enabled & array.active
+    counts = pressed.counts.astype(np.float64)
     unloaded, rest = np.zeros(len(counts), dtype=bool), None
     if file.zero == NO_ZERO:
         rest = np.empty((0, counts.shape[1]))
@@ -368,8 +378,7 @@ def _find_age(
     if load > 0 and (total[last] <= 0 or not (counts[loaded].mean(axis=0) > floor).any()):
         raise RecordingError(f"{file.path}: no texel differs from rest beyond noise; expected an array that is pressed")
     if last + 1 < len(times):  # The load is removed: the frames during the removal are left out.
-        final = np.median(total[(times >= times[last] - _FINAL_PERIOD) & (times <= times[last])])
-        last = int(np.flatnonzero(total >= NUMBERS.ended * final)[-1])
+        last = int(np.flatnonzero(total >= NUMBERS.ended * _measure_final(times, total, last))[-1])
     return np.asarray(times - onset), last + 1
 
 
@@ -490,5 +499,4 @@ def _noise(frames: FloatArray) -> float:
     lit = frames[:, frames.min(axis=0) > 0]
     if len(lit) < NUMBERS.fewest_frames or not lit.shape[1]:
         return 0.0
-    rest = detrend(lit, axis=0)
-    return float(np.sqrt((rest**2).sum() / (rest.size - 2 * lit.shape[1])))
+    return float(np.sqrt((deviate(lit) ** 2).mean()))

@@ -141,6 +141,7 @@ class _SplitTable:
         self._images: dict[str, npt.NDArray[np.uint8]] = {}
         self._shown = max(self._scored, key=lambda image: image.load)
         self._options: Options | None = None
+        self._chosen = ""
         self._fast: ForwardFit | None = None
 
     @property

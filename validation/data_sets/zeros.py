@@ -27,7 +27,7 @@ _STEP_OVER_NOISE = 6.0
 #: Quantile, over the frames, of the change of the first principal component that counts as the whole change [-].
 _WHOLE = 0.95
 #: Share of the whole change above which the load counts as applied [-].
-_APPLIED_SHARE = 0.5
+APPLIED_SHARE = 0.5
 #: Number of steps of the power iteration for the first principal component [-].  Few steps suffice, because a change of
 #: the load affects the counts far more than anything else.
 _POWERS = 10
@@ -122,7 +122,7 @@ def find_rest(times: FloatArray, counts: FloatArray, recovery: float = 0.0) -> i
     level, slope = float(np.median(main[:_FLAT_FRAMES])), 0.0
     moved = np.abs(main - level)
     whole = float(np.quantile(moved, _WHOLE))
-    half = int(np.argmax(moved >= _APPLIED_SHARE * whole))
+    half = int(np.argmax(moved >= APPLIED_SHARE * whole))
     early = times < times[half] - _STEP_TIME
     if early.sum() >= 2 * _FLAT_FRAMES and np.ptp(times[early]) > 0:
         line = linregress(times[early], main[early])
@@ -147,13 +147,13 @@ def find_unloaded(times: FloatArray, counts: FloatArray) -> BoolArray:
     start = find_rest(times, counts)
     end = find_rest(times[-1] - times[::-1], counts[::-1], _RECOVERY_SHARE)
     if _is_zeroed(counts):
-        top = _APPLIED_SHARE * max(_measure(part) for part in np.array_split(counts, min(_PARTS, len(counts))))
+        top = APPLIED_SHARE * max(_measure(part) for part in np.array_split(counts, min(_PARTS, len(counts))))
         start = start if _measure(counts[:start]) < top else 0
         end = end if _measure(counts[len(counts) - end :]) < top else 0
     if start:
         main, _ = _project(counts)
         moved = np.abs(main - np.median(main[:start]))
-        last = int(np.flatnonzero(moved >= _APPLIED_SHARE * np.quantile(moved, _WHOLE))[-1])
+        last = int(np.flatnonzero(moved >= APPLIED_SHARE * np.quantile(moved, _WHOLE))[-1])
         unloaded[:start] = True
         unloaded[last + 1 :] = times[last + 1 :] > times[last] + min(_STEP_TIME, (times[-1] - times[last]) / 2)
     elif end:
@@ -177,11 +177,11 @@ def find_unloaded_by_force(forces: FloatArray) -> BoolArray:
     top, low = float(forces.max()), float(np.sort(forces)[_FLAT_FRAMES - 1])
     reach = max(_LIT_ERRORS * noise, _UNLOADED_SHARE * (top - low))
     level = float(np.median(forces[forces <= low + reach]))
-    if abs(level) > _OFFSET_SHARE * top + _LIT_ERRORS * noise or reach > _APPLIED_SHARE * (top - level):
+    if abs(level) > _OFFSET_SHARE * top + _LIT_ERRORS * noise or reach > APPLIED_SHARE * (top - level):
         return unloaded
     still = forces <= level + reach
-    for group in np.split(np.arange(len(forces)), np.flatnonzero(np.diff(still.astype(int))) + 1):
-        unloaded[group] = still[group[0]] and len(group) >= _FLAT_FRAMES
+    for group in _list_groups(still):
+        unloaded[group] = len(group) >= _FLAT_FRAMES
     return unloaded
 
 
@@ -206,8 +206,7 @@ def subtract_zero(
         RecordingError: If no frame is at rest and the counts are not zero where nothing presses, or if some texels are
             pressed at rest; without the file.
     """
-    edges = np.flatnonzero(np.diff(unloaded.astype(int))) + 1
-    groups = [each for each in np.split(np.arange(len(times)), edges) if unloaded[each[0]]] if unloaded.any() else []
+    groups = _list_groups(unloaded)
     parts = [counts[each] for each in groups] if rest is None else [rest]
     texels = counts.shape[1]
     if not any(map(len, parts)):
@@ -222,7 +221,7 @@ def subtract_zero(
         noise, mean, drift, at = np.full(texels, np.nan), np.zeros(texels), (0.0, np.inf), np.zeros(1)
     else:
         together = np.vstack(parts)
-        frames, clipped = len(together), (together == 0).mean(axis=0) >= _APPLIED_SHARE
+        frames, clipped = len(together), (together == 0).mean(axis=0) >= APPLIED_SHARE
         known = [part for part in parts if len(part) > _FEW] or parts
         noise = np.sqrt(sum(_deviate(part) ** 2 * len(part) for part in known) / sum(map(len, known)))
         levels = np.where(clipped, 0.0, np.array([part.mean(axis=0) for part in parts]))
@@ -232,7 +231,7 @@ def subtract_zero(
     above = counts - _interpolate(times, at, levels)
     image = np.where(measured, np.median(above[~unloaded] if not unloaded.all() else above, axis=0), 0.0)
     standing = measured & (np.abs(levels[0]) > 3 * np.nan_to_num(noise) + 1)
-    clips = frames > 0 and rest is None and (levels[0] == 0)[measured].mean() >= _APPLIED_SHARE
+    clips = frames > 0 and rest is None and (levels[0] == 0)[measured].mean() >= APPLIED_SHARE
     if clips and np.abs(levels[0][standing]).sum() > _ZERO_SHARE * np.abs(image).sum():
         raise RecordingError(
             f"{standing.sum()} texels have {np.median(levels[0][standing]):.0f} counts at rest, where others read 0: "
@@ -245,6 +244,12 @@ def subtract_zero(
         counts=sign * (counts - zero), sign=sign, zero=zero.mean(axis=0), unloaded=unloaded, rest=np.abs(mean),
         noise=noise, at_rest=frames, drift=(sign * drift[0], drift[1]), rest_time=float(at.mean()),
     )  # fmt: skip
+
+
+def _list_groups(chosen: BoolArray) -> list[IntArray]:
+    """Return the indices of each group of successive frames that are chosen."""
+    index = np.flatnonzero(chosen)
+    return np.split(index, np.flatnonzero(np.diff(index) > 1) + 1) if len(index) else []
 
 
 def _interpolate(times: FloatArray, at: FloatArray, levels: FloatArray) -> FloatArray:
@@ -297,7 +302,12 @@ def _measure(counts: FloatArray) -> float:
 
 def _deviate(frames: FloatArray) -> FloatArray:
     """Return the standard deviation of each texel about a straight trend, shape (n,) [-]; NaN for few frames."""
-    return detrend(frames, axis=0).std(axis=0, ddof=2) if len(frames) > _FEW else np.full(frames.shape[1], np.nan)
+    return deviate(frames) if len(frames) > _FEW else np.full(frames.shape[1], np.nan)
+
+
+def deviate(frames: FloatArray) -> FloatArray:
+    """Return the standard deviation of each texel about a straight trend in at least three frames, shape (n,) [-]."""
+    return np.asarray(detrend(frames, axis=0).std(axis=0, ddof=2))
 
 
 def _deviate_by_steps(frames: FloatArray) -> FloatArray:

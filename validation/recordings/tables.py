@@ -258,7 +258,7 @@ def _read_table(path: Path) -> _Table:
     header: list[str] = []
     values = array.array("d")
     before = -math.inf
-    delimiter, unit, scale = "", "", 1.0
+    first, delimiter, unit, scale = 0, "", "", 1.0
     for place, line in _read_lines(path):
         if line.startswith("#"):
             _add_note(place, line, notes)
@@ -270,6 +270,7 @@ def _read_table(path: Path) -> _Table:
             raise RecordingError(f"{place}: {error}; expected numbers between commas or semicolons") from error
         if not header:
             header = _read_header(place, cells)
+            first = _find_first_texel(header)
             continue
         if len(values) + len(cells) > MOST_VALUES:
             raise RecordingError(f"{place}: more than the {MOST_VALUES} numbers accepted")
@@ -277,7 +278,7 @@ def _read_table(path: Path) -> _Table:
         if not values:
             unit, scale = next(((name, by) for least, name, by in _UNITS if numbers[0] >= least), ("", 1.0))
         numbers[0] /= scale
-        _check_range(place, numbers[: _find_first_texel(header)])
+        _check_range(place, numbers[:first])
         if numbers[0] < before:
             raise RecordingError(f"{place}: time {numbers[0]:g} s comes before {before:g} s of the line above")
         before = numbers[0]
