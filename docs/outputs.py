@@ -98,12 +98,19 @@ def run_commands(commands: tuple[str, ...], folder: Path, store: Path | None = N
                 time.sleep(0.1)
             continue
         done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, check=False)
-        text = _PROGRESS.sub("", done.stderr) + done.stdout
+        text = join_streams(done.stderr, done.stdout)
         found[command] = _KEY.sub("0" * 12, text.replace(str(folder), "FOLDER")).rstrip()
     if emulator is not None:
         (command,) = (each for each in commands if each.split()[1] == "emulate")
         found[command] = emulator.communicate()[1].rstrip()
     return found
+
+
+def join_streams(error: str, output: str) -> str:
+    """Return messages without progress, then the result, then the line that says what to do next."""
+    lines = _PROGRESS.sub("", error).splitlines(keepends=True)
+    messages, advice = ([line for line in lines if line.startswith("next: ") == last] for last in (False, True))
+    return "".join((*messages, output, *advice))
 
 
 def write_recordings(folder: Path) -> None:

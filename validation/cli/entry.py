@@ -6,6 +6,7 @@ import contextlib
 import errno
 import math
 import os
+import shlex
 import signal
 import sys
 import threading
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Token, UnknownCommandError, convert
+from cyclopts import App, CycloptsError, Group, MissingArgumentError, Parameter, Token, UnknownCommandError, convert
 
 from fem_reference.errors import ConvergenceError
 from validation.cli.output import forget_notes, say, say_notes
@@ -43,11 +44,35 @@ PIPE_CLOSED = 141
 _PATH_FAULTS = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP, errno.EINVAL, errno.EILSEQ}
 #: Largest number of faults of a user's input that are printed, one line each [-].
 _MOST_LINES = 50
-#: Commands, in the order of the help page.
-_COMMANDS = (
-    "demo", "derive", "press", "mesh", "view", "validate", "regress", "export", "record", "replay", "import",
-    "calibrate", "emulate", "store", "materials", "datasheet", "init", "doctor",
-)  # fmt: skip
+#: Commands by purpose, in the order of the help page.
+_GROUPS = {
+    "Design": ("init", "materials", "derive", "mesh", "datasheet"),
+    "Simulate": ("press", "view", "export"),
+    "Prove": ("demo", "validate", "regress"),
+    "Real sensor": ("record", "replay", "import", "calibrate", "emulate"),
+    "Housekeeping": ("doctor", "store"),
+}
+_COMMANDS = tuple(name for names in _GROUPS.values() for name in names)
+#: Options of the program itself, which the help page lists below the commands.
+_OPTIONS = ("--help", "--install-completion", "--version")
+#: What to do next after a command that succeeded, by command; `{0}` is the command's first argument, and the words in
+#: capitals are the user's to fill in.  An empty name stands for the program without arguments.
+_NEXT = {
+    "": "softcover doctor checks the installation; then softcover demo, or softcover init for a sensor of your own",
+    "init": "softcover derive {0}",
+    "derive": "softcover press {0} --indenter sphere:radius=5mm --load 5N; softcover validate {0} --quick",
+    "mesh": "softcover derive {0} --out FOLDER",
+    "datasheet": "softcover datasheet {0} --out FILE.html writes the sheet",
+    "press": "softcover validate SENSOR --quick scores many touches",
+    "view": "softcover export {0} --out FOLDER writes the model for your simulation",
+    "demo": "open the report; softcover init writes a file for a sensor of your own",
+    "validate": "softcover regress {0} --update stores what the model does now, so that CI notices a change",
+    "regress": "run softcover regress {0} in CI; it ends with 1 when a value changes",
+    "record": "softcover replay FILE shows the recording; softcover calibrate FILES --sensor SENSOR fits the sensor",
+    "replay": "softcover calibrate {0} --sensor SENSOR fits the sensor, if the load is known",
+    "import": "softcover calibrate FILES --sensor SENSOR fits the sensor",
+    "calibrate": "softcover datasheet FILE shows what the sensor file of --out states now",
+}
 #: Module and function in the folder `commands`, as `module:function`, for each command whose module or function has
 #: another name than the command.
 _PLACES = {"demo": "validate:demo", "replay": "recordings:replay", "import": "recordings:import_recording"}
@@ -74,20 +99,32 @@ def _convert(wanted: type, tokens: Sequence[Token]) -> object:
     return convert(wanted, tokens)
 
 
+def _show_default(value: object) -> str | None:
+    """Return the text of a default value on a help page; None for a value that stands for `not given`."""
+    return None if value is False or value in (None, "", ()) else str(value)
+
+
 app = App(
     name="softcover",
     help=(
         "Tactile arrays under a soft cover: finite-element reference, fast MuJoCo model, "
         "and how far they agree.\n\n"
-        "Start with `softcover demo`, or with `softcover init` and `softcover derive sensor.toml`."
+        "`softcover COMMAND --help` explains the options of a command."
     ),
     help_format="markdown",
     version=lambda: metadata.version("softcover"),
-    default_parameter=Parameter(negative=(), converter=_convert),
+    default_parameter=Parameter(negative=(), converter=_convert, show_default=_show_default),
     suppress_keyboard_interrupt=False,
 )
-for _name in _COMMANDS:
-    app.command(f"validation.cli.commands.{_PLACES.get(_name, f'{_name}:{_name}')}", name=_name)
+app.register_install_completion_command(help="Install completion of commands and options in this shell.")
+for _order, (_title, _names) in enumerate(_GROUPS.items()):
+    _group = Group(_title, sort_key=_order)
+    for _rank, _name in enumerate(_names):
+        _place = f"validation.cli.commands.{_PLACES.get(_name, f'{_name}:{_name}')}"
+        app.command(_place, name=_name, group=_group, sort_key=_rank)
+_group = Group("Options", sort_key=len(_GROUPS))
+for _name in _OPTIONS:
+    app[_name].group = _group
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -154,7 +191,18 @@ def _run(words: Sequence[str]) -> int:
     except KeyboardInterrupt:
         return _report_interrupt()
     say_notes()
-    return result if isinstance(result, int) else DONE
+    status = result if isinstance(result, int) else DONE
+    if status == DONE and not {"--json", "--help", "-h", *_OPTIONS} & set(words):
+        _say_next(words)
+    return status
+
+
+def _say_next(words: Sequence[str]) -> None:
+    """State in one line what to do after a command that succeeded; `words` are those after `softcover`."""
+    command, first = words[0] if words else "", words[1] if len(words) > 1 else "-"
+    if advice := _NEXT.get(command):
+        first = "sensor.toml" if first.startswith("-") and command == "init" else shlex.quote(first)
+        say(f"next: {advice.format(first)}")
 
 
 def _report_error(raised: Exception, words: Sequence[str]) -> int:

@@ -6,11 +6,12 @@ The help of an option that only one command has is in `Args` of the docstring of
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 
 from validation.cli.output import note, say
 from validation.errors import InputError
@@ -33,20 +34,51 @@ Sensor = Annotated[
         help="A sensor file, a built-in sensor (wts-0614-34, sdh2-distal), or a folder that `derive --out` wrote."
     ),
 ]
-#: Type of options whose text may begin with a minus sign.  A negative quantity is then refused as a quantity, and not
-#: taken for an option.
-Quantity = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
+
+
+def _convert_time(_: type, tokens: Sequence[Token]) -> float:
+    """Convert the word of an option to a time [s].
+
+    Raises:
+        InputError: If the word is neither a time with a unit, such as 500ms, nor a number of seconds.
+    """
+    return read_time(tokens[0].value)
+
+
+# Types of options by what their text is; the help page shows the name in capitals.  A quantity may begin with a minus
+# sign, so that a negative one is refused as a quantity and not taken for an option.
+Length = Annotated[str, Parameter(metavar="LENGTH", allow_leading_hyphen=True)]
+Force = Annotated[str, Parameter(metavar="FORCE", allow_leading_hyphen=True)]
+Mass = Annotated[str, Parameter(metavar="MASS", allow_leading_hyphen=True)]
+Angle = Annotated[str, Parameter(metavar="ANGLE", allow_leading_hyphen=True)]
+Place = Annotated[str, Parameter(metavar="PLACE", allow_leading_hyphen=True)]
+Time = Annotated[float, Parameter(metavar="TIME", allow_leading_hyphen=True, converter=_convert_time)]
+Span = Annotated[str, Parameter(metavar="FROM:TO")]
+Text = Annotated[str, Parameter(metavar="TEXT")]
+File = Annotated[Path, Parameter(metavar="FILE")]
+Folder = Annotated[Path, Parameter(metavar="FOLDER")]
+Index = Annotated[int, Parameter(metavar="INDEX")]
+Counts = Annotated[int, Parameter(metavar="COUNTS")]
 Json = Annotated[
     bool, Parameter(name="--json", help="Print one JSON object on standard output, and nothing else there.")
 ]
-Shape = Annotated[str, Parameter(help="Shape of the indenter, e.g. sphere:radius=5mm or box:size=10mmx10mmx5mm.")]
-Method = Annotated[str, Parameter(help="Contact method of the fast model: default, cover, foundation or boxes.")]
+Shape = Annotated[
+    str, Parameter(metavar="INDENTER", help="Shape of the indenter, e.g. sphere:radius=5mm or box:size=10mmx10mmx5mm.")
+]
+Method = Annotated[
+    str,
+    Parameter(metavar="METHOD", help="Contact method of the fast model: default, cover, foundation or boxes."),
+]
 RecordingFile = Annotated[Path, Parameter(help="A recording: .mcap, .dsa, .csv, .bag, or a folder of ROS 2.")]
-Topic = Annotated[str | None, Parameter(name="--topic", help="Topic that holds the frames, in bags of other programs.")]
+Topic = Annotated[
+    str | None,
+    Parameter(name="--topic", metavar="TOPIC", help="Topic that holds the frames, in bags of other programs."),
+]
 PressedArrayIndex = Annotated[
     int | None,
     Parameter(
         name="--array",
+        metavar="INDEX",
         help="Index of the array if the recording has several, from 0; the one that is pressed most when not given.",
     ),
 ]
@@ -57,9 +89,9 @@ PressedArrayIndex = Annotated[
 class Labels:
     """Options that say how a recording is made; they are kept in its file."""
 
-    indenter: Annotated[str, Parameter(help="Shape of the indenter; kept in the file.")] = ""
-    load: Annotated[Quantity, Parameter(help="Force or weight, e.g. 4.9N or 500g; kept in the file.")] = None
-    note: Annotated[str, Parameter(help="Any other text to keep in the file.")] = ""
+    indenter: Annotated[str, Parameter(metavar="INDENTER", help="Shape of the indenter; kept in the file.")] = ""
+    load: Annotated[Force | None, Parameter(help="Force or weight, e.g. 4.9N or 500g; kept in the file.")] = None
+    note: Annotated[Text, Parameter(help="Any other text to keep in the file.")] = ""
 
 
 #: Labels of a recording for which no option is given.
@@ -71,12 +103,15 @@ UNLABELLED = Labels()
 class CoverChanges:
     """Options that change the cover of a sensor: `--material`, `--thickness`, `--layer`."""
 
-    material: Annotated[str | None, Parameter(help="Replaces the cover's material; see `softcover materials`.")] = None
-    thickness: Annotated[Quantity, Parameter(help="Replaces the cover's thickness, e.g. 2mm.")] = None
+    material: Annotated[
+        str | None, Parameter(metavar="MATERIAL", help="Replaces the cover's material; see `softcover materials`.")
+    ] = None
+    thickness: Annotated[Length | None, Parameter(help="Replaces the cover's thickness, e.g. 2mm.")] = None
     layers: Annotated[
         tuple[str, ...],
         Parameter(
             name="--layer",
+            metavar="LAYER",
             negative=(),
             help="Changes one layer of the cover, 1 being the bottom one, or adds one on top: "
             "2:thickness=1mm,youngs_modulus=3GPa. "
@@ -115,8 +150,28 @@ def choose_array(recording: Recording, index: int | None) -> int:
     return find_pressed_array(recording) if index is None else index
 
 
+def read_time(text: str) -> float:
+    """Parse a time with its unit, such as `500ms` or `2min`, or a number of seconds.
+
+    Returns:
+        The time [s].
+
+    Raises:
+        InputError: If the text is neither.
+    """
+    from validation.text.quantity import read_quantity
+
+    try:
+        seconds = float(text)
+    except ValueError:
+        return read_quantity(text, "time", example="10s")
+    if not math.isfinite(seconds) or "_" in text:
+        raise InputError(f"{text[:40]!r} is not a finite time; write for example '10s'")
+    return seconds
+
+
 def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:
-    """Parse a time span from text of the form `from:to`, two times in seconds.
+    """Parse a time span from text of the form `from:to`, two times.
 
     Args:
         option: Name of the option, for the error message.
@@ -131,12 +186,12 @@ def read_time_span(option: str, text: str, example: str) -> tuple[float, float]:
     """
     start, _, end = text.partition(":")
     try:
-        span = (float(start), float(end))
-    except ValueError:
+        span = (read_time(start), read_time(end))
+    except InputError:
         span = (math.nan, math.nan)
     if not 0 <= span[0] < span[1]:
         raise InputError(
-            f"{option}: {text!r} is not a time span from:to in seconds, the earlier time first; for example {example}"
+            f"{option}: {text!r} is not a time span from:to, the earlier time first; for example {example}"
         )
     return span
 

@@ -15,7 +15,13 @@ PAGES = [[name] for name in _COMMANDS] + [["store", action] for action in ("list
 
 
 #: Options of texts that may begin with a minus sign; that of a number may always.
-SIGNED = {"--load", "--depth", "--at", "--direction", "--yaw", "--tilt", "--friction", "--thickness", "--mass"}
+SIGNED = {"--load", "--depth", "--at", "--direction", "--yaw", "--tilt", "--friction", "--thickness", "--mass"} | {
+    "--accuracy",
+    "--seconds",
+    "--reconnect",
+    "--force-delay",
+    "--tip",
+}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=" ".join)

@@ -26,6 +26,6 @@ def test_a_command_prints_what_the_page_shows(softcover, monkeypatch, command):
     assert code == 0
     is_solved = command.split()[1] == "press"
     assert bool(re.search(r"^\[ *\d+\.\d s\]( \d+/\d+)? \w", err, flags=re.MULTILINE)) == is_solved
-    printed = outputs._PROGRESS.sub("", err) + out
+    printed = outputs.join_streams(err, out)
     lines = [TIME.sub("│", line.rstrip()) for line in printed.rstrip().splitlines()]
     assert lines == [TIME.sub("│", line) for line in outputs.read_page()[command].splitlines()]

@@ -73,14 +73,15 @@ emulate --array 0 | --array: is for recordings; leave it out with --show blob
 emulate --load 2N | --indenter, --load: press on the fast model of a sensor; leave them out with --show blob
 emulate --rate nan | --rate: 'nan' is not a finite number
 emulate --rate 1_0 | --rate: '1_0' is not a finite number
-emulate --seconds 1e999 | --seconds: '1e999' is not a finite number
+emulate --seconds 1e999 | --seconds: '1e999' is not a finite time; write for example '10s'
 emulate --seed 1_0 | --seed: '1_0' is not a whole number
 emulate --fault lose=0.1 --fault lose=0.2 | --fault: lose is given twice; give each fault once
 emulate --fault lose=2 | --fault: the rate of lose must lie in 0..1, not 2.0
 emulate --fault sabotage=1 | known faults: flip-bit
 emulate --fault lose=often | such as lose=0.01; accepted: flip-bit
 emulate --fault lose | 'lose' is no fault and how often
-emulate --pause 2 | for example 2:3
+emulate --pause 2 | for example 2s:3s
+emulate --seconds 2mm | 'mm' in '2mm' is not a unit of time
 emulate --show blub | did you mean 'blob'
 record x --indenter pyramid | unknown indenter
 record x --load heavy | --load

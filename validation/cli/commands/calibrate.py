@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from validation.cli import options, output
 
@@ -19,22 +21,22 @@ _PUBLISHED = "wts-0614-34"
 def calibrate(
     recordings: list[Path],
     *,
-    sensor: str,
-    indenter: str = "",
-    at: options.Quantity = None,
-    yaw: options.Quantity = None,
+    sensor: Annotated[str, Parameter(metavar="SENSOR")],
+    indenter: Annotated[str, Parameter(metavar="INDENTER")] = "",
+    at: options.Place | None = None,
+    yaw: options.Angle | None = None,
     moved: bool = False,
-    method: str = "default",
+    method: Annotated[str, Parameter(metavar="METHOD")] = "default",
     array: options.PressedArrayIndex = None,
-    threshold: float | None = None,
-    window: str = "6:9",
-    temperature_channel: int = -1,
+    threshold: Annotated[float | None, Parameter(metavar="COUNTS")] = None,
+    window: options.Span = "6s:9s",
+    temperature_channel: options.Index = -1,
     heights: bool = False,
     profile_thickness: bool = False,
-    tip: str | None = None,
-    texel: int | None = None,
-    out: Path | None = None,
-    picture: Path | None = None,
+    tip: options.Length | None = None,
+    texel: options.Index | None = None,
+    out: options.File | None = None,
+    picture: options.File | None = None,
     polynomial: bool = False,
     json: options.Json = False,
 ) -> None:
@@ -52,16 +54,16 @@ def calibrate(
         recordings: Recordings under known loads, or one data-set file.
         sensor: Sensor file or built-in sensor; its cover gives the share of each texel.
         indenter: Tool that pressed; as the recordings' labels say when not given.
-        at: Position of the tool's axis in the array's frame; fitted when not given.
-        yaw: Yaw of the tool; fitted when neither it nor --at is given.
+        at: Position of the tool's axis in the array's frame, e.g. 1mm,-2mm; fitted when not given.
+        yaw: Yaw of the tool, e.g. 30deg; fitted when neither it nor --at is given.
         moved: The tool was put down anew for each recording: fit a pose to each.
         method: Contact method: default (finite elements where they apply), cover, foundation, boxes or reference.
         threshold: Counts that the firmware subtracts; as the labels say when not given.
-        window: Average the frames between these times after loading, from:to [s].
+        window: Average the frames between these times after loading.
         temperature_channel: Index of the temperature sensor, negative from the last.
         heights: Fit a seating height to each texel.
         profile_thickness: Examine the thickness of the cover by fits on thinner and thicker covers (about a minute).
-        tip: Radius of a rounded tip: fit the slope of one texel per trial.
+        tip: Radius of a rounded tip, e.g. 1mm: fit the slope of one texel per trial.
         texel: Index of the texel under the tip, from 0, row by row.
         out: Sensor file to write: a copy of --sensor with new [electronics].
         picture: Draw left-out recordings and their prediction, a .png file.
@@ -70,7 +72,7 @@ def calibrate(
     from validation import api
     from validation.calibration.calibrate import Calibration
 
-    description, span = options.read_description(sensor), options.read_time_span("--window", window, "6:9")
+    description, span = options.read_description(sensor), options.read_time_span("--window", window, "6s:9s")
     with output.Progress() as progress:
         found = api.calibrate(
             recordings, description, indenter=indenter, at=at, yaw=yaw, moved=moved, method=method, array=array,

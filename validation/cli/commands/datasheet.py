@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from validation.cli import options, output
@@ -15,7 +14,7 @@ def datasheet(
     sensor: options.Sensor,
     *,
     cover: options.CoverChanges = options.UNCHANGED,
-    out: Path | None = None,
+    out: options.File | None = None,
     json: options.Json = False,
 ) -> None:
     """Print the data sheet of a sensor: each quantity with its definition and where it comes from, or `not stated`.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Literal
 
 from validation.cli import options, output
@@ -13,7 +12,7 @@ def derive(
     sensor: options.SensorFile,
     *,
     cover: options.CoverChanges = options.UNCHANGED,
-    out: Path | None = None,
+    out: options.Folder | None = None,
     format: Literal["png", "svg"] = "png",  # noqa: A002 -- the option's name
     json: options.Json = False,
 ) -> int:

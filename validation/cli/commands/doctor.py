@@ -6,6 +6,9 @@ import os
 import platform
 import shutil
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from validation.cli import options, output
 from validation.cli.entry import CHECK_FAILED, DONE
@@ -23,7 +26,7 @@ _PARTS = {
 }
 
 
-def doctor(*, port: str | None = None, json: options.Json = False) -> int:
+def doctor(*, port: Annotated[str | None, Parameter(metavar="PORT")] = None, json: options.Json = False) -> int:
     """Print what is installed, what is missing and the command that installs it; exit with 1 if the base is incomplete.
 
     Examples of use:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from validation.cli import options, output
 from validation.errors import InputError, at, nearest
@@ -19,16 +21,16 @@ _PATTERNS = ("blob", "ramp", "corner", "zero")
 def emulate(
     port: str | None = None,
     *,
-    show: str = "blob",
+    show: Annotated[str, Parameter(metavar="IMAGE")] = "blob",
     array: options.PressedArrayIndex = None,
-    indenter: str | None = None,
-    load: options.Quantity = None,
-    rate: float = 271.0,
-    fault: list[str] | None = None,
-    pause: list[str] | None = None,
-    seconds: float | None = None,
+    indenter: Annotated[str | None, Parameter(metavar="INDENTER")] = None,
+    load: options.Force | None = None,
+    rate: Annotated[float, Parameter(metavar="HERTZ")] = 271.0,
+    fault: Annotated[list[str] | None, Parameter(metavar="FAULT=SHARE")] = None,
+    pause: Annotated[list[str] | None, Parameter(metavar="FROM:TO")] = None,
+    seconds: options.Time | None = None,
     seed: int = 0,
-    tag: str = "softcover",
+    tag: options.Text = "softcover",
     json: options.Json = False,
 ) -> None:
     """Emulate a sensor on a serial port, for tests without the device.
@@ -47,8 +49,8 @@ def emulate(
         load: Largest load of that indenter; 5N when not given.
         rate: Frames per second when free-running.
         fault: A fault and how often, e.g. lose=0.01; may be repeated.
-        pause: Send no frames in this time, e.g. 2:3 [s]; may be repeated.
-        seconds: Unplug after this time [s]; until Ctrl-C when not given.
+        pause: Send no frames in this time, e.g. 2s:3s; may be repeated.
+        seconds: Unplug after this time, e.g. 10s; until Ctrl-C when not given.
         seed: Seed of the random numbers of faults.
         tag: Name that the sensor gives as its device tag; some clients wait for one.
     """
@@ -86,7 +88,7 @@ def _read_misbehaviour(faults: list[str], pauses: list[str], seed: int) -> Misbe
         except ValueError as error:
             known = f"accepted: {', '.join(FAULTS)}"
             raise InputError(f"--fault: {text!r} is no fault and how often, such as lose=0.01; {known}") from error
-    spans = tuple(options.read_time_span("--pause", text, "2:3") for text in pauses)
+    spans = tuple(options.read_time_span("--pause", text, "2s:3s") for text in pauses)
     with at("--fault: "):
         return Misbehaviour(rates=rates, pauses=spans, seed=seed)
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from validation.cli import options, output
 from validation.errors import Faults
@@ -22,10 +25,10 @@ _NEXT = {
 def export(
     sensor: options.Sensor,
     *,
-    format: str = "mjcf",  # noqa: A002
-    method: str = "default",
-    mass: options.Quantity = None,
-    out: Path = Path("softcover-out"),
+    format: Annotated[str, Parameter(metavar="FORMAT")] = "mjcf",  # noqa: A002
+    method: Annotated[str, Parameter(metavar="METHOD")] = "default",
+    mass: options.Mass | None = None,
+    out: options.Folder = Path("softcover-out"),
     cover: options.CoverChanges = options.UNCHANGED,
     json: options.Json = False,
 ) -> None:

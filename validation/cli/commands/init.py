@@ -32,4 +32,3 @@ def init(path: Path = Path("sensor.toml"), *, force: bool = False) -> None:
         f"wrote {path}: a home-made sensor of 6 x 4 texels under 2 mm of silicone, complete as it is; change rows, "
         "columns, pitch, thickness and material to yours, the comments say how"
     )
-    output.say(f"next: softcover derive {path}")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from validation.cli import options, output
 from validation.errors import InputError
@@ -23,7 +24,12 @@ PSF_NOTE = (
 
 
 def materials(
-    name: str | None = None, /, *, hardness: str | None = None, out: Path | None = None, json: options.Json = False
+    name: str | None = None,
+    /,
+    *,
+    hardness: Annotated[str | None, Parameter(metavar="HARDNESS")] = None,
+    out: options.File | None = None,
+    json: options.Json = False,
 ) -> None:
     """List the materials that have a name, show one of them, or estimate a modulus from a hardness.
 

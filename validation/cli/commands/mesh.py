@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from validation.cli import options, output
@@ -20,8 +19,8 @@ _PARTS = {"bonded": "base", "touchable": "top", "left out": "left_out"}
 def mesh(
     sensor: options.SensorFile,
     *,
-    thickness: options.Quantity = None,
-    out: Path | None = None,
+    thickness: options.Length | None = None,
+    out: options.Folder | None = None,
     json: options.Json = False,
 ) -> int:
     """Mesh a curved cover, check meshes and texels, and report quality and areas: bonded, touchable, left out.

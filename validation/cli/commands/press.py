@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from validation.cli import options, output
 from validation.cli.entry import CHECK_FAILED, DONE, NOT_CONVERGED, OUTSIDE_FAILED
@@ -32,20 +34,20 @@ def press(
     sensor: options.Sensor,
     *,
     indenter: options.Shape,
-    load: options.Quantity = None,
-    depth: options.Quantity = None,
-    at: options.Quantity = None,
-    direction: options.Quantity = None,
-    yaw: options.Quantity = None,
-    tilt: options.Quantity = None,
-    friction: options.Quantity = None,
-    strain: str | None = None,
-    accuracy: str | None = None,
-    model: str = "fem,fast",
+    load: options.Force | None = None,
+    depth: options.Length | None = None,
+    at: options.Place | None = None,
+    direction: Annotated[options.Place | None, Parameter(metavar="DIRECTION")] = None,
+    yaw: options.Angle | None = None,
+    tilt: Annotated[options.Angle | None, Parameter(metavar="ANGLE,ANGLE")] = None,
+    friction: Annotated[str | None, Parameter(metavar="COEFFICIENT", allow_leading_hyphen=True)] = None,
+    strain: Annotated[str | None, Parameter(metavar="STRAIN")] = None,
+    accuracy: Annotated[str | None, Parameter(metavar="PERCENT", allow_leading_hyphen=True)] = None,
+    model: Annotated[str, Parameter(metavar="MODELS")] = "fem,fast",
     method: options.Method = "default",
     cover: options.CoverChanges = options.UNCHANGED,
     curve: int | None = None,
-    out: Path | None = None,
+    out: options.Folder | None = None,
     json: options.Json = False,
 ) -> int:
     """Compute one indentation by finite elements and by the fast model, and compare the results.
@@ -65,12 +67,12 @@ def press(
     Args:
         load: Force in N, or a weight in g: 4.9N, 500g.
         depth: Approach of the indenter from first touch, instead of a load: 0.3mm.
-        at: Position of the indenter's axis in the array's frame, x,y; on a curved cover x,y,z of a place on its
-            surface. Or a name: centre, middle, off grid, edge, corner; on a curved cover also side. The middle of the
-            array if left out.
+        at: Position of the indenter's axis in the array's frame, e.g. 1mm,-2mm; on a curved cover x,y,z of a place
+            on its surface. Or a name: centre, middle, off grid, edge, corner; on a curved cover also side. The middle
+            of the array if left out.
         direction: Direction in which the indenter moves on a curved cover, e.g. 0,0,-1, or oblique x, oblique y; along
             the normal if left out.
-        yaw: Rotation of the indenter about its axis.
+        yaw: Rotation of the indenter about its axis, e.g. 30deg.
         tilt: Rotations about the x and y axes of the indenter, before the yaw, at most 10deg, on a curved cover 80deg:
             --tilt=2deg,0deg.
         friction: Friction between indenter and cover in the finite elements: Coulomb's coefficient, or no-slip; that of

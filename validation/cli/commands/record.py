@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from validation.cli import options, output
 from validation.cli.live_image import LiveImage
@@ -19,16 +21,16 @@ if TYPE_CHECKING:
 def record(
     port: str,
     *,
-    out: Path = Path(),
-    seconds: float | None = None,
+    out: options.File = Path(),
+    seconds: options.Time | None = None,
     labels: options.Labels = options.UNLABELLED,
-    threshold: int | None = None,
+    threshold: options.Counts | None = None,
     gain: int | None = None,
     tare: bool = False,
     run_length: bool = False,
-    interval_ms: int = 0,
-    reconnect: float = 0.0,
-    baud_rate: int = 115_200,
+    interval_ms: Annotated[int, Parameter(metavar="MILLISECONDS")] = 0,
+    reconnect: options.Time = 0.0,
+    baud_rate: Annotated[int, Parameter(metavar="BAUD")] = 115_200,
     json: options.Json = False,
 ) -> None:
     """Record a real sensor in an MCAP file, with a live image.
@@ -43,13 +45,13 @@ def record(
     Args:
         port: Port of the sensor, e.g. /dev/ttyACM0, or a pyserial URL.
         out: New .mcap file, or a folder for a file named by the time.
-        seconds: How long [s]; until Ctrl-C when not given.
-        threshold: Set the sensor's threshold first [counts].
+        seconds: How long, e.g. 10s; until Ctrl-C when not given.
+        threshold: Set the sensor's threshold first.
         gain: Set the sensor's front-end gain first.
         tare: Let the sensor take the image at the start as zero.
         run_length: Ask for run-length encoded frames, for slow lines.
-        interval_ms: Time between frames [ms]; 0 for as fast as the sensor can.
-        reconnect: How long to wait for a lost port to return [s].
+        interval_ms: Time between frames; 0 for as fast as the sensor can.
+        reconnect: How long to wait for a lost port to return, e.g. 5s.
         baud_rate: Speed of a true UART; USB ports ignore it.
     """
     from validation import api

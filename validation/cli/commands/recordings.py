@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from validation.cli import options, output
 from validation.cli.live_image import LiveImage
@@ -23,8 +25,8 @@ def replay(
     file: options.RecordingFile,
     *,
     array: options.PressedArrayIndex = None,
-    speed: float = 1.0,
-    csv: Path | None = None,
+    speed: Annotated[float, Parameter(metavar="FACTOR")] = 1.0,
+    csv: options.File | None = None,
     topic: options.Topic = None,
     rows: int | None = None,
     columns: int | None = None,
@@ -66,14 +68,14 @@ def replay(
 def import_recording(
     file: options.RecordingFile,
     *,
-    out: Path | None = None,
+    out: options.File | None = None,
     labels: options.Labels = options.UNLABELLED,
     topic: options.Topic = None,
-    force: Path | None = None,
-    force_delay: float = 0.0,
+    force: options.File | None = None,
+    force_delay: options.Time = 0.0,
     rows: int | None = None,
     columns: int | None = None,
-    axis: str | None = None,
+    axis: Annotated[str | None, Parameter(metavar="AXIS")] = None,
     json: options.Json = False,
 ) -> None:
     """Convert a recording of any known format to an MCAP file, with labels.
@@ -89,7 +91,7 @@ def import_recording(
     Args:
         out: New .mcap file; the recording's name with .mcap when not given.
         force: Recording of a force sensor to add, .csv or a bag.
-        force_delay: Time by which the force sensor's clock is ahead of the array's [s].
+        force_delay: Time by which the force sensor's clock is ahead of the array's, e.g. 20ms.
         rows: Texels along y, if the file does not tell.
         columns: Texels along x, if the file does not tell.
         axis: Axis normal to the array (x, y or z), of a CSV file with three columns per texel.

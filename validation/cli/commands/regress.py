@@ -13,10 +13,10 @@ from validation.errors import InputError
 def regress(
     sensor: options.Sensor,
     *,
-    baseline: Path = Path("baseline.json"),
+    baseline: options.File = Path("baseline.json"),
     update: bool = False,
-    junit: Path | None = None,
-    out: Path | None = None,
+    junit: options.File | None = None,
+    out: options.Folder | None = None,
     seed: int = 0,
     json: options.Json = False,
 ) -> int:

@@ -24,11 +24,14 @@ if TYPE_CHECKING:
     from validation.schema.measured_force import Measurement
     from validation.sensor_file import SensorDescription
 
-_Out = Annotated[Path, Parameter(help="Folder for the report; an earlier one is replaced.")]
+_Out = Annotated[Path, Parameter(metavar="FOLDER", help="Folder for the report; an earlier one is replaced.")]
 _Quick = Annotated[
     bool, Parameter(name="--quick", help="The cases that tell most, within five minutes: --budget 5min.")
 ]
-_Recordings = Annotated[Path | None, Parameter(help="Folder with recordings under known loads, or a data-set file.")]
+_Recordings = Annotated[
+    Path | None,
+    Parameter(metavar="FOLDER", help="Folder with recordings under known loads, or a data-set file."),
+]
 
 #: Built-in sensor that `softcover demo` evaluates.
 _DEMO = "wts-0614-34"
@@ -66,13 +69,13 @@ def demo(
 def validate(
     sensor: options.SensorFile,
     *,
-    campaign: Path | None = None,
+    campaign: options.File | None = None,
     quick: _Quick = False,
-    budget: str | None = None,
+    budget: Annotated[str | None, Parameter(metavar="TIME")] = None,
     recordings: _Recordings = None,
-    data_set: str | None = None,
+    data_set: Annotated[str | None, Parameter(metavar="FILE")] = None,
     only_recordings: Annotated[bool, Parameter(name="--only-recordings")] = False,
-    measured: str | None = None,
+    measured: Annotated[str | None, Parameter(metavar="FILE")] = None,
     cover: options.CoverChanges = options.UNCHANGED,
     out: _Out = Path("softcover-report"),
     json: options.Json = False,

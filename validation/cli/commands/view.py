@@ -29,11 +29,11 @@ def view(
     sensor: options.Sensor,
     *,
     indenter: options.Shape,
-    load: Annotated[str, Parameter(allow_leading_hyphen=True)],
+    load: options.Force,
     method: options.Method = "default",
     cover: options.CoverChanges = options.UNCHANGED,
-    seconds: float | None = None,
-    display: str = "auto",
+    seconds: options.Time | None = None,
+    display: Annotated[str, Parameter(metavar="DISPLAY")] = "auto",
     json: options.Json = False,
 ) -> None:
     """Show the live image of the fast model while an indenter comes down and slides in a circle.
@@ -50,7 +50,7 @@ def view(
 
     Args:
         load: Force in N, or a weight in g: 4.9N, 500g.
-        seconds: Simulated time [s]; on a terminal until Ctrl-C when not given.
+        seconds: Simulated time, e.g. 10s; on a terminal until Ctrl-C when not given.
         display: Where: window (the MuJoCo viewer), terminal, or auto (the window if one can be opened).
     """
     from validation.campaign.comparison import METHODS
@@ -124,7 +124,7 @@ def _choose_display(wanted: str, *, quiet: bool) -> Literal["window", "terminal"
     return "terminal"
 
 
-def _play(scene: Scene, seconds: float | None, place: str) -> None:
+def _play(scene: Scene, seconds: options.Time | None, place: str) -> None:
     """Run the simulation, in real time if the live image is shown, else as fast as possible.
 
     Args:
