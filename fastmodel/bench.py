@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
+from scipy.optimize import brentq
 
 from fastmodel.attachment import DEFAULT, choose_method, recommend_options
 from fastmodel.compiled import report_slow_compilation
@@ -47,6 +48,8 @@ SOLVER_TOLERANCE = 1e-12
 GYRATION_RADIUS = 1e-3
 #: Smallest accepted load [N].  With a radius of gyration of 1 mm, MuJoCo refuses the inertia of a load below 1e-8 N.
 _LEAST_LOAD = 1e-7
+#: Heights at which a resting guided indenter is sought, from the start downwards [m].
+_HEIGHTS = np.linspace(0, -1e-3, 11)
 #: Name of the sensor in a simulated bench test, which is the prefix of the names of its geoms.
 _ARRAY = "array"
 
@@ -179,23 +182,52 @@ def indent_together(
         FastModelError: If no contact method has this name.
         ParametersError: If the method needs cover data that the parameters lack.
     """
-    check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
-    if not placements:
-        raise FastModelError("give at least one placement of an indenter")
-    for placement in placements:
-        check_type("placement", placement, Placement, "a fastmodel.Placement")
-        _check_placement(placement)
-    name, chosen = choose_method(contact, parameters)
-    model = _build_model(parameters, placements, chosen)
-    reader = chosen.bind(model, parameters.array, _ARRAY, surface=parameters.surface)
-    with report_slow_compilation("simulated bench test"):
-        compile_kernels(chosen, parameters.array, parameters.surface, model.opt.cone)
-    started = time.perf_counter()
-    reading, chatter = _settle(model, reader, sum(placement.load for placement in placements))
-    depth = None
-    if reading.approach is not None and len(placements) == 1 and placements[0].guided:
-        depth = float(reading.approach[0])
-    return replace(_describe(parameters, name, reading, depth, started), chatter=chatter)
+    bench = Bench(parameters, placements, contact=contact)
+    return bench.press([(*placement.at, placement.yaw) for placement in placements])
+
+
+class Bench:
+    """An array with indenters of given weights, compiled once; the arguments are those of `indent_together`."""
+
+    def __init__(
+        self, parameters: Parameters, placements: Sequence[Placement], *, contact: str | TexelContact = DEFAULT
+    ) -> None:
+        """Compile the model.
+
+        MuJoCo computes a higher stiffness of contacts for indenters at the origin of the array than for all others.
+        """
+        check_type("parameters", parameters, Parameters, "a fastmodel.Parameters, for example fastmodel.load(folder)")
+        if not placements:
+            raise FastModelError("give at least one placement of an indenter")
+        for placement in placements:
+            check_type("placement", placement, Placement, "a fastmodel.Placement")
+            _check_placement(placement)
+        self._parameters, self._placements = parameters, placements
+        self._name, self._method = choose_method(contact, parameters)
+        self._model = _build_model(parameters, placements, self._method)
+        self._reader = self._method.bind(self._model, parameters.array, _ARRAY, surface=parameters.surface)
+        with report_slow_compilation("simulated bench test"):
+            compile_kernels(self._method, parameters.array, parameters.surface, self._model.opt.cone)
+        self._start = self._reader.get_state()
+
+    def press(self, places: Sequence[tuple[float, float, float]]) -> FastIndentation:
+        """Press until the indenters are at rest.
+
+        Args:
+            places: Position x, y [m] and yaw [rad] of the axis of each indenter.
+        """
+        started, array = time.perf_counter(), self._parameters.array
+        for number, (placement, (x, y, yaw)) in enumerate(zip(self._placements, places, strict=True)):
+            reach = np.hypot(*placement.indenter.footprint) + max(array.pitch)
+            body = self._model.body(f"indenter{number}")
+            body.pos = x, y, self._method.find_start(array, (x, y), reach)
+            body.quat = np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
+        self._reader.set_state(self._start)
+        reading, chatter = _settle(self._model, self._reader, sum(placement.load for placement in self._placements))
+        depth = None
+        if reading.approach is not None and len(places) == 1 and self._placements[0].guided:
+            depth = float(reading.approach[0])
+        return replace(_describe(self._parameters, self._name, reading, depth, started), chatter=chatter)
 
 
 def _describe(
@@ -287,11 +319,8 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
     spec.option.tolerance = SOLVER_TOLERANCE
     method.attach(spec.worldbody.add_frame(), parameters.array, _ARRAY)
     for number, placement in enumerate(placements):
-        shape, at = placement.indenter, placement.at
-        height = method.find_start(parameters.array, at, np.hypot(*shape.footprint) + max(parameters.array.pitch))
-        body = add_indenter(
-            spec, shape, placement.load, at=at, height=height, yaw=placement.yaw, name=f"indenter{number}"
-        )
+        shape, name = placement.indenter, f"indenter{number}"
+        body = add_indenter(spec, shape, placement.load, at=placement.at, yaw=placement.yaw, name=name)
         if not placement.guided:
             body.ipos[:] = [*placement.centre, 0.0]
             for axis in ((1, 0, 0), (0, 1, 0)):
@@ -301,6 +330,24 @@ def _build_model(parameters: Parameters, placements: Sequence[Placement], method
         # No friction: otherwise the edge of an indenter can hook on the side of a box texel and pull it upwards.
         geom.condim = 1
     return spec.compile()
+
+
+def _lower(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Lower one guided indenter to the first height at which it stays at rest; if there is none, leave it in place.
+
+    There is none where a contact opens and closes, because the acceleration then jumps over zero.
+    """
+
+    def accelerate(height: float) -> float:
+        data.qpos[0] = height
+        mujoco.mj_forward(model, data)
+        return float(data.qacc[0])
+
+    heights = _HEIGHTS.tolist()
+    stops = next((k for k, height in enumerate(heights) if accelerate(height) > 0), 0)
+    root = brentq(accelerate, heights[stops - 1], heights[stops], xtol=1e-16) if stops else 0.0
+    if not abs(accelerate(root)) < REST * STANDARD_GRAVITY:
+        mujoco.mj_resetData(model, data)
 
 
 def _settle(model: mujoco.MjModel, reader: ContactReader, load: float) -> tuple[Reading, float]:
@@ -320,6 +367,8 @@ def _settle(model: mujoco.MjModel, reader: ContactReader, load: float) -> tuple[
         MissedArrayError: If the texels do not carry the load.
     """
     data = mujoco.MjData(model)
+    if model.nv == 1:
+        _lower(model, data)
     for _ in range(int(SETTLE_TIME / TIMESTEP)):
         mujoco.mj_step(model, data)
         if data.ncon and np.abs(data.qacc).max() < REST * STANDARD_GRAVITY and np.abs(data.qvel).max() < REST:

@@ -5,9 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from fastmodel import WTS_0614_34, FastModelError, Gaussian, Parameters, bench, indent
+import fastmodel
+from fastmodel import WTS_0614_34, FastModelError, Gaussian, Parameters, Placement, bench, indent
+from fastmodel.bench import Bench
 from fastmodel.errors import MissedArrayError
-from meshes import Box, Cylinder, RoundedTip, Sphere, TexelArray
+from meshes import Box, Cylinder, RoundedTip, Sphere, TexelArray, tilt_indenter
 from meshes.catalogue import ARRAYS
 from tests.support.bent_array import bent_array
 
@@ -66,10 +68,27 @@ def test_a_bent_array_carries_the_weight():
     assert result.contact_forces.argmax() == 4
 
 
+@pytest.mark.parametrize("method", ["boxes", "foundation", "cover"])
+def test_a_simulated_fall_ends_at_the_height_at_which_the_indenter_is_set_down(monkeypatch, method):
+    sensor = fastmodel.load("sdh2-distal")
+    shapes = (Box(size=(9e-3, 7e-3, 5e-3)), tilt_indenter(Box(size=(9e-3, 7e-3, 5e-3)), (0.02, 0.01)), RoundedTip())
+    places = [(1.2e-3, -0.7e-3, 0.2), (0.0, 0.4e-3, 0.0)]
+    benches = [Bench(sensor, [Placement(indenter=each, load=3.0, at=(1e-3, 0.0))], contact=method) for each in shapes]
+    found = [each.press([place]).texel_forces for each in benches for place in places]
+    monkeypatch.setattr(bench, "_lower", lambda *_: None)
+    fallen = [
+        indent(sensor, each, load=3.0, at=(x, y), yaw=yaw, contact=method).texel_forces
+        for each in shapes
+        for x, y, yaw in places
+    ]
+    assert np.allclose(found, fallen, rtol=0, atol=3e-5)
+
+
 def test_forces_that_do_not_settle_are_averaged(monkeypatch):
     """With a shortened settling time the mean force still equals the weight, and `chatter` is positive."""
     shape = Cylinder(radius=5e-3)
     settled = indent(PARAMETERS, shape, load=0.952)
+    monkeypatch.setattr(bench, "_lower", lambda *_: None)
     monkeypatch.setattr(bench, "SETTLE_TIME", 0.1)
     averaged = indent(PARAMETERS, shape, load=0.952)
     assert settled.chatter == 0
@@ -81,6 +100,7 @@ def test_forces_that_do_not_settle_are_averaged(monkeypatch):
 @pytest.mark.parametrize(("steps", "share"), [(2, 0.54), (6, 0.89), (20, 0.99)])
 def test_a_load_of_which_a_part_is_missing_is_refused(monkeypatch, steps, share):
     """Averaged from the first touch on, the texels carry a part of the load only."""
+    monkeypatch.setattr(bench, "_lower", lambda *_: None)
     monkeypatch.setattr(bench, "SETTLE_TIME", 0.0)
     monkeypatch.setattr(bench, "AVERAGE_TIME", (steps + 0.5) * bench.TIMESTEP)
     with pytest.raises(bench.MissedArrayError, match="of 2 N; 'at' must lie on the array") as refused:

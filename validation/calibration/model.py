@@ -14,14 +14,17 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, field, fields, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+import fastmodel
 import meshes
-from fastmodel import Electronics, Parameters, indent
+from fastmodel import Electronics, Parameters
 from fastmodel.attachment import DEFAULT, choose_method
+from fastmodel.bench import Bench
 from fastmodel.errors import MissedArrayError
 from fastmodel.signal.electronics import saturate
 from meshes import Cover, Indenter, TexelArray, tilt_indenter
@@ -160,6 +163,8 @@ _LATTICE, _LATTICE_YAW = 0.1, 0.05
 #: Number of loads at which the contact of an indenter that is not flat is solved [-].  Texel forces between them are
 #: interpolated.
 _LOADS = 7
+#: Number of compiled models of one contact method that are kept [-].
+_BENCHES = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -255,13 +260,17 @@ def make_fast_method(parameters: Parameters, method: str = DEFAULT) -> ContactMe
         method: Name of its contact method (`fastmodel.METHODS`), or `default`.
     """
 
+    @lru_cache(maxsize=_BENCHES)
+    def make_bench(indenter: Indenter, load: float) -> Bench:
+        away = fastmodel.Placement(indenter=indenter, load=load, at=parameters.array.pitch)
+        return Bench(parameters, [away], contact=method)
+
     def solve(indenter: Indenter, load: float, pose: Pose) -> FloatArray:
-        tilted = tilt_indenter(indenter, (pose.tilt_x, pose.tilt_y))
         try:
-            found = indent(parameters, tilted, load=load, at=(pose.x, pose.y), yaw=pose.yaw, contact=method)
+            bench = make_bench(tilt_indenter(indenter, (pose.tilt_x, pose.tilt_y)), load)
+            return bench.press([(pose.x, pose.y, pose.yaw)]).texel_forces
         except MissedArrayError:
             return np.zeros(parameters.array.count)
-        return found.texel_forces
 
     chosen = choose_method(method, parameters)[0]
     return ContactMethod(
