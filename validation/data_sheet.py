@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import html
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,9 +14,12 @@ from fastmodel import Parameters
 from fastmodel.signal.electronics import Electronics, describe_calibration
 from fastmodel.signal.point_spread import Gaussian
 from meshes.array_types import FloatArray
+from validation.derivation.base import describe_provenance
 from validation.results import JsonObject, Result, result_model
 from validation.sensor_file import BUILT_IN, SensorDescription
 
+#: A command between back quotes, as texts for the terminal and Markdown have it.
+_QUOTED = re.compile("`(.*?)`")
 #: Text of an entry without a value.
 NOT_STATED = "not stated"
 #: Number of forces at which the characteristic (counts over force) is evaluated to find its range and linearity [-].
@@ -96,7 +100,7 @@ class DataSheet:
         """Return the data sheet as an HTML document with one table."""
         rows = "\n".join(
             f'<tr><th scope="row">{html.escape(name)}</th>'
-            + "".join(f"<td>{html.escape(each)}</td>" for each in rest)
+            + "".join("<td>" + _QUOTED.sub(r"<code>\1</code>", html.escape(each)) + "</td>" for each in rest)
             + "</tr>"
             for name, *rest in self._rows()
         )
@@ -162,17 +166,17 @@ def _list_size(parameters: Parameters, sensor: SensorDescription | None) -> Iter
         "the array",
         {"size_m": list(array.extent), "columns": array.columns, "rows": array.rows, "active_texels": active},
     )
-    text, thickness, assumed = NOT_STATED + ": parameters do not describe the cover", None, None
-    if sensor is not None:
-        thickness, assumed = sensor.cover.thickness, sensor.cover.assumed
-        layers = (f"{1e3 * layer.thickness:.4g} mm {layer.material.name}" for layer in sensor.cover.layers)
-        text = " + ".join(layers) + (" (assumed)" if assumed else "")
+    known = parameters.provenance if sensor is None else describe_provenance(sensor)
+    layers, thickness, assumed = (known.get(key) for key in ("cover", "cover_thickness", "cover_assumed"))
+    stated = "the folder of parameters, [provenance]" if sensor is None else "the sensor file, [cover], or the options"
     yield _make_entry(
         "cover",
-        text,
+        f"{NOT_STATED}: parameters do not describe the cover"
+        if layers is None
+        else layers + " (assumed)" * bool(assumed),
         "elastic layers over the texels, bottom to top",
-        "assumed: nobody published it" if assumed else "the sensor file, [cover], or the options",
-        {"cover_thickness_m": thickness, "cover_assumed": assumed},
+        "assumed: nobody published it" if assumed else stated,
+        {"cover_thickness_m": thickness, "cover_assumed": assumed if layers else None},
     )
 
 
@@ -261,9 +265,10 @@ def _list_errors(parameters: Parameters, source: str) -> Iterator[Entry]:
         {"accuracy_N": None, "noise_N": noise},
     )
     loads = None if validity is None else (validity.load_2_percent, validity.load_5_percent)
+    ranges = [f"{part} % up to {load:.3g} N" for part, load in zip((2, 5), loads or (), strict=False) if load]
     yield _make_entry(
         "accuracy of the fast model",
-        loads and "at most 2 % of the force on wrong texels up to {:.3g} N, 5 % up to {:.3g} N".format(*loads),
+        loads and "force on wrong texels: " + (f"at most {', '.join(ranges)}" if ranges else "above 5 % at every load"),
         "against finite elements, under a ball of one pitch radius",
         "`softcover derive`",
         {"model_load_2_percent_N": loads and loads[0], "model_load_5_percent_N": loads and loads[1]},

@@ -61,6 +61,31 @@ def test_nothing_is_stated_that_nobody_gave():
     assert not entries["cover"]["stated"]
 
 
+def test_parameters_state_the_cover_of_which_they_were_derived():
+    cover = {"cover": "1 mm tpu + 0.1 mm pet", "cover_thickness": 1.1e-3, "cover_assumed": False}
+    entry = sheet(dataclasses.replace(fastmodel.load("wts-0614-34"), provenance=cover))["cover"]
+    assert entry["text"] == "1 mm tpu + 0.1 mm pet"
+    assert (entry["cover_thickness_m"], entry["cover_assumed"]) == (1.1e-3, False)
+    described = sheet(fastmodel.load("wts-0614-34"), BUILT_IN["wts-0614-34"])["cover"]
+    assert (described["text"], described["cover_thickness_m"]) == ("2 mm assumed elastomer (assumed)", 2e-3)
+
+
+@pytest.mark.parametrize(
+    ("loads", "said"),
+    [
+        ((1.5, 4), "2 % up to 1.5 N, 5 % up to 4 N"),
+        ((0, 4), "at most 5 % up to 4 N"),
+        ((0, 0), "above 5 % at every load"),
+    ],
+)
+def test_no_range_ends_at_no_load(loads, said):
+    parameters = fastmodel.load("wts-0614-34")
+    validity = dataclasses.replace(parameters.validity, load_2_percent=loads[0], load_5_percent=loads[1])
+    text = sheet(dataclasses.replace(parameters, validity=validity))["accuracy_of_the_fast_model"]["text"]
+    assert text.endswith(said)
+    assert "up to 0 N" not in text
+
+
 def test_filter_noise_hysteresis_and_temperature_are_stated_if_given():
     given = change(noise=2e-3, hysteresis_share=0.3, hysteresis_width=0.05, temperature_coefficient=0.002)
     entries = sheet(dataclasses.replace(given, filter=Butterworth(cutoff_hz=40.0, order=2)))

@@ -198,26 +198,41 @@ class Progress(contextlib.ExitStack):
 GOOD_ERROR = 0.01
 
 
-def explain_error(estimates: Iterable[float], remedy: str) -> str:
-    """Explain the largest error estimate of the finite elements [-], and name a remedy if it is large."""
-    known = [each for each in estimates if not math.isnan(each)]
+def explain_error(estimates: Mapping[str, float], remedy: str) -> str:
+    """Explain the largest error estimate of forces and depth, and name its quantity and a remedy if it is large.
+
+    The area of the touch has a sentence of its own: of a small touch it is uncertain where forces and depth are not.
+
+    Args:
+        estimates: Estimated relative errors of the finite elements by quantity [-]; NaN if not known.
+        remedy: What the user can do about a large error.
+    """
+    known = {_name_estimate(name): value for name, value in estimates.items() if not math.isnan(value)}
+    area = known.pop("contact area", 0.0)
     if not known:
         return "No error of the finite elements is known: there is one mesh only."
-    worst = max(known)
+    name = max(known, key=lambda each: known[each])
     sentence = (
-        f"The finite elements state an error of at most {100 * worst:.2g} % (good: below {100 * GOOD_ERROR:.0f} %)"
+        f"The finite elements state an error of at most {100 * known[name]:.2g} % ({name}; good: below "
+        f"{100 * GOOD_ERROR:.0f} %)"
     )
-    return f"{sentence}." if worst <= GOOD_ERROR else f"{sentence}: {remedy}."
+    sentence += "." if known[name] <= GOOD_ERROR else f": {remedy}."
+    return sentence if area <= GOOD_ERROR else f"{sentence} The area of the touch is known to {100 * area:.2g} % only."
 
 
 #: Printed names of quantities with an error estimate, by their key in JSON, where the two differ.
 _ESTIMATED = {"peak_texel": "largest texel", "sigma": "width of the kernel"}
 
 
+def _name_estimate(key: str) -> str:
+    return _ESTIMATED.get(key, key.replace("_", " "))
+
+
 def describe_errors(estimates: Mapping[str, float]) -> str:
     """Describe error estimates [-] in one line, in percent and with the names of their quantities; NaN is left out."""
-    known = {_ESTIMATED.get(name, name.replace("_", " ")): value for name, value in estimates.items()}
-    texts = [f"{name} {100 * value:.2g} %" for name, value in known.items() if not math.isnan(value)]
+    texts = [
+        f"{_name_estimate(name)} {100 * value:.2g} %" for name, value in estimates.items() if not math.isnan(value)
+    ]
     return ", ".join(texts) or "none: there is one mesh only"
 
 

@@ -65,6 +65,8 @@ def describe_provenance(sensor: SensorDescription) -> dict[str, Any]:
     return {
         "softcover": version("softcover"),
         "sensor": sensor.name,
+        "cover": " + ".join(f"{1e3 * layer.thickness:.4g} mm {layer.material.name}" for layer in sensor.cover.layers),
+        "cover_thickness": sensor.cover.thickness,
         "cover_assumed": sensor.cover.assumed,
         "electronics_assumed": sensor.assumed_electronics,
     }

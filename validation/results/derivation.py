@@ -167,10 +167,10 @@ class Responses(Result):
 
     @property
     def load_2_percent(self) -> float | None:
-        """Load of a ball up to which the fast model misplaces at most 2 % of the load [N]."""
-        return None if isinstance(self.validity, str) else self.validity["load_2_percent"]
+        """Load of a ball up to which the fast model misplaces at most 2 % of the load [N]; None if at no load."""
+        return None if isinstance(self.validity, str) else self.validity["load_2_percent"] or None
 
     @property
     def load_5_percent(self) -> float | None:
-        """Load of a ball up to which the fast model misplaces at most 5 % of the load [N]."""
-        return None if isinstance(self.validity, str) else self.validity["load_5_percent"]
+        """Load of a ball up to which the fast model misplaces at most 5 % of the load [N]; None if at no load."""
+        return None if isinstance(self.validity, str) else self.validity["load_5_percent"] or None

@@ -59,9 +59,7 @@ def derive(
         output.show("Uniform load on one texel: share of it on each texel, %")
         output.make_console().print(draw_share_image(np.asarray(found.sensor.array.image(uniform), dtype=np.float64)))
         remedy = "take it as their uncertainty, and check a touch of yours by `softcover press`"
-        output.print_meaning(
-            [*result.notes, *found.explain(), output.explain_error(result.error_estimate.values(), remedy)]
-        )
+        output.print_meaning([*result.notes, *found.explain(), output.explain_error(result.error_estimate, remedy)])
     for sentence in result.warnings:
         output.say(f"softcover: warning: {sentence}")
     if out is None:

@@ -250,7 +250,7 @@ def _explain_comparison(comparison: Comparison) -> Iterator[str]:
         yield "No finite elements were computed: `--model fem,fast` shows how far the fast model is right here."
     if fem is not None and "fem" in comparison.models:
         remedy = "`--accuracy 1%` adds finer grids" if fem.mesh is None else "take it as their uncertainty"
-        yield output.explain_error(fem.error_estimate.values(), remedy)
+        yield output.explain_error(fem.error_estimate, remedy)
         if fem.mesh is not None:
             yield (
                 "The force on a texel is the resultant on it along its own normal, so forces on a curved base do not "
